@@ -1,0 +1,65 @@
+# `make demo` and `make test` work as the only command on a fresh clone: Python 3.11+ and pip are enough.
+
+PYTHON ?= python3
+JOBS ?= 2
+PYTEST_ARGS ?=
+
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+PYTEST := $(BIN)/python -m pytest -n $(JOBS) --dist loadgroup
+PROTOS := $(sort $(shell find schemas/messages -name '*.proto' 2>/dev/null))
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help demo test lint format bench fuzz schemas golden clean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-16s %s\n", $$1, $$2 }'
+
+demo: $(VENV)/.run ## decode, record and plot a simulated bus; no hardware needed
+	$(BIN)/python -m sniffer.cli.demo
+
+test: $(VENV)/.dev ## run all tests (PYTEST_ARGS="-k mightyzap" for some)
+	$(PYTEST) $(PYTEST_ARGS)
+
+lint: $(VENV)/.dev ## formatting, lint and types, changing nothing
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+format: $(VENV)/.dev ## format, and mend what ruff can mend
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+bench: $(VENV)/.dev ## measure the throughput
+	$(BIN)/python -m bench
+
+fuzz: $(VENV)/.dev ## the laws, with thousands of examples each
+	HYPOTHESIS_PROFILE=long $(PYTEST) -m hypothesis $(PYTEST_ARGS)
+
+# Files in schemas/messages import each other as "sniffer/messages/<name>.proto".
+schemas: $(VENV)/.dev ## regenerate sniffer/messages from schemas/messages
+	$(BIN)/python -m grpc_tools.protoc -Isniffer/messages=schemas/messages \
+		--python_out=. --pyi_out=. $(PROTOS)
+
+golden: $(VENV)/.dev ## regenerate the golden files; read the diff before committing it
+	$(BIN)/python -m tests.golden
+
+clean: ## remove everything made here but the virtual environment
+	rm -rf build dist demo-out .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -type d -not -path './$(VENV)/*' -prune -exec rm -rf {} +
+
+# The stamps are younger than pyproject.toml while the installation is up to date.
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
+		"Python 3.11 or newer is needed, $(PYTHON) is %d.%d: make PYTHON=python3.11 ..." % sys.version_info[:2])'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.run: pyproject.toml | $(BIN)/python
+	$(PIP) install --quiet --editable .
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml | $(BIN)/python
+	$(PIP) install --quiet --editable '.[dev]'
+	@touch $(VENV)/.run $@

@@ -1,0 +1,184 @@
+"""The whole core behind three calls: ``feed(*chunks)``, ``idle(now_ns)``, ``close()``.
+
+Bytes and times in, records out; no port, file, clock, thread or log in here. The only carry-over is
+bytes: a block is cut where nothing is open (at the start of the last request that may still be
+answered, or of the last undecided bytes) and the rest is framed again next time. Beside that live
+the arrival stamps, the mode registers, and what diagnostics remembers about each servo.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from sniffer.bus import Expectations, open_request, pair
+from sniffer.diagnostics import Diagnostics
+from sniffer.framing import Block
+from sniffer.model import (
+    GAP_MAX,
+    I64,
+    Batch,
+    Chunk,
+    Clock,
+    Frames,
+    Gap,
+    Samples,
+    SnifferError,
+    Transactions,
+)
+from sniffer.protocols import protocol_named
+from sniffer.protocols.base import BusProtocol
+from sniffer.samples import Scaling
+from sniffer.timing import Stamps
+
+
+class Decoder:
+    """Decodes one bus.
+
+    Args:
+        protocol: a name of ``PROTOCOLS`` or the protocol itself.
+        baud: bits per second; the protocol's default where None.
+        models: servo id (None: all) -> model name, for register tables other than the default.
+        latency_ns: how long the adapter may hold bytes back; by kind of clock where None.
+
+    Raises:
+        SnifferError: unknown protocol or model.
+    """
+
+    def __init__(
+        self,
+        protocol: str | BusProtocol,
+        *,
+        baud: int | None = None,
+        models: Mapping[int | None, str] | None = None,
+        latency_ns: int | None = None,
+    ) -> None:
+        self.protocol = protocol_named(protocol) if isinstance(protocol, str) else protocol
+        known = [m.model for m in self.protocol.models]
+        for model in (models or {}).values():
+            if model not in known:
+                raise SnifferError(
+                    f"{self.protocol.name} has no model {model!r}: one of {', '.join(known)}"
+                )
+        self.baud = baud or self.protocol.baud
+        self._buffer = bytearray()
+        self._base = 0
+        self._barriers: list[int] = []
+        self._stamps = Stamps(self.baud, self.protocol.tail_ns, latency_ns)
+        self._expectations = Expectations()
+        self._scaling = Scaling(self.protocol, models)
+        self._diagnostics = Diagnostics(self.protocol)
+
+    def feed(self, *chunks: Chunk) -> Batch:
+        """Decode chunks, each with its own time, in one pass: group them, a pass costs ~200 us."""
+        chunks = tuple(k for k in chunks if k.data)
+        if not chunks:
+            return self._nothing()
+        self._barriers += self._stamps.add(chunks).tolist()
+        self._buffer += b"".join(k.data for k in chunks)
+        return self._decode(final=False)
+
+    def idle(self, now_ns: int) -> Batch:
+        """Declare what the clock says: after the tail time, what waits will not be completed."""
+        if not self._buffer or not self._stamps.silent_since(now_ns):
+            return self._nothing()
+        return self._decode(final=True)
+
+    def close(self) -> Batch:
+        """Decode what is left; the decoder may be fed again afterwards."""
+        return self._decode(final=True)
+
+    @property
+    def pending(self) -> int:
+        """Bytes held back because their fate is not decided."""
+        return len(self._buffer)
+
+    def _nothing(self) -> Batch:
+        return _empty(self._base, self._stamps.clock)
+
+    def _decode(self, *, final: bool) -> Batch:
+        data = bytes(self._buffer)
+        if not data:
+            return self._nothing()
+        base = self._base
+        barriers = np.array([b - base for b in self._barriers if 0 < b - base < len(data)], np.int64)
+        block = Block(np.frombuffer(data, np.uint8), barriers, final)
+        spans, decided = self.protocol.frame(block)
+        frames = self.protocol.describe(block, spans)
+        cut = self._cut(frames, decided, block)
+        until = decided
+        if len(frames) and frames.start[-1] >= cut:
+            kept = int(np.searchsorted(frames.start, cut))
+            until = int(frames.start[kept])
+            frames = frames.take(slice(0, kept))
+        gaps = self._gaps(data, frames, cut, block)
+        frames = self._stamps.time(frames, base)
+        frames, transactions, torn = pair(frames, block, until, self.protocol.reach)
+        values = self._scaling.decode(block, frames, transactions)
+        writes = self._scaling.feedback_writes(frames, values)
+        transactions = self._expectations.judge(frames, transactions, torn, writes)
+        batch = Batch(
+            base, data[:cut], self._stamps.clock, frames, gaps, transactions, values
+        )
+        batch = self._diagnostics.judge(batch)
+        del self._buffer[:cut]
+        self._base += cut
+        self._barriers = [b for b in self._barriers if b > self._base]
+        self._stamps.forget(self._base)
+        return batch
+
+    def _cut(self, frames: Frames, decided: int, block: Block) -> int:
+        """Return where this batch ends: nothing before it is open."""
+        if block.final:
+            return decided
+        last = int(frames.end[-1]) if len(frames) else 0
+        closed = int(block.barriers[-1]) if len(block.barriers) else 0
+        waits = open_request(frames, decided, self.protocol.reach)
+        if waits is not None and waits >= closed:
+            return waits
+        # An undecided gap is cut at whole pieces counted from its start, else chunking would show.
+        edge = max(last, closed)
+        return edge + (decided - edge) // GAP_MAX * GAP_MAX
+
+    def _gaps(self, data: bytes, frames: Frames, cut: int, block: Block) -> tuple[Gap, ...]:
+        """Explain the bytes no frame claims, in pieces counted from where each run begins."""
+        edges_from = np.concatenate([[0], frames.end])
+        edges_to = np.concatenate([frames.start, [cut]])
+        holes = np.flatnonzero(edges_to > edges_from)
+        if not len(holes):
+            return ()
+        out: list[Gap] = []
+        for a, b in zip(edges_from[holes].tolist(), edges_to[holes].tolist(), strict=True):
+            for c, d, closed in _stretches(a, b, block):
+                for s in range(c, d, GAP_MAX):
+                    e = min(d, s + GAP_MAX)
+                    pieces = self.protocol.explain(data[s:e], s)
+                    if closed and e == d:
+                        _mark_tail(pieces)
+                    out += pieces
+        ends = np.array([g.start + g.length for g in out], np.int64) + self._base
+        times: I64 = self._stamps.at(ends)
+        return tuple(
+            Gap(g.start, g.length, g.reason, g.detail, t)
+            for g, t in zip(out, times.tolist(), strict=True)
+        )
+
+
+def _stretches(a: int, b: int, block: Block) -> list[tuple[int, int, bool]]:
+    """Cut ``a..b`` at silences; tell for each part whether a silence (or the end) follows it."""
+    inside = block.barriers[(block.barriers > a) & (block.barriers <= b)].tolist()
+    edges = [a, *(x for x in inside if x < b), b]
+    silent = {*inside, *([block.n] if block.final else [])}
+    return [(c, d, d in silent) for c, d in zip(edges[:-1], edges[1:], strict=True)]
+
+
+def _mark_tail(pieces: list[Gap]) -> None:
+    """A frame cut off by silence or by the end of the capture is an idle tail."""
+    if pieces and pieces[-1].reason == "truncated":
+        g = pieces[-1]
+        pieces[-1] = Gap(g.start, g.length, "idle_tail", g.detail)
+
+
+def _empty(base: int, clock: Clock) -> Batch:
+    return Batch(base, b"", clock, Frames.empty(), (), Transactions.empty(), Samples.empty())

@@ -1,0 +1,280 @@
+"""The records every floor of the house speaks of.
+
+Records that are many (frames, transactions, samples) are *columns*: one frozen dataclass of numpy
+arrays a kind, one row a record. Records that are rare (gaps, anomalies) are plain dataclasses.
+Times are integer nanoseconds (Unix, or counted from the first byte where the input has no clock).
+Offsets inside a batch count from ``Batch.data[0]``; ``Batch.base`` makes them absolute.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, Final, Self
+
+import numpy as np
+import numpy.typing as npt
+
+I64 = npt.NDArray[np.int64]
+I16 = npt.NDArray[np.int16]
+U8 = npt.NDArray[np.uint8]
+F64 = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+_DTYPES: Final[Mapping[str, type[np.generic]]] = {
+    "I64": np.int64,
+    "I16": np.int16,
+    "U8": np.uint8,
+    "F64": np.float64,
+    "Mask": np.bool_,
+}
+
+NS: Final = 1_000_000_000
+GAP_MAX: Final = 1024
+"""Longest run of unclaimed bytes explained in one go, in bytes: it bounds memory and latency."""
+
+
+class Clock(enum.IntEnum):
+    """Where a chunk's time comes from; it decides how far the time may be trusted."""
+
+    NONE = 0  # the input has no times: they are counted from the bytes at the nominal baud
+    FILE = 1  # timestamps in a text file
+    READ = 2  # a live read of a serial port
+    SAMPLE = 3  # a logic analyser
+
+
+class Direction(enum.IntEnum):
+    """Which wire a chunk came from, where two taps were merged."""
+
+    UNKNOWN = 0
+    TX = 1  # controller -> servo
+    RX = 2  # servo -> controller
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Bytes as one read delivered them; ``t_ns`` is the arrival time of the LAST byte."""
+
+    data: bytes
+    t_ns: int | None = None
+    clock: Clock = Clock.NONE
+    bus: str = "bus0"
+    direction: Direction = Direction.UNKNOWN
+
+
+REQUEST: Final = 0
+RESPONSE: Final = 1
+KINDS: Final = ("request", "response")
+
+# Frames.reply: is this request answered?
+NEVER: Final = 0
+IF_ALL: Final = 1  # only where the servo answers every command (a mode it can be put in)
+IF_READ: Final = 2  # unless the servo answers nothing
+MUST: Final = 3
+MANY: Final = 4  # every servo on the bus may answer, one after the other
+
+# Frames.alt_id: the second id that may answer a request
+NO_ALT: Final = -1
+ANY_ID: Final = -2
+
+# Frames.flags
+MALFORMED: Final = 1  # checksum good, body not as the command's grammar has it
+UNKNOWN: Final = 2  # checksum good, command not in the manual
+RESETS: Final = 4  # the servo goes back to its defaults
+ECHO_DIFFERS: Final = 8  # a reply that should repeat the request does not
+UNUSUAL: Final = 16  # legal, but not in the form the manual gives
+STAGED: Final = 32  # its values take effect with a later frame ...
+RELEASES: Final = 64  # ... this one
+
+OUTCOMES: Final = (
+    "ok",
+    "no_response",
+    "not_expected",
+    "mismatched",
+    "unsolicited",
+    "damaged",
+)
+OK, NO_RESPONSE, NOT_EXPECTED, MISMATCHED, UNSOLICITED, DAMAGED = range(6)
+
+ROLES: Final = ("commanded", "measured", "config")
+COMMANDED, MEASURED, CONFIG = range(3)
+
+PROVENANCES: Final = ("assumed", "profile", "observed")
+ASSUMED, PROFILE, OBSERVED = range(3)
+
+# Samples.part: how much of the register the packet carried
+WHOLE: Final = 0
+PARTS: Final = ("", "low byte", "high byte", "part")
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Base of the column records: rows are counted, taken and joined, nothing else."""
+
+    def __len__(self) -> int:
+        return len(getattr(self, fields(self)[0].name))
+
+    def take(self, index: Any) -> Self:
+        """Return the rows that ``index`` (a slice, a mask or row numbers) selects."""
+        return type(self)(*(getattr(self, f.name)[index] for f in fields(self)))
+
+    @classmethod
+    def concat(cls, parts: Sequence[Self]) -> Self:
+        """Join records of one kind; ``parts`` must not be empty."""
+        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return no rows, with every column of its own type."""
+        return cls(*(np.empty(0, _DTYPES[str(f.type)]) for f in fields(cls)))
+
+
+@dataclass(frozen=True, slots=True)
+class Spans(Columns):
+    """What framing alone knows, relative to the block."""
+
+    start: I64
+    end: I64
+    kind: U8
+
+
+@dataclass(frozen=True, slots=True)
+class Frames(Columns):
+    """Frames that hold, in wire order.
+
+    ``token`` is what pairing compares: a request says which token its reply carries, a response
+    its own (-1: fits any). ``address`` and ``status`` are -1 where there is none, ``servo_id`` -1
+    where the frame names none.
+    """
+
+    start: I64
+    length: I64
+    kind: U8
+    servo_id: I16
+    op: I64
+    address: I16
+    data_start: I64
+    data_length: I64
+    status: I16
+    reply: U8
+    token: I64
+    alt_id: I16
+    flags: U8
+    t_start: I64
+    t_end: I64
+    uncertainty: I64
+    direction: U8
+
+    @property
+    def end(self) -> I64:
+        """Offset behind each frame's last byte."""
+        return self.start + self.length
+
+
+@dataclass(frozen=True, slots=True)
+class Transactions(Columns):
+    """A request with its response: row numbers in the batch's frames, -1 for none.
+
+    ``response_time_ns`` is -1 where it is not known.
+    """
+
+    request: I64
+    response: I64
+    outcome: U8
+    response_time_ns: I64
+    uncertainty_ns: I64
+
+
+@dataclass(frozen=True, slots=True)
+class Samples(Columns):
+    """Values by register; ``value`` is NaN where the packet states none in units.
+
+    ``accepted`` is false for what a frame states without it becoming true: a refused write, a
+    reply to somebody else's question.
+    """
+
+    t_ns: I64
+    servo_id: I16
+    register: I16
+    role: U8
+    raw: I64
+    value: F64
+    provenance: U8
+    part: U8
+    row: I64
+    accepted: Mask
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Bytes that no frame claims, and why.
+
+    ``reason``: damaged, truncated, noise or idle_tail. ``detail`` holds the numbers.
+    """
+
+    start: int
+    length: int
+    reason: str
+    detail: Mapping[str, Any] = field(default_factory=dict)
+    t_ns: int = 0
+
+
+class Severity(enum.IntEnum):
+    """How much an anomaly matters, in wireshark's words."""
+
+    NOTE = 0
+    WARN = 1
+    ERROR = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Anomaly:
+    """What the listener found; ``evidence`` is a tuple of (absolute offset, length)."""
+
+    t_ns: int
+    severity: Severity
+    group: str
+    code: str
+    servo_id: int | None
+    detail: str
+    evidence: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """All that one pass decided: ``data`` is the bytes it accounts for."""
+
+    base: int
+    data: bytes
+    clock: Clock
+    frames: Frames
+    gaps: tuple[Gap, ...]
+    transactions: Transactions
+    values: Samples
+    anomalies: tuple[Anomaly, ...] = ()
+
+    @property
+    def samples(self) -> Samples:
+        """The values that became true."""
+        if self.values.accepted.all():
+            return self.values
+        return self.values.take(self.values.accepted)
+
+
+class SnifferError(Exception):
+    """Base of all errors the package raises for its callers: wrong call, unreadable file.
+
+    Damage on the bus is never an exception, it is data.
+    """
+
+
+class InputError(SnifferError):
+    """The input cannot be read at all: what to do instead is in the message."""
+
+
+class DamagedInputError(SnifferError):
+    """The input broke off or is damaged beyond use; what could be read has been delivered."""
+
+
+class OutputError(SnifferError):
+    """An output cannot be written."""

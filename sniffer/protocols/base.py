@@ -1,0 +1,194 @@
+"""What a protocol must say. Everything above this floor speaks to protocols through these names.
+
+A protocol is one folder in ``sniffer/protocols/`` (``grammar.py``: the construct declarations;
+``block.py``: the same in columns; ``slow.py``: the same one frame at a time, which the reference
+decoder runs), its tables in ``schemas/registers/`` and one line in ``PROTOCOLS``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol as TypingProtocol
+
+import numpy as np
+
+from sniffer.framing import Block
+from sniffer.model import I16, I64, U8, Frames, Gap, Mask, Spans
+from sniffer.registers import Register, RegisterMap
+
+
+class State:
+    """What was seen on the wire and changes what later bytes mean, by servo id (0..255).
+
+    ``modes`` holds the registers that select a scale; ``seen`` tells whether the wire showed them.
+    ``notes`` is a protocol's own small memory (for example a bit layout the bus has proved).
+    """
+
+    def __init__(self, protocol: BusProtocol, models: Mapping[int | None, str] | None = None) -> None:
+        names = [m.model for m in protocol.models]
+        self.model = np.zeros(256, np.int64)
+        self.chosen = np.zeros(256, bool)
+        for servo_id, name in (models or {}).items():
+            where = slice(None) if servo_id is None else servo_id
+            self.model[where] = names.index(name)
+            self.chosen[where] = True
+        self.modes: dict[str, I64] = {}
+        self.seen: dict[str, Mask] = {}
+        for register in protocol.registers:
+            if register.scale_by is not None and register.scale_by[0] not in self.modes:
+                self.modes[register.scale_by[0]] = np.full(256, -1, np.int64)
+                self.seen[register.scale_by[0]] = np.zeros(256, bool)
+        self.notes: dict[str, int] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """Register values as they stand in the frames, sorted by ``row``; raw is not yet scaled."""
+
+    row: I64
+    servo_id: I16
+    register: I16
+    raw: I64
+    part: U8
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+
+@dataclass(slots=True)
+class SlowFrame:
+    """One frame as the reference decoder sees it: the columns of Frames, with the bytes."""
+
+    start: int
+    end: int
+    kind: int
+    servo_id: int
+    op: int
+    raw: bytes
+    address: int = -1
+    data_start: int = 0
+    data: bytes = b""
+    status: int = -1
+    reply: int = 0
+    token: int = -1
+    alt_id: int = -1
+    flags: int = 0
+    values: list[tuple[int, int, int, int]] = field(default_factory=list)
+    """(servo_id, register, raw, part) of each value, in order."""
+
+
+@dataclass(frozen=True, slots=True)
+class FieldSpan:
+    """One field of a frame for ``sniffer explain``: bytes, name, value in words, remark."""
+
+    offset: int
+    length: int
+    name: str
+    value: str
+    note: str = ""
+
+
+class BusProtocol(TypingProtocol):
+    """The interface; plain attributes are constants of the protocol with their source there."""
+
+    name: str
+    title: str
+    bauds: tuple[int, ...]
+    baud: int  # the default one
+    longest: int  # bytes of the longest frame
+    reach: int  # bytes behind a request after which it is closed
+    tail_ns: int  # a longer silence is a barrier that no frame, reply or pair crosses
+    everyone: tuple[int, ...]  # ids that address all servos
+    models: tuple[RegisterMap, ...]  # the default first
+    registers: tuple[Register, ...]  # of all models, numbered through
+
+    def op_name(self, op: int) -> str:
+        """Return the manual's own command name in snake_case (LSS: the word)."""
+        ...
+
+    def frame(self, block: Block) -> tuple[Spans, int]:
+        """Return the frames that hold, and the offset before which every byte has its fate."""
+        ...
+
+    def describe(self, block: Block, spans: Spans) -> Frames:
+        """Return the columns of the frames; times are left at zero."""
+        ...
+
+    def refused(self, status: I16) -> Mask:
+        """Tell for which status bytes of responses the servo did not do what it was told."""
+        ...
+
+    def values(self, block: Block, frames: Frames, rows: I64, state: State) -> Values:
+        """Return the register values that the frames ``rows`` state."""
+        ...
+
+    def window_ns(self, frames: Frames) -> I64:
+        """Return for each request the time within which the manual promises the reply."""
+        ...
+
+    def status_names(self, status: int) -> tuple[str, ...]:
+        """Name the errors and alarms a status byte reports."""
+        ...
+
+    def fields(self, raw: bytes, row: FrameView) -> dict[str, Any]:
+        """Return what a frame states apart from register values: addresses, lengths, options."""
+        ...
+
+    def explain(self, run: bytes, start: int) -> list[Gap]:
+        """Say why no frame claims these bytes, in pieces that join to the whole of them."""
+        ...
+
+    def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:
+        """Return the frame's fields byte by byte, from the grammar, in order."""
+        ...
+
+    # The slow way, one frame at a time; it defines what is right.
+
+    def slow_parse(self, data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None:
+        """Parse ``data[at:limit]`` with the grammar: (start, end, kind) of a frame that holds.
+
+        A request whose bare reply follows (no header of its own) gives two. None: no frame here.
+        """
+        ...
+
+    def slow_describe(self, raw: bytes, kind: int, before: SlowFrame | None) -> SlowFrame:
+        """Describe one frame; ``before`` is the frame before it in the same stretch."""
+        ...
+
+    def slow_values(self, frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
+        """Return (servo_id, register, raw, part) of each value a frame states."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class FrameView:
+    """One row of Frames as plain numbers; ``data_start`` counts from the frame's first byte."""
+
+    kind: int
+    servo_id: int
+    op: int
+    address: int
+    data_start: int
+    data_length: int
+    status: int
+    flags: int
+
+
+def view(frames: Frames, i: int) -> FrameView:
+    """Return row ``i`` as plain numbers."""
+    return FrameView(
+        int(frames.kind[i]),
+        int(frames.servo_id[i]),
+        int(frames.op[i]),
+        int(frames.address[i]),
+        int(frames.data_start[i] - frames.start[i]),
+        int(frames.data_length[i]),
+        int(frames.status[i]),
+        int(frames.flags[i]),
+    )
+
+
+def joined(models: Sequence[RegisterMap]) -> tuple[Register, ...]:
+    """Return the registers of all models in one row, as ``Entry.register`` counts them."""
+    return tuple(r for m in models for r in m.registers)

@@ -1,0 +1,122 @@
+"""IRROBOT mightyZAP, "IR protocol": every packet of both directions, declared once.
+
+    FF FF FF | ID | SIZE | COMMAND or ERROR | FACTOR ... | CHECKSUM
+
+Sources: mightyZAP user manual v1.02, (2) Packet Description and (4) Command Example;
+12Lf IR Protocol page, sections 1.2 and 2. Multi-byte values are little-endian.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Final
+
+from construct import (
+    Byte,
+    Bytes,
+    Check,
+    Checksum,
+    Const,
+    FlagsEnum,
+    GreedyBytes,
+    GreedyRange,
+    RawCopy,
+    Struct,
+    Terminated,
+    this,
+)
+
+from sniffer.checksums import COMPLEMENT_SUM
+from sniffer.model import IF_ALL, IF_READ, MUST, NEVER
+
+BROADCAST: Final = 0xFE
+"""Moves all servos, answered by none. Source: user manual v1.02, (2) 2. ID."""
+
+STAND_ALONE: Final = 0x00
+"""Every servo obeys it, under its own id. Source: user manual v1.02, (2) 2. ID."""
+
+ERRORS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        0: "input_voltage",
+        1: "stroke_limit",
+        2: "overheating",
+        3: "range",
+        4: "checksum",
+        5: "overload",
+        6: "instruction",
+    }
+)
+"""Bits of the ERROR byte. Source: user manual v1.02, (2) Feedback Packet, 4. ERROR; the 12Lf page
+lists bits 5 and 0 only."""
+
+REFUSALS: Final = 1 << 6 | 1 << 4 | 1 << 3
+"""Error bits that say the command was not carried out: instruction, checksum, range."""
+
+PACKET: Final = Struct(
+    "header" / Const(b"\xff\xff\xff"),
+    "body"
+    / RawCopy(
+        Struct(
+            "servo_id" / Byte * "0..253 a servo, 254 all of them",
+            Check(this.servo_id != 255),
+            "size" / Byte * "factors + 2",
+            Check(this.size >= 2),
+            "code" / Byte * "command, or the error byte of a feedback",
+            "factors" / Bytes(this.size - 2),
+        )
+    ),
+    "checksum" / Checksum(Byte, COMPLEMENT_SUM, this.body.data),
+)
+
+EMPTY: Final = Struct(Terminated)
+ADDRESS_DATA: Final = Struct("address" / Byte, "data" / GreedyBytes, Check(lambda x: x.data))
+FEEDBACK: Final = Struct(
+    "error" / FlagsEnum(Byte, **{name: 1 << bit for bit, name in ERRORS.items()}),
+    "data" / GreedyBytes,
+)
+SYMMETRIC: Final = Struct(
+    "address" / Byte,
+    "length" / Byte * "data bytes for each servo",
+    Check(this.length >= 1),
+    "targets" / GreedyRange(Struct("servo_id" / Byte, "data" / Bytes(this._.length))),
+    Check(lambda x: x.targets),
+    Terminated,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command: its factors, and whether a servo answers it."""
+
+    name: str
+    factors: Any
+    reply: int
+
+
+COMMANDS: Final[Mapping[int, Command]] = MappingProxyType(
+    {
+        0xF1: Command("echo", EMPTY, MUST),
+        0xF2: Command("load_data", Struct("address" / Byte, "length" / Byte, Terminated), IF_READ),
+        0xF3: Command("store_data", ADDRESS_DATA, IF_ALL),
+        0xF4: Command("send_data", ADDRESS_DATA, IF_ALL),
+        0xF5: Command("execution", EMPTY, IF_ALL),
+        0xF6: Command("factory_reset", Struct("option" / Byte, Terminated), IF_ALL),
+        0xF8: Command("restart", EMPTY, IF_ALL),
+        # the vendor's own software development kit sends this one; no manual has it
+        0xF9: Command("mightyzap_factory_reset", Struct("option" / Byte, Terminated), IF_ALL),
+        0x73: Command("symmetric_store", SYMMETRIC, NEVER),
+    }
+)
+"""Command codes. Replies follow the Feedback Return Mode (0: echo only, 1: also load data, 2: all).
+Source: user manual v1.02, (2) 4. COMMAND, and (5) 8) Feedback Return Mode."""
+
+ECHO, LOAD, STORE, SEND, EXECUTE, FACTORY_RESET = 0xF1, 0xF2, 0xF3, 0xF4, 0xF5, 0xF6
+SDK_FACTORY_RESET, SYMMETRIC_STORE = 0xF9, 0x73
+WRITES: Final = (STORE, SEND)
+OPTION_ID: Final = 1
+"""Factory reset option bit 0: the servo's id goes back to 0. Source: (4) 6) Factory Reset."""
+
+ID_REGISTER: Final = 3
+"""Address of the servo id. Source: user manual v1.02, (3) Data Map."""

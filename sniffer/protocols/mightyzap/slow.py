@@ -1,0 +1,151 @@
+"""mightyZAP one frame at a time, by the grammar: what the reference decoder runs."""
+
+from __future__ import annotations
+
+import io
+
+from construct import ConstructError
+
+from sniffer.model import (
+    ANY_ID,
+    IF_ALL,
+    MALFORMED,
+    NEVER,
+    NO_ALT,
+    RELEASES,
+    REQUEST,
+    RESETS,
+    RESPONSE,
+    STAGED,
+    UNKNOWN,
+    WHOLE,
+)
+from sniffer.protocols.base import SlowFrame, State
+from sniffer.protocols.mightyzap.block import MODELS, REACH
+from sniffer.protocols.mightyzap.grammar import (
+    BROADCAST,
+    COMMANDS,
+    EXECUTE,
+    FACTORY_RESET,
+    FEEDBACK,
+    ID_REGISTER,
+    LOAD,
+    OPTION_ID,
+    PACKET,
+    SDK_FACTORY_RESET,
+    SEND,
+    STAND_ALONE,
+    SYMMETRIC,
+    SYMMETRIC_STORE,
+    WRITES,
+)
+from sniffer.registers import TYPES
+
+
+def parse(data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None:
+    """Parse one packet; its direction is told later."""
+    stream = io.BytesIO(data[at : min(limit, at + REACH)])
+    try:
+        PACKET.parse_stream(stream)
+    except ConstructError:
+        return None
+    return [(at, at + stream.tell(), REQUEST)]
+
+
+def describe(raw: bytes, kind: int, before: SlowFrame | None) -> SlowFrame:
+    """Describe one packet by the rules of direction and expectation."""
+    del kind  # a packet looks alike both ways
+    body = PACKET.parse(raw).body.value
+    start, end = 0, len(raw)
+    factors_at = len(raw) - 1 - len(body.factors)
+    if not _is_command(body, raw, before):
+        feedback = FEEDBACK.parse(bytes([body.code]) + body.factors)
+        token = -1 if body.code > 0 and not feedback.data else len(feedback.data)
+        return SlowFrame(
+            start,
+            end,
+            RESPONSE,
+            body.servo_id,
+            -1,
+            raw,
+            data_start=factors_at,
+            data=bytes(feedback.data),
+            status=body.code,
+            reply=NEVER,
+            token=token,
+            alt_id=ANY_ID if body.servo_id == STAND_ALONE else NO_ALT,
+        )
+    out = SlowFrame(
+        start,
+        end,
+        REQUEST,
+        body.servo_id,
+        body.code,
+        raw,
+        data_start=factors_at,
+        data=bytes(body.factors),
+        token=0,
+        alt_id=ANY_ID if body.servo_id == STAND_ALONE else NO_ALT,
+    )
+    command = COMMANDS.get(body.code)
+    if body.servo_id != BROADCAST:
+        out.reply = command.reply if command else IF_ALL
+    if command is None:
+        out.flags |= UNKNOWN
+        return out
+    try:
+        fields = command.factors.parse(body.factors)
+    except ConstructError:
+        out.flags |= MALFORMED
+        return out
+    if "address" in fields:
+        out.address = fields.address
+        out.data_start += 1
+        out.data = out.data[1:]
+    if body.code == LOAD:
+        out.token, out.data = fields.length, b""
+    if body.code in WRITES:
+        at = ID_REGISTER - out.address
+        if 0 <= at < len(out.data) and out.alt_id == NO_ALT:
+            out.alt_id = out.data[at]
+    if body.code in (FACTORY_RESET, SDK_FACTORY_RESET):
+        out.flags |= RESETS
+        if fields.option & OPTION_ID and out.alt_id == NO_ALT:
+            out.alt_id = 0
+    out.flags |= {SEND: STAGED, EXECUTE: RELEASES}.get(body.code, 0)
+    return out
+
+
+def _is_command(body: object, raw: bytes, before: SlowFrame | None) -> bool:
+    servo_id, code, factors = body.servo_id, body.code, body.factors  # type: ignore[attr-defined]
+    if servo_id == BROADCAST:
+        return True
+    if code != SYMMETRIC_STORE:
+        return bool(code >= 0x80)
+    # Bytes behind the code, checksum included: the size alone tells whether factor 2 exists.
+    behind = raw[len(raw) - 1 - len(factors) :]
+    length = behind[1] if len(behind) > 1 else behind[0]
+    expects = None
+    if before is not None and before.kind == REQUEST and before.servo_id in (STAND_ALONE, servo_id):
+        expects = 2 + (before.token if before.op == LOAD else 0)
+    return len(factors) + 2 >= 4 + length + 1 and expects != len(factors) + 2
+
+
+def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
+    """Split the data by the model's table, byte by byte."""
+    if frame.address < 0 or not frame.data:
+        return []
+    if frame.kind == REQUEST and frame.op == SYMMETRIC_STORE:
+        packet = SYMMETRIC.parse(bytes([frame.address]) + frame.data)
+        parts = [(t.servo_id, t.data) for t in packet.targets]
+    else:
+        parts = [(frame.servo_id, frame.data)]
+    table = MODELS[int(state.model[frame.servo_id & 255])]
+    out = []
+    for servo_id, data in parts:
+        for e in table.span(frame.address, len(data)):
+            size = TYPES[e.type].itemsize
+            signed = e.part == WHOLE and e.type.startswith("i")
+            raw = int.from_bytes(data[e.at : e.at + size], "little", signed=signed)
+            out.append((servo_id, e.register, raw, e.part))
+    return out

@@ -1,0 +1,305 @@
+"""The slow decoder that defines what is right: one frame at a time, plain objects, whole stream.
+
+Framing parses the construct grammar at every offset; pairing, expectations and values are written
+in the obvious way. Tests hold the block decoder equal to this one; nothing else uses it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sniffer.model import (
+    ANY_ID,
+    DAMAGED,
+    IF_ALL,
+    IF_READ,
+    MANY,
+    MISMATCHED,
+    MUST,
+    NEVER,
+    NO_ALT,
+    NO_RESPONSE,
+    NOT_EXPECTED,
+    OBSERVED,
+    OK,
+    RELEASES,
+    REQUEST,
+    RESETS,
+    STAGED,
+    UNSOLICITED,
+    WHOLE,
+    Chunk,
+)
+from sniffer.protocols.base import BusProtocol, SlowFrame, State
+from sniffer.timing import byte_time_ns
+
+FrameRow = tuple[int, int, int, int, int, int, bytes, int, int, int, int, int, int, int]
+TransactionRow = tuple[int, int, int, int]
+SampleRow = tuple[int, int, int, int, int, str, int, int, int, bool]
+
+
+@dataclass(slots=True)
+class Result:
+    """What a stream says, as plain tuples that compare (see ``tests/records.py`` for the columns)."""
+
+    frames: list[FrameRow] = field(default_factory=list)
+    transactions: list[TransactionRow] = field(default_factory=list)
+    samples: list[SampleRow] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class _Pair:
+    request: SlowFrame | None
+    response: SlowFrame | None
+    outcome: int
+    took: int = -1
+
+
+class Reference:
+    """Decodes a whole stream at once."""
+
+    def __init__(
+        self,
+        protocol: BusProtocol,
+        *,
+        baud: int | None = None,
+        models: Mapping[int | None, str] | None = None,
+    ) -> None:
+        self.protocol = protocol
+        self.byte_ns = byte_time_ns(baud or protocol.baud)
+        self.state = State(protocol, models)
+        self.mode = [-1] * 256
+        self.staged: list[tuple[int, str, int]] = []
+        self.out = Result()
+
+    def decode(self, chunks: Sequence[Chunk]) -> Result:
+        """Return all records of the stream."""
+        times: list[int] = []
+        data = bytearray()
+        silences: list[int] = []
+        last: int | None = None
+        for chunk in chunks:
+            n = len(chunk.data)
+            if not n:
+                continue
+            if chunk.t_ns is None:
+                t = (last if last is not None else 0) + n * self.byte_ns
+            else:
+                t = chunk.t_ns
+                if last is not None and t - n * self.byte_ns - last > self.protocol.tail_ns:
+                    silences.append(len(data))
+            times += [t - (n - 1 - k) * self.byte_ns for k in range(n)]
+            data += chunk.data
+            last = t
+        self.times = times
+        edges = [0, *silences, len(data)]
+        clocked = any(k.t_ns is not None for k in chunks)
+        for a, b in zip(edges[:-1], edges[1:], strict=True):
+            self._stretch(bytes(data), a, b, clocked=clocked)
+        return self.out
+
+    def _stretch(self, data: bytes, a: int, b: int, *, clocked: bool) -> None:
+        frames: list[SlowFrame] = []
+        p = a
+        while p < b:
+            found = self.protocol.slow_parse(data, p, b)
+            if found is None:
+                p += 1
+                continue
+            for start, end, kind in found:
+                before = frames[-1] if frames else None
+                if before is not None and start - before.end > self.protocol.reach:
+                    before = None
+                frame = self.protocol.slow_describe(data[start:end], kind, before)
+                frame.start, frame.end = start, end
+                frame.data_start += start
+                frames.append(frame)
+                p = end
+        pairs = self._pair(frames, b, clocked=clocked)
+        self._judge(pairs, frames, b)
+        for f in frames:
+            self.out.frames.append(
+                (
+                    f.start,
+                    f.end - f.start,
+                    f.kind,
+                    f.servo_id,
+                    f.op,
+                    f.address,
+                    f.data,
+                    f.status,
+                    f.reply,
+                    f.token,
+                    f.alt_id,
+                    f.flags,
+                    self._t_start(f),
+                    self.times[f.end - 1],
+                )
+            )
+
+    def _t_start(self, f: SlowFrame) -> int:
+        latest = self.times[f.end - 1] - (f.end - f.start) * self.byte_ns
+        return min(self.times[f.start] - self.byte_ns, latest)
+
+    def _pair(self, frames: list[SlowFrame], stop: int, *, clocked: bool) -> list[_Pair]:
+        pairs: list[_Pair] = []
+        pending: SlowFrame | None = None
+        answered = False
+        for f in frames:
+            if f.kind == REQUEST:
+                if pending is not None and not answered:
+                    pairs.append(_Pair(pending, None, NO_RESPONSE))
+                pending, answered = f, False
+                continue
+            open_to_it = (
+                pending is not None
+                and pending.reply != NEVER
+                and (not answered or pending.reply == MANY)
+                and f.start - pending.end <= self.protocol.reach
+            )
+            if pending is None or not open_to_it:
+                if pending is not None and not answered:
+                    pairs.append(_Pair(pending, None, NO_RESPONSE))
+                    answered = True
+                    if pending.reply != MANY:
+                        pending = None
+                pairs.append(_Pair(None, f, UNSOLICITED))
+                continue
+            fits = f.servo_id == pending.servo_id or pending.alt_id == ANY_ID
+            fits = fits or (pending.alt_id != NO_ALT and pending.alt_id == f.servo_id)
+            fits = fits and f.token in (-1, pending.token)
+            f.op, f.address = pending.op, pending.address
+            took = max(self._t_start(f) - self.times[pending.end - 1], 0) if clocked else -1
+            pairs.append(_Pair(pending, f, OK if fits else MISMATCHED, took))
+            answered = True
+            if pending.reply != MANY:
+                pending = None
+        if pending is not None and not answered:
+            pairs.append(_Pair(pending, None, NO_RESPONSE))
+        pairs.sort(key=_place)
+        return pairs
+
+    def _judge(self, pairs: list[_Pair], frames: list[SlowFrame], stop: int) -> None:
+        """Walk the stretch once, in order: outcomes and values depend on what came before."""
+        starts = {f.start for f in frames}
+        paired = {id(p.response) for p in pairs if p.response is not None and p.outcome == OK}
+        refused = {
+            id(p.request)
+            for p in pairs
+            if p.outcome == OK and p.request is not None and p.response is not None
+            and p.response.status >= 0 and self._refused(p.response.status)
+        }
+        told: dict[int, list[tuple[int, int]]] = {}
+        for f in frames:
+            told[f.start] = self._values(f, id(f) in paired, id(f) not in refused)
+        for p in pairs:
+            q, r = p.request, p.response
+            if q is not None and r is None:
+                torn = q.end != stop and q.end not in starts
+                mode = self.mode[q.servo_id & 255]
+                expected = (
+                    q.reply >= MUST
+                    or (q.reply == IF_READ and mode != 0)
+                    or (q.reply == IF_ALL and mode == 2)
+                )
+                p.outcome = (DAMAGED if torn else NO_RESPONSE) if expected else NOT_EXPECTED
+            if q is not None and r is not None and p.outcome == OK and q.reply == IF_ALL:
+                self.mode[q.servo_id & 255] = 2
+            for f in (q, r):
+                for servo, mode in told.pop(f.start, []) if f is not None else []:
+                    if servo < 0:
+                        self.mode = [mode] * 256
+                    else:
+                        self.mode[servo & 255] = mode
+            self.out.transactions.append(
+                (q.start if q else -1, r.start if r else -1, p.outcome, p.took)
+            )
+
+    def _refused(self, status: int) -> bool:
+        return bool(self.protocol.refused(np.array([status], np.int16))[0])
+
+    def _values(self, f: SlowFrame, answers: bool, accepted: bool) -> list[tuple[int, int]]:
+        """Record the samples of one frame; return what it tells about return modes."""
+        if f.kind != REQUEST and not answers:
+            return []
+        told: list[tuple[int, int]] = []
+        registers = self.protocol.registers
+        everyone = self.protocol.everyone
+        rows = self.protocol.slow_values(f, self.state) if f.data else []
+        for servo, index, raw, part in rows:
+            r = registers[index]
+            value, provenance = self._scaled(servo, index, raw)
+            if part != WHOLE or raw in r.special:
+                value = math.nan
+            self.out.samples.append(
+                (
+                    self.times[f.end - 1],
+                    servo,
+                    index,
+                    r.role,
+                    raw,
+                    repr(float(value)),
+                    provenance,
+                    part,
+                    f.start,
+                    accepted,
+                )
+            )
+            if part != WHOLE or not accepted:
+                continue
+            asked = f.kind == REQUEST
+            all_of_them = asked and servo in everyone
+            if r.effect == "feedback":
+                told.append((-1 if all_of_them else servo, raw))
+            if r.effect == "servo_id" and asked and 0 <= raw <= 255:
+                for known in (*self.state.modes.values(), *self.state.seen.values()):
+                    known[raw] = known[servo & 255]
+            if r.name in self.state.modes:
+                if f.flags & STAGED:
+                    self.staged.append((servo, r.name, raw))
+                else:
+                    self._set(r.name, None if all_of_them else servo, raw)
+        if accepted and f.flags & RESETS:
+            where = slice(None) if f.servo_id in everyone else f.servo_id & 255
+            for name, known in self.state.modes.items():
+                known[where] = -1
+                self.state.seen[name][where] = False
+        if accepted and f.flags & RELEASES:
+            due = [s for s in self.staged if f.servo_id in everyone or s[0] == f.servo_id]
+            for who, name, raw in due:
+                self._set(name, None if who in everyone else who, raw)
+            self.staged = [s for s in self.staged if s not in due]
+        return told
+
+    def _set(self, name: str, servo: int | None, raw: int) -> None:
+        where = slice(None) if servo is None else servo & 255
+        self.state.modes[name][where] = raw
+        self.state.seen[name][where] = True
+
+    def _scaled(self, servo: int, index: int, raw: int) -> tuple[float, int]:
+        r = self.protocol.registers[index]
+        provenance = int(self.state.chosen[servo & 255])  # PROFILE or ASSUMED
+        if r.scale_by is not None:
+            name, table = r.scale_by
+            mode = int(self.state.modes[name][servo & 255])
+            if self.state.seen[name][servo & 255]:
+                provenance = OBSERVED
+            if mode < 0:
+                return raw * (r.scale if r.scale != 1.0 else next(iter(table.values()))), provenance
+            return raw * table.get(mode & 255, math.nan), provenance
+        if r.sign_bit is not None:
+            magnitude = raw & ((1 << r.sign_bit) - 1)
+            sign = 1.0 if raw >> r.sign_bit & 1 else -1.0
+            return (sign * magnitude if magnitude else 0.0) * r.scale, provenance
+        return raw * r.scale, provenance
+
+
+def _place(p: _Pair) -> int:
+    """Where a transaction stands in the order: at its request, or at its own response."""
+    if p.request is None or (p.request.reply == MANY and p.response is not None):
+        return p.response.start if p.response is not None else 0
+    return p.request.start

@@ -1,0 +1,244 @@
+"""Register tables: what a span of bytes means, read from ``schemas/registers/*.toml``.
+
+Pure apart from reading the tables once. A table is one servo model; rules for its authors stand in
+``schemas/README.md``.
+"""
+
+from __future__ import annotations
+
+import functools
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+
+from sniffer.model import COMMANDED, CONFIG, MEASURED, ROLES, SnifferError
+
+TYPES: Final[Mapping[str, np.dtype[Any]]] = MappingProxyType(
+    {
+        "u8": np.dtype("u1"),
+        "i8": np.dtype("i1"),
+        "u16le": np.dtype("<u2"),
+        "i16le": np.dtype("<i2"),
+        "u16be": np.dtype(">u2"),
+        "i32": np.dtype("<i4"),
+    }
+)
+"""Wire types of a register, by the name the tables use."""
+
+
+@dataclass(frozen=True, slots=True)
+class Register:
+    """One entry of a table. ``scale`` turns raw into ``unit``.
+
+    ``scale_by`` names the register whose value selects the scale. ``sign_bit`` marks sign and
+    magnitude coding (bit set: positive). ``special`` are raw values that are no measurement.
+    ``effect`` is what a write changes about the bus: servo_id, baud or feedback.
+    """
+
+    name: str
+    address: int = -1
+    type: str = "u8"
+    unit: str = ""
+    scale: float = 1.0
+    scale_by: tuple[str, Mapping[int, float]] | None = None
+    sign_bit: int | None = None
+    quantity: str = ""
+    role: int = CONFIG
+    access: str = "rw"
+    volatile: bool = True
+    range: tuple[int, int] | None = None
+    default: int | None = None
+    values: Mapping[int, str] = field(default_factory=dict)
+    bits: Mapping[int, str] = field(default_factory=dict)
+    special: Mapping[int, str] = field(default_factory=dict)
+    effect: str = ""
+    source: str = ""
+    doubt: str = ""
+    model: str = ""
+    word: str = ""
+    aliases: tuple[str, ...] = ()
+
+    @property
+    def width(self) -> int:
+        """Bytes on the wire."""
+        return TYPES[self.type].itemsize
+
+    def names(self, raw: int) -> str | list[str] | None:
+        """Name an enumerated value, the set bits, or a special value; None where nothing is named."""
+        if raw in self.special:
+            return self.special[raw]
+        if self.bits:
+            return bit_names(self.bits, raw)
+        if self.values:
+            return self.values.get(raw, "unknown")
+        return None
+
+
+def bit_names(bits: Mapping[int, str], raw: int) -> list[str]:
+    """Name the bits set in ``raw``, lowest first; a bit without a name is ``bit<n>``."""
+    return [bits.get(k, f"bit{k}") for k in range(raw.bit_length()) if raw >> k & 1]
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One register inside a packet's data: ``at`` counts from the data's first byte.
+
+    The servo is the frame's own, a fixed one (``servo``), or named by the byte at ``servo_at``.
+    """
+
+    register: int
+    at: int
+    type: str
+    part: int = 0
+    servo_at: int | None = None
+    servo: int | None = None
+
+
+class RegisterMap:
+    """One model's table; ``first`` is where its registers begin in the protocol's joint list."""
+
+    def __init__(
+        self,
+        model: str,
+        registers: tuple[Register, ...],
+        *,
+        title: str = "",
+        source: str = "",
+        first: int = 0,
+    ) -> None:
+        self.model = model
+        self.title = title
+        self.source = source
+        self.registers = registers
+        self.first = first
+        self.index = {r.name: first + i for i, r in enumerate(registers)}
+        self._by_byte = {
+            r.address + k: i for i, r in enumerate(registers) if r.address >= 0 for k in range(r.width)
+        }
+
+    def __len__(self) -> int:
+        return len(self.registers)
+
+    def at(self, address: int) -> Register | None:
+        """Return the register that owns the byte at ``address``."""
+        i = self._by_byte.get(address)
+        return None if i is None else self.registers[i]
+
+    def span(self, address: int, length: int, at: int = 0) -> list[Entry]:
+        """Split ``length`` bytes from ``address`` by the table; unnamed bytes are left out."""
+        out: list[Entry] = []
+        a, stop = address, address + length
+        while a < stop:
+            i = self._by_byte.get(a)
+            if i is None:
+                a += 1
+                continue
+            r = self.registers[i]
+            end = min(r.address + r.width, stop)
+            here = at + a - address
+            if a == r.address and end == r.address + r.width:
+                out.append(Entry(self.first + i, here, r.type))
+            else:
+                part = 3 if r.width != 2 else 1 if a == r.address else 2
+                out.append(Entry(self.first + i, here, "u8", part))
+            a = end
+        return out
+
+    def unnamed(self, address: int, length: int) -> list[int]:
+        """Return the addresses in the span that the table does not name."""
+        return [a for a in range(address, address + length) if a not in self._by_byte]
+
+
+def _schemas() -> Path:
+    """Return the folder of the schemas: beside the package in a checkout, inside it when installed."""
+    here = Path(__file__).parent
+    inside = here / "schemas"
+    return inside if inside.is_dir() else here.parent / "schemas"
+
+
+def schema_path(*parts: str) -> Path:
+    """Return the path of a schema file, for example ``schema_path("registers", "lss.toml")``."""
+    return _schemas().joinpath(*parts)
+
+
+def _ints(table: Mapping[str, Any]) -> dict[int, Any]:
+    return {int(k, 0): v for k, v in table.items()}
+
+
+_ROLE: Final = {name: i for i, name in enumerate(ROLES)}
+
+
+def _register(entry: Mapping[str, Any], model: str) -> Register:
+    known = dict(entry)
+    scale_by = None
+    if "scale_by" in known:
+        by = known.pop("scale_by")
+        scale_by = (str(by["register"]), {k: float(v) for k, v in _ints(by["scale"]).items()})
+    for key in ("values", "bits", "special"):
+        if key in known:
+            known[key] = _ints(known[key])
+    if "range" in known:
+        low, high = known["range"]
+        known["range"] = (int(low), int(high))
+    known["role"] = _ROLE[known.get("role", "config")]
+    known["aliases"] = tuple(known.get("aliases", ()))
+    known["scale"] = float(known.get("scale", 1.0))
+    return Register(**known, scale_by=scale_by, model=model)
+
+
+@functools.cache
+def read_table(model: str) -> tuple[Mapping[str, Any], tuple[Register, ...]]:
+    """Read a model's table: its head (title, source ...) and its registers.
+
+    Raises:
+        SnifferError: there is no such table, or a line of it cannot be understood.
+    """
+    path = schema_path("registers", f"{model}.toml")
+    if not path.is_file():
+        raise SnifferError(f"no register table for {model!r}: see `sniffer registers`")
+    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    entries = table.pop("register", [])
+    try:
+        registers = tuple(_register(e, model) for e in entries)
+    except (KeyError, TypeError, ValueError) as error:
+        raise SnifferError(f"{path.name}: {error}") from error
+    return table, registers
+
+
+def load_models(*models: str) -> tuple[RegisterMap, ...]:
+    """Read the tables of one protocol's models, the default first; rows are numbered through."""
+    out: list[RegisterMap] = []
+    first = 0
+    for model in models:
+        head, registers = read_table(model)
+        out.append(
+            RegisterMap(
+                model,
+                registers,
+                title=str(head.get("title", "")),
+                source=str(head.get("source", "")),
+                first=first,
+            )
+        )
+        first += len(registers)
+    return tuple(out)
+
+
+__all__ = [
+    "COMMANDED",
+    "CONFIG",
+    "MEASURED",
+    "TYPES",
+    "Entry",
+    "Register",
+    "RegisterMap",
+    "bit_names",
+    "load_models",
+    "read_table",
+    "schema_path",
+]

@@ -1,0 +1,259 @@
+"""Values in columns: rows of one shape share a plan, one strided read a register.
+
+The only memory is the *mode registers*: those that alter what later bytes mean (a resolution that
+scales positions, a servo's id). They are applied as stretches between the rare rows that set them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from sniffer.bus import FeedbackWrite
+from sniffer.framing import Block
+from sniffer.model import (
+    ASSUMED,
+    F64,
+    I16,
+    I64,
+    OBSERVED,
+    OK,
+    PROFILE,
+    REQUEST,
+    RELEASES,
+    RESETS,
+    STAGED,
+    U8,
+    WHOLE,
+    Frames,
+    Mask,
+    Samples,
+    Transactions,
+)
+from sniffer.protocols.base import BusProtocol, State, Values
+from sniffer.registers import TYPES, Entry
+
+
+def by_shape(
+    block: Block,
+    frames: Frames,
+    rows: I64,
+    keys: I64,
+    shape: Callable[[int], list[Entry]],
+) -> Values:
+    """Read the values of ``rows``; rows of equal ``keys`` carry the same registers alike.
+
+    Entries count from ``data_start``; ``shape(key)`` is asked once a key and a pass, cache it.
+    """
+    data = block.data
+    shapes, which = np.unique(keys, return_inverse=True)
+    entries = [shape(k) for k in shapes.tolist()]
+    count = np.array([len(e) for e in entries], np.int64)
+    per_row = count[which] if len(shapes) else np.empty(0, np.int64)
+    first = np.cumsum(per_row) - per_row
+    total = int(per_row.sum())
+    register, raw = np.empty(total, np.int16), np.empty(total, np.int64)
+    part = np.zeros(total, np.uint8)
+    servo: I16 = np.repeat(frames.servo_id[rows], per_row)
+    data_start = frames.data_start[rows]
+    for j, plan in enumerate(entries):
+        mine = np.flatnonzero(which == j)
+        at, out = data_start[mine], first[mine]
+        for k, entry in enumerate(plan):
+            dtype = TYPES[entry.type]
+            strided = np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, 0, (1,))
+            raw[out + k] = strided[at + entry.at]
+            register[out + k] = entry.register
+            if entry.part != WHOLE:
+                part[out + k] = entry.part
+            if entry.servo_at is not None:
+                servo[out + k] = data[at + entry.servo_at]
+            elif entry.servo is not None:
+                servo[out + k] = entry.servo
+    return Values(np.repeat(rows, per_row), servo, register, raw, part)
+
+
+class Scaling:
+    """Turns raw register values into samples, with what the wire has shown so far."""
+
+    def __init__(
+        self, protocol: BusProtocol, models: Mapping[int | None, str] | None = None
+    ) -> None:
+        self.protocol = protocol
+        self.state = State(protocol, models)
+        registers = protocol.registers
+        self._scale = np.array([r.scale for r in registers])
+        self._role = np.array([r.role for r in registers], np.uint8)
+        self._signed = {i: r.sign_bit for i, r in enumerate(registers) if r.sign_bit is not None}
+        self._special = {i: list(r.special) for i, r in enumerate(registers) if r.special}
+        self._moded = {i: r.scale_by for i, r in enumerate(registers) if r.scale_by is not None}
+        self._setters = {i: r.name for i, r in enumerate(registers) if r.name in self.state.modes}
+        self._ids = {i for i, r in enumerate(registers) if r.effect == "servo_id"}
+        self._feedback = {i for i, r in enumerate(registers) if r.effect == "feedback"}
+        self._is_event = np.zeros(len(registers), bool)
+        self._is_event[[*self._setters, *(self._ids if self.state.modes else ())]] = True
+        self._is_feedback = np.zeros(len(registers), bool)
+        self._is_feedback[list(self._feedback)] = True
+        self._staged: list[tuple[int, str, int]] = []
+
+    def decode(self, block: Block, frames: Frames, transactions: Transactions) -> Samples:
+        """Return every value the frames state, scaled; see ``Samples.accepted``."""
+        readable, accepted = self._readable(frames, transactions)
+        rows = np.flatnonzero(readable)
+        v = self.protocol.values(block, frames, rows, self.state)
+        takes = accepted[v.row]
+        value = v.raw * self._scale[v.register]
+        for i, bit in self._signed.items():
+            mine = np.flatnonzero(v.register == i)
+            magnitude = v.raw[mine] & ((1 << bit) - 1)
+            sign = np.where(v.raw[mine] >> bit & 1, 1.0, -1.0)
+            value[mine] = np.where(magnitude == 0, 0.0, sign * magnitude) * self._scale[i]
+        chosen = self.state.chosen[v.servo_id & 255]
+        provenance = np.where(chosen, PROFILE, ASSUMED).astype(np.uint8)
+        if self.state.modes:
+            self._apply_modes(frames, v, accepted, value, provenance)
+        for i, codes in self._special.items():
+            mine = np.flatnonzero(v.register == i)
+            value[mine[np.isin(v.raw[mine], codes)]] = np.nan
+        value[v.part != WHOLE] = np.nan
+        return Samples(
+            t_ns=frames.t_end[v.row],
+            servo_id=v.servo_id,
+            register=v.register,
+            role=self._role[v.register],
+            raw=v.raw,
+            value=value,
+            provenance=provenance,
+            part=v.part,
+            row=v.row,
+            accepted=takes,
+        )
+
+    def feedback_writes(self, frames: Frames, samples: Samples) -> list[FeedbackWrite]:
+        """Return where a servo's return mode became known."""
+        if not self._feedback:
+            return []
+        at = self._is_feedback[samples.register] & samples.accepted & (samples.part == WHOLE)
+        out = []
+        for i in np.flatnonzero(at).tolist():
+            row, servo = int(samples.row[i]), int(samples.servo_id[i])
+            told_all = int(frames.kind[row]) == REQUEST and servo in self.protocol.everyone
+            out.append(FeedbackWrite(row, -1 if told_all else servo, int(samples.raw[i])))
+        return out
+
+    def _readable(self, frames: Frames, transactions: Transactions) -> tuple[Mask, Mask]:
+        """Return which frames' values can be read, and which of those became true."""
+        readable = (frames.data_length > 0) & (frames.kind == REQUEST)
+        paired = transactions.outcome == OK
+        readable[transactions.response[paired]] = True
+        readable &= frames.data_length > 0
+        accepted = np.ones(len(frames), bool)
+        answered = np.flatnonzero(paired & (transactions.request >= 0))
+        status = frames.status[transactions.response[answered]]
+        no = self.protocol.refused(status) & (status >= 0)
+        if no.any():
+            accepted[transactions.request[answered[no]]] = False
+        return readable, accepted
+
+    def _apply_modes(
+        self, frames: Frames, v: Values, accepted: Mask, value: F64, provenance: U8
+    ) -> None:
+        state = self.state
+        servo = (v.servo_id & 255).astype(np.int64)
+        modes = {name: known[servo] for name, known in state.modes.items()}
+        seen = {name: known[servo] for name, known in state.seen.items()}
+        events = self._events(frames, v, accepted)
+        for (at, act), (until, _) in itertools.pairwise([*events, (len(servo), None)]):
+            if act is not None:
+                act()
+            for name in modes:
+                part = servo[at:until]
+                modes[name][at:until] = state.modes[name][part]
+                seen[name][at:until] = state.seen[name][part]
+        for i, (name, table) in self._moded.items():
+            mine = np.flatnonzero(v.register == i)
+            if not len(mine):
+                continue
+            lookup = np.full(257, np.nan)
+            lookup[list(table)] = list(table.values())
+            lookup[256] = self._scale[i] if self._scale[i] != 1.0 else next(iter(table.values()))
+            mode = modes[name][mine]
+            value[mine] = v.raw[mine] * lookup[np.where(mode < 0, 256, mode & 255)]
+            provenance[mine[seen[name][mine]]] = OBSERVED
+
+    def _events(
+        self, frames: Frames, v: Values, accepted: Mask
+    ) -> list[tuple[int, Callable[[], None] | None]]:
+        """Return (position in the values, what happens before it), in order."""
+        hits = np.flatnonzero(
+            self._is_event[v.register] & accepted[v.row] & (v.part == WHOLE)
+        )
+        flags = np.where(accepted, frames.flags & (RESETS | RELEASES | STAGED), 0)
+        special = np.flatnonzero(flags & RESETS)
+        if self._staged or (flags[v.row[hits]] & STAGED).any():
+            special = np.union1d(special, np.flatnonzero(flags & RELEASES))
+        if not len(special) and len(hits) > 16:
+            hits = self._changes(frames, v, hits)
+        out: list[tuple[int, int, Callable[[], None]]] = []
+        for i in hits.tolist():
+            row = int(v.row[i])
+            out.append((i + 1, row, self._setter(frames, v, i, row)))
+        for row in special.tolist():
+            at = int(np.searchsorted(v.row, row, "right"))
+            servo = int(frames.servo_id[row])
+            reset = bool(flags[row] & RESETS)
+            out.append((at, row, lambda s=servo, r=reset: self._reset(s) if r else self._release(s)))
+        out.sort(key=lambda e: e[:2])
+        return [(at, act) for at, _, act in out]
+
+    def _changes(self, frames: Frames, v: Values, hits: I64) -> I64:
+        """Drop events that repeat what is known already (a controller polling the register)."""
+        servo, register, raw = v.servo_id[hits], v.register[hits], v.raw[hits]
+        told_all = np.isin(servo, self.protocol.everyone) & (frames.kind[v.row[hits]] == REQUEST)
+        if told_all.any() or np.isin(register, list(self._ids)).any():
+            return hits
+        order = np.lexsort((hits, register, servo))
+        s, r, x = servo[order], register[order], raw[order]
+        same = np.zeros(len(order), bool)
+        same[1:] = (s[1:] == s[:-1]) & (r[1:] == r[:-1]) & (x[1:] == x[:-1])
+        return np.sort(hits[order[~same]])
+
+    def _setter(self, frames: Frames, v: Values, i: int, row: int) -> Callable[[], None]:
+        register, raw, servo = int(v.register[i]), int(v.raw[i]), int(v.servo_id[i])
+        asked = int(frames.kind[row]) == REQUEST
+        if register in self._ids:
+            return lambda: self._renumber(servo, raw) if asked else None
+        name = self._setters[register]
+        if int(frames.flags[row]) & STAGED:
+            return lambda: self._staged.append((servo, name, raw))
+        all_of_them = asked and servo in self.protocol.everyone
+        return lambda: self._set(name, None if all_of_them else servo, raw)
+
+    def _set(self, name: str, servo: int | None, raw: int) -> None:
+        where = slice(None) if servo is None else servo & 255
+        self.state.modes[name][where] = raw
+        self.state.seen[name][where] = True
+
+    def _renumber(self, old: int, new: int) -> None:
+        """A servo took a new id: what is known about it moves along."""
+        if not 0 <= new <= 255:
+            return
+        for known in (*self.state.modes.values(), *self.state.seen.values()):
+            known[new] = known[old & 255]
+
+    def _reset(self, servo: int) -> None:
+        where = slice(None) if servo in self.protocol.everyone else servo & 255
+        for name, known in self.state.modes.items():
+            known[where] = -1
+            self.state.seen[name][where] = False
+
+    def _release(self, servo: int) -> None:
+        """Staged writes take effect."""
+        due = self._staged
+        if servo not in self.protocol.everyone:
+            due = [s for s in due if s[0] == servo]
+        for who, name, raw in due:
+            self._set(name, None if who in self.protocol.everyone else who, raw)
+        self._staged = [s for s in self._staged if s not in due]

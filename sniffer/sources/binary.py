@@ -1,0 +1,14 @@
+"""Raw bytes as they were on the wire: no offsets, no times, nothing to get wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from sniffer.model import Chunk
+from sniffer.sources.text import BLOCK, Opened
+
+
+def read_binary(opened: Opened) -> Iterator[Chunk]:
+    """Yield the bytes of ``opened`` unchanged."""
+    while data := opened.stream.read(BLOCK):
+        yield Chunk(data, bus=opened.bus)

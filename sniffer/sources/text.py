@@ -1,0 +1,149 @@
+"""What all text inputs share: blocks of whole lines, and damage that knows its line.
+
+A reader takes an :class:`Opened` input and yields chunks lazily; it holds one block at a time,
+whatever the size of the file. Where the text stops making sense it raises :class:`Damage` after
+having yielded all that came before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Protocol
+
+from sniffer.model import Chunk, DamagedInputError
+
+BLOCK: Final = 1 << 18
+"""Text or raw bytes read at a time, in bytes."""
+
+PIECE: Final = 1 << 16
+"""Payload of one chunk where the input has no times, in bytes."""
+
+LONGEST_LINE: Final = 1 << 20
+"""A dump line longer than this is none, in bytes: it bounds memory."""
+
+FIRST_LINES: Final = 8
+"""Nonsense up to this line means a wrong format, not a damaged file."""
+
+UTF8_BOM: Final = b"\xef\xbb\xbf"
+
+
+class Stream(Protocol):
+    """The one method a reader needs of a binary file."""
+
+    def read(self, size: int, /) -> bytes:
+        """Return up to ``size`` bytes, none at the end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """An input that is open: where its bytes come from and what its chunks are to say.
+
+    ``path`` is None for standard input and for bytes. Readers add to ``notes`` what a person
+    should know although nothing is wrong, one sentence each.
+    """
+
+    stream: Stream
+    name: str
+    path: Path | None = None
+    bus: str = "bus0"
+    notes: list[str] = field(default_factory=list)
+
+
+class Damage(DamagedInputError):
+    """The text makes no sense from ``line`` on, counted from 1.
+
+    ``nonsense`` is false where the line is well-formed but contradicts what was read before it:
+    that is a damaged file however early it comes.
+    """
+
+    def __init__(self, line: int, why: str, *, nonsense: bool = True) -> None:
+        super().__init__(f"line {line}: {why}")
+        self.line = line
+        self.nonsense = nonsense
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Whole lines without the last line end; CRLF is already LF.
+
+    ``number`` is the first line's, from 1. ``column`` counts the bytes of that line which earlier
+    blocks held (only where an endless line was parted). ``cut_off`` marks the last block of a
+    text that does not end in a line end: its last line may be half written.
+    """
+
+    text: bytes
+    number: int
+    column: int
+    cut_off: bool
+
+    def lines(self) -> list[bytes]:
+        """Return the lines without their ends."""
+        return self.text.split(b"\n")
+
+
+def quoted(text: bytes) -> str:
+    """Return the head of ``text``, safe to show in a message of one line."""
+    shown = ascii(text[:40].decode("utf-8", "replace"))
+    return shown if len(text) <= 40 else shown + "..."
+
+
+def blocks(stream: Stream, part: Callable[[bytes], int] | None = None) -> Iterator[Block]:
+    """Yield the text in whole lines.
+
+    ``part`` says where in a buffer without a line end an endless line may be parted; without it
+    such a line raises :class:`Damage`.
+    """
+    held = b""
+    number, column, first = 1, 0, True
+    while True:
+        read = stream.read(BLOCK)
+        if first:
+            read = read.removeprefix(UTF8_BOM)
+            first = False
+        if not read:
+            break
+        held += read
+        end = held.rfind(b"\n")
+        if end < 0:
+            if part is None:
+                if len(held) > LONGEST_LINE:
+                    raise Damage(number, f"a line of more than {LONGEST_LINE} bytes is no dump")
+            elif len(held) >= BLOCK and (end := part(held)) > 0:
+                yield Block(held[:end], number, column, cut_off=False)
+                column += end
+                held = held[end:]
+            continue
+        text, held = held[:end], held[end + 1 :]
+        yield Block(text.replace(b"\r\n", b"\n").removesuffix(b"\r"), number, column, cut_off=False)
+        number += text.count(b"\n") + 1
+        column = 0
+    if held:
+        yield Block(held, number, column, cut_off=True)
+
+
+def joined(pieces: Iterable[bytes]) -> Iterator[bytes]:
+    """Join small pieces to about :data:`PIECE` bytes; what came before damage is yielded first."""
+    held: list[bytes] = []
+    size = 0
+    try:
+        for piece in pieces:
+            held.append(piece)
+            size += len(piece)
+            if size >= PIECE:
+                yield b"".join(held)
+                held.clear()
+                size = 0
+    except DamagedInputError:
+        if size:
+            yield b"".join(held)
+        raise
+    if size:
+        yield b"".join(held)
+
+
+def untimed(pieces: Iterable[bytes], bus: str) -> Iterator[Chunk]:
+    """Yield chunks without times."""
+    for piece in joined(pieces):
+        yield Chunk(piece, bus=bus)

@@ -1,0 +1,51 @@
+"""What all tests share: Hypothesis profiles, and the viewer."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+from tests.viewer import HeadlessViewer, headless
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+# No deadline and no "too slow": the tests run on shared machines. "ci" draws the same examples for
+# the same code, so a build that fails can be repeated; "fast" and "long" go and look for new ones.
+_SHARED = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
+settings.register_profile("fast", _SHARED, max_examples=60)
+settings.register_profile("ci", _SHARED, max_examples=100, derandomize=True)
+settings.register_profile("long", _SHARED, max_examples=3000)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
+
+
+@pytest.hookimpl(tryfirst=True)  # xdist reads the groups in the same hook
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Keep the tests of the viewer in one worker, so that only one viewer runs."""
+    if config.pluginmanager.hasplugin("xdist"):
+        for item in items:
+            if "headless_viewer" in getattr(item, "fixturenames", ()):
+                item.add_marker(pytest.mark.xdist_group("viewer"))
+
+
+@pytest.fixture(scope="session")
+def headless_viewer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[HeadlessViewer]:
+    """A real Rerun viewer without a window, one for the whole run; skips where none can run.
+
+    A test that what it wrote is shown without fault::
+
+        state = headless_viewer.show(path)              # .rrd or .mcap; returns once drawn
+        assert {view.name for view in state.views} == {"Position", "Log"}
+        assert headless_viewer.complaints() == []
+
+    ``complaints()`` holds what each view reports (``get_state().views[].reports``, errors and
+    warnings) and what the viewer logged. Two faults it cannot see: a view whose ``contents`` match
+    no entity is silently empty, and a view in a background tab is not drawn and reports nothing.
+    For these assert the entities (``headless_viewer.client.get_recording_schema()``), open every
+    view beside the others, or look at ``headless_viewer.picture("Position")`` (PNG bytes).
+    """
+    with headless(tmp_path_factory.mktemp("viewer")) as viewer:
+        yield viewer

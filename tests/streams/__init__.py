@@ -1,0 +1,74 @@
+"""Streams that properties draw from: talk built with the grammars, damage, cuts, arrival times.
+
+One module a protocol: ``TALK`` draws one exchange (a request and perhaps its reply), ``BYTES`` are
+the byte values that mean something to it.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from hypothesis import strategies as st
+
+from sniffer.model import Chunk, Clock
+
+TAIL = 40
+
+
+def module(protocol: str) -> Any:
+    """Return the protocol's stream module."""
+    return importlib.import_module(f"tests.streams.{protocol}")
+
+
+@st.composite
+def damaged(draw: st.DrawFn, data: bytes) -> bytes:
+    """Flip, drop or insert a few bytes."""
+    out = bytearray(data)
+    for _ in range(draw(st.integers(0, 3))):
+        if not out:
+            break
+        at = draw(st.integers(0, len(out) - 1))
+        match draw(st.integers(0, 2)):
+            case 0:
+                out[at] ^= draw(st.integers(1, 255))
+            case 1:
+                del out[at : at + draw(st.integers(1, 9))]
+            case _:
+                out[at:at] = draw(st.binary(min_size=1, max_size=4))
+    return bytes(out)
+
+
+@st.composite
+def stream(draw: st.DrawFn, protocol: str) -> bytes:
+    """Draw talk, noise made of meaningful bytes, other protocols' talk, and damage to it all."""
+    own = module(protocol)
+    byte = st.one_of(st.sampled_from(own.BYTES), st.integers(0, 255))
+    noise = st.lists(byte, max_size=12).map(bytes)
+    other = st.sampled_from(OTHERS).flatmap(lambda name: module(name).TALK)
+    part = st.one_of(own.TALK, own.TALK, own.TALK, own.TALK, noise, other)
+    data = b"".join(draw(st.lists(part, max_size=10)))
+    if draw(st.integers(0, 9)) == 0:
+        data += draw(st.binary(max_size=40)) * 60
+    if draw(st.integers(0, 4)) == 0:
+        data = data[draw(st.integers(0, 8)) :]
+    return draw(damaged(data))
+
+
+@st.composite
+def chunked(draw: st.DrawFn, data: bytes, byte_ns: int, tail_ns: int) -> list[Chunk]:
+    """Cut a stream into reads with jitter, lulls and now and then a silence."""
+    cuts = draw(st.lists(st.integers(1, max(1, len(data) - 1)), max_size=12, unique=True))
+    edges = [0, *sorted(c for c in cuts if c < len(data)), len(data)]
+    t, out = 1_700_000_000_000_000_000, []
+    pause = st.one_of(
+        st.just(0), st.integers(0, 3_000_000), st.sampled_from([tail_ns // 2, tail_ns + 1, 3 * tail_ns])
+    )
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        if b > a:
+            t += (b - a) * byte_ns + draw(pause)
+            out.append(Chunk(data[a:b], t, Clock.READ))
+    return out
+
+
+OTHERS = ["mightyzap"]
