@@ -1,4 +1,4 @@
-# `make demo` and `make test` work as the only command on a fresh clone: Python 3.11+ and pip are enough.
+# `make demo` and `make test` each work as the only command on a fresh clone: Python 3.11+ and pip do.
 
 PYTHON ?= python3
 JOBS ?= 2
@@ -7,7 +7,7 @@ PYTEST_ARGS ?=
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
-PYTEST := $(BIN)/python -m pytest -n $(JOBS) --dist loadgroup
+PYTEST := $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 PROTOS := $(sort $(shell find schemas/messages -name '*.proto' 2>/dev/null))
 
 .DEFAULT_GOAL := help

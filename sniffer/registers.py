@@ -36,7 +36,8 @@ class Register:
     """One entry of a table. ``scale`` turns raw into ``unit``.
 
     ``scale_by`` names the register whose value selects the scale. ``sign_bit`` marks sign and
-    magnitude coding (bit set: positive). ``special`` are raw values that are no measurement.
+    magnitude coding (bit set: positive). ``special`` are raw values that are no measurement,
+    ``alarms`` those of ``values`` that report a fault.
     ``effect`` is what a write changes about the bus: servo_id, baud or feedback.
     """
 
@@ -56,6 +57,7 @@ class Register:
     values: Mapping[int, str] = field(default_factory=dict)
     bits: Mapping[int, str] = field(default_factory=dict)
     special: Mapping[int, str] = field(default_factory=dict)
+    alarms: tuple[int, ...] = ()
     effect: str = ""
     source: str = ""
     doubt: str = ""
@@ -186,6 +188,7 @@ def _register(entry: Mapping[str, Any], model: str) -> Register:
         low, high = known["range"]
         known["range"] = (int(low), int(high))
     known["role"] = _ROLE[known.get("role", "config")]
+    known["alarms"] = tuple(known.get("alarms", ()))
     known["aliases"] = tuple(known.get("aliases", ()))
     known["scale"] = float(known.get("scale", 1.0))
     return Register(**known, scale_by=scale_by, model=model)

@@ -22,18 +22,9 @@ settings.register_profile("long", _SHARED, max_examples=3000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 
 
-@pytest.hookimpl(tryfirst=True)  # xdist reads the groups in the same hook
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Keep the tests of the viewer in one worker, so that only one viewer runs."""
-    if config.pluginmanager.hasplugin("xdist"):
-        for item in items:
-            if "headless_viewer" in getattr(item, "fixturenames", ()):
-                item.add_marker(pytest.mark.xdist_group("viewer"))
-
-
 @pytest.fixture(scope="session")
 def headless_viewer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[HeadlessViewer]:
-    """A real Rerun viewer without a window, one for the whole run; skips where none can run.
+    """A real Rerun viewer without a window, one for each worker; skips where none can run.
 
     A test that what it wrote is shown without fault::
 

@@ -23,7 +23,7 @@ from rerun.experimental import ViewerClient
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rerun.experimental import ViewerState
+    from rerun.experimental import LogEntry, ViewerState
 
 PATIENCE_S: Final = 20.0
 """Longest wait for a recording to load or a picture to rest; software drawing on a busy machine."""
@@ -54,12 +54,18 @@ class HeadlessViewer:
         self._log_seen = logs[-1].sequence if logs else 0
         self.client.open(str(path.resolve()))
         deadline = time.monotonic() + PATIENCE_S
-        while (state := self.client.get_state()).loading or not state.views:
-            if time.monotonic() > deadline:
-                raise TimeoutError(f"{path.name}: still loading {state.loading}, {state.views=}")
+        while (state := self.client.get_state()).loading or not state.active_recording:
+            refused = [entry.message for entry in self._new_logs("ERROR")]
+            if refused or time.monotonic() > deadline:
+                raise RuntimeError(f"{path.name} does not load: {state.loading} {refused}")
             time.sleep(0.05)
         self.client.set_time(play_state="paused")
-        self._rest(deadline)
+        last = None
+        while (now := (self._view_ids(), self.client.take_screenshot())) != last:
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"{path.name}: the picture does not come to rest")
+            last = now
+            time.sleep(0.2)
         return self.client.get_state()
 
     def complaints(self) -> list[str]:
@@ -69,30 +75,19 @@ class HeadlessViewer:
             for view in self.client.get_state().views
             for report in view.reports
         ]
-        logs = [
-            f"viewer log: {entry.level}: {entry.message}"
-            for entry in self.client.get_logs(self._log_seen)
-            if entry.level in ("WARN", "ERROR")
-        ]
+        logs = [f"viewer log: {e.level}: {e.message}" for e in self._new_logs("WARN", "ERROR")]
         return reports + logs
 
     def picture(self, view_name: str) -> bytes:
-        """One view as PNG bytes, at full resolution."""
+        """One view as PNG bytes; a view in a background tab has none and raises."""
         (view,) = (v for v in self.client.get_state().views if v.name == view_name)
         return self.client.take_screenshot(view.view_id)
 
-    def _rest(self, deadline: float) -> None:
-        """Wait until two pictures of each view, a moment apart, are equal."""
-        last: list[bytes] = []
-        while True:
-            views = self.client.get_state().views
-            now = [self.client.take_screenshot(view.view_id) for view in views]
-            if now == last:
-                return
-            if time.monotonic() > deadline:
-                raise TimeoutError("the picture does not come to rest")
-            last = now
-            time.sleep(0.2)
+    def _view_ids(self) -> list[str]:
+        return [view.view_id for view in self.client.get_state().views]
+
+    def _new_logs(self, *levels: str) -> list[LogEntry]:
+        return [e for e in self.client.get_logs(self._log_seen) if e.level in levels]
 
 
 @contextlib.contextmanager

@@ -1,5 +1,36 @@
+"""What is wrong on the bus: one small rule a function, over the columns of a batch.
+
+Rules return anomalies in any order; they are sorted by where their evidence begins. What a rule
+remembers across batches is per servo and does not depend on how the stream was cut.
+"""
+
 from __future__ import annotations
-from sniffer.model import Batch
+
+from dataclasses import replace
+
+from sniffer.diagnostics.device import DeviceRules
+from sniffer.diagnostics.rules import CaptureRules, PairingRules, gap_anomalies, protocol_anomalies
+from sniffer.model import Anomaly, Batch
+from sniffer.protocols.base import BusProtocol
+
+
 class Diagnostics:
-    def __init__(self, protocol): pass
-    def judge(self, batch): return batch
+    """Runs all rules over batch after batch of one bus."""
+
+    def __init__(self, protocol: BusProtocol) -> None:
+        self._protocol = protocol
+        self._pairing = PairingRules(protocol)
+        self._device = DeviceRules(protocol)
+        self._capture = CaptureRules()
+
+    def judge(self, batch: Batch) -> Batch:
+        """Return the batch with its anomalies."""
+        found: list[Anomaly] = [
+            *gap_anomalies(batch),
+            *protocol_anomalies(batch, self._protocol),
+            *self._pairing.judge(batch),
+            *self._device.judge(batch),
+            *self._capture.judge(batch),
+        ]
+        found.sort(key=lambda a: (a.evidence[0], a.code))
+        return replace(batch, anomalies=tuple(found))

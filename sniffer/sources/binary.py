@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from sniffer.model import Chunk
 from sniffer.sources.text import BLOCK, Opened
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 
 def read_binary(opened: Opened) -> Iterator[Chunk]:

@@ -7,13 +7,17 @@ checked against the bytes: they count what a ``*`` line stands for and betray a 
 
 from __future__ import annotations
 
+import itertools
 import re
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sniffer.model import Chunk
 from sniffer.sources.text import PIECE, Block, Damage, Opened, blocks, quoted, untimed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from sniffer.model import Chunk
 
 LONGEST_REPEAT: Final = 1 << 30
 """Bytes that one ``*`` line may stand for; more is a damaged offset, not a silent bus."""
@@ -24,8 +28,8 @@ _FORMATS: Final = {8: b"%0*o", 10: b"%0*d", 16: b"%0*x"}
 _SHAPE: Final = bytes.maketrans(_DIGITS[16], b"h" * len(_DIGITS[16]))
 _PROBED: Final = 64  # lines looked at to tell octal, decimal and hex offsets apart
 _RUN: Final = 4096  # lines of one layout read at once, at most
-_XXD: Final = re.compile(rb" *([0-9A-Fa-f]{4,16}):(.*)", re.DOTALL)
-_OFFSET: Final = re.compile(rb"([0-9A-Fa-f]{4,16})(?: +(.*))?$", re.DOTALL)
+_XXD: Final = re.compile(rb" *([0-9A-Fa-f]{4,16}):(?: (.*))?$", re.DOTALL)
+_OFFSET: Final = re.compile(rb" *([0-9A-Fa-f]{4,16})(?: +(.*))?$", re.DOTALL)
 
 
 class Parts(NamedTuple):
@@ -57,7 +61,7 @@ def _split_xxd(line: bytes) -> Parts | None:
     if not match:
         return None
     # groups are one space apart, so the first two spaces are where the gutter begins
-    pairs, _, gutter = match[2].removeprefix(b" ").partition(b"  ")
+    pairs, _, gutter = (match[2] or b"").partition(b"  ")
     return Parts(match[1], pairs, gutter)
 
 
@@ -79,7 +83,8 @@ def _split_od(line: bytes) -> Parts | None:
             return None
         offset, text = match[1], match[2] or b""
     pairs, _, gutter = text.partition(b">")
-    return Parts(offset, pairs, gutter)
+    # wider columns than one or two spaces hold decimal numbers (od -td1), not hex
+    return None if b"   " in pairs.strip() else Parts(offset, pairs, gutter)
 
 
 XXD: Final = Dialect("xxd", _split_xxd, (16, 10), opener=2, grouped=True)
@@ -106,26 +111,37 @@ def bytes_in(dialect: Dialect, parts: Parts | None) -> bytes | None:
     return data if dialect.grouped or len(parts.pairs.split()) == len(data) else None
 
 
-def radix_of(dialect: Dialect, lines: list[bytes]) -> int:
-    """Return the radix of the offsets: the first one under which they count the bytes."""
-    marks: list[tuple[bytes, int]] = []
-    for line in lines[:_PROBED]:
-        parts = dialect.split(tidy(line))
+def counted(dialect: Dialect, lines: list[bytes]) -> tuple[int, int]:
+    """Return the radix of the offsets, and how many of them it proves right.
+
+    It is the first radix under which the offsets count the bytes.
+    """
+    marks: list[tuple[bytes, int, bool]] = []  # offset, bytes in the line, behind a *
+    starred = False
+    for line in map(tidy, lines[:_PROBED]):
+        parts = dialect.split(line)
         data = bytes_in(dialect, parts)
-        marks.append((parts.offset, len(data)) if parts and data else (b"", 0))
-    offsets = [offset for offset, _ in marks if offset]
+        if parts and data is not None:
+            marks.append((parts.offset, len(data), starred))
+        starred = line == b"*"
+    offsets = [offset for offset, _, _ in marks if offset]
     order = dialect.radices
     if dialect is OD and offsets and len(offsets[0]) == 6:
         order = order[::-1]  # od -Ax writes six digits, octal and decimal seven
     valid = [radix for radix in order if not b"".join(offsets).translate(None, _DIGITS[radix])]
     for radix in valid:
-        if all(
-            int(offset, radix) + length == int(after, radix)
-            for (offset, length), (after, _) in zip(marks, marks[1:], strict=False)
-            if offset and after.strip(b"0")
-        ):
-            return radix
-    return (valid or order)[0]
+        right = [
+            _fits(int(after, radix) - int(offset, radix), length, repeated)
+            for (offset, length, _), (after, _, repeated) in itertools.pairwise(marks)
+            if offset and length and after.strip(b"0")
+        ]
+        if all(right):
+            return radix, len(right)
+    return (valid or order)[0], 0
+
+
+def _fits(step: int, length: int, repeated: bool) -> bool:
+    return step > 0 and step % length == 0 if repeated else step == length
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +149,7 @@ class _Layout:
     """The columns of a line: those laid out alike are read many at a time."""
 
     length: int
+    width: int  # of the offset, in digits
     offset: slice
     pairs: slice
     head: slice  # all up to the gutter's opener
@@ -145,9 +162,9 @@ class _Layout:
         start = line.index(parts.pairs, behind)
         end = start + len(parts.pairs)
         head = slice(0, end + opener)
-        return cls(
-            len(line), slice(indent, behind), slice(start, end), head, line[head].translate(_SHAPE)
-        )
+        shape = line[head].translate(_SHAPE)
+        offset, pairs = slice(indent, behind), slice(start, end)
+        return cls(len(line), len(parts.offset), offset, pairs, head, shape)
 
 
 class _Reading:
@@ -167,7 +184,7 @@ class _Reading:
     def read(self, block: Block) -> Iterator[bytes]:
         """Yield the bytes that the lines of ``block`` state."""
         lines = block.lines()
-        self._radix = self._radix or radix_of(self._dialect, lines)
+        self._radix = self._radix or counted(self._dialect, lines)[0]
         index = 0
         while index < len(lines):
             if data := self._alike(lines, index):
@@ -190,10 +207,10 @@ class _Reading:
         joined = b"".join([line[layout.head] for line in run])
         if joined.translate(_SHAPE) != layout.shape * len(run):
             return b""
-        width, step = layout.offset.stop - layout.offset.start, len(self._previous)
+        step, number = len(self._previous), _FORMATS[self._radix]
         due = range(self._expected, self._expected + step * len(run), step)
         stated = b"".join([line[layout.offset] for line in run]).lower()
-        if stated != b"".join([_FORMATS[self._radix] % (width, offset) for offset in due]):
+        if stated != b"".join([number % (layout.width, offset) for offset in due]):
             return b""
         self._run = min(2 * limit, _RUN)
         data = bytes.fromhex(b"".join([line[layout.pairs] for line in run]).decode("ascii"))
@@ -234,7 +251,9 @@ class _Reading:
     def _is_half(self, line: bytes, parts: Parts | None, data: bytes | None) -> bool:
         """Tell whether a last line without line end breaks off in mid-offset or mid-byte."""
         if self._layout and not line.translate(None, _DIGITS[16] + b":"):
-            return len(line) < self._layout.offset.stop + (self._dialect is XXD)
+            return len(line.rstrip(b":")) < self._layout.width or (
+                self._dialect is XXD and parts is None
+            )
         return data is None and parts is not None and not parts.gutter
 
     def _due(self, text: bytes, data: bytes, number: int) -> Iterator[bytes]:

@@ -7,115 +7,118 @@ lines are looked at one by one, and tokens only to say where the mistake is.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from sniffer.model import Chunk
 from sniffer.sources.text import Block, Damage, Opened, blocks, quoted, untimed
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from sniffer.model import Chunk
+
+_DIGITS: Final = b"0123456789abcdefABCDEF"
 # what may stand between bytes, besides blanks: lists, C arrays, string quotes around \x escapes
 _MARKS: Final = bytes.maketrans(b",;{}[]()\"'\r", b" " * 11)
 _TOKEN: Final = re.compile(rb"[^\s,;{}\[\]()\"']+")
-_BYTE: Final = re.compile(rb"(?:0[xX]|\\x)?[0-9A-Fa-f]{2}")
-_HEX: Final = re.compile(rb"(?:0[xX]|\\x)?[0-9A-Fa-f]*")
-# "static const uint8_t data[] = {", and the length that xxd -i writes behind the array
-_DECLARED: Final = re.compile(rb"\s*(?:[A-Za-z_]\w*\s+)+\w+\s*\[\s*\w*\s*\]\s*=\s*(?=\{|$)")
-_LENGTH: Final = re.compile(rb"\s*(?:[A-Za-z_]\w*\s+)+\w+\s*=\s*\d+\s*;\s*$")
-_COMMENT: Final = re.compile(rb"(?:^|(?<=\s))(?:#|//).*$")
-_BYTES_LITERAL: Final = re.compile(rb"\bb(?=[\"'])")
+_BYTES: Final = re.compile(rb"(?:(?:0[xX]|\\x)?[0-9A-Fa-f]{2})+|0[xX][0-9A-Fa-f]?|\\x")
+_ODD: Final = re.compile(rb"(?:0[xX]|\\x|[0-9A-Fa-f])+")
+_STRANGE: Final = re.compile(rb"[^0-9A-Fa-fxX\\]|$")
 _SINGLE: Final = re.compile(rb"\b0[xX]([0-9A-Fa-f])\b")
-_STAR: Final = b"*"
+# "static const uint8_t data[] = {", the length that xxd -i writes behind the array, the b of b""
+_ASIDE: Final = re.compile(
+    rb"(?:^|(?<=\s))(?:#|//).*$"
+    rb"|/\*.{,200}?\*/"
+    rb"|^\s*(?:[A-Za-z_]\w*\s+)+\w+\s*\[\s*\w*\s*\]\s*=\s*(?=\{|$)"
+    rb"|^\s*(?:[A-Za-z_]\w*\s+)+\w+\s*=\s*\d+\s*;\s*$"
+    rb"|\bb(?=[\"'])"
+)
+
+
+class Mistake(ValueError):
+    """What is wrong with a line, and the column (from 0) where it is."""
+
+    def __init__(self, column: int, why: str) -> None:
+        super().__init__(f"column {column + 1}: {why}")
+        self.column = column
+        self.why = why
 
 
 def part_line(held: bytes) -> int:
     """Return where an endless line may be parted without parting a byte, 0 for nowhere yet."""
     end = max(held.rfind(mark) for mark in (b" ", b"\t", b",", b";", b"\r", b"\\"))
+    if end > 0:
+        return end
     # packed hex has no marks at all: an even number of digits is whole bytes
-    return end if end > 0 else len(held) & ~1
+    return len(held) - (len(held) - len(held.rstrip(_DIGITS))) % 2
 
 
 def bare(line: bytes) -> bytes:
-    """Return a line without comment and C declaration."""
-    if _LENGTH.match(line):
-        return b""
-    line = _COMMENT.sub(b"", line)
-    match = _DECLARED.match(line)
-    return line[match.end() :] if match else line
+    """Return a line with comments and C declarations blanked out; columns stay."""
+    return _ASIDE.sub(lambda match: b" " * len(match[0]), line)
 
 
 def _spaced(text: bytes) -> bytes:
     """Return hex text with every mark and prefix turned into blanks."""
     text = text.translate(_MARKS)
-    if b"x" in text or b"X" in text:
-        text = _SINGLE.sub(rb" 0\1", text)
-        for prefix in (b"0x", b"0X", b"\\x"):
-            text = text.replace(prefix, b" ")
+    for prefix in (b"0x", b"0X", b"\\x"):
+        text = text.replace(prefix, b" ")
     return text
 
 
-def hex_line(line: bytes) -> bytes:
-    """Return the bytes that one line of hex states.
-
-    Raises ValueError with the column (from 0) and what is wrong there.
-    """
-    line_bare = bare(line)
-    text = _BYTES_LITERAL.sub(b" ", line_bare)
-    try:
-        return bytes.fromhex(_spaced(text).decode("ascii"))
-    except ValueError:
-        shift = len(line) - len(line_bare) if _DECLARED.match(line) else 0
-        column, why = _mistake(text)
-        raise ValueError(column + shift, why) from None
-
-
-def _mistake(text: bytes) -> tuple[int, str]:
-    for token in _TOKEN.finditer(text):
-        word = token[0]
-        start = 0
-        while match := _BYTE.match(word, start):
-            start = match.end()
-        if start == len(word):
-            continue
-        if _HEX.fullmatch(word, start):
-            digits = len(re.sub(rb"0[xX]|\\x", b"", word))
-            return token.start(), f"{quoted(word)} has an odd number of hex digits ({digits})"
-        bad = re.search(rb"[^0-9A-Fa-f]", word[start:])
-        column = token.start() + start + (bad.start() if bad else 0)
-        if word == _STAR:
-            return column, "a * (repeated lines) cannot be counted without offsets: use od -v"
-        return column, f"{quoted(word)} is not hex"
-    return 0, f"{quoted(text)} is not hex"
-
-
-def decimal_line(line: bytes) -> bytes:
-    """Return the bytes that one line of decimal numbers states; errors as :func:`hex_line`."""
-    line_bare = bare(line)
-    words = line_bare.translate(_MARKS).split()
-    try:
-        # int() would also take signs and underscores
-        if b"".join(words).isdigit() or not words:
-            return bytes(map(int, words))
-    except ValueError:
-        pass
-    shift = len(line) - len(line_bare) if _DECLARED.match(line) else 0
-    for token in _TOKEN.finditer(line_bare):
-        if not token[0].isdigit() or len(token[0]) > 9 or int(token[0]) > 255:
-            why = f"{quoted(token[0])} is not a decimal number from 0 to 255"
-            raise ValueError(token.start() + shift, why)
-    raise ValueError(0, f"{quoted(line)} is not a list of decimal numbers")
-
-
-def _hex_block(text: bytes) -> bytes:
+def hex_block(text: bytes) -> bytes:
+    """Return the bytes that lines of hex state; ValueError where they need a closer look."""
     if b"#" in text or b"/" in text:
         raise ValueError
     return bytes.fromhex(_spaced(text).decode("ascii"))
 
 
-def _decimal_block(text: bytes) -> bytes:
+def hex_line(line: bytes) -> bytes:
+    """Return the bytes that one line of hex states; raises :class:`Mistake`."""
+    text = bare(line)
+    try:
+        return bytes.fromhex(_spaced(_SINGLE.sub(rb" 0\1", text)).decode("ascii"))
+    except ValueError:
+        raise _hex_mistake(text) from None
+
+
+def share_of_hex(line: bytes) -> float:
+    """Return which share of the tokens of ``line`` is bytes in hex, from 0 to 1."""
+    words = _TOKEN.findall(bare(line))
+    return sum(_BYTES.fullmatch(word) is not None for word in words) / max(1, len(words))
+
+
+def _hex_mistake(text: bytes) -> Mistake:
+    for token in _TOKEN.finditer(text):
+        word = token[0]
+        if _BYTES.fullmatch(word):
+            continue
+        if word == b"*":
+            why = "a * (repeated lines) cannot be counted without offsets: dump again with -v"
+            return Mistake(token.start(), why)
+        if _ODD.fullmatch(word):
+            return Mistake(token.start(), f"{quoted(word)} has an odd number of hex digits")
+        strange = _STRANGE.search(word)
+        column = token.start() + (strange.start() if strange else 0)
+        return Mistake(column, f"{quoted(word)} is not hex")
+    return Mistake(0, f"{quoted(text)} is not hex")
+
+
+def decimal_block(text: bytes) -> bytes:
+    """Return the bytes that decimal numbers state; ValueError where they need a closer look."""
     words = text.translate(_MARKS).split()
-    if words and not b"".join(words).isdigit():
+    if words and not b"".join(words).isdigit():  # int() would also take signs and underscores
         raise ValueError
     return bytes(map(int, words))
+
+
+def decimal_line(line: bytes) -> bytes:
+    """Return the bytes that one line of decimal numbers states; raises :class:`Mistake`."""
+    text = bare(line)
+    for token in _TOKEN.finditer(text):
+        if not token[0].isdigit() or len(token[0]) > 9 or int(token[0]) > 255:
+            why = f"{quoted(token[0])} is not a decimal number from 0 to 255"
+            raise Mistake(token.start(), why)
+    return decimal_block(text)
 
 
 def _bytes(
@@ -131,20 +134,21 @@ def _bytes(
 
 
 def _lines(block: Block, single: Callable[[bytes], bytes]) -> Iterator[bytes]:
-    for index, line in enumerate(block.lines()):
+    column = block.column
+    for number, line in enumerate(block.lines(), block.number):
         try:
             yield single(line)
-        except ValueError as error:
-            column, why = error.args
-            column += 1 + (0 if index else block.column)
-            raise Damage(block.number + index, f"column {column}: {why}") from None
+        except Mistake as mistake:
+            column += mistake.column + 1
+            raise Damage(number, mistake.why, column=column) from None
+        column = 0
 
 
 def read_hex(opened: Opened) -> Iterator[Chunk]:
     """Yield the bytes of plain hex text: spaced, packed, 0x, escapes, C arrays, comments."""
-    return untimed(_bytes(opened, _hex_block, hex_line), opened.bus)
+    return untimed(_bytes(opened, hex_block, hex_line), opened.bus)
 
 
 def read_decimal(opened: Opened) -> Iterator[Chunk]:
     """Yield the bytes of a list of decimal numbers from 0 to 255."""
-    return untimed(_bytes(opened, _decimal_block, decimal_line), opened.bus)
+    return untimed(_bytes(opened, decimal_block, decimal_line), opened.bus)

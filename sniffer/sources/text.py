@@ -7,12 +7,14 @@ having yielded all that came before.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 from sniffer.model import Chunk, DamagedInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+    from pathlib import Path
 
 BLOCK: Final = 1 << 18
 """Text or raw bytes read at a time, in bytes."""
@@ -58,8 +60,9 @@ class Damage(DamagedInputError):
     that is a damaged file however early it comes.
     """
 
-    def __init__(self, line: int, why: str, *, nonsense: bool = True) -> None:
-        super().__init__(f"line {line}: {why}")
+    def __init__(self, line: int, why: str, *, column: int = 0, nonsense: bool = True) -> None:
+        where = f"line {line}, column {column}" if column else f"line {line}"
+        super().__init__(f"{where}: {why}")
         self.line = line
         self.nonsense = nonsense
 

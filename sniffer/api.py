@@ -1,0 +1,106 @@
+"""``sniffer.decode(path_or_bytes)``: a whole capture as batches, rows, or data frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from sniffer.model import Batch, Chunk, DamagedInputError
+from sniffer.pipeline import AUTO, Options, Pipeline
+from sniffer.protocols.base import BusProtocol
+from sniffer.rows import Row, rows
+from sniffer.sources import open_source
+from sniffer.summary import Summary
+
+
+class _Keep:
+    """A sink that keeps the batches."""
+
+    def __init__(self) -> None:
+        self.batches: list[tuple[str, BusProtocol, Batch]] = []
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Keep a batch."""
+        self.batches.append((bus, protocol, batch))
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class Capture:
+    """A decoded capture in memory; iterate it for rows in wire order.
+
+    ``damage`` says what broke the input off, None where it was read to its end.
+    """
+
+    def __init__(
+        self,
+        batches: list[tuple[str, BusProtocol, Batch]],
+        summary: Summary,
+        damage: str | None = None,
+    ) -> None:
+        self.batches = batches
+        self.summary = summary
+        self.damage = damage
+
+    def __iter__(self) -> Iterator[Row]:
+        for bus, protocol, batch in self.batches:
+            yield from rows(batch, protocol, bus)
+
+    def samples(self) -> Any:
+        """Return all samples as an arrow table (``.to_pandas()`` makes a data frame)."""
+        from sniffer.sinks import tables
+
+        return self._table(tables.samples_table, tables.SAMPLES)
+
+    def frames(self) -> Any:
+        """Return all frames as an arrow table."""
+        from sniffer.sinks import tables
+
+        return self._table(tables.frames_table, tables.FRAMES)
+
+    def _table(self, build: Any, schema: Any) -> Any:
+        import pyarrow as pa
+
+        parts = [build(bus, protocol, batch) for bus, protocol, batch in self.batches]
+        return pa.concat_tables(parts).unify_dictionaries() if parts else schema.empty_table()
+
+
+def decode(
+    source: str | Path | bytes,
+    protocol: str = AUTO,
+    *,
+    input_format: str = "auto",
+    baud: int | None = None,
+    models: Mapping[int | None, str] | None = None,
+    latency_ns: int | None = None,
+) -> Capture:
+    """Decode a file (or the bytes of one) as a whole.
+
+    Args:
+        source: a path, ``"-"`` for standard input, or the content of a file.
+        protocol: a name of ``PROTOCOLS``, or ``"auto"``.
+        input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        baud: bits per second; the protocol's default where None.
+        models: servo id (None: all) -> model name.
+        latency_ns: how long the adapter may have held bytes back.
+
+    Raises:
+        InputError: the input cannot be read, or its protocol cannot be told.
+        SnifferError: unknown protocol or model.
+    """
+    keep = _Keep()
+    options = Options(protocol=protocol, baud=baud, models=models or {}, latency_ns=latency_ns)
+    pipeline = Pipeline(options, [keep])
+    damage = None
+    try:
+        for group in open_source(source, input_format):
+            pipeline.feed(group)
+    except DamagedInputError as error:
+        damage = str(error)
+    pipeline.close()
+    return Capture(keep.batches, pipeline.summary, damage)

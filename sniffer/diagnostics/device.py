@@ -1,0 +1,133 @@
+"""What servos report about themselves: status bits, alarm states, values out of range, new ids."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.diagnostics.edges import Edges
+from sniffer.diagnostics.rules import anomaly
+from sniffer.model import REQUEST, WHOLE, Anomaly, Batch, Samples
+from sniffer.protocols.base import BusProtocol
+
+STATUS_BITS: Final = 15
+"""Status bytes have 8 bits; protocols may add bits of their own above them."""
+
+
+def device_code(name: str) -> str:
+    """Return the code of a status name, ``device-alarm`` where the catalogue has none of its own."""
+    code = f"device-{name.replace('_', '-')}"
+    return code if code in CATALOGUE else "device-alarm"
+
+
+class DeviceRules:
+    """Remembers which faults each servo is reporting."""
+
+    def __init__(self, protocol: BusProtocol) -> None:
+        self._protocol = protocol
+        registers = protocol.registers
+        n = len(registers)
+        self._status = [Edges(256) for _ in range(STATUS_BITS)]
+        self._reported = 0  # bits any servo has set so far
+        bits = np.array([1 << bit for bit in range(STATUS_BITS)], np.int16)
+        self._refusal = protocol.refused(bits).tolist()
+        self._outside = Edges(256 * n)
+        self._low = np.array([r.range[0] if r.range else -(2**62) for r in registers])
+        self._high = np.array([r.range[1] if r.range else 2**62 for r in registers])
+        self._special = {i: list(r.special) for i, r in enumerate(registers) if r.special}
+        self._alarms = {i: (r, [Edges(256) for _ in r.alarms]) for i, r in enumerate(registers) if r.alarms}
+        self._effects = {i: r for i, r in enumerate(registers) if r.effect in ("servo_id", "baud")}
+        self._has_effect = np.isin(np.arange(n), list(self._effects))
+
+    def judge(self, batch: Batch) -> Iterator[Anomaly]:
+        """Report what began, what ended, and what a servo was told about the bus."""
+        yield from self._status_bits(batch)
+        v = batch.values
+        if len(v):
+            yield from self._ranges(batch, v)
+            yield from self._alarm_values(batch, v)
+            yield from self._bus_changes(batch, v)
+
+    def _at(self, batch: Batch, row: int) -> tuple[int, int]:
+        return batch.base + int(batch.frames.start[row]), int(batch.frames.length[row])
+
+    def _status_bits(self, batch: Batch) -> Iterator[Anomaly]:
+        f = batch.frames
+        rows = np.flatnonzero(f.status >= 0)
+        if not len(rows):
+            return
+        status = f.status[rows].astype(np.int64)
+        servo = (f.servo_id[rows] & 255).astype(np.int64)
+        self._reported |= int(np.bitwise_or.reduce(status))
+        for bit, edges in enumerate(self._status):
+            if not self._reported >> bit & 1:
+                continue
+            flag = (status >> bit & 1).astype(bool)
+            rise, fall = edges.feed(servo, flag)
+            mask = 1 << bit
+            if self._refusal[bit]:
+                rise, fall = flag, np.zeros(len(flag), bool)  # a refusal is an event, not a state
+            for i in np.flatnonzero(rise | fall).tolist():
+                row, who = int(rows[i]), int(f.servo_id[rows[i]])
+                name = (*self._protocol.status_names(mask), f"bit{bit}")[0]
+                if fall[i]:
+                    text = f"servo {who} no longer reports {name.replace('_', ' ')}"
+                    yield anomaly("device-recovered", int(f.t_end[row]), who, text, self._at(batch, row))
+                else:
+                    text = f"servo {who} reports {name.replace('_', ' ')} (status {int(status[i]):02X})"
+                    yield anomaly(device_code(name), int(f.t_end[row]), who, text, self._at(batch, row))
+
+    def _ranges(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
+        """Report what was written out of range each time, what was measured when it begins."""
+        whole = v.part == WHOLE
+        outside = whole & ((v.raw < self._low[v.register]) | (v.raw > self._high[v.register]))
+        for i, codes in self._special.items():
+            outside &= ~((v.register == i) & np.isin(v.raw, codes))
+        key = (v.servo_id & 255).astype(np.int64) * len(self._low) + v.register
+        written = batch.frames.kind[v.row] == REQUEST
+        measured = np.flatnonzero(whole & ~written)
+        rise = outside & written
+        rise[measured] = self._outside.feed(key[measured], outside[measured])[0]
+        for i in np.flatnonzero(rise).tolist():
+            r = self._protocol.registers[int(v.register[i])]
+            low, high = r.range or (0, 0)
+            who, row = int(v.servo_id[i]), int(v.row[i])
+            text = f"{r.name} is {int(v.raw[i])}, the manual has {low}..{high}"
+            yield anomaly("value-out-of-range", int(v.t_ns[i]), who, text, self._at(batch, row))
+
+    def _alarm_values(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
+        for index, (register, edges) in self._alarms.items():
+            mine = np.flatnonzero((v.register == index) & v.accepted)
+            servo = (v.servo_id[mine] & 255).astype(np.int64)
+            for raw, one in zip(register.alarms, edges, strict=True):
+                rise, fall = one.feed(servo, v.raw[mine] == raw)
+                name = register.values.get(raw, f"{register.name} {raw}")
+                for i in np.flatnonzero(rise | fall).tolist():
+                    k = int(mine[i])
+                    who, at = int(v.servo_id[k]), self._at(batch, int(v.row[k]))
+                    words = name.replace("_", " ")
+                    if rise[i]:
+                        yield anomaly(device_code(name), int(v.t_ns[k]), who, f"servo {who} reports {words}", at)
+                    else:
+                        text = f"servo {who} no longer reports {words}"
+                        yield anomaly("device-recovered", int(v.t_ns[k]), who, text, at)
+
+    def _bus_changes(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
+        if not self._effects:
+            return
+        told = self._has_effect[v.register] & v.accepted & (v.part == WHOLE)
+        told &= batch.frames.kind[v.row] == REQUEST
+        for i in np.flatnonzero(told).tolist():
+            r = self._effects[int(v.register[i])]
+            who, raw, at = int(v.servo_id[i]), int(v.raw[i]), self._at(batch, int(v.row[i]))
+            if r.effect == "servo_id":
+                if raw != who:
+                    text = f"servo {who} was given the id {raw}"
+                    yield anomaly("id-changed", int(v.t_ns[i]), who, text, at)
+            else:
+                rate = r.values.get(raw, str(raw))
+                text = f"servo {who} was told the baud rate {rate} (code {raw})"
+                yield anomaly("baud-changed", int(v.t_ns[i]), who, text, at)

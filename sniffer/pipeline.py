@@ -1,0 +1,120 @@
+"""Source -> decoders -> sinks: one decoder a bus, its protocol named or found from the bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from sniffer.decoder import Decoder
+from sniffer.detect import ENOUGH, Detection, detect
+from sniffer.model import Batch, Chunk
+from sniffer.protocols import protocol_named
+from sniffer.sinks.base import Sink
+from sniffer.summary import Summary
+
+AUTO = "auto"
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to decode: ``protocols`` and ``bauds`` by bus, the others for all buses."""
+
+    protocol: str = AUTO
+    protocols: Mapping[str, str] = field(default_factory=dict)
+    baud: int | None = None
+    bauds: Mapping[str, int] = field(default_factory=dict)
+    models: Mapping[int | None, str] = field(default_factory=dict)
+    latency_ns: int | None = None
+
+
+class Pipeline:
+    """Takes groups of chunks, decodes them and hands records to the sinks.
+
+    Raises:
+        UndecidedError: the protocol is to be found from the bytes and cannot be told.
+    """
+
+    def __init__(
+        self,
+        options: Options,
+        sinks: Sequence[Sink],
+        *,
+        on_detection: Callable[[str, Detection], None] = lambda bus, found: None,
+    ) -> None:
+        if options.protocol != AUTO:
+            protocol_named(options.protocol)
+        self.summary = Summary()
+        self._options = options
+        self._sinks = list(sinks)
+        self._on_detection = on_detection
+        self._decoders: dict[str, Decoder] = {}
+        self._waiting: dict[str, list[Chunk]] = {}
+
+    def feed(self, group: Iterable[Chunk]) -> None:
+        """Decode a group; chunks of several buses may be mixed."""
+        by_bus: dict[str, list[Chunk]] = {}
+        for chunk in group:
+            by_bus.setdefault(chunk.bus, []).append(chunk)
+        for bus, chunks in by_bus.items():
+            for sink in self._sinks:
+                sink.raw(bus, chunks)
+            if bus in self._decoders:
+                self._decode(bus, chunks)
+                continue
+            waiting = self._waiting.setdefault(bus, [])
+            waiting += chunks
+            if self._named(bus) != AUTO or sum(len(c.data) for c in waiting) >= ENOUGH:
+                self._start(bus)
+
+    def close(self) -> None:
+        """Decode what waits and finish the decoders; the sinks are closed by ``finish``."""
+        for bus in list(self._waiting):
+            self._start(bus)
+        for bus, decoder in self._decoders.items():
+            self._deliver(bus, decoder, decoder.close())
+
+    def finish(self) -> None:
+        """Close every sink, also if one of them fails; the first failure is raised."""
+        failure: Exception | None = None
+        for sink in self._sinks:
+            try:
+                sink.close()
+            except Exception as error:  # noqa: BLE001 - the other outputs must be finished first
+                failure = failure or error
+        self._sinks = []
+        if failure is not None:
+            raise failure
+
+    def drop(self, sink: Sink) -> bool:
+        """Go on without a sink (a closed pipe); tell whether any are left."""
+        self._sinks = [s for s in self._sinks if s is not sink]
+        return bool(self._sinks)
+
+    def _named(self, bus: str) -> str:
+        return self._options.protocols.get(bus, self._options.protocol)
+
+    def _start(self, bus: str) -> None:
+        chunks = self._waiting.pop(bus)
+        name = self._named(bus)
+        if name == AUTO:
+            found = detect(chunks)
+            self._on_detection(bus, found)
+            name = found.protocol
+        self._decoders[bus] = Decoder(
+            name,
+            baud=self._options.bauds.get(bus, self._options.baud),
+            models=self._options.models,
+            latency_ns=self._options.latency_ns,
+        )
+        self._decode(bus, chunks)
+
+    def _decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        decoder = self._decoders[bus]
+        self._deliver(bus, decoder, decoder.feed(*chunks))
+
+    def _deliver(self, bus: str, decoder: Decoder, batch: Batch) -> None:
+        if not batch.data:
+            return
+        self.summary.add(bus, decoder.protocol, batch)
+        for sink in self._sinks:
+            sink.write(bus, decoder.protocol, batch)

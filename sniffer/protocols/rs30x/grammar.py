@@ -1,0 +1,224 @@
+"""Futaba RS30x (RS305CR): every packet of both directions, declared once.
+
+    FA AF | ID | FLAG | ADDRESS | LENGTH | COUNT | DATA: LENGTH * COUNT bytes | SUM    short and long
+    FD DF | ID | FLAGS | ADDRESS | LENGTH | COUNT = 1 | DATA: LENGTH bytes    | SUM    return packet
+    07 (ACK) or 08 (NACK), one bare byte, without header and checksum
+
+Source: Futaba RS305CR manual (2021-09), 4. packet format (short, long and return packet). Multi-byte
+values are little-endian. What only siblings' manuals or real controllers show is marked so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Final
+
+from construct import (
+    BitStruct,
+    Byte,
+    Bytes,
+    Check,
+    Checksum,
+    Const,
+    Flag,
+    FlagsEnum,
+    GreedyRange,
+    Nibble,
+    OneOf,
+    RawCopy,
+    Struct,
+    Terminated,
+    this,
+)
+
+from sniffer.checksums import XOR8
+from sniffer.registers import bit_names
+
+LONG: Final = 0x00
+"""The id of a long packet, which names its servos inside. Source: RS305CR manual, long packet, ID."""
+
+EVERYONE: Final = 0xFF
+"""Moves all servos, answered by none. Source: RS305CR manual, short packet, ID."""
+
+HIGHEST_ID: Final = 0x7F
+"""Servos are 1 to 127; 128 to 254 are no ids. Source: RS305CR manual, short packet, ID."""
+
+COMMAND_ADDRESS: Final = 0xFF
+"""ADDRESS of flash write, reboot and factory reset. Source: RS305CR manual, flag bits 6, 5 and 4."""
+
+MOST_DATA: Final = 254
+"""Bytes of LENGTH * COUNT beyond which a request is not believed. The manual gives no bound; a long
+packet that sets position and time of 31 servos has 155."""
+
+ID_REGISTER: Final = 4
+"""Address of the servo id; a new id holds at once. Source: RS305CR manual, 4.2 No. 4."""
+
+ACK_BYTE: Final = 0x07
+"""Source: RS305CR manual, flag bits 3 to 0, (3) ACK packet."""
+
+NACK_BYTE: Final = 0x08
+"""The RS305CR manual promises a NACK without its value; this one is from a sibling's (RS204MD)."""
+
+NACK: Final = 0x100
+"""Status of a NACK: behind the eight bits of a return packet's flags, so that none collides."""
+
+FLASH_BIT, REBOOT_BIT, RESET_BIT = 0x40, 0x20, 0x10
+COMMAND_BITS: Final = FLASH_BIT | REBOOT_BIT | RESET_BIT
+REPLY_BITS: Final = 0x0F
+"""Flag bits of a short packet. Source: RS305CR manual, table 4.1."""
+
+FLAGS: Final = BitStruct(
+    "unused" / Flag,
+    "flash_write" / Flag,
+    "reboot" / Flag,
+    "factory_reset" / Flag,
+    "reply" / Nibble,
+)
+"""The FLAG byte of a short packet. Source: RS305CR manual, table 4.1."""
+
+STATUS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        1: "packet_not_processable",
+        3: "flash_write_error",
+        5: "temperature_alarm",
+        7: "temperature_limit_error",
+    }
+)
+"""Bits of a return packet's FLAGS, the others are 0. Source: RS305CR manual, table 4.3."""
+
+STATUS_FLAGS: Final = FlagsEnum(Byte, **{name: 1 << bit for bit, name in STATUS.items()})
+REFUSALS: Final = 1 << 1 | 1 << 3 | NACK
+"""Status bits that say that the servo did not do what it was told."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """What a reply nibble asks for; address and length are -1 where the packet itself gives them."""
+
+    name: str
+    address: int = -1
+    length: int = -1
+
+
+REPLIES: Final[Mapping[int, Reply]] = MappingProxyType(
+    {
+        0x1: Reply("ack"),
+        0x3: Reply("return_0_29", 0, 30),
+        0x5: Reply("return_30_59", 30, 30),
+        0x7: Reply("return_20_29", 20, 10),
+        0x9: Reply("return_42_59", 42, 18),
+        0xB: Reply("return_30_41", 30, 12),
+        0xD: Reply("return_60_127", 60, 68),
+        0xF: Reply("return_address_length"),
+    }
+)
+"""Flag bits 3 to 0; 0 asks for nothing, the others are not defined. D reads beyond the map's end at
+No. 59. Source: RS305CR manual, table 4.2."""
+
+ASKS_ACK, ASKS_ADDRESS = 0x1, 0xF
+
+OPS: Final[Mapping[int, str]] = MappingProxyType(
+    dict(
+        enumerate(
+            ("write", "read", "flash_write", "reboot", "factory_reset", "long_write")
+            + ("return", "ack")
+        )
+    )
+)
+"""``return`` is a return packet that nobody asked for; an answer carries its request's name."""
+
+WRITE, READ, FLASH_WRITE, REBOOT, FACTORY_RESET, LONG_WRITE, RETURN_OP, ACK_OP = OPS
+
+ACK_TOKEN: Final = 1 << 16
+"""What the bare byte has in common with its request; returns share address << 8 | length."""
+
+NO_TOKEN: Final = 1 << 17
+"""What a request shares with no reply: its nibble is not defined, or zero."""
+
+
+def _packet(header: bytes, *rest: Any) -> Any:
+    """Return the frame that short, long and return packets share."""
+    return Struct(
+        "header" / Const(header),
+        "body"
+        / RawCopy(
+            Struct(
+                "servo_id" / Byte * "1..127 a servo, 0 a long packet, 255 all of them",
+                Check((this.servo_id <= HIGHEST_ID) | (this.servo_id == EVERYONE)),
+                "flags" / Byte,
+                "address" / Byte * "in the memory map",
+                "length" / Byte * "bytes of one block",
+                "count" / Byte * "blocks",
+                *rest,
+            )
+        ),
+        "checksum" / Checksum(Byte, XOR8, this.body.data),
+    )
+
+
+PACKET: Final = _packet(
+    b"\xfa\xaf",
+    Check(this.length * this.count <= MOST_DATA),
+    "data" / Bytes(this.length * this.count),
+)
+"""Short and long packets."""
+
+RESET_GUARDS: Final = (
+    (this.flags & RESET_BIT) != 0,
+    this.address == COMMAND_ADDRESS,
+    this.length * this.count == 0,
+)
+RESET_WITH_DATA: Final = _packet(
+    b"\xfa\xaf", *(Check(guard) for guard in RESET_GUARDS), "data" / Const(b"\xff")
+)
+"""Factory reset with the data byte FF that the text asks for although LENGTH * COUNT is 0; the
+example has none (then it is a ``PACKET``). Source: RS305CR manual, flag bit 4."""
+
+RETURN: Final = _packet(b"\xfd\xdf", Check(this.count == 1), "data" / Bytes(this.length))
+"""Return packet; LENGTH counts the data bytes. Source: RS305CR manual, return packet."""
+
+ACK: Final = Struct("answer" / OneOf(Byte, (ACK_BYTE, NACK_BYTE)) * "07 ACK, 08 NACK")
+"""The answer to reply nibble 1."""
+
+
+def long_data(length: int) -> Any:
+    """Return the grammar of a long packet's data; ``length``, at least 2, is a servo's bytes.
+
+    Source: RS305CR manual, long packet, Length = VID (1) + data.
+    """
+    return Struct(
+        "servos"
+        / GreedyRange(Struct("servo_id" / Byte * "VID", "data" / Bytes(length - 1))),
+        Terminated,
+    )
+
+
+def op_of(servo_id: int, flags: int, data: bytes) -> int:
+    """Tell what a short or long packet commands, flag bits first."""
+    bits = FLAGS.parse(bytes([flags]))
+    if bits.flash_write:
+        return FLASH_WRITE
+    if bits.reboot:
+        return REBOOT
+    if bits.factory_reset:
+        return FACTORY_RESET
+    if bits.reply and not data:
+        return READ
+    return LONG_WRITE if servo_id == LONG else WRITE
+
+
+def flag_names(flags: int) -> list[str]:
+    """Name what a request's FLAG byte asks for."""
+    names = {4: "factory_reset", 5: "reboot", 6: "flash_write"}
+    out = bit_names(names, flags & ~REPLY_BITS)
+    nibble = flags & REPLY_BITS
+    if nibble:
+        out.append(REPLIES[nibble].name if nibble in REPLIES else f"undefined_{nibble:x}")
+    return out
+
+
+def status_names(status: int) -> list[str]:
+    """Name the bits of a return packet's FLAGS, or a NACK."""
+    return ["nack"] if status == NACK else bit_names(STATUS, status)

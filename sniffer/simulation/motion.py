@@ -1,0 +1,123 @@
+"""Servo physics: a joint that follows its goal, and the supply that all joints share.
+
+Positions are fractions of the travel (0..1), loads fractions of the stall load (-1..1). Only the
+trajectories use transcendental functions, and round what they return: the rest is plain arithmetic,
+so one seed gives the same bytes on every machine.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Sequence
+from typing import Final
+
+STEP_S: Final = 0.002
+AMBIENT_DEGC: Final = 26.0
+
+Trajectory = Callable[[float], float]
+"""The goal, 0..1, at a time in seconds."""
+
+
+def sines(rng: random.Random) -> Trajectory:
+    """Return a sum of three slow sines around a middle of its own."""
+    middle = rng.uniform(0.42, 0.58)
+    waves = [(rng.uniform(0.05, 0.13), rng.uniform(0.15, 1.1), rng.uniform(0, 6)) for _ in range(3)]
+
+    def at(t: float) -> float:
+        x = middle + sum(a * math.sin(2 * math.pi * f * t + p) for a, f, p in waves)
+        return round(min(max(x, 0.02), 0.98), 9)
+
+    return at
+
+
+def moves(rng: random.Random) -> Trajectory:
+    """Return minimum-jerk moves between points with rests at them, over and over.
+
+    The law 10 s^3 - 15 s^4 + 6 s^5. Source: Flash and Hogan, The Coordination of Arm Movements, 1985.
+    """
+    points = [rng.uniform(0.1, 0.9) for _ in range(rng.randint(4, 7))]
+    legs = [(rng.uniform(0.4, 1.2), rng.uniform(0.1, 0.6)) for _ in points]
+    period = sum(move + rest for move, rest in legs)
+
+    def at(t: float) -> float:
+        left = t % period
+        for k, (move, rest) in enumerate(legs):
+            a, b = points[k], points[(k + 1) % len(points)]
+            if left < move + rest:
+                s = min(left / move, 1.0)
+                return round(a + (b - a) * s * s * s * (10 - 15 * s + 6 * s * s), 9)
+            left -= move + rest
+        return points[0]
+
+    return at
+
+
+def trajectory(rng: random.Random) -> Trajectory:
+    """Draw one of the two."""
+    return sines(rng) if rng.random() < 0.5 else moves(rng)
+
+
+class Joint:
+    """One servo's mechanics: second-order following, friction, gravity, heat."""
+
+    def __init__(self, rng: random.Random, position: float) -> None:
+        self.goal = self.position = position
+        self.speed = 0.0  # per second
+        self.load = 0.0
+        self.current_ma = self._idle_ma = rng.uniform(35, 55)
+        self.temperature = AMBIENT_DEGC + rng.uniform(2, 9)
+        self.enabled = False
+        self.sag = 0.0
+        """How much of its supply voltage is lost on the way to it, 0..1."""
+        self._omega = rng.uniform(28, 45)
+        self._damping = rng.uniform(0.75, 1.0)
+        self._inertia = rng.uniform(0.015, 0.03)
+        self._friction = rng.uniform(0.06, 0.14)
+        self._gravity = rng.uniform(-0.15, 0.15)
+        self._stall_ma = rng.uniform(900, 1400)
+        self._heating = rng.uniform(4, 8)
+
+    def step(self, dt: float) -> None:
+        """Move on by ``dt`` seconds."""
+        if self.enabled:
+            pull = self._omega * self._omega * (self.goal - self.position)
+            acceleration = pull - 2 * self._damping * self._omega * self.speed
+            acceleration = min(max(acceleration, -30.0), 30.0)
+        else:
+            acceleration = -20.0 * self.speed
+        self.speed = min(max(self.speed + acceleration * dt, -1.6), 1.6)
+        self.position += self.speed * dt
+        if not 0.0 <= self.position <= 1.0:
+            self.position, self.speed = min(max(self.position, 0.0), 1.0), 0.0
+        torque = 0.0
+        if self.enabled:
+            rubbing = self._friction * self.speed / (abs(self.speed) + 0.03)
+            torque = self._inertia * acceleration + rubbing + self._gravity * (self.position - 0.3)
+        self.load += (min(max(torque, -1.0), 1.0) - self.load) * dt / 0.02
+        self.current_ma = self._idle_ma + abs(self.load) * self._stall_ma
+        warmth = self._heating * self.load * self.load
+        self.temperature += (warmth - (self.temperature - AMBIENT_DEGC) / 240) * dt
+
+
+class Rig:
+    """All joints on one supply: the voltage sags under the current of all of them."""
+
+    def __init__(self, joints: Sequence[Joint], supply_v: float, ohm: float = 0.25) -> None:
+        self.joints = joints
+        self.voltage = self._supply_v = supply_v
+        self.now_s = 0.0
+        self._ohm = ohm
+
+    def advance(self, now_s: float) -> None:
+        """Let time pass until ``now_s``, in whole steps."""
+        while self.now_s + STEP_S <= now_s:
+            for joint in self.joints:
+                joint.step(STEP_S)
+            total_a = sum(joint.current_ma for joint in self.joints) / 1000
+            self.voltage = self._supply_v - self._ohm * total_a
+            self.now_s += STEP_S
+
+    def voltage_at(self, joint: Joint) -> float:
+        """Return the voltage that reaches one joint."""
+        return self.voltage * (1 - joint.sag)

@@ -1,0 +1,56 @@
+"""Outputs by file suffix. Each is imported only when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+from sniffer.model import OutputError
+from sniffer.sinks.base import Sink
+
+Session = Mapping[str, str]
+"""Facts of a recording: tool, source, protocol, baud ..."""
+
+
+def _jsonl(path: Path, session: Session) -> Sink:
+    from sniffer.sinks.jsonl import JsonlSink
+
+    return JsonlSink(path)
+
+
+def _table(path: Path, session: Session) -> Sink:
+    from sniffer.sinks.tables import TableSink
+
+    return TableSink(path)
+
+
+def _mcap(path: Path, session: Session) -> Sink:
+    from sniffer.sinks.mcap import McapSink
+
+    return McapSink(path, session)
+
+
+def _rerun(path: Path, session: Session) -> Sink:
+    from sniffer.sinks.rerun import RerunSink
+
+    return RerunSink(path)
+
+
+SINKS: Final[Mapping[str, Callable[[Path, Session], Sink]]] = MappingProxyType(
+    {".jsonl": _jsonl, ".csv": _table, ".parquet": _table, ".mcap": _mcap, ".rrd": _rerun}
+)
+"""Makers of outputs by suffix."""
+
+
+def open_sink(path: Path, session: Session) -> Sink:
+    """Open the output that the path's suffix names.
+
+    Raises:
+        OutputError: the suffix is not known, or the file cannot be written.
+    """
+    make = SINKS.get(path.suffix.lower())
+    if make is None:
+        raise OutputError(f"{path}: the suffix must be one of {', '.join(SINKS)}")
+    return make(path, session)

@@ -1,0 +1,25 @@
+"""What a sink is: it takes raw chunks and decoded batches, and is closed once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from sniffer.model import Batch, Chunk
+from sniffer.protocols.base import BusProtocol
+
+
+class Sink(Protocol):
+    """An output. Raises OutputError where it cannot write."""
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take chunks as they came, before they are decoded."""
+        ...
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Take what one pass decided."""
+        ...
+
+    def close(self) -> None:
+        """Finish the output; called once, also after an interruption."""
+        ...

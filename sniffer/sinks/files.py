@@ -1,0 +1,39 @@
+"""Opening output files: what the system refuses becomes one clear OutputError."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO, TextIO
+
+from sniffer.model import OutputError
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn the system's refusals while ``path`` is written into OutputError."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise OutputError(f"{path}: there is no folder {path.parent}: make it first") from None
+    except IsADirectoryError:
+        raise OutputError(f"{path} is a directory: give a file name") from None
+    except PermissionError:
+        raise OutputError(f"{path}: no permission to write it") from None
+    except OSError as error:
+        if isinstance(error, BrokenPipeError):
+            raise
+        raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+
+def open_text(path: Path) -> TextIO:
+    """Open a text file for writing, UTF-8."""
+    with writing(path):
+        return path.open("w", encoding="utf-8", newline="\n", buffering=1 << 18)
+
+
+def open_binary(path: Path) -> BinaryIO:
+    """Open a binary file for writing."""
+    with writing(path):
+        return path.open("wb", buffering=1 << 20)

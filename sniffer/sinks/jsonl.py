@@ -1,0 +1,44 @@
+"""JSON lines: one object a record, in wire order, a summary last. The keys are a contract."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TextIO
+
+from sniffer.model import Batch, Chunk
+from sniffer.protocols.base import BusProtocol
+from sniffer.rows import as_dict, rows
+from sniffer.sinks.files import open_text
+from sniffer.summary import Summary
+
+_encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
+
+
+class JsonlSink:
+    """Writes to a path, or to a stream that stays open."""
+
+    def __init__(self, target: Path | TextIO) -> None:
+        self._own = isinstance(target, Path)
+        self._file = open_text(target) if isinstance(target, Path) else target
+        self._summary = Summary()
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing: the records hold every byte."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Write the batch's records."""
+        self._summary.add(bus, protocol, batch)
+        lines = [_encode(as_dict(row)) for row in rows(batch, protocol, bus)]
+        if lines:
+            self._file.write("\n".join(lines) + "\n")
+
+    def close(self) -> None:
+        """Write the summary."""
+        try:
+            self._file.write(_encode(self._summary.as_dict()) + "\n")
+            self._file.flush()
+        finally:
+            if self._own:
+                self._file.close()

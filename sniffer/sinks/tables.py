@@ -1,0 +1,199 @@
+"""Tables for pandas, polars, DuckDB: samples in ``x.parquet``, frames in ``x.frames.parquet``.
+
+The same for ``.csv``. Columns are built from the batch's arrays; names come from dictionaries, so
+that no Python object stands for a row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from sniffer.model import KINDS, PARTS, PROVENANCES, ROLES, Batch, Chunk
+from sniffer.protocols.base import BusProtocol
+from sniffer.sinks.files import open_binary, writing
+
+_NAME = pa.dictionary(pa.int32(), pa.string())
+
+SAMPLES = pa.schema(
+    [
+        pa.field("t_ns", pa.int64(), metadata={"about": "end of the frame, ns"}),
+        pa.field("bus", _NAME),
+        pa.field("servo_id", pa.int16()),
+        pa.field("register", _NAME),
+        pa.field("quantity", _NAME),
+        pa.field("role", _NAME),
+        pa.field("raw", pa.int64(), metadata={"about": "as on the wire"}),
+        pa.field("value", pa.float64(), metadata={"about": "in `unit`; null: none stated"}),
+        pa.field("unit", _NAME),
+        pa.field("scale", _NAME, metadata={"about": "observed, profile or assumed"}),
+        pa.field("part", _NAME),
+        pa.field("offset", pa.int64(), metadata={"about": "first byte of the frame"}),
+    ]
+)
+"""Columns of the samples table."""
+
+FRAMES = pa.schema(
+    [
+        pa.field("t_ns", pa.int64()),
+        pa.field("t_start_ns", pa.int64()),
+        pa.field("uncertainty_ns", pa.int64()),
+        pa.field("bus", _NAME),
+        pa.field("offset", pa.int64()),
+        pa.field("length", pa.int32()),
+        pa.field("kind", _NAME),
+        pa.field("servo_id", pa.int16()),
+        pa.field("op", _NAME),
+        pa.field("address", pa.int16()),
+        pa.field("data_length", pa.int32()),
+        pa.field("status", pa.int16()),
+        pa.field("flags", pa.uint8()),
+    ]
+)
+"""Columns of the frames table."""
+
+
+def _names(index: Any, names: Sequence[str]) -> Any:
+    indices = pa.array(np.ascontiguousarray(index, np.int32))
+    return pa.DictionaryArray.from_arrays(indices, pa.array(list(names), pa.string()))
+
+
+def _same(name: str, n: int) -> Any:
+    return _names(np.zeros(n, np.int32), [name])
+
+
+def _absent(column: Any, missing: Any) -> Any:
+    return pa.array(column, mask=missing)
+
+
+def samples_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
+    """Return a batch's samples as an arrow table with the columns of ``SAMPLES``."""
+    v = batch.samples
+    registers = protocol.registers
+    quantities = list(dict.fromkeys(r.quantity for r in registers))
+    units = list(dict.fromkeys(r.unit for r in registers))
+    quantity = np.array([quantities.index(r.quantity) for r in registers], np.int32)
+    unit = np.array([units.index(r.unit) for r in registers], np.int32)
+    return pa.Table.from_arrays(
+        [
+            pa.array(v.t_ns),
+            _same(bus, len(v)),
+            _absent(v.servo_id, v.servo_id < 0),
+            _names(v.register, [r.name for r in registers]),
+            _names(quantity[v.register], quantities),
+            _names(v.role, ROLES),
+            pa.array(v.raw),
+            _absent(v.value, np.isnan(v.value)),
+            _names(unit[v.register], units),
+            _names(v.provenance, PROVENANCES),
+            _names(v.part, PARTS),
+            pa.array(batch.frames.start[v.row] + batch.base),
+        ],
+        schema=SAMPLES,
+    )
+
+
+def frames_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
+    """Return a batch's frames as an arrow table with the columns of ``FRAMES``."""
+    f = batch.frames
+    ops, which = np.unique(f.op, return_inverse=True)
+    return pa.Table.from_arrays(
+        [
+            pa.array(f.t_end),
+            pa.array(f.t_start),
+            _absent(f.uncertainty, f.uncertainty < 0),
+            _same(bus, len(f)),
+            pa.array(f.start + batch.base),
+            pa.array(f.length.astype(np.int32)),
+            _names(f.kind, KINDS),
+            _absent(f.servo_id, f.servo_id < 0),
+            _names(which, [protocol.op_name(op) for op in ops.tolist()]),
+            _absent(f.address, f.address < 0),
+            pa.array(f.data_length.astype(np.int32)),
+            _absent(f.status, f.status < 0),
+            pa.array(f.flags),
+        ],
+        schema=FRAMES,
+    )
+
+
+Builder = Callable[[str, BusProtocol, Batch], Any]
+
+
+class _Table:
+    """One growing file; rows are gathered into groups before they are written."""
+
+    ROWS = 1 << 18
+
+    def __init__(self, path: Path, schema: Any, build: Builder) -> None:
+        self._path = path
+        self._build = build
+        self._parts: list[Any] = []
+        self._rows = 0
+        self._schema = schema
+        self._file = open_binary(path)
+        with writing(path):
+            if path.suffix == ".csv":
+                plain = pa.schema([pa.field(f.name, _plain(f.type)) for f in schema])
+                self._schema = plain
+                self._writer = pyarrow.csv.CSVWriter(self._file, plain)
+            else:
+                self._writer = pyarrow.parquet.ParquetWriter(
+                    self._file, schema, compression="zstd", compression_level=1
+                )
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        table = self._build(bus, protocol, batch)
+        self._parts.append(table.cast(self._schema) if table.schema != self._schema else table)
+        self._rows += len(table)
+        if self._rows >= self.ROWS:
+            self._flush()
+
+    def _flush(self) -> None:
+        if self._parts:
+            with writing(self._path):
+                self._writer.write_table(pa.concat_tables(self._parts).unify_dictionaries())
+        self._parts, self._rows = [], 0
+
+    def close(self) -> None:
+        try:
+            self._flush()
+        finally:
+            with writing(self._path):
+                self._writer.close()
+                self._file.close()
+
+
+def _plain(kind: Any) -> Any:
+    return pa.string() if kind == _NAME else kind
+
+
+class TableSink:
+    """Samples and frames side by side, ``.parquet`` or ``.csv`` by the path's suffix."""
+
+    def __init__(self, path: Path) -> None:
+        self._samples = _Table(path, SAMPLES, samples_table)
+        beside = path.with_suffix(f".frames{path.suffix}")
+        self._frames = _Table(beside, FRAMES, frames_table)
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing: tables hold what was decoded."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Add the batch's rows."""
+        if len(batch.frames):
+            self._samples.write(bus, protocol, batch)
+            self._frames.write(bus, protocol, batch)
+
+    def close(self) -> None:
+        """Write what is left and the files' ends."""
+        try:
+            self._samples.close()
+        finally:
+            self._frames.close()

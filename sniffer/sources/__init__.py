@@ -1,0 +1,193 @@
+"""Inputs, whatever their format, as groups of chunks: ``open_source(path)`` and iterate.
+
+One group is about 256 KiB of payload, because the decoder's cost is per pass; files larger than
+memory stream through. What cannot be read at all raises InputError when it is opened; a file that
+is damaged further in yields what came before and then raises DamagedInputError.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+from sniffer.model import Chunk, DamagedInputError, InputError
+from sniffer.sources.binary import read_binary
+from sniffer.sources.candump import read_candump
+from sniffer.sources.hexdump import read_hexdump, read_od, read_xxd
+from sniffer.sources.jsonl import read_jsonl
+from sniffer.sources.opening import Origin, find
+from sniffer.sources.plain import read_decimal, read_hex
+from sniffer.sources.recognise import HEAD, recognise
+from sniffer.sources.refusals import refuse_utf16
+from sniffer.sources.text import FIRST_LINES, Damage, Opened
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+__all__ = ["SOURCES", "Source", "open_source"]
+
+Reader = Callable[[Opened], Iterator[Chunk]]
+
+GROUP: Final = 1 << 18
+"""Payload of a group, in bytes."""
+
+GROUP_CHUNKS: Final = 1 << 15
+"""Chunks of a group at most: lines may hold a byte each."""
+
+
+def _read_mcap(opened: Opened) -> Iterator[Chunk]:
+    from sniffer.sources import mcap  # the mcap library is loaded only where it is needed
+
+    if opened.path is None:
+        why = "an MCAP recording is read from a file: save it and give its name"
+        raise InputError(f"{opened.name}: {why}")
+    return mcap.chunks(opened.path)
+
+
+SOURCES: Final[Mapping[str, Reader]] = MappingProxyType(
+    {
+        "bin": read_binary,
+        "hex": read_hex,
+        "decimal": read_decimal,
+        "xxd": read_xxd,
+        "hexdump": read_hexdump,
+        "od": read_od,
+        "candump": read_candump,
+        "jsonl": read_jsonl,
+        "mcap": _read_mcap,
+    }
+)
+"""Readers by the name of their format, as ``--input-format`` knows it."""
+
+_LABELS: Final[Mapping[str, str]] = {
+    "bin": "raw bytes, no times",
+    "hex": "plain hex, no times",
+    "decimal": "decimal numbers, no times",
+    "xxd": "an xxd dump, no times",
+    "hexdump": "a hexdump -C dump, no times",
+    "od": "an od -tx1 dump, no times",
+    "candump": "log lines with times in the manner of candump -L",
+    "jsonl": "frames and gaps as this tool writes them to JSON lines",
+    "mcap": "an MCAP recording",
+}
+
+
+class Source:
+    """An input that is recognised: iterate it for groups of chunks, in order.
+
+    ``format`` is its name in :data:`SOURCES`. ``notes`` holds, after iterating, what a person
+    should know although nothing is wrong (dumps joined, a last line cut off).
+    """
+
+    def __init__(self, origin: Origin, input_format: str, bus: str) -> None:
+        self.format = input_format
+        self.name = origin.name
+        self.notes: list[str] = []
+        self._origin = origin
+        self._bus = bus
+
+    def describe(self) -> str:
+        """Return one line that says what the input is."""
+        return f"{self.name}: {_LABELS[self.format]}"
+
+    def __iter__(self) -> Iterator[list[Chunk]]:
+        self.notes.clear()
+        with self._origin.open() as stream:
+            opened = Opened(stream, self.name, self._origin.path, self._bus, self.notes)
+            yield from self._told(_groups(SOURCES[self.format](opened)))
+
+    def _told(self, groups: Iterable[list[Chunk]]) -> Iterator[list[Chunk]]:
+        """Add the input's name to what is wrong with it."""
+        read = False
+        try:
+            for group in groups:
+                read = True
+                yield group
+        except Damage as damage:
+            kind = DamagedInputError if read else InputError
+            raise kind(f"{self.name}, {damage}") from None
+
+    def rehearse(self) -> None:
+        """Read the head only, so that a mistake in the first lines shows before any output."""
+        head = self._origin.head
+        if len(head) >= HEAD:
+            head = head[: head.rfind(b"\n") + 1]
+        opened = Opened(io.BytesIO(head), self.name, self._origin.path, self._bus)
+        with contextlib.suppress(DamagedInputError):  # it comes again, behind what can be read
+            next(self._told(_groups(SOURCES[self.format](opened))), None)
+
+    def close(self) -> None:
+        """Release an input that is not read to its end."""
+        self._origin.close()
+
+    def __enter__(self) -> Source:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _groups(chunks: Iterable[Chunk]) -> Iterator[list[Chunk]]:
+    """Group chunks; those read before damage are yielded first, unless a first line is nonsense."""
+    group: list[Chunk] = []
+    size = 0
+    try:
+        for chunk in chunks:
+            group.append(chunk)
+            size += len(chunk.data)
+            if size >= GROUP or len(group) >= GROUP_CHUNKS:
+                yield group
+                group, size = [], 0
+    except DamagedInputError as error:
+        wrong = isinstance(error, Damage) and error.nonsense and error.line <= FIRST_LINES
+        if group and not wrong:
+            yield group
+        raise
+    if group:
+        yield group
+
+
+def open_source(
+    path: str | Path | bytes,
+    input_format: str = "auto",
+    *,
+    bus: str = "bus0",
+    radix: str = "hex",
+) -> Source:
+    """Open a capture; ``"-"`` is standard input, bytes are a file's content themselves.
+
+    ``bus`` names the bus where the input does not; ``radix`` ("hex" or "decimal") is that of a
+    plain list of numbers. Raises InputError with what to do instead, in one line.
+    """
+    if input_format != "auto" and input_format not in SOURCES:
+        known = ", ".join(("auto", *SOURCES))
+        raise InputError(f"there is no input format {input_format!r}: choose one of {known}")
+    if radix not in ("hex", "decimal"):
+        raise InputError(f"there is no radix {radix!r}: choose hex or decimal")
+    origin = find(path)
+    try:
+        chosen = _chosen(origin, input_format, decimal=radix == "decimal")
+        source = Source(origin, chosen, bus)
+        if chosen not in ("bin", "mcap"):
+            source.rehearse()
+    except BaseException:
+        origin.close()
+        raise
+    return source
+
+
+def _chosen(origin: Origin, input_format: str, *, decimal: bool) -> str:
+    if not origin.head:
+        return "bin"
+    try:
+        if input_format == "auto":
+            suffix = origin.path.suffix.lower() if origin.path else ""
+            return recognise(origin.head, suffix, decimal=decimal)
+        if input_format not in ("bin", "mcap"):
+            refuse_utf16(origin.head)
+    except InputError as error:
+        raise InputError(f"{origin.name}: {error}") from None
+    return "decimal" if decimal and input_format == "hex" else input_format

@@ -1,0 +1,111 @@
+"""Log lines with a time each, as ``candump -L`` writes them: ``(1732142106.123456) bus0 RX#FAAF``.
+
+In front of the ``#`` stands a direction, a CAN id or nothing; an id is no payload. The time is
+read digit by digit into integer nanoseconds: a float has no room for them.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Final
+
+from sniffer.model import NS, Chunk, Clock, Direction
+from sniffer.sources.text import Block, Damage, Opened, blocks, quoted
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+# time, its fraction, bus, label, CAN FD flags, bytes, remote request, direction of candump -x
+_LINE: Final = re.compile(
+    rb"^(?:\(([0-9]{1,10})(?:\.([0-9]*))?\)[ \t]+)?([^\s#()]+)[ \t]+"
+    rb"([TtRr][Xx]|[0-9A-Fa-f]{1,8}|)#(#[0-9A-Fa-f])?((?:[0-9A-Fa-f]{2})*)(R[0-9A-Fa-f]?)?"
+    rb"(?:[ \t]+([RT]))?[ \t]*$",
+    re.MULTILINE,
+)
+# what a line looks like that broke off while it was written, before its "#"
+_HALF: Final = re.compile(rb"\([0-9]*\.?[0-9]*(\)[ \t]*([^\s#()]+([ \t]+[0-9A-Za-z]*)?)?)?$")
+_DIRECTIONS: Final = {
+    b"TX": Direction.TX,
+    b"T": Direction.TX,
+    b"RX": Direction.RX,
+    b"R": Direction.RX,
+}
+_ERROR_FRAME: Final = 0x2000_0000  # CAN_ERR_FLAG of linux/can.h: its bytes were on no wire
+_LAST_SECOND: Final = (1 << 63) // NS  # times are 64-bit columns further on
+
+_Row = tuple[bytes, bytes, bytes, bytes, bytes, bytes, bytes, bytes]
+
+
+def is_line(line: bytes) -> bool:
+    """Tell whether ``line`` is one of these."""
+    return _LINE.match(line) is not None
+
+
+class _Log:
+    def __init__(self) -> None:
+        self._buses: dict[bytes, str] = {}
+        self.errors = 0
+        self.cut_off = False
+
+    def chunks(self, block: Block) -> Iterator[Chunk]:
+        rows: list[_Row] = _LINE.findall(block.text)
+        # one match a line, or the lines need a closer look
+        if len(rows) == block.text.count(b"\n") + 1:
+            for number, row in enumerate(rows, block.number):
+                if chunk := self._chunk(row, number):
+                    yield chunk
+            return
+        for number, line in enumerate(block.lines(), block.number):
+            yield from self._line(line.strip(), number, block.cut_off)
+
+    def _line(self, line: bytes, number: int, cut_off: bool) -> Iterator[Chunk]:
+        if not line or line.startswith(b"#"):
+            return
+        rows: list[_Row] = _LINE.findall(line)
+        if not rows and cut_off:
+            rows = _LINE.findall(line[:-1])  # it may have broken off in mid-byte
+            self.cut_off = bool(rows) or _HALF.match(line) is not None
+            if not rows and self.cut_off:
+                return
+        if not rows:
+            why = f"{quoted(line)} is no line like '(1732142106.123456) bus0 RX#FAAF01'"
+            raise Damage(number, why)
+        if chunk := self._chunk(rows[0], number):
+            yield chunk
+
+    def _chunk(self, row: _Row, number: int) -> Chunk | None:
+        seconds, fraction, bus, label, _, digits, _, flag = row
+        if not digits:
+            return None
+        name = self._buses.get(bus)
+        if name is None:
+            name = self._buses[bus] = bus.decode("utf-8", "replace")
+        direction = _DIRECTIONS.get(label.upper() or flag, Direction.UNKNOWN)
+        if direction is Direction.UNKNOWN and label:
+            if len(label) == 8 and int(label, 16) & _ERROR_FRAME:
+                self.errors += 1
+                return None
+            direction = _DIRECTIONS.get(flag, Direction.UNKNOWN)
+        data = bytes.fromhex(digits.decode("ascii"))
+        if not seconds:
+            return Chunk(data, bus=name, direction=direction)
+        t_ns = int(seconds) * NS + int(fraction[:9].ljust(9, b"0"))
+        if int(seconds) >= _LAST_SECOND:
+            raise Damage(number, f"{quoted(seconds)} seconds are beyond the year 2262")
+        return Chunk(data, t_ns, Clock.FILE, name, direction)
+
+    def notes(self) -> Iterator[str]:
+        if self.errors:
+            yield f"{self.errors} CAN error frames are left out: their bytes were on no wire"
+        if self.cut_off:
+            yield "the last line is cut off: read as far as it goes"
+
+
+def read_candump(opened: Opened) -> Iterator[Chunk]:
+    """Yield one chunk a line; its time is that of the line, on the file's clock."""
+    log = _Log()
+    try:
+        for block in blocks(opened.stream):
+            yield from log.chunks(block)
+    finally:
+        opened.notes.extend(log.notes())

@@ -1,0 +1,114 @@
+"""This tool's own JSON lines read back: frames and gaps, joined in order, are the bus again.
+
+Records of other types say nothing that decoding the bytes would not say again, so they are
+skipped.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any, Final
+
+from sniffer.model import Chunk, Clock
+from sniffer.sources.text import Damage, Opened, blocks, quoted
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+CARRIERS: Final = frozenset({"frame", "gap"})
+"""Record types that carry bytes."""
+
+TYPES: Final = CARRIERS | {"transaction", "sample", "anomaly", "summary"}
+"""Record types that this tool writes."""
+
+_CLOCKS: Final = {clock.name.lower(): clock for clock in Clock}
+_T_END: Final = 1 << 63
+
+
+class _Stream:
+    """How far the byte stream of each bus has come."""
+
+    def __init__(self, bus: str) -> None:
+        self._bus = bus
+        self._due: dict[str, int] = {}
+        self.missing = 0
+        self.cut_off = False
+
+    def chunk(self, record: Mapping[str, Any], number: int) -> Chunk | None:
+        text, offset, bus = record.get("hex"), record.get("offset"), record.get("bus", self._bus)
+        try:
+            data = bytes.fromhex(text) if isinstance(text, str) else None
+        except ValueError:
+            data = None
+        if data is None:
+            raise Damage(number, f'a {record["type"]} needs "hex": an even number of hex digits')
+        if type(offset) is not int or offset < 0:
+            raise Damage(number, f'a {record["type"]} needs "offset": a whole number')
+        if not isinstance(bus, str):
+            raise Damage(number, '"bus" is a name')
+        due = self._due.get(bus, offset)
+        if 0 < offset < due:
+            why = f"offset {offset} goes back, {due} is due: the records are not in wire order"
+            raise Damage(number, why, nonsense=False)
+        self.missing += max(0, offset - due)
+        self._due[bus] = offset + len(data)
+        t_ns, clock = self._time(record, number)
+        return Chunk(data, t_ns, clock, bus) if data else None
+
+    def _time(self, record: Mapping[str, Any], number: int) -> tuple[int | None, Clock]:
+        t_ns, name = record.get("t_ns"), record.get("clock")
+        # times without a word about their clock are timestamps in a text file
+        clock = (Clock.FILE if name is None else _CLOCKS.get(name)) if _plain(name) else None
+        if clock is None:
+            raise Damage(number, f'"clock" is one of {", ".join(_CLOCKS)}')
+        if clock is Clock.NONE or t_ns is None:
+            return None, Clock.NONE
+        if type(t_ns) is not int or not -_T_END <= t_ns < _T_END:
+            raise Damage(number, '"t_ns" is a whole number of nanoseconds')
+        return t_ns, clock
+
+    def notes(self) -> Iterator[str]:
+        # offsets of several buses may count the input, not the bus: then holes are normal
+        if self.missing and len(self._due) == 1:
+            yield f"{self.missing} bytes are missing between the records: were gaps filtered out?"
+        if self.cut_off:
+            yield "the last line is cut off and left out"
+
+
+def _plain(name: object) -> bool:
+    return name is None or isinstance(name, str)
+
+
+def record_in(line: bytes) -> Mapping[str, Any] | None:
+    """Return the record that ``line`` holds, None where it holds none of this tool's."""
+    try:
+        record = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    if isinstance(record, dict) and isinstance(record.get("type"), str):
+        return record
+    return None
+
+
+def _chunks(opened: Opened, stream: _Stream) -> Iterator[Chunk]:
+    for block in blocks(opened.stream):
+        for number, line in enumerate(block.lines(), block.number):
+            if not line.strip():
+                continue
+            record = record_in(line)
+            if record is None:
+                if block.cut_off:
+                    stream.cut_off = True
+                    return
+                raise Damage(number, f'{quoted(line)} is no JSON object with a "type"')
+            if record["type"] in CARRIERS and (chunk := stream.chunk(record, number)):
+                yield chunk
+
+
+def read_jsonl(opened: Opened) -> Iterator[Chunk]:
+    """Yield one chunk a frame or gap, in the order of the lines, with its time, clock and bus."""
+    stream = _Stream(opened.bus)
+    try:
+        yield from _chunks(opened, stream)
+    finally:
+        opened.notes.extend(stream.notes())

@@ -1,0 +1,142 @@
+"""Files, standard input and bytes, opened so that their head can be looked at first.
+
+A regular file is opened again for every pass; anything else (a pipe, standard input) is read once
+and its head kept, so that nothing is read twice and nothing is read whole.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import stat
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO, Final, Protocol
+
+from sniffer.model import DamagedInputError, InputError
+from sniffer.sources.recognise import HEAD
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sniffer.sources.text import Stream
+
+STDIN: Final = "-"
+
+
+class Origin(Protocol):
+    """Where bytes come from: ``head`` is what recognition may see."""
+
+    name: str
+    path: Path | None
+    head: bytes
+
+    def open(self) -> contextlib.AbstractContextManager[Stream]:
+        """Return the whole input, from its first byte on."""
+
+    def close(self) -> None:
+        """Release the input."""
+
+
+class _Guarded:
+    """A stream after its head: an error of the system becomes one of ours."""
+
+    def __init__(self, head: bytes, rest: Stream, name: str) -> None:
+        self._head = head
+        self._rest = rest
+        self._name = name
+        self._read = 0
+
+    def read(self, size: int, /) -> bytes:
+        data, self._head = self._head, b""
+        if not data:
+            try:
+                data = self._rest.read(size)
+            except OSError as error:
+                why = f"{self._name}: reading broke off after {self._read} bytes"
+                raise DamagedInputError(f"{why} ({error.strerror})") from None
+        self._read += len(data)
+        return data
+
+
+class File:
+    """A regular file, or bytes held in memory: it can be read any number of times."""
+
+    def __init__(self, path: Path | None, data: bytes = b"") -> None:
+        self.path = path
+        self.name = str(path) if path else "the given bytes"
+        self._data = data
+        with self._binary() as file:
+            self.head = file.read(HEAD)
+
+    def _binary(self) -> BinaryIO:
+        return self.path.open("rb", buffering=0) if self.path else io.BytesIO(self._data)
+
+    @contextlib.contextmanager
+    def open(self) -> Iterator[Stream]:
+        """Return the file from its first byte on."""
+        with self._binary() as file:
+            yield _Guarded(b"", file, self.name)
+
+    def close(self) -> None:
+        """Do nothing: the file is open only while it is read."""
+
+
+class Pipe:
+    """What can be read once: standard input, a named pipe."""
+
+    def __init__(self, stream: BinaryIO, name: str, *, owned: bool) -> None:
+        self.path: Path | None = None
+        self.name = name
+        self._stream = stream
+        self._owned = owned
+        self._used = False
+        self.head = b""
+        while len(self.head) < HEAD and (read := stream.read(HEAD - len(self.head))):
+            self.head += read
+
+    @contextlib.contextmanager
+    def open(self) -> Iterator[Stream]:
+        """Return the stream with its head in front, once."""
+        if self._used:
+            raise InputError(f"{self.name} can be read only once")
+        self._used = True
+        try:
+            yield _Guarded(self.head, self._stream, self.name)
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Close a pipe that was opened here; standard input stays open."""
+        if self._owned:
+            self._stream.close()
+
+
+def find(path: str | Path | bytes) -> Origin:
+    """Return where the bytes of ``path`` come from; InputError says why they cannot be had.
+
+    ``"-"`` is standard input; bytes are a file's content themselves.
+    """
+    if isinstance(path, bytes):
+        return File(None, path)
+    if str(path) == STDIN:
+        if sys.stdin is None or sys.stdin.closed:
+            raise InputError("standard input is closed: give a file name")
+        return Pipe(sys.stdin.buffer, "standard input", owned=False)
+    path = Path(path)
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise InputError(f"{path} is a directory: give the file in it")
+        if stat.S_ISCHR(mode) and path.resolve().name.startswith(("tty", "cu.")):
+            raise InputError(f"{path} is a port: record it with `sniffer record {path}`")
+        if stat.S_ISREG(mode):
+            return File(path)
+        return Pipe(path.open("rb", buffering=0), str(path), owned=True)
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file") from None
+    except PermissionError:
+        raise InputError(f"{path}: no permission to read it") from None
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"{path}: cannot be read ({why})") from None

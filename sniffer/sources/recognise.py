@@ -1,0 +1,238 @@
+"""Which format an input has, told by its first 64 KiB; the suffix decides only where those cannot.
+
+Strong shapes first (offsets that count, times, this tool's own records), then the logs that are
+refused by name, then plain hex, which nearly anything short could be. What is no text is bytes.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from sniffer.model import InputError
+from sniffer.sources import candump, jsonl
+from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, Parts, bytes_in, counted, tidy
+from sniffer.sources.plain import Mistake, bare, decimal_line, hex_line, share_of_hex
+from sniffer.sources.refusals import (
+    refuse_binary,
+    refuse_log,
+    refuse_utf16,
+    refuse_words,
+    refused,
+)
+from sniffer.sources.text import FIRST_LINES, UTF8_BOM, quoted
+
+HEAD: Final = 1 << 16
+"""Bytes that recognition may look at."""
+
+RAW_SUFFIXES: Final = frozenset({".bin", ".dat", ".raw"})
+MCAP_MAGIC: Final = b"\x89MCAP"
+
+_CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\v\f\r")) + b"\x7f"
+_CARRIAGE: Final = re.compile(rb"\r(?!\n)")
+# Lynxmotion LSS: "#5QD" asks, "*5QD1443" answers; only "*QID5" names no servo
+_LSS: Final = re.compile(rb"#\d{1,3}[A-Za-z]+[-\w.*]*|\*\d{0,3}[A-Za-z]+[-\w.]*")
+_COLOUR: Final = re.compile(rb"\x1b\[[0-9;]*m")
+_LIST: Final = re.compile(rb"[{\[(]")
+_LISTED: Final = re.compile(rb"[0-9]+")
+_BETWEEN: Final = b" ,;{}[]()\"'xX\\"
+_OD_OF_NOTHING: Final = b"0000000"
+_MOSTLY: Final = 0.6  # share of hex tokens that makes the rest of a line a mistake in hex
+_FEW_DIGITS: Final = 8  # so short a text of hex digits may as well be raw bytes
+_FORMATS: Final = "give raw bytes, or a dump made by `xxd` or `hexdump -C`"
+
+
+def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
+    """Return the name of the format that ``head`` begins.
+
+    ``suffix`` is the file's, with its dot; ``decimal`` reads plain lists as decimal numbers.
+    Raises InputError, without the input's name, where it is nothing that is read.
+    """
+    if not head:
+        return "bin"
+    if head.startswith(MCAP_MAGIC):
+        return "mcap"
+    refuse_binary(head)
+    refuse_utf16(head)
+    text = head.removeprefix(UTF8_BOM)
+    if _is_lss(text):
+        return "bin"
+    lines = _lines(text)
+    if not lines:
+        return _raw_or_refused(text, suffix, "there are only blank lines: nothing to decode")
+    found = _strong(lines)
+    if found:
+        return found
+    if not _is_printable(b"\n".join(lines[:FIRST_LINES])):
+        _refuse_colours(lines)
+        return "bin"
+    refuse_log(lines[:FIRST_LINES])
+    refuse_words(lines)
+    if decimal:
+        return "decimal"
+    if _is_plain_hex(lines, suffix in RAW_SUFFIXES):
+        return "hex"
+    return _raw_or_refused(text, suffix, _why_not(lines))
+
+
+def _lines(text: bytes) -> list[bytes]:
+    lines = text.split(b"\n")
+    if len(lines) > 1 and len(text) >= HEAD - len(UTF8_BOM):
+        lines.pop()  # the head may end anywhere
+    return [tidy(line) for line in lines if line.strip()]
+
+
+def _is_printable(text: bytes) -> bool:
+    return len(text.translate(None, _CONTROL)) == len(text)
+
+
+def _is_text(text: bytes) -> bool:
+    try:
+        text.decode()
+    except UnicodeDecodeError as error:
+        # the head may end in mid-character
+        return error.start >= len(text) - 3 and len(text) >= HEAD - len(UTF8_BOM)
+    return _is_printable(text)
+
+
+def _raw_or_refused(text: bytes, suffix: str, why: str) -> str:
+    if suffix in RAW_SUFFIXES or not _is_text(text):
+        return "bin"
+    raise InputError(why)
+
+
+def _is_lss(text: bytes) -> bool:
+    """Tell raw LSS traffic, which is text, from dumps, comments and ``*`` lines."""
+    lines = [line.strip() for line in re.split(rb"[\r\n]+", text[:4096]) if line.strip()]
+    spoken = [line for line in lines if _LSS.fullmatch(line)]
+    if not spoken:
+        return False
+    # hex with comments like "#5QD" exists too: it has no answers, and no bare carriage returns
+    sure = _CARRIAGE.search(text[:4096]) or any(line[:1] == b"*" for line in spoken)
+    return len(spoken) == len(lines) or bool(sure and 2 * len(spoken) >= len(lines))
+
+
+def _strong(lines: list[bytes]) -> str:
+    """Return the format whose shape the first line has beyond doubt."""
+    first = next((line for line in lines if not line.startswith(b"#")), b"")
+    if first.startswith(b"{"):
+        record = jsonl.record_in(first)
+        if record is not None and record["type"] in jsonl.TYPES:
+            return "jsonl"
+    if candump.is_line(first) and (first[:1] == b"(" or not _is_hex(first.split()[0])):
+        return "candump"
+    first = lines[0]
+    parts = XXD.split(first)
+    if bytes_in(XXD, parts) or (parts and parts.gutter):
+        _refuse_xxd_variants(lines)
+        return "xxd" if bytes_in(XXD, parts) else ""
+    if _is_dump(OD, lines):
+        return "od"
+    return "hexdump" if _is_dump(HEXDUMP, lines) else ""
+
+
+def _is_hex(text: bytes, marks: bytes = b"") -> bool:
+    return not text.translate(None, b"0123456789abcdefABCDEF" + marks)
+
+
+def _is_dump(dialect: Dialect, lines: list[bytes]) -> bool:
+    first = lines[0]
+    parts = dialect.split(first)
+    data = bytes_in(dialect, parts)
+    if parts is None or not data:
+        return dialect is OD and first == _OD_OF_NOTHING
+    if dialect is OD:
+        if b">" in first:
+            return first.endswith(b"<")
+        # an odd number of digits is no plain hex; an even one must count the bytes
+        return len(parts.offset) == 7 or (_spaces(first, parts) != 2 and _counts(OD, lines))
+    if b"|" in first:
+        return True
+    return _spaces(first, parts) == 2 and (not parts.offset.strip(b"0") or _counts(HEXDUMP, lines))
+
+
+def _spaces(line: bytes, parts: Parts) -> int:
+    rest = line.lstrip(b" ")[len(parts.offset) :]
+    return len(rest) - len(rest.lstrip(b" "))
+
+
+def _counts(dialect: Dialect, lines: list[bytes]) -> bool:
+    return counted(dialect, lines)[1] > 0
+
+
+def _refuse_xxd_variants(lines: list[bytes]) -> None:
+    """Raise InputError for ``xxd -b`` and, where the gutter gives it away, for ``xxd -e``."""
+    for line in lines:
+        parts = XXD.split(line)
+        if parts is None:
+            return
+        groups = parts.pairs.split()
+        bits = all(len(group) == 8 and not group.strip(b"01") for group in groups)
+        if groups and bits and len(parts.gutter) == len(groups):
+            raise refused("a dump in bits (xxd -b)", "dump it again with plain `xxd`")
+        data = bytes_in(XXD, parts) or b""
+        swapped = b"".join(bytes.fromhex(group.decode())[::-1] for group in groups if data)
+        moved = parts.gutter and not groups  # a short last group of xxd -e stands to the right
+        if moved or _shown(swapped) == parts.gutter != _shown(data):
+            raise refused(
+                "a dump in little-endian words (xxd -e)", "dump it again with plain `xxd`"
+            )
+
+
+def _shown(data: bytes) -> bytes:
+    return bytes(byte if 32 <= byte < 127 else 0x2E for byte in data).rstrip()
+
+
+def _refuse_colours(lines: list[bytes]) -> None:
+    if _COLOUR.search(lines[0]) and _strong([_COLOUR.sub(b"", line) for line in lines]):
+        raise refused("a dump with terminal colours", "dump it without them: `xxd -R never`")
+
+
+def _is_plain_hex(lines: list[bytes], raw: bool) -> bool:
+    """Tell whether the text is meant to be hex; mistakes in it are the reader's to report.
+
+    ``raw``: the suffix says raw bytes, so hex must be more than a few digits without mistake.
+    """
+    stated = 0
+    seen = 0
+    for line in lines:
+        try:
+            data = hex_line(line)
+        except Mistake:
+            if raw:
+                return False
+            if any(len(number) == 3 for number in _LISTED.findall(line)):
+                _refuse_decimal(lines[:FIRST_LINES])
+            return seen > 0 or _is_hex(bare(line), _BETWEEN) or share_of_hex(line) > _MOSTLY
+        stated += len(data)
+        seen += bool(data)
+        if seen == FIRST_LINES:
+            break
+    # in the languages that write lists so, numbers without 0x are decimal
+    if stated and any(_LIST.search(bare(line)) for line in lines[:FIRST_LINES]):
+        _refuse_decimal(lines[:FIRST_LINES])
+    return 2 * stated > (_FEW_DIGITS if raw else 0)
+
+
+def _refuse_decimal(lines: list[bytes]) -> None:
+    """Raise InputError where every number is a decimal one."""
+    try:
+        stated = b"".join(map(decimal_line, lines))
+    except Mistake:
+        return
+    if stated:
+        raise InputError("this looks like decimal numbers: say --input-format decimal (or hex)")
+
+
+def _why_not(lines: list[bytes]) -> str:
+    for number, _ in enumerate(lines[1:FIRST_LINES], 2):
+        found = _strong(lines[number - 1 :])
+        if found:
+            return (
+                f"line 1, {quoted(lines[0])}, is no part of a dump, but {found} seems to begin"
+                f" further down: remove the lines before it"
+            )
+    return (
+        f"this is text, but no dump that is read ({quoted(lines[0])}): {_FORMATS}; "
+        f"if the text itself is the traffic, say --input-format bin"
+    )
