@@ -87,7 +87,9 @@ def pair(frames: Frames, block: Block, until: int, reach: int) -> tuple[Frames, 
     token = frames.token[answer]
     fits &= (token == frames.token[asked]) | (token == -1)
     op, address = frames.op.copy(), frames.address.copy()
-    op[answer], address[answer] = op[asked], address[asked]
+    op[answer] = op[asked]
+    # A response that states an address of its own keeps it.
+    address[answer] = np.where(address[answer] >= 0, address[answer], address[asked])
 
     following = np.append(frames.start[1:], until)
     if len(block.barriers):

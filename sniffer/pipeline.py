@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from sniffer.decoder import Decoder
 from sniffer.detect import ENOUGH, Detection, detect
-from sniffer.model import Batch, Chunk
+from sniffer.model import Batch, Chunk, OutputError
 from sniffer.protocols import protocol_named
 from sniffer.sinks.base import Sink
 from sniffer.summary import Summary
@@ -46,6 +47,7 @@ class Pipeline:
         self.summary = Summary()
         self._options = options
         self._sinks = list(sinks)
+        self._failure: OutputError | None = None
         self._on_detection = on_detection
         self._decoders: dict[str, Decoder] = {}
         self._waiting: dict[str, list[Chunk]] = {}
@@ -56,8 +58,7 @@ class Pipeline:
         for chunk in group:
             by_bus.setdefault(chunk.bus, []).append(chunk)
         for bus, chunks in by_bus.items():
-            for sink in self._sinks:
-                sink.raw(bus, chunks)
+            self._each(lambda sink, bus=bus, chunks=chunks: sink.raw(bus, chunks))
             if bus in self._decoders:
                 self._decode(bus, chunks)
                 continue
@@ -75,20 +76,23 @@ class Pipeline:
 
     def finish(self) -> None:
         """Close every sink, also if one of them fails; the first failure is raised."""
-        failure: Exception | None = None
-        for sink in self._sinks:
-            try:
-                sink.close()
-            except Exception as error:  # noqa: BLE001 - the other outputs must be finished first
-                failure = failure or error
+        self._each(lambda sink: sink.close())
         self._sinks = []
-        if failure is not None:
-            raise failure
+        if self._failure is not None:
+            raise self._failure
 
-    def drop(self, sink: Sink) -> bool:
-        """Go on without a sink (a closed pipe); tell whether any are left."""
-        self._sinks = [s for s in self._sinks if s is not sink]
-        return bool(self._sinks)
+    def _each(self, act: Callable[[Sink], None]) -> None:
+        """Do something with every sink; one that fails is given up, the others go on."""
+        for sink in list(self._sinks):
+            try:
+                act(sink)
+            except OutputError as error:
+                self._sinks.remove(sink)
+                self._failure = self._failure or error
+                with contextlib.suppress(OutputError):
+                    sink.close()
+                if not self._sinks:
+                    raise
 
     def _named(self, bus: str) -> str:
         return self._options.protocols.get(bus, self._options.protocol)
@@ -116,5 +120,4 @@ class Pipeline:
         if not batch.data:
             return
         self.summary.add(bus, decoder.protocol, batch)
-        for sink in self._sinks:
-            sink.write(bus, decoder.protocol, batch)
+        self._each(lambda sink: sink.write(bus, decoder.protocol, batch))

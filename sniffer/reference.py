@@ -172,7 +172,8 @@ class Reference:
             fits = f.servo_id == pending.servo_id or pending.alt_id == ANY_ID
             fits = fits or (pending.alt_id != NO_ALT and pending.alt_id == f.servo_id)
             fits = fits and f.token in (-1, pending.token)
-            f.op, f.address = pending.op, pending.address
+            f.op = pending.op
+            f.address = f.address if f.address >= 0 else pending.address
             took = max(self._t_start(f) - self.times[pending.end - 1], 0) if clocked else -1
             pairs.append(_Pair(pending, f, OK if fits else MISMATCHED, took))
             answered = True

@@ -210,7 +210,7 @@ def frame_row(batch: Batch, protocol: BusProtocol, bus: str, i: int, values: ran
         kind=KINDS[int(f.kind[i])],
         servo_id=servo if servo >= 0 else None,
         op=protocol.op_name(int(f.op[i])),
-        checksum=getattr(protocol, "checksum", "ok"),
+        checksum=protocol.checksum,
         fields=_frame_fields(batch, protocol, i, values),
         flags=tuple(name for bit, name in FLAGS.items() if flags & bit) if flags else (),
         t_start_ns=int(f.t_start[i]),

@@ -9,8 +9,10 @@ from typing import Final
 from sniffer.model import SnifferError
 from sniffer.protocols.base import BusProtocol
 from sniffer.protocols.mightyzap import MightyZap
+from sniffer.protocols.rs30x import Rs30x
 
-PROTOCOLS: Final[Mapping[str, BusProtocol]] = MappingProxyType({p.name: p for p in (MightyZap(),)})
+_ALL: Final[tuple[BusProtocol, ...]] = (MightyZap(), Rs30x())
+PROTOCOLS: Final[Mapping[str, BusProtocol]] = MappingProxyType({p.name: p for p in _ALL})
 
 
 def protocol_named(name: str) -> BusProtocol:

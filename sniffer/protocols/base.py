@@ -13,6 +13,7 @@ from typing import Any, Protocol as TypingProtocol
 
 import numpy as np
 
+from sniffer.checksums import Checksum
 from sniffer.framing import Block
 from sniffer.model import I16, I64, U8, Frames, Gap, Mask, Spans
 from sniffer.registers import Register, RegisterMap
@@ -102,6 +103,7 @@ class BusProtocol(TypingProtocol):
     everyone: tuple[int, ...]  # ids that address all servos
     models: tuple[RegisterMap, ...]  # the default first
     registers: tuple[Register, ...]  # of all models, numbered through
+    checksum: str  # what a frame's checksum says: ok, or none where the protocol has none
 
     def op_name(self, op: int) -> str:
         """Return the manual's own command name in snake_case (LSS: the word)."""
@@ -141,6 +143,10 @@ class BusProtocol(TypingProtocol):
 
     def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:
         """Return the frame's fields byte by byte, from the grammar, in order."""
+        ...
+
+    def checksum_of(self, raw: bytes) -> tuple[Checksum, bytes, int] | None:
+        """Return a frame's checksum, the bytes it covers, and what was sent; None: it has none."""
         ...
 
     # The slow way, one frame at a time; it defines what is right.

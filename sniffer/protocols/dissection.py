@@ -41,7 +41,8 @@ def leaves(grammar: Any, data: bytes) -> list[Leaf]:
 def _walk(con: Any, stream: io.BytesIO, context: Any, path: str, docs: str, out: list[Leaf]) -> Any:
     match con:
         case c.Renamed():
-            inner = f"{path}.{con.name}" if path and con.name else con.name or path
+            named = con.name if not isinstance(con.subcon, c.Renamed) else ""  # docs rename again
+            inner = f"{path}.{named}" if path and named else named or path
             return _walk(con.subcon, stream, context, inner, con.docs or docs, out)
         case c.Struct():
             own = c.Container(_=context, _root=context._root, _params=context._params, _io=stream)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TextIO
 from sniffer.model import Batch, Chunk
 from sniffer.protocols.base import BusProtocol
 from sniffer.rows import as_dict, rows
-from sniffer.sinks.files import open_text
+from sniffer.sinks.files import open_text, writing
 from sniffer.summary import Summary
 
 _encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
@@ -20,7 +21,7 @@ class JsonlSink:
     """Writes to a path, or to a stream that stays open."""
 
     def __init__(self, target: Path | TextIO) -> None:
-        self._own = isinstance(target, Path)
+        self._path = target if isinstance(target, Path) else None
         self._file = open_text(target) if isinstance(target, Path) else target
         self._summary = Summary()
 
@@ -32,13 +33,17 @@ class JsonlSink:
         self._summary.add(bus, protocol, batch)
         lines = [_encode(as_dict(row)) for row in rows(batch, protocol, bus)]
         if lines:
-            self._file.write("\n".join(lines) + "\n")
+            with self._guard():
+                self._file.write("\n".join(lines) + "\n")
 
     def close(self) -> None:
         """Write the summary."""
-        try:
-            self._file.write(_encode(self._summary.as_dict()) + "\n")
+        with self._guard():
+            if self._summary.buses:
+                self._file.write(_encode(self._summary.as_dict()) + "\n")
             self._file.flush()
-        finally:
-            if self._own:
+            if self._path is not None:
                 self._file.close()
+
+    def _guard(self) -> contextlib.AbstractContextManager[None]:
+        return writing(self._path) if self._path is not None else contextlib.nullcontext()

@@ -18,8 +18,6 @@ def _ms(ns: int | None) -> str:
 
 def print_summary(summary: Summary, console: Console) -> None:
     """Print the totals of every bus."""
-    if not summary.buses:
-        console.print("nothing to decode: the input has no bytes")
     for name, bus in summary.buses.items():
         _print_bus(name, bus, console)
 
@@ -33,11 +31,12 @@ def _print_bus(name: str, b: BusTotals, console: Console) -> None:
     console.print(
         f"  {b.bytes} bytes = {b.bytes_in_frames} in {frames} frames ({share:.2f} %) "
         f"+ {b.bytes_in_gaps} in {gaps} gaps"
-        + (f", over {length:.3f} s" if length else ", no clock in the input: times are nominal")
+        + (f", over {length:.3f} s" if length else ", no clock in the input: times are nominal"),
+        soft_wrap=True,
     )
     outcomes = ", ".join(f"{n} {k.replace('_', ' ')}" for k, n in b.outcomes.items() if n)
     if outcomes:
-        console.print(f"  exchanges: {outcomes}")
+        console.print(f"  exchanges: {outcomes}", soft_wrap=True)
     if b.by_command:
         console.print(_commands(b))
     if b.codes:

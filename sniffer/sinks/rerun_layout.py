@@ -5,11 +5,12 @@ Written for rerun-sdk 0.41. Called by ``sniffer.sinks.rerun`` only; imports reru
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
     import rerun.blueprint as rrb
 
 Rgb = tuple[int, int, int]

@@ -11,12 +11,14 @@ from rich.style import Style
 
 from sniffer.model import (
     NOT_EXPECTED,
+    NS,
     OK,
     OUTCOMES,
     RESPONSE,
     WHOLE,
     Batch,
     Chunk,
+    Clock,
     Severity,
 )
 from sniffer.protocols.base import BusProtocol
@@ -46,7 +48,9 @@ def short_value(register: Register, raw: int, value: float) -> str:
     if value != value:  # NaN: nothing in units
         return f"raw {raw}"
     if register.unit:
-        return f"{value:.4g} {register.unit}" if abs(value) < 1000 else f"{value:.0f} {register.unit}"
+        return (
+            f"{value:.4g} {register.unit}" if abs(value) < 1000 else f"{value:.0f} {register.unit}"
+        )
     return f"{value:g}"
 
 
@@ -125,9 +129,7 @@ class TextSink:
             style or ("response" if response else "request"), self._line(cells, bus=bus, raw=raw)
         )
 
-    def _gap(
-        self, bus: str, batch: Batch, t_ns: int, reason: str, raw: bytes, detail: Any
-    ) -> str:
+    def _gap(self, bus: str, batch: Batch, t_ns: int, reason: str, raw: bytes, detail: Any) -> str:
         if detail.get("blank"):
             word, style = "", "request"
         else:
@@ -136,7 +138,7 @@ class TextSink:
         told = ""
         if "checksum_expected" in detail:
             want, got = detail["checksum_expected"], detail["checksum_got"]
-            told = f"sum {got:02X}, should be {want:02X}: "
+            told = f"sum {got:02X}, not {want:02X}: "
         cells = (self._time(batch, t_ns), "", "!", reason, told + raw.hex(" ").upper(), "", word)
         return self._paint(style, self._line(cells, bus=bus, raw=raw))
 
@@ -164,36 +166,38 @@ class TextSink:
         return ", ".join(_plainly(k, x) for k, x in fields.items() if x not in ("", None))
 
     def _time(self, batch: Batch, t_ns: int) -> str:
-        if batch.clock == 0:
-            return f"{t_ns / 1e9:12.6f}"
-        moment = datetime.datetime.fromtimestamp(t_ns // 10**9, datetime.UTC)
-        return f"{moment:%H:%M:%S}.{t_ns // 1000 % 10**6:06d}"
+        digits = 6 if self._width >= WIDE else 3
+        if batch.clock == Clock.NONE:
+            return f"{t_ns / NS:.6f}".rjust(9 + digits)
+        moment = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC)
+        return f"{moment:%H:%M:%S}.{t_ns % NS // 10 ** (9 - digits):0{digits}d}"
 
     def _line(self, cells: Sequence[str], *, bus: str, raw: bytes | None = None) -> str:
         time, servo, kind, op, values, took, verdict = cells
-        wide = self._width >= WIDE
-        op_width, verdict_width = (20, 14) if wide else (15, 12)
-        left = [fit(time, 15)]
-        if wide:
-            left.append(fit(bus, 6))
-        left += [servo.rjust(3), kind, fit(op, op_width)]
-        right = [took.rjust(8), fit(verdict, verdict_width)]
-        used = sum(len(x) + 1 for x in [*left, *right])
-        room = max(self._width - used - 1, 12)
-        if not wide:
-            return " ".join([*left, fit(values, room), *right]).rstrip()
-        shown = raw.hex(" ").upper() if raw is not None else "bytes"
+        if self._width < WIDE:
+            # one column says both: how long the reply took, or what is wrong with it
+            told = f"{took} ms" if verdict == "ok" and took else verdict
+            left = [fit(time, 12), servo.rjust(3), kind, fit(op, 15)]
+            room = max(self._width - sum(len(x) + 1 for x in left) - 14, 12)
+            return " ".join([*left, fit(values, room), fit(told, 13)]).rstrip()
+        left = [fit(time, 15), fit(bus, 6), servo.rjust(3), kind, fit(op, 20)]
+        right = [took.rjust(8), fit(verdict, 14)]
+        room = self._width - sum(len(x) + 1 for x in [*left, *right]) - 1
         bytes_width = max(24, (room - 40) // 2)
+        shown = raw.hex(" ").upper() if raw is not None else "bytes"
         middle = [fit(values, room - bytes_width - 1), fit(shown, bytes_width)]
         return " ".join([*left, *middle, *right]).rstrip()
 
     def _paint(self, style: str, text: str) -> str:
         if not self._color:
             return text
-        return _STYLES[style].render(text, color_system=None if not self._color else _system(self._console))
+        return _STYLES[style].render(
+            text, color_system=None if not self._color else _system(self._console)
+        )
 
 
 HEAD: Final = ("time", "id", " ", "command", "values", "reply ms", "verdict")
+"""Titles of the columns."""
 
 
 def _system(console: Console) -> Any:
@@ -211,9 +215,7 @@ def _plainly(key: str, value: Any) -> str:
 def _edges(batch: Batch) -> list[int]:
     import numpy as np
 
-    edges: list[int] = np.searchsorted(
-        batch.values.row, np.arange(len(batch.frames) + 1)
-    ).tolist()
+    edges: list[int] = np.searchsorted(batch.values.row, np.arange(len(batch.frames) + 1)).tolist()
     return edges
 
 

@@ -31,7 +31,7 @@ _DIRECTIONS: Final = {
     b"R": Direction.RX,
 }
 _ERROR_FRAME: Final = 0x2000_0000  # CAN_ERR_FLAG of linux/can.h: its bytes were on no wire
-_LAST_SECOND: Final = (1 << 63) // NS  # times are 64-bit columns further on
+_T_END: Final = 1 << 63  # times are 64-bit columns further on
 
 _Row = tuple[bytes, bytes, bytes, bytes, bytes, bytes, bytes, bytes]
 
@@ -90,7 +90,7 @@ class _Log:
         if not seconds:
             return Chunk(data, bus=name, direction=direction)
         t_ns = int(seconds) * NS + int(fraction[:9].ljust(9, b"0"))
-        if int(seconds) >= _LAST_SECOND:
+        if t_ns >= _T_END:
             raise Damage(number, f"{quoted(seconds)} seconds are beyond the year 2262")
         return Chunk(data, t_ns, Clock.FILE, name, direction)
 

@@ -123,7 +123,7 @@ def counted(dialect: Dialect, lines: list[bytes]) -> tuple[int, int]:
         data = bytes_in(dialect, parts)
         if parts and data is not None:
             marks.append((parts.offset, len(data), starred))
-        starred = line == b"*"
+        starred = line.strip() == b"*"
     offsets = [offset for offset, _, _ in marks if offset]
     order = dialect.radices
     if dialect is OD and offsets and len(offsets[0]) == 6:
@@ -221,7 +221,7 @@ class _Reading:
     def _one(self, line: bytes, number: int, cut_off: bool) -> Iterator[bytes]:
         if not line:
             return
-        if line == b"*":
+        if line.strip() == b"*":
             if self._expected < 0:
                 raise Damage(number, "a * cannot be counted here: dump again with -v")
             self.starred = True

@@ -64,13 +64,16 @@ class File:
 
     def __init__(self, path: Path | None, data: bytes = b"") -> None:
         self.path = path
-        self.name = str(path) if path else "the given bytes"
+        self.name = _shown(path) if path else "the given bytes"
         self._data = data
         with self._binary() as file:
             self.head = file.read(HEAD)
 
     def _binary(self) -> BinaryIO:
-        return self.path.open("rb", buffering=0) if self.path else io.BytesIO(self._data)
+        if self.path is None:
+            return io.BytesIO(self._data)
+        with _explained(self.path):
+            return self.path.open("rb", buffering=0)
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Stream]:
@@ -124,19 +127,32 @@ def find(path: str | Path | bytes) -> Origin:
             raise InputError("standard input is closed: give a file name")
         return Pipe(sys.stdin.buffer, "standard input", owned=False)
     path = Path(path)
-    try:
+    with _explained(path):
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
-            raise InputError(f"{path} is a directory: give the file in it")
+            raise InputError(f"{_shown(path)} is a directory: give the file in it")
         if stat.S_ISCHR(mode) and path.resolve().name.startswith(("tty", "cu.")):
-            raise InputError(f"{path} is a port: record it with `sniffer record {path}`")
+            raise InputError(f"{_shown(path)} is a port: record it with `sniffer record {path}`")
         if stat.S_ISREG(mode):
             return File(path)
-        return Pipe(path.open("rb", buffering=0), str(path), owned=True)
+        return Pipe(path.open("rb", buffering=0), _shown(path), owned=True)
+
+
+def _shown(path: Path) -> str:
+    """Return the path so that it fits in a message of one line."""
+    text = str(path)
+    return text if text.isprintable() else ascii(text)
+
+
+@contextlib.contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """Turn what the system says about ``path`` into an InputError."""
+    try:
+        yield
     except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file") from None
+        raise InputError(f"{_shown(path)}: there is no such file") from None
     except PermissionError:
-        raise InputError(f"{path}: no permission to read it") from None
+        raise InputError(f"{_shown(path)}: no permission to read it") from None
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{path}: cannot be read ({why})") from None
+        raise InputError(f"{_shown(path)}: cannot be read ({why})") from None

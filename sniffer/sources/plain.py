@@ -35,12 +35,16 @@ _ASIDE: Final = re.compile(
 
 
 class Mistake(ValueError):
-    """What is wrong with a line, and the column (from 0) where it is."""
+    """What is wrong with a line, and the column (from 0) where it is.
 
-    def __init__(self, column: int, why: str) -> None:
+    Up to the column ``good`` the line is right.
+    """
+
+    def __init__(self, column: int, why: str, good: int | None = None) -> None:
         super().__init__(f"column {column + 1}: {why}")
         self.column = column
         self.why = why
+        self.good = column if good is None else good
 
 
 def part_line(held: bytes) -> int:
@@ -99,7 +103,7 @@ def _hex_mistake(text: bytes) -> Mistake:
             return Mistake(token.start(), f"{quoted(word)} has an odd number of hex digits")
         strange = _STRANGE.search(word)
         column = token.start() + (strange.start() if strange else 0)
-        return Mistake(column, f"{quoted(word)} is not hex")
+        return Mistake(column, f"{quoted(word)} is not hex", token.start())
     return Mistake(0, f"{quoted(text)} is not hex")
 
 
@@ -139,6 +143,7 @@ def _lines(block: Block, single: Callable[[bytes], bytes]) -> Iterator[bytes]:
         try:
             yield single(line)
         except Mistake as mistake:
+            yield single(line[: mistake.good])
             column += mistake.column + 1
             raise Damage(number, mistake.why, column=column) from None
         column = 0

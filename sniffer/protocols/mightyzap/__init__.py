@@ -6,10 +6,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from sniffer.checksums import Checksum
 from sniffer.model import I16, I64, MALFORMED, REQUEST, Frames, Gap, Mask
 from sniffer.protocols.base import FieldSpan, FrameView, joined
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.mightyzap import block, slow
+from sniffer.protocols.mightyzap.block import PLAN
 from sniffer.protocols.mightyzap.grammar import (
     BROADCAST,
     COMMANDS,
@@ -41,6 +43,7 @@ class MightyZap:
     everyone = (0, BROADCAST)
     models = block.MODELS
     registers = joined(block.MODELS)
+    checksum = "ok"
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
@@ -114,6 +117,10 @@ class MightyZap:
             else:
                 out.append(FieldSpan(leaf.offset, leaf.length, name, str(leaf.value), leaf.docs))
         return out
+
+    def checksum_of(self, raw: bytes) -> tuple[Checksum, bytes, int]:
+        """Return the checksum, the bytes from the id on, and the last byte."""
+        return PLAN.checksum, raw[PLAN.sum_from : -1], raw[-1]
 
     def _factors(self, offset: int, data: bytes, row: FrameView) -> list[FieldSpan]:
         command = COMMANDS.get(row.op) if row.kind == REQUEST else None

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -31,7 +30,6 @@ from sniffer.model import (
     Spans,
 )
 from sniffer.plan import plan_of
-from sniffer.protocols.base import State, Values
 from sniffer.protocols.rs30x.grammar import (
     ACK_BYTE,
     ACK_OP,
@@ -64,7 +62,6 @@ from sniffer.protocols.rs30x.grammar import (
     RESET_WITH_DATA,
     RETURN,
     RETURN_OP,
-    STATUS,
     WRITE,
     flag_names,
     op_of,
@@ -72,6 +69,11 @@ from sniffer.protocols.rs30x.grammar import (
 )
 from sniffer.registers import Entry, load_models
 from sniffer.samples import by_shape
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.protocols.base import State, Values
 
 MODELS: Final = load_models("rs305cr")
 PLAN: Final = plan_of(PACKET)
@@ -94,17 +96,17 @@ _COMMAND: Final = np.select(
     -1,
 )
 _NIBBLE: Final = _BYTE & REPLY_BITS
-_ADDRESS_OF: Final = np.array([REPLIES[k].address if k in REPLIES else -1 for k in _NIBBLE.tolist()])
+_ADDRESS_OF: Final = np.array(
+    [REPLIES[k].address if k in REPLIES else -1 for k in _NIBBLE.tolist()]
+)
 _LENGTH_OF: Final = np.array([REPLIES[k].length if k in REPLIES else -1 for k in _NIBBLE.tolist()])
 _REPLY: Final = np.select(
     [(_NIBBLE == 0) | (_COMMAND >= 0), np.isin(_NIBBLE, list(REPLIES))], [NEVER, MUST], IF_ALL
 )
 _ASKS_ACK: Final = (_NIBBLE == ASKS_ACK) & (_COMMAND < 0)
-_SEVERAL: Final = np.array([(k & (COMMAND_BITS)).bit_count() > 1 for k in range(256)])
+_SEVERAL: Final = np.array([(k & COMMAND_BITS).bit_count() > 1 for k in range(256)])
 _ODD: Final = (_BYTE > 127) | _SEVERAL | ((_COMMAND >= 0) & (_NIBBLE > 0))
 """Flags that the manual excludes: bit 7, two commands in one, a reply to a command."""
-
-_ODD_STATUS: Final = (_BYTE & ~sum(1 << bit for bit in STATUS)) > 0
 
 
 def frame(block: Block) -> tuple[Spans, int]:
@@ -148,14 +150,13 @@ def _with_resets(block: Block, start: I64, end: I64, waiting: I64) -> tuple[I64,
         head &= data[k:][:m] == byte
     at = np.flatnonzero(head)
     if len(at):
-        limit = block.limit(at)
+        limit = np.broadcast_to(block.limit(at), at.shape)
         columns = PLAN.columns(data, at)
         ok = at + _RESET_LENGTH - 1 <= limit
         for guard in (*PLAN.checks, *RESET_GUARDS):
             ok = ok & guard(columns)
-        at, limit = at[ok], limit[ok] if np.ndim(limit) else limit
-        open_to = ~np.isin(at, start)
-        at, limit = at[open_to], limit[open_to] if np.ndim(limit) else limit
+        ok &= ~np.isin(at, start)
+        at, limit = at[ok], limit[ok]
         stop = at + _RESET_LENGTH
         wait = (stop > limit) & block.open(limit)
         whole = stop <= limit
@@ -206,7 +207,7 @@ def describe(block: Block, spans: Spans) -> Frames:
     renumbers = asked & (op == WRITE) & (alt == NO_ALT)
     alt = _new_id(data, head, renumbers, address, data_length, alt)
     flags = _flags(data, head, op, bits, servo_id, wire_address, data_length)
-    flags = np.where(back, np.where((_ODD_STATUS[bits] | ~alone) & ~ack, UNUSUAL, 0), flags)
+    flags = np.where(back, np.where(alone | ack, 0, UNUSUAL), flags)
     zero = np.zeros(n, np.int64)
     return Frames(
         start=start,
@@ -236,24 +237,24 @@ def _new_id(data: U8, head: I64, writes: Mask, address: I64, length: I64, alt: I
     return np.where(covers, data[np.where(covers, head + _DATA + at, 0)].astype(np.int64), alt)
 
 
-def _flags(
-    data: U8, head: I64, op: I64, bits: U8, servo_id: I64, address: I64, length: I64
-) -> I64:
+def _flags(data: U8, head: I64, op: I64, bits: U8, servo_id: I64, address: I64, length: I64) -> I64:
     """Return the flags of requests: what the manual has no form for, and what it excludes."""
     nibble = bits & REPLY_BITS
     command = _COMMAND[bits] >= 0
     write = op == WRITE
     malformed = write & ((length == 0) | (data[head + _COUNT] != 1))
     malformed |= (op == LONG_WRITE) & ((length == 0) | (data[head + _LENGTH] < 2))
-    unknown = ~command & (_REPLY[bits] == IF_ALL)
+    undefined = ~command & (_REPLY[bits] == IF_ALL)
+    unknown = undefined & (op == READ)
     resets = bits & RESET_BIT > 0
     unusual = _ODD[bits] | ((servo_id == LONG) & (bits > 0))
     unusual |= (servo_id == EVERYONE) & (nibble > 0)
-    unusual |= write & (nibble == ASKS_ADDRESS)
+    unusual |= (undefined & ~unknown) | (write & (nibble == ASKS_ADDRESS))
     data_of_reset = resets & (length == 1) & (data[head + _DATA] == 0xFF)
     unusual |= command & ((address != COMMAND_ADDRESS) | ((length > 0) & ~data_of_reset))
-    out = np.where(malformed, MALFORMED, 0) | np.where(unknown, UNKNOWN, 0)
-    return out | np.where(resets, RESETS, 0) | np.where(unusual, UNUSUAL, 0)
+    out: I64 = np.where(malformed, MALFORMED, 0) | np.where(unknown, UNKNOWN, 0)
+    out |= np.where(resets, RESETS, 0) | np.where(unusual, UNUSUAL, 0)
+    return out
 
 
 def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
@@ -321,16 +322,13 @@ def explain(run: bytes, start: int) -> list[Gap]:
         need, wrong = _needs(run[at:stop])
         fields = _as_read(run[at : min(stop, at + (need or REACH))])
         if need is not None and at + need <= n and stop >= at + need - 1:
-            whole = run[at : at + need]
-            detail: dict[str, object] = {
-                "checksum_expected": XOR8(whole[PLAN.sum_from : -1]),
-                "checksum_got": whole[-1],
-            }
-            add(at + need, "damaged", {**detail, **wrong, **fields})
+            expected, got = XOR8(run[at + PLAN.sum_from : at + need - 1]), run[at + need - 1]
+            sums = {"checksum_expected": expected, "checksum_got": got}
+            add(at + need, "damaged", {**(sums if expected != got else {}), **wrong, **fields})
         elif wrong and need is None:
             add(min(stop, at + REACH), "damaged", {**wrong, **fields})
         else:
-            detail = {"have": stop - at} if need is None else {"have": stop - at, "need": need}
+            detail = {"have": stop - at} | ({} if need is None else {"need": need})
             add(stop, "truncated", {**detail, **fields})
     return _coalesced(out)
 

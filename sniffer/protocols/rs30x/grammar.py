@@ -1,19 +1,18 @@
 """Futaba RS30x (RS305CR): every packet of both directions, declared once.
 
-    FA AF | ID | FLAG | ADDRESS | LENGTH | COUNT | DATA: LENGTH * COUNT bytes | SUM    short and long
-    FD DF | ID | FLAGS | ADDRESS | LENGTH | COUNT = 1 | DATA: LENGTH bytes    | SUM    return packet
+    FA AF | ID | FLAG  | ADDRESS | LENGTH | COUNT | DATA: LENGTH * COUNT bytes | SUM   short, long
+    FD DF | ID | FLAGS | ADDRESS | LENGTH | COUNT = 1 | DATA: LENGTH bytes     | SUM   return packet
     07 (ACK) or 08 (NACK), one bare byte, without header and checksum
 
-Source: Futaba RS305CR manual (2021-09), 4. packet format (short, long and return packet). Multi-byte
+Source: Futaba RS305CR manual (2021-09), 4. packet format: short, long and return packet. Multi-byte
 values are little-endian. What only siblings' manuals or real controllers show is marked so.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from construct import (
     BitStruct,
@@ -23,7 +22,6 @@ from construct import (
     Checksum,
     Const,
     Flag,
-    FlagsEnum,
     GreedyRange,
     Nibble,
     OneOf,
@@ -36,8 +34,11 @@ from construct import (
 from sniffer.checksums import XOR8
 from sniffer.registers import bit_names
 
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
 LONG: Final = 0x00
-"""The id of a long packet, which names its servos inside. Source: RS305CR manual, long packet, ID."""
+"""The id of a long packet, which names its servos inside. Source: RS305CR manual, long packet."""
 
 EVERYONE: Final = 0xFF
 """Moves all servos, answered by none. Source: RS305CR manual, short packet, ID."""
@@ -46,7 +47,7 @@ HIGHEST_ID: Final = 0x7F
 """Servos are 1 to 127; 128 to 254 are no ids. Source: RS305CR manual, short packet, ID."""
 
 COMMAND_ADDRESS: Final = 0xFF
-"""ADDRESS of flash write, reboot and factory reset. Source: RS305CR manual, flag bits 6, 5 and 4."""
+"""ADDRESS of flash write, reboot and factory reset. Source: RS305CR manual, flag bits 6 to 4."""
 
 MOST_DATA: Final = 254
 """Bytes of LENGTH * COUNT beyond which a request is not believed. The manual gives no bound; a long
@@ -83,19 +84,18 @@ STATUS: Final[Mapping[int, str]] = MappingProxyType(
         1: "packet_not_processable",
         3: "flash_write_error",
         5: "temperature_alarm",
-        7: "temperature_limit_error",
+        7: "temperature_limit",
     }
 )
 """Bits of a return packet's FLAGS, the others are 0. Source: RS305CR manual, table 4.3."""
 
-STATUS_FLAGS: Final = FlagsEnum(Byte, **{name: 1 << bit for bit, name in STATUS.items()})
 REFUSALS: Final = 1 << 1 | 1 << 3 | NACK
 """Status bits that say that the servo did not do what it was told."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """What a reply nibble asks for; address and length are -1 where the packet itself gives them."""
+    """What a reply nibble asks for; address and length are -1 where the packet gives them."""
 
     name: str
     address: int = -1
@@ -119,17 +119,20 @@ No. 59. Source: RS305CR manual, table 4.2."""
 
 ASKS_ACK, ASKS_ADDRESS = 0x1, 0xF
 
+WRITE, READ, FLASH_WRITE, REBOOT, FACTORY_RESET, LONG_WRITE, RETURN_OP, ACK_OP = range(8)
 OPS: Final[Mapping[int, str]] = MappingProxyType(
-    dict(
-        enumerate(
-            ("write", "read", "flash_write", "reboot", "factory_reset", "long_write")
-            + ("return", "ack")
-        )
-    )
+    {
+        WRITE: "write",
+        READ: "read",
+        FLASH_WRITE: "flash_write",
+        REBOOT: "reboot",
+        FACTORY_RESET: "factory_reset",
+        LONG_WRITE: "long_write",
+        RETURN_OP: "return",
+        ACK_OP: "ack",
+    }
 )
 """``return`` is a return packet that nobody asked for; an answer carries its request's name."""
-
-WRITE, READ, FLASH_WRITE, REBOOT, FACTORY_RESET, LONG_WRITE, RETURN_OP, ACK_OP = OPS
 
 ACK_TOKEN: Final = 1 << 16
 """What the bare byte has in common with its request; returns share address << 8 | length."""
@@ -189,22 +192,17 @@ def long_data(length: int) -> Any:
     Source: RS305CR manual, long packet, Length = VID (1) + data.
     """
     return Struct(
-        "servos"
-        / GreedyRange(Struct("servo_id" / Byte * "VID", "data" / Bytes(length - 1))),
+        "servos" / GreedyRange(Struct("servo_id" / Byte * "VID", "data" / Bytes(length - 1))),
         Terminated,
     )
 
 
 def op_of(servo_id: int, flags: int, data: bytes) -> int:
     """Tell what a short or long packet commands, flag bits first."""
-    bits = FLAGS.parse(bytes([flags]))
-    if bits.flash_write:
-        return FLASH_WRITE
-    if bits.reboot:
-        return REBOOT
-    if bits.factory_reset:
-        return FACTORY_RESET
-    if bits.reply and not data:
+    for bit, op in ((FLASH_BIT, FLASH_WRITE), (REBOOT_BIT, REBOOT), (RESET_BIT, FACTORY_RESET)):
+        if flags & bit:
+            return op
+    if flags & REPLY_BITS and not data:
         return READ
     return LONG_WRITE if servo_id == LONG else WRITE
 

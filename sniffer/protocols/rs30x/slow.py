@@ -47,7 +47,6 @@ from sniffer.protocols.rs30x.grammar import (
     RESET_WITH_DATA,
     RETURN,
     RETURN_OP,
-    STATUS_FLAGS,
     WRITE,
     long_data,
     op_of,
@@ -105,9 +104,8 @@ def describe(raw: bytes, kind: int, before: SlowFrame | None) -> SlowFrame:
     out = SlowFrame(0, len(raw), RESPONSE, body.servo_id, RETURN_OP, raw)
     out.address, out.data, out.data_start = body.address, body.data, len(raw) - 1 - len(body.data)
     out.status, out.token = body.flags, body.address << 8 | body.length
-    named = STATUS_FLAGS.parse(bytes([body.flags]))
-    if STATUS_FLAGS.build(named) != bytes([body.flags]) or body.servo_id in (LONG, EVERYONE):
-        out.flags = UNUSUAL
+    if body.servo_id in (LONG, EVERYONE):
+        out.flags = UNUSUAL  # no servo has that id
     return out
 
 
@@ -134,7 +132,7 @@ def _request(raw: bytes, body: Any) -> SlowFrame:
     out.alt_id = _alt(out, bits)
     if bits.factory_reset:
         out.flags |= RESETS
-    if op not in COMMANDS and bits.reply and not asked:
+    if op == READ and not asked:
         out.flags |= UNKNOWN
     if op == WRITE and (not body.data or body.count != 1):
         out.flags |= MALFORMED
@@ -163,13 +161,13 @@ def _unusual(op: int, body: Any, bits: Any) -> bool:
         return True  # the flags of a long packet are always 00
     if body.servo_id == EVERYONE and bits.reply:
         return True  # nobody can answer
+    if op in (WRITE, LONG_WRITE) and bits.reply and bits.reply not in REPLIES:
+        return True
     if op not in COMMANDS:
         return bool(op == WRITE and bits.reply == ASKS_ADDRESS)  # asked for with COUNT 0 only
     together = bits.flash_write + bits.reboot + bits.factory_reset > 1 or bits.reply
     data_of_reset = bits.factory_reset and body.data == b"\xff"
-    return bool(
-        together or body.address != COMMAND_ADDRESS or (body.data and not data_of_reset)
-    )
+    return bool(together or body.address != COMMAND_ADDRESS or (body.data and not data_of_reset))
 
 
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:

@@ -1,0 +1,16 @@
+"""``python -m sniffer`` and the command ``sniffer``."""
+
+from __future__ import annotations
+
+import sys
+
+from sniffer.cli import run
+
+
+def main() -> None:
+    """Run the command line and exit with its status."""
+    sys.exit(run(sys.argv[1:]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,89 @@
+"""``sniffer decode``: a capture, a dump or a recording, decoded."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from sniffer.cli.options import decoding, pipeline_options
+from sniffer.cli.session import Standard, open_outputs, run_source, session_facts
+from sniffer.model import Severity
+from sniffer.sinks.base import Sink
+from sniffer.sinks.jsonl import JsonlSink
+from sniffer.sources import open_source
+
+
+@click.command()
+@click.argument("file")
+@decoding
+@click.option(
+    "--format",
+    "output_format",
+    type=click.Choice(["text", "jsonl"]),
+    default="text",
+    show_default=True,
+    help="What is printed.",
+)
+@click.option(
+    "-o",
+    "--output",
+    "outputs",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Also write a file, its suffix says what: .jsonl .csv .parquet .mcap .rrd; may be repeated.",
+)
+@click.option(
+    "--fail-on",
+    type=click.Choice([s.name.lower() for s in Severity]),
+    help="Exit with status 1 if there are anomalies of this level or above.",
+)
+@click.option("--summary", is_flag=True, help="Print the summary only.")
+@click.option("--quiet", is_flag=True, help="Print nothing; the files and the exit status speak.")
+def decode(
+    file: str,
+    protocol: str,
+    input_format: str,
+    baud: int | None,
+    models: dict[int | None, str],
+    latency: float | None,
+    output_format: str,
+    outputs: tuple[Path, ...],
+    fail_on: str | None,
+    summary: bool,
+    quiet: bool,
+) -> int:
+    """Decode FILE (- is standard input): raw bytes, a hex dump, a log, or a recording.
+
+    \b
+    Examples:
+      sniffer decode dump.hex
+      sniffer decode capture.bin --protocol wck --baud 115200 -o capture.mcap
+      candump-like-logger | sniffer decode - --format jsonl
+    """
+    options = pipeline_options(protocol, baud, models, latency)
+    source = open_source(file, input_format)
+    sinks: list[Sink] = open_outputs(outputs, session_facts(file, options), file)
+    if not quiet and not summary:
+        sinks.append(Standard(_printer(output_format), alone=not outputs))
+    name = "standard input" if file == "-" else file
+    pipeline, status = run_source(source, options, sinks, name=name, quiet=quiet)
+    if summary and not quiet:
+        from rich.console import Console
+
+        from sniffer.sinks.report import print_summary
+
+        print_summary(pipeline.summary, Console(highlight=False))
+    worst = pipeline.summary.worst()
+    if not status and fail_on and worst is not None and worst >= Severity[fail_on.upper()]:
+        return 1
+    return status
+
+
+def _printer(output_format: str) -> Sink:
+    if output_format == "jsonl":
+        return JsonlSink(sys.stdout)
+    from sniffer.sinks.text import TextSink
+
+    return TextSink(sys.stdout)

@@ -1,0 +1,29 @@
+"""``sniffer explain``: one frame drawn byte by byte."""
+
+from __future__ import annotations
+
+import click
+from rich.console import Console
+
+from sniffer.explaining import explain_bytes, read_hex
+from sniffer.pipeline import AUTO
+from sniffer.protocols import PROTOCOLS
+
+
+@click.command()
+@click.argument("hex_bytes", metavar="HEX", nargs=-1, required=True)
+@click.option("--after", metavar="HEX", help="The request this answers: replies need it.")
+@click.option("--protocol", type=click.Choice([AUTO, *PROTOCOLS]), default=AUTO, show_default=True)
+@click.option("--model", help="Register table to read by.")
+def explain(hex_bytes: tuple[str, ...], after: str | None, protocol: str, model: str | None) -> int:
+    """Draw the frame HEX byte by byte: offsets, fields, values, units, checksum arithmetic.
+
+    LSS lines may be given as text: sniffer explain '#5D1800'.
+    """
+    data = read_hex(" ".join(hex_bytes))
+    before = read_hex(after) if after else b""
+    held, lines = explain_bytes(data, before, protocol=protocol, model=model)
+    console = Console(highlight=False, soft_wrap=True)
+    for line in lines:
+        console.print(line, markup=False)
+    return 0 if held else 1

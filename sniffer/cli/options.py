@@ -1,0 +1,83 @@
+"""Options that several commands share, and what they mean for the pipeline."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from sniffer.pipeline import AUTO, Options
+from sniffer.protocols import PROTOCOLS
+from sniffer.sources import SOURCES
+
+
+def models(
+    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
+) -> dict[int | None, str]:
+    """Read ``--model ID=MODEL`` (one servo) or ``--model MODEL`` (all of them)."""
+    known = {m.model for p in PROTOCOLS.values() for m in p.models}
+    out: dict[int | None, str] = {}
+    for text in given:
+        who, equals, model = text.rpartition("=")
+        if model not in known:
+            raise click.BadParameter(f"no model {model!r}: one of {', '.join(sorted(known))}")
+        if equals and not (who.isdecimal() and int(who) <= 255):
+            raise click.BadParameter(f"{text!r}: write ID=MODEL with an id of 0..255, or MODEL")
+        out[int(who) if equals else None] = model
+    # what is said of one servo wins over what is said of all
+    return dict(sorted(out.items(), key=lambda e: e[0] is not None))
+
+
+def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say how bytes are to be read."""
+    for option in reversed(
+        (
+            click.option(
+                "--protocol",
+                type=click.Choice([AUTO, *PROTOCOLS]),
+                default=AUTO,
+                show_default=True,
+                help="What is spoken on the bus; auto tells it from the bytes.",
+            ),
+            click.option(
+                "--input-format",
+                type=click.Choice(["auto", *SOURCES]),
+                default="auto",
+                show_default=True,
+                help="Form of the input; auto tells it from its beginning.",
+            ),
+            click.option("--baud", type=click.IntRange(300, 10_000_000), help="Bits per second."),
+            click.option(
+                "--model",
+                "models",
+                multiple=True,
+                callback=models,
+                metavar="[ID=]MODEL",
+                help="Register table of a servo (or of all); may be repeated.",
+            ),
+            click.option(
+                "--latency",
+                type=click.FloatRange(0, 1000),
+                metavar="MS",
+                help="How long the adapter may have held bytes back.",
+            ),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+def pipeline_options(
+    protocol: str,
+    baud: int | None,
+    models: dict[int | None, str],
+    latency: float | None,
+) -> Options:
+    """Return the options as the pipeline takes them."""
+    return Options(
+        protocol=protocol,
+        baud=baud,
+        models=models,
+        latency_ns=None if latency is None else int(latency * 1e6),
+    )

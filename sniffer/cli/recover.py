@@ -1,0 +1,19 @@
+"""``sniffer recover``: a recording that was cut off, made whole again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Default: FILE itself.")
+def recover(file: Path, output: Path | None) -> int:
+    """Repair the recording FILE (.mcap) that a killed recorder left behind."""
+    from sniffer.recovery import recover as repair
+
+    report = repair(file, output or file)
+    click.echo(str(report))
+    return 0

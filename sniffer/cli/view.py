@@ -1,0 +1,53 @@
+"""``sniffer view``: any capture or recording in the Rerun viewer."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import click
+
+from sniffer.cli.options import decoding, pipeline_options
+from sniffer.cli.session import open_outputs, run_source, say, session_facts
+from sniffer.sources import open_source
+
+
+@click.command()
+@click.argument("file")
+@decoding
+@click.option("-o", "--output", type=click.Path(path_type=Path),
+              help="Write the .rrd (layout inside) instead of opening a window.")
+@click.option("--web", is_flag=True, help="Serve it for a browser on this machine.")
+@click.option("--port", type=click.IntRange(1, 65535), help="Port of the web page.")
+def view(
+    file: str,
+    protocol: str,
+    input_format: str,
+    baud: int | None,
+    models: dict[int | None, str],
+    latency: float | None,
+    output: Path | None,
+    web: bool,
+    port: int | None,
+) -> int:
+    """Open FILE (a recording, or any capture) in Rerun: position, load, voltage, alarms."""
+    from sniffer import viewing
+
+    options = pipeline_options(protocol, baud, models, latency)
+    if output is None and not web:
+        viewing.need_display(file)
+    source = open_source(file, input_format)
+    name = "standard input" if file == "-" else file
+    if output is not None:
+        if output.suffix != ".rrd":
+            raise click.BadParameter(f"{output}: the viewer's files end in .rrd")
+        sinks = open_outputs([output], session_facts(file, options), file)
+        _, status = run_source(source, options, sinks, name=name)
+        say(f"wrote {output}: open it with `rerun {output}`")
+        return status
+    with tempfile.TemporaryDirectory(prefix="sniffer-") as folder:
+        path = Path(folder) / f"{Path(file).stem or 'stdin'}.rrd"
+        sinks = open_outputs([path], session_facts(file, options), file)
+        _, status = run_source(source, options, sinks, name=name)
+        viewing.show(path, web=web, port=port, say=say)
+        return status

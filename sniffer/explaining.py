@@ -1,0 +1,154 @@
+"""One frame in words, byte by byte: what ``sniffer explain`` prints."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+
+from sniffer.decoder import Decoder
+from sniffer.detect import detect
+from sniffer.model import OUTCOMES, WHOLE, Batch, Chunk, InputError, SnifferError
+from sniffer.pipeline import AUTO
+from sniffer.protocols import PROTOCOLS, protocol_named
+from sniffer.protocols.base import BusProtocol, view
+
+_LSS = re.compile(r"[#*][0-9A-Za-z*. -]+")
+
+
+def read_hex(text: str) -> bytes:
+    """Return the bytes of a hex text, or of an LSS line given as text.
+
+    Raises:
+        InputError: it is neither.
+    """
+    plain = text.strip()
+    if _LSS.fullmatch(plain):
+        return plain.encode("ascii") + b"\r"
+    squeezed = re.sub(r"0[xX]|[\s,;:]", "", plain)
+    try:
+        return bytes.fromhex(squeezed)
+    except ValueError:
+        pass
+    odd = len(squeezed) % 2 and re.fullmatch(r"[0-9A-Fa-f]+", squeezed)
+    why = "an odd number of hex digits" if odd else "not hex digits"
+    raise InputError(f"{text!r}: {why}; write bytes as FF FF FF 01 02 F1 0B")
+
+
+def explain_bytes(
+    data: bytes, before: bytes = b"", *, protocol: str = AUTO, model: str | None = None
+) -> tuple[bool, list[str]]:
+    """Return whether every byte belongs to a frame that holds, and the drawing.
+
+    Raises:
+        InputError: no bytes, or the protocol cannot be told.
+        SnifferError: unknown protocol or model.
+    """
+    if not data:
+        raise InputError("no bytes to explain")
+    if protocol == AUTO:
+        owner = next((p.name for p in PROTOCOLS.values() for m in p.models if m.model == model), None)
+        protocol = owner or _told(before + data)
+    chosen = protocol_named(protocol)
+    decoder = Decoder(chosen, models={None: model} if model else None)
+    decoder_parts = [decoder.feed(Chunk(before + data)), decoder.close()]
+    out = [f"{chosen.title}, {len(data)} bytes"]
+    held = True
+    for batch in decoder_parts:
+        for at, lines, good in _pieces(batch, chosen):
+            if at >= len(before):
+                held = held and good
+                out += ["", *lines]
+    return held, out
+
+
+def _told(data: bytes) -> str:
+    try:
+        return detect([Chunk(data)]).protocol
+    except SnifferError:
+        return _likely(data)
+
+
+def _likely(data: bytes) -> str:
+    """Take the protocol whose explanation of a damaged frame says most; else give up."""
+    for p in PROTOCOLS.values():
+        gaps = p.explain(data, 0)
+        if any(g.reason == "damaged" and "checksum_expected" in g.detail for g in gaps):
+            return p.name
+    raise InputError("cannot tell the protocol of these bytes: name it with --protocol")
+
+
+def _pieces(batch: Batch, protocol: BusProtocol) -> Iterator[tuple[int, list[str], bool]]:
+    pieces: list[tuple[int, list[str], bool]] = []
+    for i, start in enumerate(batch.frames.start.tolist()):
+        pieces.append((batch.base + start, _frame(batch, protocol, i), True))
+    for g in batch.gaps:
+        raw = batch.data[g.start : g.start + g.length]
+        lines = [f"no frame: {g.reason.replace('_', ' ')}", f"  {raw.hex(' ').upper()}"]
+        for key, value in g.detail.items():
+            shown = f"{value:02X}" if key.startswith("checksum") and isinstance(value, int) else value
+            lines.append(f"  {key.replace('_', ' ')}: {shown}")
+        pieces.append((batch.base + g.start, lines, False))
+    found = {a.evidence[0][0]: a for a in batch.anomalies if a.group not in ("pairing",)}
+    for at, lines, good in sorted(pieces, key=lambda e: e[0]):
+        if at in found and good:
+            lines.append(f"  ! {found[at].detail}")
+        yield at, lines, good
+
+
+def _frame(batch: Batch, protocol: BusProtocol, i: int) -> list[str]:
+    f = batch.frames
+    start, n = int(f.start[i]), int(f.length[i])
+    raw = batch.data[start : start + n]
+    row = view(f, i)
+    kind = "response" if row.kind else "request"
+    who = f", servo {row.servo_id}" if row.servo_id >= 0 else ""
+    lines = [f"{kind}: {protocol.op_name(row.op)}{who}", f"  {raw.hex(' ').upper()}"]
+    spans = protocol.dissect(raw, row)
+    width = max((len(s.name) for s in spans), default=8)
+    covered = 0
+    for s in spans:
+        covered = max(covered, s.offset + s.length)
+        shown = raw[s.offset : s.offset + s.length].hex(" ").upper()
+        if len(shown) > 23:
+            shown = shown[:20] + "..."
+        note = f"   {s.note}" if s.note else ""
+        lines.append(f"  {s.offset:3}  {shown:23}  {s.name:{width}}  {s.value}{note}")
+    lines += _values(batch, protocol, i)
+    lines += _checksum(protocol, raw)
+    t = batch.transactions
+    for k in range(len(t)):
+        if int(t.response[k]) == i:
+            lines.append(f"  exchange: {OUTCOMES[int(t.outcome[k])].replace('_', ' ')}")
+    return lines
+
+
+def _values(batch: Batch, protocol: BusProtocol, i: int) -> list[str]:
+    v = batch.values
+    out = []
+    for k in range(len(v)):
+        if int(v.row[k]) != i:
+            continue
+        r = protocol.registers[int(v.register[k])]
+        raw, value = int(v.raw[k]), float(v.value[k])
+        text = f"raw {raw}"
+        if not math.isnan(value) and r.unit:
+            text += f" = {value:.6g} {r.unit}"
+        names = r.names(raw) if int(v.part[k]) == WHOLE else "part of the register"
+        if names:
+            text += f" ({', '.join(names) if isinstance(names, list) else names})"
+        who = int(v.servo_id[k])
+        owner = f"servo {who} " if who != int(batch.frames.servo_id[i]) and who >= 0 else ""
+        out.append(f"       {owner}{r.name}: {text}")
+    return out
+
+
+def _checksum(protocol: BusProtocol, raw: bytes) -> list[str]:
+    found = protocol.checksum_of(raw)
+    if found is None:
+        return []
+    checksum, body, got = found
+    shown = " ".join(f"{b:02X}" for b in body[:24]) + (" ..." if len(body) > 24 else "")
+    return [
+        f"       checksum: {checksum.formula} of [{shown}] = {checksum(body):02X}, sent {got:02X}"
+    ]

@@ -1,0 +1,168 @@
+"""Futaba RS30x command servos (RS305CR): the protocol as the core sees it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from construct import ConstructError
+
+from sniffer.model import MALFORMED, REQUEST
+from sniffer.protocols.base import FieldSpan, joined
+from sniffer.protocols.dissection import leaves
+from sniffer.protocols.rs30x import block, slow
+from sniffer.protocols.rs30x.block import PLAN
+from sniffer.protocols.rs30x.grammar import (
+    ACK,
+    ACK_BYTE,
+    EVERYONE,
+    LONG_WRITE,
+    NACK,
+    OPS,
+    PACKET,
+    REFUSALS,
+    RESET_WITH_DATA,
+    RETURN,
+    WRITE,
+    flag_names,
+    long_data,
+    status_names,
+)
+
+if TYPE_CHECKING:
+    from sniffer.checksums import Checksum
+    from sniffer.model import I16, I64, Frames, Gap, Mask
+    from sniffer.protocols.base import FrameView
+    from sniffer.protocols.dissection import Leaf
+
+WINDOW_NS: Final = 100_000 + 255 * 50_000
+"""A reply begins 100 us + 50 us * n behind its request; n is the return delay, one byte, and seldom
+seen on the bus: the bound is that of the greatest. Source: RS305CR manual, 4.2 No. 7."""
+
+
+class Rs30x:
+    """See ``sniffer.protocols.base.BusProtocol``."""
+
+    name = "rs30x"
+    title = "Futaba RS30x (RS305CR)"
+    # RS305CR manual, table 4.6
+    bauds: tuple[int, ...] = (
+        9600,
+        14400,
+        19200,
+        28800,
+        38400,
+        57600,
+        76800,
+        115200,
+        153600,
+        230400,
+    )
+    baud = 115200
+    longest = block.REACH
+    reach = block.REACH
+    tail_ns = 100_000_000  # many times the reply window; what takes longer (flash) is not answered
+    everyone: tuple[int, ...] = (EVERYONE,)
+    models = block.MODELS
+    registers = joined(block.MODELS)
+    checksum = "ok"
+
+    frame = staticmethod(block.frame)
+    describe = staticmethod(block.describe)
+    values = staticmethod(block.values)
+    slow_parse = staticmethod(slow.parse)
+    slow_describe = staticmethod(slow.describe)
+    slow_values = staticmethod(slow.values)
+
+    def op_name(self, op: int) -> str:
+        """Return the manual's word for what a packet does."""
+        return OPS[op]
+
+    def refused(self, status: I16) -> Mask:
+        """Tell which answers say that the packet was not processed, or the flash not written."""
+        return np.asarray((status & REFUSALS) != 0)
+
+    def window_ns(self, frames: Frames) -> I64:
+        """Return the reply window, alike for every request."""
+        return np.full(len(frames), WINDOW_NS)
+
+    def status_names(self, status: int) -> tuple[str, ...]:
+        """Name the errors and alarms of a return packet, or a NACK."""
+        return tuple(status_names(status))
+
+    def fields(self, raw: bytes, row: FrameView) -> dict[str, Any]:
+        """Return the head of the packet, flags by number and name; of a bare byte, if it is ACK."""
+        if len(raw) == 1:
+            return {"ack": row.status != NACK}
+        asked = row.kind == REQUEST
+        body = _grammar(raw, row).parse(raw).body.value
+        names = flag_names(body.flags) if asked else status_names(body.flags)
+        out: dict[str, Any] = {
+            "id": body.servo_id,
+            "flags": {"number": body.flags, "names": names},
+            "address": body.address,
+            "length": body.length,
+            "count": body.count,
+        }
+        if asked and row.op not in (WRITE, LONG_WRITE) and body.data:
+            out["data"] = body.data.hex()
+        return out
+
+    def explain(self, run: bytes, start: int) -> list[Gap]:
+        """Look for headers: what follows one is a damaged or a truncated packet, the rest noise."""
+        return block.explain(run, start)
+
+    def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:
+        """Return the packet's fields, the data of a long packet servo by servo."""
+        out: list[FieldSpan] = []
+        for leaf in leaves(_grammar(raw, row), raw):
+            if leaf.path == "body.flags":
+                names = flag_names(leaf.value) if row.kind == REQUEST else status_names(leaf.value)
+                words = f"{leaf.value:02X} {', '.join(names) or 'none'}"
+                out.append(FieldSpan(leaf.offset, leaf.length, "flags", words))
+            elif leaf.path == "body.data" and row.op == LONG_WRITE and row.kind == REQUEST:
+                out += _long(leaf, raw, row)
+            else:
+                out.append(_span(leaf))
+        return out
+
+    def checksum_of(self, raw: bytes) -> tuple[Checksum, bytes, int] | None:
+        """Return the checksum, the bytes from the id on, and the last byte; an ACK has none."""
+        if len(raw) == 1:
+            return None
+        return PLAN.checksum, raw[PLAN.sum_from : -1], raw[-1]
+
+
+def _grammar(raw: bytes, row: FrameView) -> Any:
+    """Return the grammar that a frame which holds was read by."""
+    if len(raw) == 1:
+        return ACK
+    if row.kind != REQUEST:
+        return RETURN
+    try:
+        PACKET.parse(raw)
+    except ConstructError:
+        return RESET_WITH_DATA
+    return PACKET
+
+
+def _span(leaf: Leaf, offset: int = 0) -> FieldSpan:
+    """Return a field as it stands; bytes in hexadecimal."""
+    value = leaf.value
+    words = value.hex(" ").upper() if isinstance(value, bytes) else str(value)
+    if leaf.path == "answer":
+        words = f"{value:02X} {'ack' if value == ACK_BYTE else 'nack'}"
+    return FieldSpan(
+        leaf.offset + offset, leaf.length, leaf.path.removeprefix("body."), words, leaf.docs
+    )
+
+
+def _long(data: Leaf, raw: bytes, row: FrameView) -> list[FieldSpan]:
+    """Split a long packet's data; what its grammar does not fit stays in one piece."""
+    if row.flags & MALFORMED:
+        return [_span(data)]
+    length = PACKET.parse(raw).body.value.length
+    return [_span(leaf, data.offset) for leaf in leaves(long_data(length), data.value)]
+
+
+__all__ = ["WINDOW_NS", "Rs30x"]

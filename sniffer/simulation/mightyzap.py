@@ -1,0 +1,229 @@
+"""A mightyZAP L12 bus: goals to all by Symmetric Store, the present_* block of each by Load Data.
+
+Sources of times: user manual v1.02, Data Map 0x05 (return delay), and the vendor's guide for
+controllers (e-Manual: 5 ms between writes, 10 ms around reads; clients give up after 20 ms).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from sniffer.protocols.mightyzap.block import MODELS
+from sniffer.protocols.mightyzap.grammar import (
+    BROADCAST,
+    COMMANDS,
+    ECHO,
+    EXECUTE,
+    FEEDBACK,
+    LOAD,
+    PACKET,
+    SEND,
+    STORE,
+    SYMMETRIC_STORE,
+)
+from sniffer.simulation.motion import Rig, Joint
+from sniffer.simulation.talk import (
+    MS,
+    US,
+    Ask,
+    Bus,
+    Exchange,
+    Memory,
+    Message,
+    Servo,
+    Talk,
+    Value,
+    pack,
+)
+
+TABLE: Final = MODELS[0]
+PATIENCE_NS: Final = 20 * MS
+TOP: Final = 4095
+"""Position counts of the full stroke. Source: user manual v1.02, (5) 19) Goal Position."""
+
+PRESENT: Final = ("present_position", "present_temperature")
+"""First and last register of the block that the controller polls."""
+
+READS: Final = (COMMANDS[ECHO].name, COMMANDS[LOAD].name)
+
+
+def packet(servo_id: int, code: int, factors: bytes = b"") -> bytes:
+    """Build a packet."""
+    body = {"servo_id": servo_id, "size": len(factors) + 2, "code": code, "factors": factors}
+    return bytes(PACKET.build({"body": {"value": body}}))
+
+
+def command(servo_id: int, code: int, values: tuple[Value, ...] = (), **factors: object) -> Message:
+    """Build a command from its factors by name."""
+    built = bytes(COMMANDS[code].factors.build(factors))
+    return Message(packet(servo_id, code, built), servo_id, COMMANDS[code].name, values)
+
+
+class MightyZapServo(Servo):
+    """Registers of the L12; its answers follow its Feedback Return Mode."""
+
+    def __init__(self, servo_id: int, joint: Joint, rig: Rig) -> None:
+        self.memory = Memory(TABLE)
+        self.memory.raw |= {
+            "model_number": 12,
+            "firmware_version": 14,
+            "servo_id": servo_id,
+            "lowest_limit_voltage": 70,
+            "highest_limit_voltage": 130,
+            "short_stroke_pulse_width": 900,
+            "d_gain": 40,
+            "i_gain": 5,
+            "p_gain": 60,
+        }
+        super().__init__(servo_id, joint, rig)
+
+    def power_on(self) -> None:
+        """Volatile registers go back to their defaults."""
+        super().power_on()
+        self.memory.reset(volatile_only=True)
+        self.memory.put("force_limit", self.memory.raw["max_force"])
+        self.memory.raw["goal_position"] = round(self.joint.position * TOP)
+
+    def measure(self) -> None:
+        """Fill the present_* registers."""
+        joint, memory = self.joint, self.memory
+        memory.raw["present_position"] = round(joint.position * TOP)
+        memory.put("present_speed", 640 * joint.speed)
+        memory.put("present_load", 1023 * joint.load)
+        memory.put("present_voltage", self.voltage)
+        memory.put("present_temperature", joint.temperature)
+        memory.raw["moving"] = int(abs(joint.speed) > 0.02)
+
+    def answer(self, op: str, data: bytes = b"", values: tuple[Value, ...] = ()) -> Message:
+        """Build a feedback with the servo's errors of the moment."""
+        errors = {"input_voltage": self.low, "overload": abs(self.joint.load) > 0.85}
+        feedback = bytes(FEEDBACK.build({"error": errors, "data": data}))
+        built = packet(self.servo_id, feedback[0], feedback[1:])
+        return Message(built, self.servo_id, op, values)
+
+    def acknowledge(self, op: str) -> Message | None:
+        """Answer a command that is no read, in mode 2."""
+        return self.answer(op) if self.memory.raw["feedback_return_mode"] == 2 else None
+
+    def load(self, address: int, length: int) -> Message | None:
+        """Answer a Load Data, in mode 1 and 2."""
+        if not self.memory.raw["feedback_return_mode"]:
+            return None
+        self.measure()
+        values = self.memory.values(self.servo_id, address, length)
+        return self.answer(COMMANDS[LOAD].name, self.memory.read(address, length), values)
+
+    def store(self, name: str, raw: int) -> None:
+        """Take a value; the motor follows."""
+        self.memory.raw[name] = raw
+        if name == "force_on":
+            self.joint.enabled = bool(raw)
+        elif name == "goal_position":
+            self.joint.goal = raw / TOP
+
+
+class MightyZapBus(Bus):
+    """See the module."""
+
+    name = "mightyzap"
+    baud = 57600
+    rate_hz = 25
+    servo_ids = (1, 2, 3)
+    supply_v = 12.2
+    late_ns = (12 * MS, 18 * MS)
+    pause_ns = (300 * US, 900 * US)
+    servo_type = MightyZapServo
+    servos: Mapping[int, MightyZapServo]
+
+    def start(self) -> Talk:
+        """Ping, read the non-volatile registers, choose the return mode, switch on."""
+        for servo_id in self.servos:
+            yield self._exchange(command(servo_id, ECHO), lambda s: s.answer(COMMANDS[ECHO].name))
+        for servo_id in self.servos:
+            yield self._load(servo_id, "model_number", "punch_initial_value")
+        last = max(self.servos)
+        for servo_id in self.servos:
+            # one servo answers reads only, as the newer models do from the factory
+            mode = 1 if servo_id == last else 2
+            yield self._store(servo_id, "feedback_return_mode", mode)
+            yield from self.enable(servo_id)
+
+    def enable(self, servo_id: int) -> Talk:
+        """Switch the force on at a modest speed."""
+        yield self._store(servo_id, "moving_speed", 600)
+        yield self._store(servo_id, "force_on", 1)
+
+    def command(self, cycle: int) -> Talk:
+        """Send goals to all at once."""
+        del cycle
+        goals = {i: round(self.goal(i) * TOP) for i in self.servos}
+        register = TABLE.registers[TABLE.index["goal_position"]]
+        targets = [{"servo_id": i, "data": pack(register.type, g)} for i, g in goals.items()]
+        request = command(
+            BROADCAST,
+            SYMMETRIC_STORE,
+            tuple((i, register.name, raw) for i, raw in goals.items()),
+            address=register.address,
+            length=register.width,
+            targets=targets,
+        )
+
+        def act(servo: MightyZapServo) -> None:
+            servo.store(register.name, goals[servo.servo_id])
+
+        yield Exchange(request, tuple(self.servos), act)
+
+    def poll(self, servo_id: int, cycle: int) -> Ask:
+        """Read position, speed, load, voltage and temperature in one go."""
+        del cycle
+        return (yield self._load(servo_id, *PRESENT))
+
+    def extra(self, cycle: int) -> Talk:
+        """Look at the rest now and then: limits, moving; a staged write to one servo."""
+        servo_id = self.rng.choice(list(self.servos))
+        if cycle % 10 == 4:
+            yield self._load(servo_id, "moving", "lock")
+        elif cycle % 25 == 11:
+            raw = self.rng.randrange(300, 1000)
+            yield self._write(servo_id, SEND, "moving_speed", raw)
+            yield self._acknowledged(servo_id, EXECUTE)
+        elif cycle % 25 == 21:
+            yield self._store(servo_id, "led", self.rng.choice((0, 2, 4, 8)))
+        elif cycle % 50 == 47:
+            yield self._load(servo_id, "goal_position", "force_limit")
+
+    def _exchange(
+        self, request: Message, act: Callable[[Any], Message | None], mode: int | None = None
+    ) -> Exchange:
+        """Return an exchange; ``mode`` is the return mode that the request itself sets."""
+        memory = self.servos[request.servo_id].memory
+        mode = memory.raw["feedback_return_mode"] if mode is None else mode
+        patience = PATIENCE_NS if request.op in READS or mode == 2 else 0
+        delay = memory.raw["return_delay_time"] * US
+        return Exchange(request, (request.servo_id,), act, delay, patience)
+
+    def _load(self, servo_id: int, first: str, last: str) -> Exchange:
+        a, z = (TABLE.registers[TABLE.index[name]] for name in (first, last))
+        length = z.address + z.width - a.address
+        request = command(servo_id, LOAD, address=a.address, length=length)
+        return self._exchange(request, lambda s: s.load(a.address, length))
+
+    def _store(self, servo_id: int, name: str, raw: int) -> Exchange:
+        return self._write(servo_id, STORE, name, raw)
+
+    def _write(self, servo_id: int, code: int, name: str, raw: int) -> Exchange:
+        register = TABLE.registers[TABLE.index[name]]
+        value = (servo_id, name, raw)
+        data = pack(register.type, raw)
+        request = command(servo_id, code, (value,), address=register.address, data=data)
+
+        def act(servo: MightyZapServo) -> Message | None:
+            servo.store(name, raw)
+            return servo.acknowledge(request.op)
+
+        return self._exchange(request, act, raw if name == "feedback_return_mode" else None)
+
+    def _acknowledged(self, servo_id: int, code: int) -> Exchange:
+        request = command(servo_id, code)
+        return self._exchange(request, lambda s: s.acknowledge(request.op))
