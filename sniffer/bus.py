@@ -70,17 +70,7 @@ def pair(frames: Frames, block: Block, until: int, reach: int) -> tuple[Frames, 
     rows = np.arange(n)
     is_response = frames.kind == RESPONSE
     end = frames.end
-    # The last request before each row; several replies are open to a request only where it says so.
-    asked_by = np.maximum.accumulate(np.where(is_response, -1, rows))
-    q = np.maximum(asked_by, 0)
-    follows = is_response & (asked_by >= 0) & (frames.reply[q] != NEVER)
-    follows &= (asked_by == rows - 1) | (frames.reply[q] == MANY)
-    follows &= frames.start - end[q] <= reach
-    if len(block.barriers):
-        segment = block.segment(frames.start)
-        follows &= segment == segment[q]
-    answer = np.flatnonzero(follows)
-    asked = asked_by[answer]
+    answer, asked = _answers(frames, is_response, end, block, reach)
     alt = frames.alt_id[asked]
     fits = (frames.servo_id[answer] == frames.servo_id[asked]) | (alt == ANY_ID)
     fits |= (alt != NO_ALT) & (alt == frames.servo_id[answer])
@@ -114,8 +104,33 @@ def pair(frames: Frames, block: Block, until: int, reach: int) -> tuple[Frames, 
     keep = np.ones(n, bool)
     keep[answer[~many]] = False
     keep[asked[many]] = False
-    transactions = Transactions(request, response, outcome, took, spread).take(keep)
-    return replace(frames, op=op, address=address), transactions, torn[keep]
+    kept = np.flatnonzero(keep)
+    transactions = Transactions(request, response, outcome, took, spread).take(kept)
+    return replace(frames, op=op, address=address), transactions, torn[kept]
+
+
+def _answers(
+    frames: Frames, is_response: Mask, end: I64, block: Block, reach: int
+) -> tuple[I64, I64]:
+    """Return the rows of responses that answer a request, and the rows of those requests.
+
+    A response answers the row before it; where a request is open to many, all that follow it.
+    """
+    follows = np.zeros(len(frames), bool)
+    np.logical_and(is_response[1:], ~is_response[:-1], out=follows[1:])
+    answer = np.flatnonzero(follows)
+    asked = answer - 1
+    if (frames.reply == MANY).any():
+        rows = np.arange(len(frames))
+        asked_by = np.maximum.accumulate(np.where(is_response, -1, rows))
+        many = is_response & (asked_by >= 0) & (frames.reply[asked_by] == MANY)
+        answer = np.flatnonzero(follows | many)
+        asked = asked_by[answer]
+    near = (frames.reply[asked] != NEVER) & (frames.start[answer] - end[asked] <= reach)
+    if len(block.barriers):
+        segment = block.segment(frames.start)
+        near &= segment[answer] == segment[asked]
+    return (answer, asked) if near.all() else (answer[near], asked[near])
 
 
 @dataclass(frozen=True, slots=True)

@@ -86,9 +86,18 @@ class Scaling:
         registers = protocol.registers
         self._scale = np.array([r.scale for r in registers])
         self._role = np.array([r.role for r in registers], np.uint8)
-        self._signed = {i: r.sign_bit for i, r in enumerate(registers) if r.sign_bit is not None}
+        self._sign_bit = np.array([r.sign_bit or 0 for r in registers])
+        self._signed = np.array([r.sign_bit is not None for r in registers], bool)
         self._special = {i: list(r.special) for i, r in enumerate(registers) if r.special}
+        self._has_special = np.array([bool(r.special) for r in registers], bool)
         self._moded = {i: r.scale_by for i, r in enumerate(registers) if r.scale_by is not None}
+        self._is_moded = np.array([r.scale_by is not None for r in registers], bool)
+        # Scale by register and mode; the last column is for a mode nobody has seen yet.
+        self._by_mode = np.full((len(registers), 257), np.nan)
+        for i, (_, table) in self._moded.items():
+            self._by_mode[i, list(table)] = list(table.values())
+            unseen = registers[i].scale
+            self._by_mode[i, 256] = unseen if unseen != 1.0 else next(iter(table.values()))
         self._setters = {i: r.name for i, r in enumerate(registers) if r.name in self.state.modes}
         self._ids = {i for i, r in enumerate(registers) if r.effect == "servo_id"}
         self._feedback = {i for i, r in enumerate(registers) if r.effect == "feedback"}
@@ -105,18 +114,21 @@ class Scaling:
         v = self.protocol.values(block, frames, rows, self.state)
         takes = accepted[v.row]
         value = v.raw * self._scale[v.register]
-        for i, bit in self._signed.items():
-            mine = np.flatnonzero(v.register == i)
-            magnitude = v.raw[mine] & ((1 << bit) - 1)
-            sign = np.where(v.raw[mine] >> bit & 1, 1.0, -1.0)
-            value[mine] = np.where(magnitude == 0, 0.0, sign * magnitude) * self._scale[i]
-        chosen = self.state.chosen[v.servo_id & 255]
-        provenance = np.where(chosen, PROFILE, ASSUMED).astype(np.uint8)
+        mine = np.flatnonzero(self._signed[v.register])
+        if len(mine):
+            raw, bit = v.raw[mine], self._sign_bit[v.register[mine]]
+            magnitude = raw & ((1 << bit) - 1)
+            signed = np.where(raw >> bit & 1, magnitude, -magnitude)
+            value[mine] = signed * self._scale[v.register[mine]]
+        provenance = np.full(len(v), ASSUMED, np.uint8)
+        if self.state.chosen.any():
+            provenance[self.state.chosen[v.servo_id & 255]] = PROFILE
         if self.state.modes:
             self._apply_modes(frames, v, accepted, value, provenance)
-        for i, codes in self._special.items():
-            mine = np.flatnonzero(v.register == i)
-            value[mine[np.isin(v.raw[mine], codes)]] = np.nan
+        mine = np.flatnonzero(self._has_special[v.register])
+        for i in np.unique(v.register[mine]).tolist():
+            own = mine[v.register[mine] == i]
+            value[own[np.isin(v.raw[own], self._special[i])]] = np.nan
         value[v.part != WHOLE] = np.nan
         return Samples(
             t_ns=frames.t_end[v.row],
@@ -161,27 +173,25 @@ class Scaling:
         self, frames: Frames, v: Values, accepted: Mask, value: F64, provenance: U8
     ) -> None:
         state = self.state
-        servo = (v.servo_id & 255).astype(np.int64)
+        events = self._events(frames, v, accepted)
+        mine = np.flatnonzero(self._is_moded[v.register])
+        servo = (v.servo_id[mine] & 255).astype(np.int64)
+        register = v.register[mine]
         modes = {name: known[servo] for name, known in state.modes.items()}
         seen = {name: known[servo] for name, known in state.seen.items()}
-        events = self._events(frames, v, accepted)
-        for (at, act), (until, _) in itertools.pairwise([*events, (len(servo), None)]):
+        for (at, act), (until, _) in itertools.pairwise([*events, (len(v), None)]):
             if act is not None:
                 act()
-            for name in modes:
-                part = servo[at:until]
-                modes[name][at:until] = state.modes[name][part]
-                seen[name][at:until] = state.seen[name][part]
-        for i, (name, table) in self._moded.items():
-            mine = np.flatnonzero(v.register == i)
-            if not len(mine):
-                continue
-            lookup = np.full(257, np.nan)
-            lookup[list(table)] = list(table.values())
-            lookup[256] = self._scale[i] if self._scale[i] != 1.0 else next(iter(table.values()))
-            mode = modes[name][mine]
-            value[mine] = v.raw[mine] * lookup[np.where(mode < 0, 256, mode & 255)]
-            provenance[mine[seen[name][mine]]] = OBSERVED
+            k = slice(*np.searchsorted(mine, [at, until]).tolist())
+            for name, known in state.modes.items():
+                modes[name][k], seen[name][k] = known[servo[k]], state.seen[name][servo[k]]
+        for name, mode in modes.items():
+            of_name = [i for i, (by, _) in self._moded.items() if by == name]
+            one = np.isin(register, of_name) if len(modes) > 1 else slice(None)
+            which, by = mine[one], mode[one]
+            column = np.where(by < 0, 256, by & 255)
+            value[which] = v.raw[which] * self._by_mode[register[one], column]
+            provenance[which[seen[name][one]]] = OBSERVED
 
     def _events(
         self, frames: Frames, v: Values, accepted: Mask

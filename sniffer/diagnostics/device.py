@@ -37,6 +37,8 @@ class DeviceRules:
         self._outside = Edges(256 * n)
         self._low = np.array([r.range[0] if r.range else -(2**62) for r in registers])
         self._high = np.array([r.range[1] if r.range else 2**62 for r in registers])
+        self._has_range = np.array([r.range is not None for r in registers], bool)
+        self._any_outside = False
         self._special = {i: list(r.special) for i, r in enumerate(registers) if r.special}
         self._alarms = {i: (r, [Edges(256) for _ in r.alarms]) for i, r in enumerate(registers) if r.alarms}
         self._effects = {i: r for i, r in enumerate(registers) if r.effect in ("servo_id", "baud")}
@@ -82,16 +84,23 @@ class DeviceRules:
 
     def _ranges(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
         """Report what was written out of range each time, what was measured when it begins."""
-        whole = v.part == WHOLE
-        outside = whole & ((v.raw < self._low[v.register]) | (v.raw > self._high[v.register]))
+        mine = np.flatnonzero(self._has_range[v.register] & (v.part == WHOLE))
+        if not len(mine):
+            return
+        register, raw = v.register[mine], v.raw[mine]
+        outside = (raw < self._low[register]) | (raw > self._high[register])
+        if not outside.any() and not self._any_outside:
+            return
         for i, codes in self._special.items():
-            outside &= ~((v.register == i) & np.isin(v.raw, codes))
-        key = (v.servo_id & 255).astype(np.int64) * len(self._low) + v.register
-        written = batch.frames.kind[v.row] == REQUEST
-        measured = np.flatnonzero(whole & ~written)
+            outside &= ~((register == i) & np.isin(raw, codes))
+        written = batch.frames.kind[v.row[mine]] == REQUEST
         rise = outside & written
-        rise[measured] = self._outside.feed(key[measured], outside[measured])[0]
-        for i in np.flatnonzero(rise).tolist():
+        measured = np.flatnonzero(~written)
+        key = (v.servo_id[mine[measured]] & 255).astype(np.int64) * len(self._low)
+        rise[measured] = self._outside.feed(key + register[measured], outside[measured])[0]
+        self._any_outside |= bool(outside.any())
+        rise = mine[rise]
+        for i in rise.tolist():
             r = self._protocol.registers[int(v.register[i])]
             low, high = r.range or (0, 0)
             who, row = int(v.servo_id[i]), int(v.row[i])

@@ -39,11 +39,11 @@ GROUP_CHUNKS: Final = 1 << 15
 
 
 def _read_mcap(opened: Opened) -> Iterator[Chunk]:
-    from sniffer.sources import mcap  # the mcap library is loaded only where it is needed
-
     if opened.path is None:
         why = "an MCAP recording is read from a file: save it and give its name"
         raise InputError(f"{opened.name}: {why}")
+    from sniffer.sources import mcap  # the mcap library is loaded only where it is needed
+
     return mcap.chunks(opened.path)
 
 

@@ -35,12 +35,12 @@ class MightyZap:
 
     name = "mightyzap"
     title = "IRROBOT mightyZAP (IR protocol)"
-    bauds = (9600, 19200, 38400, 57600, 115200, 200000, 250000, 400000)
+    bauds: tuple[int, ...] = (9600, 19200, 38400, 57600, 115200, 200000, 250000, 400000)
     baud = 57600
     longest = block.REACH
     reach = block.REACH
     tail_ns = 100_000_000  # clients give up after 20 to 100 ms
-    everyone = (0, BROADCAST)
+    everyone: tuple[int, ...] = (0, BROADCAST)
     models = block.MODELS
     registers = joined(block.MODELS)
     checksum = "ok"

@@ -252,8 +252,10 @@ def _flags(data: U8, head: I64, op: I64, bits: U8, servo_id: I64, address: I64, 
     unusual |= (undefined & ~unknown) | (write & (nibble == ASKS_ADDRESS))
     data_of_reset = resets & (length == 1) & (data[head + _DATA] == 0xFF)
     unusual |= command & ((address != COMMAND_ADDRESS) | ((length > 0) & ~data_of_reset))
-    out: I64 = np.where(malformed, MALFORMED, 0) | np.where(unknown, UNKNOWN, 0)
-    out |= np.where(resets, RESETS, 0) | np.where(unusual, UNUSUAL, 0)
+    out = np.zeros(len(op), np.int64)
+    marks = ((malformed, MALFORMED), (unknown, UNKNOWN), (resets, RESETS), (unusual, UNUSUAL))
+    for mask, flag in marks:
+        out[mask] |= flag
     return out
 
 

@@ -47,6 +47,10 @@ MOTION_MOST: Final = 8
 """Greatest motion count, in words. Source: manual 1.07, A-1-3 (24) Motion Data Write."""
 
 
+MASKS: Final[Mapping[str, int]] = MappingProxyType({"digital_output": 0b11})
+"""Bits that count in a byte, where others are arbitrary. Source: manual 1.07, A-1-3 (22), (23)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Bits:
     """A bit field of Data1 or Data2, and the values a command allows in it."""
@@ -61,9 +65,8 @@ class Op:
     """One command and its reply.
 
     ``params`` are the bytes behind Data2, ``tail`` what follows them in the two commands of variable
-    length. ``reply_ff`` tells which of the reply bytes may be FF. A reply is held to repeat the
-    command in the bits of ``echo_mask``; its first byte is at most ``reply_most``. ``slow``: the
-    servo may write its EEPROM before it answers.
+    length. ``reply_ff`` tells which of the reply bytes may be FF; the first is at most
+    ``reply_most``. ``slow``: the servo may write its EEPROM before it answers.
     """
 
     name: str
@@ -74,7 +77,6 @@ class Op:
     tail: Any = None
     reply_ff: tuple[bool, bool] = (False, False)
     reply_most: int = 0xFF
-    echo_mask: int = 0xFF
     slow: bool = False
 
     @property
@@ -175,7 +177,6 @@ _KNOWN: Final = (
         ("digital_output", "again"),
         ("digital_output", "again"),
         reply_ff=(True, True),
-        echo_mask=0b11,
     ),
     # an 8-bit AD value of FF is 5 V, so the second byte may be FF as well
     _read("io_read", 0x65, "digital_output", "ad_input", reply_ff=(True, True)),

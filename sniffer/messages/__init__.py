@@ -1,0 +1,1 @@
+"""The messages that recordings hold, generated from ``schemas/messages`` by ``make schemas``."""
