@@ -9,6 +9,7 @@ the arrival stamps, the mode registers, and what diagnostics remembers about eac
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -114,19 +115,30 @@ class Decoder:
             frames = frames.take(slice(0, kept))
         gaps = self._gaps(data, frames, cut, block)
         frames = self._stamps.time(frames, base)
-        frames, transactions, torn = pair(frames, block, until, self.protocol.reach)
-        values = self._scaling.decode(block, frames, transactions)
-        writes = self._scaling.feedback_writes(frames, values)
-        transactions = self._expectations.judge(frames, transactions, torn, writes)
         batch = Batch(
-            base, data[:cut], self._stamps.clock, frames, gaps, transactions, values
+            base,
+            data[:cut],
+            self._stamps.clock,
+            frames,
+            gaps,
+            Transactions.empty(),
+            Samples.empty(),
         )
-        batch = self._diagnostics.judge(batch)
+        batch = self._records(block, batch, until)
         del self._buffer[:cut]
         self._base += cut
         self._barriers = [b for b in self._barriers if b > self._base]
         self._stamps.forget(self._base)
         return batch
+
+    def _records(self, block: Block, batch: Batch, until: int) -> Batch:
+        """Add what follows from the frames: transactions, values, anomalies."""
+        frames, transactions, torn = pair(batch.frames, block, until, self.protocol.reach)
+        values = self._scaling.decode(block, frames, transactions)
+        writes = self._scaling.feedback_writes(frames, values)
+        transactions = self._expectations.judge(frames, transactions, torn, writes)
+        batch = replace(batch, frames=frames, transactions=transactions, values=values)
+        return self._diagnostics.judge(batch)
 
     def _cut(self, frames: Frames, decided: int, block: Block) -> int:
         """Return where this batch ends: nothing before it is open."""

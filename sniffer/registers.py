@@ -26,6 +26,10 @@ TYPES: Final[Mapping[str, np.dtype[Any]]] = MappingProxyType(
         "i16le": np.dtype("<i2"),
         "u16be": np.dtype(">u2"),
         "i32": np.dtype("<i4"),
+        # where registers go by words instead of addresses (LSS)
+        "decimal": np.dtype("i8"),
+        "text": np.dtype("S0"),
+        "none": np.dtype("V0"),
     }
 )
 """Wire types of a register, by the name the tables use."""
@@ -39,6 +43,11 @@ class Register:
     magnitude coding (bit set: positive). ``special`` are raw values that are no measurement,
     ``alarms`` those of ``values`` that report a fault.
     ``effect`` is what a write changes about the bus: servo_id, baud or feedback.
+
+    Registers that go by a word (LSS) have a ``kind`` (action, query, configuration, modifier or
+    unclear). ``queries`` are the queries, with selector, whose replies state the register,
+    ``modifies`` the actions a modifier belongs to, ``texts`` what may stand in place of a number,
+    ``label`` the name of the value, with its unit, among a frame's fields.
     """
 
     name: str
@@ -64,6 +73,11 @@ class Register:
     model: str = ""
     word: str = ""
     aliases: tuple[str, ...] = ()
+    kind: str = ""
+    queries: tuple[str, ...] = ()
+    modifies: tuple[str, ...] = ()
+    texts: Mapping[str, str] = field(default_factory=dict)
+    label: str = ""
 
     @property
     def width(self) -> int:
@@ -188,8 +202,8 @@ def _register(entry: Mapping[str, Any], model: str) -> Register:
         low, high = known["range"]
         known["range"] = (int(low), int(high))
     known["role"] = _ROLE[known.get("role", "config")]
-    known["alarms"] = tuple(known.get("alarms", ()))
-    known["aliases"] = tuple(known.get("aliases", ()))
+    for key in ("alarms", "aliases", "queries", "modifies"):
+        known[key] = tuple(known.get(key, ()))
     known["scale"] = float(known.get("scale", 1.0))
     return Register(**known, scale_by=scale_by, model=model)
 

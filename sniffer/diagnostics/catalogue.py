@@ -1,12 +1,11 @@
 """Every anomaly code: what it means, what usually causes it, what to try.
 
-The one place for codes. ``docs/anomalies.md`` is written from here (``python -m
-sniffer.diagnostics.catalogue``) and a test holds the two equal. A code never changes its meaning.
+The one place for codes. ``docs/anomalies.md`` is written from here (``make golden``)
+and a test holds the two equal. A code never changes its meaning.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -352,6 +351,3 @@ def markdown() -> str:
                 ]
     return "\n".join(lines).rstrip() + "\n"
 
-
-if __name__ == "__main__":
-    sys.stdout.write(markdown())

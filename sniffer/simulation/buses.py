@@ -29,9 +29,10 @@ from sniffer.simulation.talk import (
     TrueFrame,
     Wait,
 )
+from sniffer.simulation.wck import WckBus
 
 BUSES: Final[Mapping[str, type[Bus]]] = MappingProxyType(
-    {b.name: b for b in (MightyZapBus, LssBus, Rs30xBus)}
+    {b.name: b for b in (MightyZapBus, LssBus, WckBus, Rs30xBus)}
 )
 """The simulated protocols by name."""
 

@@ -8,7 +8,9 @@ imported when a sink is made, not before. Written for rerun-sdk 0.41.
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
+import uuid
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -25,6 +27,7 @@ from sniffer.model import (
 from sniffer.sinks.files import open_binary
 from sniffer.sinks.rerun_layout import (
     ALARMS,
+    EVERYONE,
     RESPONSE_TIME,
     TIMELINE,
     Colours,
@@ -51,6 +54,7 @@ DATED_NS: Final = 946_684_800_000_000_000
 
 LEVELS: Final = {Severity.NOTE: "INFO", Severity.WARN: "WARN", Severity.ERROR: "ERROR"}
 WHITE: Final[Rgb] = (255, 255, 255)
+BLACK: Final[Rgb] = (0, 0, 0)
 REST: Final[Rgb] = (58, 62, 70)
 ALARM: Final[Rgb] = (205, 58, 58)
 
@@ -89,6 +93,12 @@ class _Line(_Entity):
         self._name, self._colour = name, colour
         self._values: list[F64] = []
         self._styled = False
+        self.last: tuple[int, float] | None = None
+
+    @property
+    def is_goal(self) -> bool:
+        """Tell whether the values hold until the next one."""
+        return self.track.quantity.startswith("goal_")
 
     def add(self, times: I64, values: F64) -> None:
         """Take rows; those without a value are left out."""
@@ -99,6 +109,16 @@ class _Line(_Entity):
             self._times.append(times)
             self._values.append(values)
             self.rows += len(times)
+            self.last = int(times[-1]), float(values[-1])
+
+    def held(self, end: int) -> _Line:
+        """Return a line beside this one, that goes on with its last value."""
+        assert self.last is not None
+        track = dataclasses.replace(self.track, path=f"{self.track.path}/held")
+        line = _Line(track, self._name, self._colour)
+        time, value = self.last
+        line.add(np.array([time, end]), np.array([value, value]))
+        return line
 
     def columns(self) -> Any:
         import rerun as rr
@@ -112,11 +132,10 @@ class _Line(_Entity):
         if self._styled:
             return None
         self._styled = True
-        if self.track.quantity.startswith("goal_"):
-            # A goal holds until the next one.
+        if self.is_goal:
             return rr.SeriesLines(
                 names=f"{self._name} goal",
-                colors=mixed(self._colour, WHITE, 0.55),
+                colors=mixed(self._colour, WHITE, 0.5),
                 widths=0.8,
                 interpolation_mode="StepAfter",
             )
@@ -138,6 +157,11 @@ class _Lane(_Entity):
         self._colours: dict[str, Rgb] = {}
         self._styled = 0
 
+    @property
+    def is_plain(self) -> bool:
+        """Tell whether nothing but rest was ever seen."""
+        return all(colour == REST for colour in self._colours.values())
+
     def add(self, times: I64, raw: I64) -> None:
         """Take rows; those that repeat the state before them are left out."""
         changed = np.empty(len(raw), bool)
@@ -151,8 +175,8 @@ class _Lane(_Entity):
             name = self._name(state)
             self._states.append(name)
             if name not in self._colours:
-                shade = 0.25 * sum(c != REST for c in self._colours.values()) % 1.0
-                self._colours[name] = mixed(self._colour, REST, shade) if state else REST
+                shade = 0.2 * sum(c != REST for c in self._colours.values()) % 1.0
+                self._colours[name] = mixed(self._colour, BLACK, 0.2 + shade) if state else REST
         self._last = int(raw[-1])
         self.rows += len(at)
 
@@ -206,8 +230,13 @@ class _Log(_Entity):
 
 
 def _text(anomaly: Anomaly) -> str:
-    who = "" if anomaly.servo_id is None else f"servo {anomaly.servo_id}: "
-    return f"{who}{anomaly.code}: {anomaly.detail}"
+    """Return time of day or seconds, code and detail: the viewer's own time column is cut short."""
+    t = anomaly.t_ns
+    if t >= DATED_NS:
+        time = str(np.datetime64(t, "ns").astype("datetime64[ms]"))[11:]
+    else:
+        time = f"+{t / 1e9:.3f} s"
+    return f"{time}  {anomaly.code}: {anomaly.detail}"
 
 
 class RerunSink:
@@ -234,8 +263,8 @@ class RerunSink:
 
         if path is not None:
             open_binary(path).close()
-            # The viewer keeps one layout an application, so each file is its own.
-            self._rec = rr.RecordingStream(f"sniffer: {path.stem}")
+            # The viewer keeps one layout an application, so each file is one.
+            self._rec = rr.RecordingStream(f"sniffer {path.stem} {uuid.uuid4().hex[:6]}")
             self._rec.save(path)
             self._rec.send_recording_name(path.stem)
         elif recording is not None:
@@ -250,7 +279,8 @@ class RerunSink:
         self._colours = Colours()
         self._dated: bool | None = None
         self._span: tuple[int, int] | None = None
-        self._known = 0  # entities in the layout last sent
+        self._doubt_ns: dict[str, int] = {}
+        self._laid_out = 0  # entities in the layout last sent
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks; Rerun has no use for them."""
@@ -262,24 +292,23 @@ class RerunSink:
         self._alarms(bus, protocol, batch)
         self._response_times(bus, protocol, batch)
         if batch.anomalies:
-            log = self._logs.get(bus)
-            if log is None:
-                log = self._logs[bus] = _Log(Track(_path(bus, "anomalies"), bus, "anomalies"))
-            log.add(batch.anomalies)
+            if bus not in self._logs:
+                self._logs[bus] = _Log(Track(_path(bus, "anomalies"), bus, EVERYONE, ""))
+            self._logs[bus].add(batch.anomalies)
         self._send(1 if self._live else ROWS)
-        entities = len(self._lines) + len(self._lanes) + len(self._logs)
-        if self._live and entities != self._known:
-            self._known = entities
+        if self._live:
             self._layout()
 
     def close(self) -> None:
-        """Send what waits and, into a file, the layout."""
-        self._send(1)
-        if not self._live:
-            self._layout()
-            self._rec.disconnect()
-        else:
+        """Send what waits; finish the file with its layout."""
+        if self._live:
+            self._send(1)
             self._rec.flush()
+            return
+        self._hold()
+        self._send(1)
+        self._layout()
+        self._rec.disconnect()
 
     def _clock(self, batch: Batch) -> None:
         """Learn the span of time, and from the first time whether it is a date."""
@@ -326,43 +355,51 @@ class RerunSink:
         response = t.response[timed]
         servo = f.servo_id[response].astype(np.int64)
         servo = np.where(servo >= 0, servo, f.servo_id[t.request[timed]])
+        if len(timed):
+            doubt = int(t.uncertainty_ns[timed].max())
+            self._doubt_ns[bus] = max(doubt, self._doubt_ns.get(bus, 0))
         for key, rows in _groups(servo):
             took = t.response_time_ns[timed[rows]] / 1e6
             self._line(bus, protocol, key, -1).add(f.t_end[response[rows]], took)
 
     def _line(self, bus: str, protocol: BusProtocol, servo: int, number: int) -> _Line:
+        """Return the line of a register, or of the response times (-1)."""
         line = self._lines.get((bus, servo, number))
         if line is None:
-            name, colour = self._who(protocol, servo)
+            who, name, colour = self._who(protocol, servo)
             if number < 0:
-                track = Track(_path(bus, "servo", servo, RESPONSE_TIME), bus, RESPONSE_TIME, "ms")
+                path = _path(bus, "servo", servo, RESPONSE_TIME)
+                track = Track(path, bus, who, RESPONSE_TIME, "ms")
             else:
                 r = protocol.registers[number]
-                track = Track(_path(bus, "servo", servo, r.name), bus, r.quantity, r.unit)
+                path = _path(bus, "servo", servo, r.name)
+                track = Track(path, bus, who, r.quantity, r.unit)
             line = self._lines[bus, servo, number] = _Line(track, name, colour)
         return line
 
     def _lane(self, bus: str, protocol: BusProtocol, servo: int, number: int) -> _Lane:
+        """Return the lane of an enumerated register, or of the alarms (-1)."""
         lane = self._lanes.get((bus, servo, number))
         if lane is None:
-            _, colour = self._who(protocol, servo)
+            who, _, colour = self._who(protocol, servo)
+            name: Callable[[int], str]
             if number < 0:
-                track = Track(_path(bus, "servo", servo, ALARMS), bus, ALARMS, is_state=True)
-                lane = _Lane(track, lambda raw: _words(protocol.status_names(raw)), ALARM)
+                track = Track(_path(bus, "servo", servo, ALARMS), bus, who, ALARMS, is_state=True)
+                colour, name = ALARM, lambda raw: _words(protocol.status_names(raw))
             else:
                 r = protocol.registers[number]
                 path = _path(bus, "servo", servo, r.name)
-                track = Track(path, bus, r.quantity, is_state=True)
-                lane = _Lane(track, lambda raw: _words(r.names(raw), raw), colour)
-            self._lanes[bus, servo, number] = lane
+                track = Track(path, bus, who, r.quantity, is_state=True)
+                name = lambda raw: _words(r.names(raw), raw)  # noqa: E731
+            lane = self._lanes[bus, servo, number] = _Lane(track, name, colour)
         return lane
 
-    def _who(self, protocol: BusProtocol, servo: int) -> tuple[str, Rgb]:
-        """Return what a legend calls the servo, and its colour."""
-        # The id 0 of some protocols is both: a servo's own and heard by all.
+    def _who(self, protocol: BusProtocol, servo: int) -> tuple[int, str, Rgb]:
+        """Return whose a track is, what legends call it, and its colour."""
+        # The id 0 of some protocols is both: a servo's own, and heard by all.
         if servo in protocol.everyone and servo:
-            return "all servos", WHITE
-        return f"servo {servo}", self._colours.of(servo)
+            return EVERYONE, "all servos", WHITE
+        return servo, f"servo {servo}", self._colours.of(servo)
 
     def _entities(self) -> Iterator[_Entity]:
         for entities in (self._lines, self._lanes, self._logs):
@@ -387,17 +424,35 @@ class RerunSink:
             self._rec.send_columns(path, [column], entity.columns(), strict=True)
             entity.sent()
 
+    def _tracks(self) -> list[Track]:
+        """Return what the layout shows; a servo without any alarm needs no lane for them."""
+        lines = [line.track for line in self._lines.values()]
+        alarms = [k for k in self._lanes if k[2] < 0 and self._lanes[k].is_plain]
+        lanes = [lane.track for k, lane in self._lanes.items() if k not in alarms]
+        return lines + lanes
+
     def _layout(self) -> None:
-        tracks = [e[k].track for e in (self._lines, self._lanes) for k in sorted(e)]
+        """Send the layout, if it is another than the one last sent."""
         logs = {bus: log.track.path for bus, log in self._logs.items()}
-        if tracks or logs:
-            plan = blueprint(
-                tracks,
-                logs,
-                span_ns=None if self._live else self._span,
-                window_s=self._window_s if self._live else None,
-            )
-            self._rec.send_blueprint(plan)
+        tracks = self._tracks()
+        if len(tracks) + len(logs) == self._laid_out:
+            return
+        self._laid_out = len(tracks) + len(logs)
+        plan = blueprint(
+            tracks,
+            logs,
+            span_ns=None if self._live else self._span,
+            window_s=self._window_s if self._live else None,
+            doubt_ns=self._doubt_ns,
+        )
+        self._rec.send_blueprint(plan)
+
+    def _hold(self) -> None:
+        """Draw each goal on to the end: it still holds, and a single point would not be seen."""
+        end = self._span[1] if self._span else 0
+        for (bus, servo, number), line in list(self._lines.items()):
+            if line.is_goal and line.last is not None and line.last[0] < end:
+                self._lines[bus, servo, -2 - number] = line.held(end)
 
 
 def _path(*parts: object) -> str:

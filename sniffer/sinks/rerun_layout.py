@@ -29,23 +29,30 @@ PALETTE: Final[Sequence[Rgb]] = tuple(
 
 RESPONSE_TIME: Final = "response_time"
 ALARMS: Final = "alarms"
+EVERYONE: Final = -1
+"""In place of a servo id: told to all servos at once."""
 
 GLOBAL_VIEW: Final = "5c0dca6a-e63f-9cf7-f657-2602590474cc"
 """The view without a body in whose time axis the viewer keeps the range of all linked axes.
-Source: rerun 0.41, re_viewer_context, GLOBAL_VIEW_ID."""
+Source: rerun 0.41, re_viewer_context, GLOBAL_VIEW_ID; there is no call for it."""
 
-# What an engineer looks at first stands on the left, at full width; how the bus and the supply
-# fare stands on the right. Other quantities have a tab of their own.
+TOGETHER: Final = 6
+"""Servos in one tab: more curves cannot be told apart, and their legend would be cut off."""
+
+# The motion stands on the left, at greater width; how the bus and the supply fare on the right.
+# Other quantities have a tab of their own.
 _LEFT: Final = ("position", "speed", "load", "current", "operating_rate")
 _RIGHT: Final = (RESPONSE_TIME, "voltage", "temperature")
+_UNITS: Final = {"": "raw", "degC": "°C", "deg": "°", "deg/s": "°/s"}
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """One entity that a view may show; ``quantity`` says which."""
+    """One entity that a view may show; ``quantity`` says which, empty for none."""
 
     path: str
     bus: str
+    servo_id: int
     quantity: str
     unit: str = ""
     is_state: bool = False
@@ -72,13 +79,10 @@ class Colours:
         if slot is None:
             taken = set(self._slot.values())
             first = (servo_id - 1) % len(PALETTE)
-            slot = next((k for k in _from(first) if k not in taken), first)
+            slots = ((first + k) % len(PALETTE) for k in range(len(PALETTE)))
+            slot = next((k for k in slots if k not in taken), first)
             self._slot[servo_id] = slot
         return PALETTE[slot]
-
-
-def _from(first: int) -> Iterable[int]:
-    return ((first + k) % len(PALETTE) for k in range(len(PALETTE)))
 
 
 def blueprint(
@@ -87,24 +91,28 @@ def blueprint(
     *,
     span_ns: tuple[int, int] | None = None,
     window_s: float | None = None,
+    doubt_ns: Mapping[str, int] | None = None,
 ) -> rrb.Blueprint:
     """Lay out what really occurs, one tab a bus, on time axes that move together.
 
     Args:
-        tracks: all plotted entities, in the order in which legends shall name them.
+        tracks: all plotted entities.
         logs: bus -> path of its anomaly log, for buses that have one.
         span_ns: first and last time, shown whole.
         window_s: instead, follow the newest time with this much before it.
+        doubt_ns: bus -> how far its response times may be off.
     """
     import rerun.blueprint as rrb
 
     buses = list(dict.fromkeys([*(t.bus for t in tracks), *logs]))
-    tabs = [_bus(bus, [t for t in tracks if t.bus == bus], logs.get(bus)) for bus in buses]
-    root = tabs[0] if len(tabs) == 1 else rrb.Tabs(contents=tabs)
+    tabs = [
+        _bus(bus, [t for t in tracks if t.bus == bus], logs.get(bus), (doubt_ns or {}).get(bus, 0))
+        for bus in buses
+    ]
     view_range = _view_range(span_ns, window_s)
 
     class LinkedTime(rrb.TimePanel):
-        """The time panel, and the range of all linked axes, for which the package has no part."""
+        """The time panel, and with it the range of all linked axes."""
 
         def _log_to_stream(self, stream: Any) -> None:
             super()._log_to_stream(stream)
@@ -113,89 +121,126 @@ def blueprint(
 
     follow = window_s is not None
     return rrb.Blueprint(
-        root,
+        tabs[0] if len(tabs) == 1 else rrb.Tabs(contents=tabs),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         LinkedTime(
-            timeline=TIMELINE,
-            state="collapsed",
-            play_state="following" if follow else "paused",
+            timeline=TIMELINE, state="collapsed", play_state="following" if follow else "paused"
         ),
         auto_layout=False,
         auto_views=False,
     )
 
 
-def _view_range(span_ns: tuple[int, int] | None, window_s: float | None) -> rrb.TimeRange | None:
+def _view_range(span_ns: tuple[int, int] | None, window_s: float | None) -> Any:
     import rerun as rr
     import rerun.blueprint as rrb
 
     edge = rrb.TimeRangeBoundary
     if window_s is not None:
-        return rr.encodings.TimeRange(
-            start=edge.cursor_relative(seconds=-window_s), end=edge.cursor_relative()
-        )
-    if span_ns is None:
+        start, end = edge.cursor_relative(seconds=-window_s), edge.cursor_relative()
+    elif span_ns is not None:
+        first, last = span_ns
+        length = max(last - first, 1_000_000)
+        # Legends stand on the left, on free ground.
+        start = edge.absolute(nanos=first - length // 8)
+        end = edge.absolute(nanos=last + length // 100)
+    else:
         return None
-    first, last = span_ns
-    margin = max((last - first) // 100, 1_000_000)
-    return rr.encodings.TimeRange(
-        start=edge.absolute(nanos=first - margin), end=edge.absolute(nanos=last + margin)
-    )
+    return rr.encodings.TimeRange(start=start, end=end)
 
 
-def _bus(bus: str, tracks: Sequence[Track], log: str | None) -> rrb.Container:
+def _bus(bus: str, tracks: Sequence[Track], log: str | None, doubt_ns: int) -> rrb.Container:
+    """Lay out one bus: a tab for all its servos, where they are many some tabs for a few."""
     import rerun.blueprint as rrb
 
-    plots: dict[tuple[str, str], list[Track]] = {}
-    lanes: list[Track] = []
-    for t in tracks:
-        if t.is_state:
-            lanes.append(t)
-        elif t.quantity:
-            plots.setdefault((t.quantity.removeprefix("goal_"), t.unit), []).append(t)
-    left = [_plot(*key, plots.pop(key)) for q in _LEFT for key in list(plots) if key[0] == q]
-    right = [_plot(*key, plots.pop(key)) for q in _RIGHT for key in list(plots) if key[0] == q]
-    left_shares, right_shares = [2.0] * len(left), [2.0] * len(right)
-    if left and tracks[0].quantity.endswith("position"):
-        left_shares[0] = 3.0
-    if lanes:
-        axis = rrb.TimeAxis(link="LinkToGlobal")
-        view = rrb.StateTimelineView(
-            name="States", origin="/", contents=[t.path for t in lanes], time_view=axis
-        )
-        left.append(view)
-        left_shares.append(2.0)
-    if log is not None:
-        right.append(_log(log))
-        right_shares.append(2.0)
-    columns = [
-        rrb.Vertical(contents=views, row_shares=shares)
-        for views, shares in ((left, left_shares), (right, right_shares))
-        if views
+    servos = sorted({t.servo_id for t in tracks} - {EVERYONE})
+    crowded = len(servos) > TOGETHER
+    pages = [("all servos" if crowded else "servos", tracks)]
+    if crowded:
+        for ids in _parted(servos):
+            own = [t for t in tracks if t.servo_id in (*ids, EVERYONE)]
+            pages.append((f"servos {ids[0]} to {ids[-1]}", own))
+    tabs = [_page(name, of, log, doubt_ns, crowded=crowded and of is tracks) for name, of in pages]
+    rest = _plots(t for t in tracks if _group(t) not in (*_LEFT, *_RIGHT))
+    if rest:
+        tabs.append(rrb.Grid(contents=list(rest.values()), name="more"))
+    tabs = [tab for tab in tabs if tab.contents]
+    if len(tabs) > 1:
+        return rrb.Tabs(contents=tabs, name=bus)
+    (tab,) = tabs
+    tab.name = bus
+    return tab
+
+
+def _parted(servos: Sequence[int]) -> list[Sequence[int]]:
+    """Part the servos into as few and as equal groups as may stand together."""
+    n = -(-len(servos) // TOGETHER)
+    return [servos[k * len(servos) // n : (k + 1) * len(servos) // n] for k in range(n)]
+
+
+def _page(
+    name: str, tracks: Sequence[Track], log: str | None, doubt_ns: int, *, crowded: bool
+) -> rrb.Container:
+    """Lay out some servos: plots on the left and the right, states and anomalies below them."""
+    import rerun.blueprint as rrb
+
+    plots = _plots(tracks, doubt_ns=doubt_ns, legend=not crowded)
+    left: list[tuple[float, rrb.View]] = []
+    right: list[tuple[float, rrb.View]] = []
+    for side, groups in ((left, _LEFT), (right, _RIGHT)):
+        for group in groups:
+            share = 3.0 if group == "position" else 2.0
+            side += [(share, view) for key, view in plots.items() if key[0] == group]
+    lanes = [
+        t for t in tracks if t.is_state and t.quantity and (t.quantity == ALARMS or not crowded)
     ]
-    main: rrb.Container
-    main = rrb.Horizontal(contents=columns, column_shares=[3, 2][: len(columns)], name=bus)
-    if not plots:
-        return main
-    rest = rrb.Grid(contents=[_plot(*k, v) for k, v in plots.items()], name="more")
-    return rrb.Tabs(main, rest, name=bus) if columns else rest
+    if lanes:
+        view = rrb.StateTimelineView(
+            name="States",
+            origin="/",
+            contents=[t.path for t in lanes],
+            time_view=rrb.TimeAxis(link="LinkToGlobal"),
+        )
+        left.append((min(max(0.4 * len(lanes), 1.0), 3.5), view))
+    if log is not None:
+        right.append((2.5, _log(log)))
+    columns = [
+        rrb.Vertical(contents=[v for _, v in side], row_shares=[share for share, _ in side])
+        for side in (left, right)
+        if side
+    ]
+    return rrb.Horizontal(contents=columns, column_shares=[3, 2][: len(columns)], name=name)
 
 
-def _plot(quantity: str, unit: str, tracks: Sequence[Track]) -> rrb.View:
+def _group(track: Track) -> str:
+    """Return what is plotted together: a goal with what it is the goal of."""
+    return track.quantity.removeprefix("goal_")
+
+
+def _plots(
+    tracks: Iterable[Track], *, doubt_ns: int = 0, legend: bool = True
+) -> dict[tuple[str, str], rrb.View]:
+    """Return a plot for each quantity and unit that occur."""
     import rerun.blueprint as rrb
 
-    title = quantity.replace("_", " ").capitalize()
-    return rrb.TimeSeriesView(
-        name=f"{title} [{_UNITS.get(unit, unit)}]",
-        origin="/",
-        contents=[t.path for t in tracks],
-        axis_x=rrb.TimeAxis(link="LinkToGlobal"),
-        plot_legend=rrb.PlotLegend(corner="LeftTop"),
-    )
-
-
-_UNITS: Final = {"": "raw", "degC": "°C", "deg": "°", "deg/s": "°/s"}
+    together: dict[tuple[str, str], list[str]] = {}
+    for t in tracks:
+        if t.quantity and not t.is_state:
+            together.setdefault((_group(t), t.unit), []).append(t.path)
+    out: dict[tuple[str, str], rrb.View] = {}
+    for (group, unit), paths in together.items():
+        name = f"{group.replace('_', ' ').capitalize()} [{_UNITS.get(unit, unit)}]"
+        if group == RESPONSE_TIME and doubt_ns >= 100_000:
+            name += f", known to ±{doubt_ns / 1e6:.1f}"
+        out[group, unit] = rrb.TimeSeriesView(
+            name=name,
+            origin="/",
+            contents=paths,
+            axis_x=rrb.TimeAxis(link="LinkToGlobal"),
+            plot_legend=rrb.PlotLegend(corner="LeftTop", visible=legend or group == "position"),
+        )
+    return out
 
 
 def _log(path: str) -> rrb.View:
@@ -205,6 +250,7 @@ def _log(path: str) -> rrb.View:
         name="Anomalies",
         origin="/",
         contents=[path],
+        # A click on the time, which the viewer cuts short, moves the cursor there.
         columns=rrb.TextLogColumns(
             timeline_columns=[TIMELINE], text_log_columns=["LogLevel", "Body"]
         ),

@@ -88,7 +88,7 @@ class Rs30x:
 
     def status_names(self, status: int) -> tuple[str, ...]:
         """Name the errors and alarms of a return packet, or a NACK."""
-        return tuple(status_names(status))
+        return status_names(status)
 
     def fields(self, raw: bytes, row: FrameView) -> dict[str, Any]:
         """Return the head of the packet, flags by number and name; of a bare byte, if it is ACK."""
@@ -99,7 +99,7 @@ class Rs30x:
         names = flag_names(body.flags) if asked else status_names(body.flags)
         out: dict[str, Any] = {
             "id": body.servo_id,
-            "flags": {"number": body.flags, "names": names},
+            "flags": {"number": body.flags, "names": list(names)},
             "address": body.address,
             "length": body.length,
             "count": body.count,

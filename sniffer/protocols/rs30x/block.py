@@ -291,10 +291,13 @@ def shape(key: int) -> list[Entry]:
     ]
 
 
-_HEADERS: Final = re.compile(
-    b"(?:" + b"|".join(re.escape(p.header) for p in (PLAN, RETURN_PLAN)) + b")+"
+_ANY_HEADER: Final = b"|".join(re.escape(p.header) for p in (PLAN, RETURN_PLAN))
+_HEADER: Final = re.compile(_ANY_HEADER)
+_TORN: Final = re.compile(
+    b"(?:(?:%b).{0,%d}?(?=%b))+" % (_ANY_HEADER, PLAN.prefix - 1 - len(PLAN.header), _ANY_HEADER),
+    re.DOTALL,
 )
-"""Headers back to back: none but the last can begin a packet, for no header byte is an id."""
+"""Packets that break off before their length is known, for the next header: they are one gap."""
 
 _FIRST: Final = {p.header[:1] for p in (PLAN, RETURN_PLAN)}
 
@@ -311,16 +314,20 @@ def explain(run: bytes, start: int) -> list[Gap]:
             p = until
 
     while p < n:
-        found = _HEADERS.search(run, p)
+        found = _HEADER.search(run, p)
         if found is None:
             torn = run[-1:] in _FIRST
             add(n - torn, "noise", {})
             add(n, "truncated", {"have": 1})
             break
-        at = found.end() - len(PLAN.header)
+        at = found.start()
         add(at, "noise", {})
-        following = _HEADERS.search(run, found.end())
+        following = _HEADER.search(run, found.end())
         stop = following.start() if following else n
+        broken = _TORN.match(run, at)
+        if broken and broken.end() > stop:
+            add(broken.end(), "truncated", {"have": broken.end() - at})
+            continue
         need, wrong = _needs(run[at:stop])
         fields = _as_read(run[at : min(stop, at + (need or REACH))])
         if need is not None and at + need <= n and stop >= at + need - 1:
@@ -332,7 +339,7 @@ def explain(run: bytes, start: int) -> list[Gap]:
         else:
             detail = {"have": stop - at} | ({} if need is None else {"need": need})
             add(stop, "truncated", {**detail, **fields})
-    return _coalesced(out)
+    return out
 
 
 def _needs(raw: bytes) -> tuple[int | None, dict[str, object]]:
@@ -362,23 +369,9 @@ def _as_read(raw: bytes) -> dict[str, object]:
     if len(raw) > _FLAGS:
         flags, back = raw[_FLAGS], raw.startswith(RETURN_PLAN.header)
         named = status_names(flags) if back else flag_names(flags)
-        out["flags"] = {"number": flags, "names": named}
+        out["flags"] = {"number": flags, "names": list(named)}
         if len(raw) > _COUNT:
             op = RETURN_OP if back else op_of(raw[_ID], flags, raw[_DATA:-1])
             out["op"] = OPS[op]
             out["data"] = raw[_DATA:-1].hex()
     return {"fields": out} if out else {}
-
-
-def _coalesced(pieces: list[Gap]) -> list[Gap]:
-    """Join neighbours of which nothing but the reason is known, so that hostile input stays few."""
-    out: list[Gap] = []
-    for g in pieces:
-        last = out[-1] if out else None
-        short = g.reason == "noise" or (g.reason == "truncated" and "need" not in g.detail)
-        if last and short and last.reason == g.reason and "need" not in last.detail:
-            detail = {"have": last.length + g.length} if g.reason == "truncated" else {}
-            out[-1] = Gap(last.start, last.length + g.length, g.reason, detail)
-        else:
-            out.append(g)
-    return out

@@ -10,6 +10,7 @@ values are little-endian. What only siblings' manuals or real controllers show i
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
@@ -207,16 +208,18 @@ def op_of(servo_id: int, flags: int, data: bytes) -> int:
     return LONG_WRITE if servo_id == LONG else WRITE
 
 
-def flag_names(flags: int) -> list[str]:
+@functools.cache
+def flag_names(flags: int) -> tuple[str, ...]:
     """Name what a request's FLAG byte asks for."""
     names = {4: "factory_reset", 5: "reboot", 6: "flash_write"}
     out = bit_names(names, flags & ~REPLY_BITS)
     nibble = flags & REPLY_BITS
     if nibble:
         out.append(REPLIES[nibble].name if nibble in REPLIES else f"undefined_{nibble:x}")
-    return out
+    return tuple(out)
 
 
-def status_names(status: int) -> list[str]:
+@functools.cache
+def status_names(status: int) -> tuple[str, ...]:
     """Name the bits of a return packet's FLAGS, or a NACK."""
-    return ["nack"] if status == NACK else bit_names(STATUS, status)
+    return ("nack",) if status == NACK else tuple(bit_names(STATUS, status))

@@ -1,6 +1,6 @@
 """wCK in columns; every layout number comes from ``OPS``.
 
-A reply has no header and no checksum, so it is decided for each command from the two bytes behind
+A reply has no header and no checksum: whether a command has one is decided by the two bytes behind
 it, and the command that has one ends two bytes later for the greedy walk. Time decides nothing
 here: framing is a function of the bytes and of silences.
 """
@@ -57,39 +57,25 @@ REPLY: Final = 2
 
 SYNC, BREAK, MOTION = INDEX["sync_position_move"], INDEX["break"], INDEX["motion_data_write"]
 MOVE_10BIT, READ_10BIT = INDEX["position_move_10bit"], INDEX["position_read_10bit"]
-COUNT_BITS: Final = 31
-"""Bits of a synchronized move's Data2 that count its targets: 'Arbitrary Value' stands above."""
+ID_BITS: Final = 31
+"""Bits of Data1 that are the id, and of a synchronized move's Data2 that count its targets."""
 
-_NONE: Final = 255
+NONE: Final = 255
 """In KIND: no command begins so."""
 
 
 def _table(of: Callable[[Op], Any], dtype: Any) -> Any:
-    """Return a property of the commands as an array by row of OPS, with a row for none."""
+    """Return a property of the commands as an array by row of OPS, zero for no command."""
     out = np.zeros(256, dtype)
     out[: len(OPS)] = [of(op) for op in OPS]
     return out
 
 
 def _kinds() -> U8:
-    out = np.full((256, 256), _NONE, np.uint8)
+    out = np.full((256, 256), NONE, np.uint8)
     for i, op in enumerate(OPS):
         out[np.ix_(byte_values(op.data2), byte_values(op.data1))] = i
     return out.ravel()
-
-
-KIND: Final = _kinds()
-"""Row of OPS by Data2 << 8 | Data1, as two bytes in wire order read as a little-endian number."""
-
-LENGTH: Final = _table(lambda op: op.length, np.int64)
-LENGTH[_NONE] = min(op.length for op in OPS)
-ASKS: Final = _table(lambda op: bool(op.reply), bool)
-SLOW: Final = _table(lambda op: op.slow, bool)
-LONGEST: Final = OPS[SYNC].length + COUNT_BITS
-
-_FF0 = _table(lambda op: op.reply_ff[0], bool)
-_FF1 = _table(lambda op: op.reply_ff[1], bool)
-_MOST = _table(lambda op: op.reply_most, np.uint8)
 
 
 def _byte_at(op: Op, name: str) -> int:
@@ -99,18 +85,288 @@ def _byte_at(op: Op, name: str) -> int:
     return PARAMS + op.params.index(name) if name in op.params and name != "again" else 0
 
 
-def _echo(k: int) -> Any:
-    return _table(lambda op: _byte_at(op, op.reply[k]) if op.reply else 0, np.int64)
-
-
-_ECHO0, _ECHO1 = _echo(0), _echo(1)
-_TWICE = _table(lambda op: op.reply[1:] == ("again",), bool)
-_ECHO_MASK = _table(lambda op: MASKS.get(op.reply[0], 0xFF) if op.reply else 0, np.uint8)
-_ECHOES = (_ECHO0 > 0) & ((_ECHO1 > 0) | _TWICE)
-_CHECKED = (_ECHO0 > 0) | (_ECHO1 > 0) | _TWICE | (_MOST < 0xFF)
-_TWIN = _table(lambda op: _at_again(op), np.int64)
-
-
-def _at_again(op: Op) -> int:
-    """Return the offset of the parameter that must repeat the one before it, 0 for none."""
+def _again_at(op: Op) -> int:
     return PARAMS + op.params.index("again") if "again" in op.params else 0
+
+
+def _data(op: Op) -> tuple[int, int]:
+    """Return where the parameters begin, behind an id, and how many there are at least."""
+    if any(b.name in REGISTERS for b in op.data2):
+        return DATA2, 1
+    kept = list(op.params)
+    while kept and kept[0] in ("id", "again", "arbitrary"):
+        del kept[0]
+    return PARAMS + len(op.params) - len(kept), len(kept)
+
+
+KIND: Final = _kinds()
+"""Row of OPS by Data2 << 8 | Data1: two bytes in wire order, read as a little-endian number."""
+
+LENGTH: Final = _table(lambda op: op.length, np.int64)
+LENGTH[NONE] = min(op.length for op in OPS)
+LONGEST: Final = OPS[SYNC].length + ID_BITS
+SLOW: Final = _table(lambda op: op.slow, bool)
+
+_ASKS: Final = _table(lambda op: bool(op.reply), bool)
+_FF0, _FF1 = _table(lambda op: op.reply_ff[0], bool), _table(lambda op: op.reply_ff[1], bool)
+_MOST: Final = _table(lambda op: op.reply_most, np.uint8)
+_ECHO0: Final = _table(lambda op: _byte_at(op, op.reply[0]) if op.reply else 0, np.int64)
+_ECHO1: Final = _table(lambda op: _byte_at(op, op.reply[1]) if op.reply else 0, np.int64)
+_TWICE: Final = _table(lambda op: op.reply[1:] == ("again",), bool)
+_MASK: Final = _table(lambda op: MASKS.get(op.reply[0], 0xFF) if op.reply else 0, np.uint8)
+_CHECKED: Final = (_ECHO0 > 0) | (_ECHO1 > 0) | _TWICE | (_MOST < HEADER)
+_AGAIN: Final = _table(_again_at, np.int64)
+_DATA_AT: Final = _table(lambda op: _data(op)[0], np.int64)
+_DATA_LENGTH: Final = _table(lambda op: _data(op)[1], np.int64)
+
+
+def frame(block: Block) -> tuple[Spans, int]:
+    """Frame commands by table, and their replies by what follows them."""
+    n = block.n
+    data = np.zeros(n + 4, np.uint8)
+    data[:n] = block.data
+    start = np.flatnonzero(block.data == HEADER)
+    kind = KIND[np.ndarray((n + 2,), "<u2", data, DATA1, (1,))[start]]
+    live = kind != NONE
+    live |= start + PARAMS > n
+    start, kind = start[live], kind[live]
+    limit = np.broadcast_to(block.limit(start), start.shape)
+    length = LENGTH[kind]
+    sync = np.flatnonzero(kind == SYNC)
+    length[sync] += data[start[sync] + DATA2] & ID_BITS
+    motion = np.flatnonzero(kind == MOTION)
+    count = data[start[motion] + PARAMS].astype(np.int64)
+    length[motion] += 2 * count
+    end = start + length
+    fits = np.ones(len(start), bool)
+    fits[motion] = (count <= MOTION_MOST) | (start[motion] + PARAMS >= limit[motion])
+    whole = fits & (end <= limit)
+    waiting = start[fits & (end > limit) & block.open(limit)]
+    start, end, kind = start[whole], end[whole], kind[whole]
+    good = XOR7.good(block.data, start + np.where(kind == SYNC, PARAMS, DATA1), end - 1)
+    other = np.flatnonzero(~good & (kind == READ_10BIT))
+    good[other] = _text_sum(data, start[other]) == data[end[other] - 1]
+    start, end, kind = start[good], end[good], kind[good]
+    has, unsure = _replies(block, data, start, end, kind, waiting)
+    if unsure.any():
+        waiting = np.union1d(waiting, start[unsure])
+        sure = ~unsure
+        start, end, has = start[sure], end[sure], has[sure]
+    rows, decided = settle(start, end + REPLY * has, waiting, n)
+    return _spans(start[rows], end[rows], has[rows]), decided
+
+
+def _text_sum(data: U8, start: I64) -> U8:
+    """Return the checksum of a 10-bit read as its section has it: without byte 4, the id."""
+    folded = data[start + DATA1] ^ data[start + DATA2] ^ data[start + PARAMS + 1]
+    return np.asarray(XOR7.seal(folded))
+
+
+def _replies(
+    block: Block, data: U8, start: I64, end: I64, kind: U8, waiting: I64
+) -> tuple[Mask, Mask]:
+    """Tell which commands (good ones) have a reply, and for which more bytes must be seen.
+
+    An FF is no reply byte unless the command's reply may hold one there; and not even then if a
+    good command begins with it. Of that only a reply that repeats its command is excepted.
+    """
+    limit = block.limit(start)
+    room = limit - end
+    asks, ff0, ff1 = _ASKS[kind], data[end] == HEADER, data[end + 1] == HEADER
+    unsure = asks & (room < REPLY) & block.open(limit)
+    unsure &= (room < 1) | ~ff0 | _FF0[kind]
+    has = asks & (room >= REPLY)
+    rare = np.flatnonzero(has & (ff0 & _FF0[kind] | ff1 & _FF1[kind]))
+    plain = has & ~ff0 & ~ff1
+    if len(rare):
+        begin, k = end[rare], kind[rare]
+        first, second = ff0[rare], ff1[rare]
+        echo = (_ECHO0[k] > 0) & _TWICE[k] & (data[begin] == data[start[rare] + _ECHO0[k]])
+        echo &= data[begin + 1] == data[begin]
+        may = (~first | _FF0[k]) & (~second | _FF1[k])
+        taken = first & np.isin(begin, start) & ~echo | second & np.isin(begin + 1, start)
+        waits = first & np.isin(begin, waiting) & ~echo | second & np.isin(begin + 1, waiting)
+        plain[rare] = may & ~taken
+        unsure[rare] = may & ~taken & waits
+    return plain, unsure
+
+
+def _spans(start: I64, end: I64, has: Mask) -> Spans:
+    """Lay commands and replies out in wire order."""
+    answered = np.flatnonzero(has)
+    at = np.arange(len(start)) + np.cumsum(has) - has
+    total = len(start) + len(answered)
+    first, last = np.empty(total, np.int64), np.empty(total, np.int64)
+    kind = np.full(total, REQUEST, np.uint8)
+    first[at], last[at] = start, end
+    reply = at[answered] + 1
+    first[reply], last[reply] = end[answered], end[answered] + REPLY
+    kind[reply] = RESPONSE
+    return Spans(first, last, kind)
+
+
+def describe(block: Block, spans: Spans) -> Frames:
+    """Tell who is meant, what is expected, and whether a reply repeats what it should."""
+    data, start, n = block.data, spans.start, len(spans)
+    request = spans.kind == REQUEST
+    answer = np.flatnonzero(~request)
+    command = start.copy()  # a reply stands right behind its command
+    command[answer] = start[answer - 1]
+    if n:
+        kind = KIND[np.ndarray((block.n - DATA2,), "<u2", data, DATA1, (1,))[command]]
+    else:
+        kind = np.empty(0, np.uint8)
+    servo_id = (data[command + DATA1] & ID_BITS).astype(np.int16)
+    ten = np.flatnonzero((kind == MOVE_10BIT) | (kind == READ_10BIT))
+    servo_id[ten] = data[command[ten] + PARAMS]
+    servo_id[kind == SYNC] = -1
+    breaks = np.flatnonzero(kind == BREAK)
+    servo_id[breaks] = np.where(request[breaks], -1, data[start[breaks]].astype(np.int64))
+    op = kind.astype(np.int64)
+    strange = np.flatnonzero(kind == UNKNOWN_OP)
+    op[strange] = UNKNOWN_BASE + data[command[strange] + DATA2].astype(np.int64)
+    length = spans.end - start
+    asks = request & _ASKS[kind]
+    alt = np.full(n, NO_ALT, np.int16)
+    alt[breaks] = ANY_ID
+    minus, zero = np.full(n, -1, np.int16), np.zeros(n, np.int64)
+    return Frames(
+        start=start,
+        length=length,
+        kind=spans.kind,
+        servo_id=servo_id,
+        op=op,
+        address=minus,
+        data_start=start + np.where(request, _DATA_AT[kind], 0),
+        data_length=np.where(request, _DATA_LENGTH[kind] + length - LENGTH[kind], REPLY),
+        status=minus,
+        reply=np.where(asks, MUST, NEVER).astype(np.uint8),
+        token=np.where(_ASKS[kind], REPLY, 0),
+        alt_id=alt,
+        flags=_flags(data, spans, command, kind, request, answer),
+        t_start=zero,
+        t_end=zero,
+        uncertainty=zero,
+        direction=np.zeros(n, np.uint8),
+    )
+
+
+def _flags(
+    data: U8, spans: Spans, command: I64, kind: U8, request: Mask, answer: I64
+) -> U8:
+    flags = np.where(request & (kind == UNKNOWN_OP), UNKNOWN, 0).astype(np.uint8)
+    again = np.flatnonzero(request & (_AGAIN[kind] > 0))
+    at = spans.start[again] + _AGAIN[kind[again]]
+    flags[again[data[at] != data[at - 1]]] |= UNUSUAL
+    ten = np.flatnonzero(request & (kind == READ_10BIT))
+    first, last = spans.start[ten] + DATA1, spans.end[ten] - 1
+    flags[ten[~XOR7.good(data, first, last)]] |= UNUSUAL
+    checked = answer[_CHECKED[kind[answer]]]
+    at, asked, k = spans.start[checked], command[checked], kind[checked]
+    byte0, byte1 = data[at], data[at + 1]
+    differs = (_ECHO0[k] > 0) & ((byte0 ^ data[asked + _ECHO0[k]]) & _MASK[k] > 0)
+    differs |= (_ECHO1[k] > 0) & (byte1 != data[asked + _ECHO1[k]])
+    differs |= _TWICE[k] & (byte1 != byte0)
+    differs |= byte0 > _MOST[k]
+    flags[checked[differs]] |= ECHO_DIFFERS
+    return flags
+
+
+@dataclass(frozen=True, slots=True)
+class _Read:
+    """A register's value in a frame: ``mask`` of the byte at ``at``, shifted; or H3 and L7 there."""
+
+    register: int
+    at: int
+    shift: int = 0
+    mask: int = 0xFF
+    servo: int | None = None
+
+
+_GOAL_10BIT, _POSITION_10BIT = REGISTERS["goal_position_10bit"], REGISTERS["position_10bit"]
+_SYNC_KEYS: Final = 128
+"""Key of a frame's shape: row of OPS * 2 + kind; of a synchronized move this plus its count."""
+
+
+def _bit_reads(bits: tuple[Bits, ...], at: int) -> list[_Read]:
+    out: list[_Read] = []
+    shift = 8
+    for b in bits:
+        shift -= b.width
+        if b.name in REGISTERS:
+            out.append(_Read(REGISTERS[b.name], at, shift, (1 << b.width) - 1))
+    return out
+
+
+def _byte_reads(names: tuple[str, ...], at: int) -> list[_Read]:
+    named = {**REGISTERS, "target_h3": _GOAL_10BIT, "h3": _POSITION_10BIT}
+    return [
+        _Read(named[name], at + i, mask=MASKS.get(name, 0xFF))
+        for i, name in enumerate(names)
+        if name in named
+    ]
+
+
+def _reads() -> list[list[_Read]]:
+    out: list[list[_Read]] = [[] for _ in range(_SYNC_KEYS + ID_BITS + 1)]
+    for i, op in enumerate(OPS):
+        out[2 * i + REQUEST] = [
+            *_bit_reads(op.data1, DATA1),
+            *_bit_reads(op.data2, DATA2),
+            *_byte_reads(op.params, PARAMS),
+        ]
+        out[2 * i + RESPONSE] = _byte_reads(op.reply, 0)
+    torque = out[2 * SYNC + REQUEST][0]
+    goal = REGISTERS["goal_position"]
+    for count in range(1, ID_BITS + 1):
+        out[_SYNC_KEYS + count] = [
+            read
+            for k in range(count)
+            for read in (
+                _Read(torque.register, torque.at, torque.shift, torque.mask, servo=k),
+                _Read(goal, PARAMS + k, servo=k),
+            )
+        ]
+    return out
+
+
+_READS: Final = _reads()
+_COUNT: Final = np.array([len(reads) for reads in _READS], np.int64)
+
+
+def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
+    """Read register values; rows of one shape carry the same registers at the same places."""
+    data = block.data
+    op = np.minimum(frames.op[rows], UNKNOWN_OP)
+    key = 2 * op + frames.kind[rows]
+    sync = op == SYNC
+    key[sync] = _SYNC_KEYS + frames.data_length[rows[sync]]
+    per_row = _COUNT[key]
+    first = np.cumsum(per_row) - per_row
+    start = frames.start[rows]
+    total = int(per_row.sum())
+    register, raw = np.empty(total, np.int16), np.empty(total, np.int64)
+    servo = np.repeat(frames.servo_id[rows], per_row)
+    for k in np.flatnonzero(np.bincount(key, minlength=1)).tolist():
+        mine = np.flatnonzero(key == k)
+        at, out = start[mine], first[mine]
+        for i, read in enumerate(_READS[k]):
+            register[out + i] = read.register
+            raw[out + i] = data[at + read.at] >> read.shift & read.mask
+            if read.register in (_GOAL_10BIT, _POSITION_10BIT):
+                raw[out + i] = raw[out + i] << 8 | data[at + read.at + 1]
+            if read.servo is not None:
+                servo[out + i] = read.servo
+    ten = np.flatnonzero((register == _GOAL_10BIT) | (register == _POSITION_10BIT))
+    if len(ten):
+        raw[ten] = _aligned(raw[ten], state)
+    return Values(np.repeat(rows, per_row), servo, register, raw, np.zeros(total, np.uint8))
+
+
+def _aligned(pair: I64, state: State) -> I64:
+    """Return 10-bit positions from H3 << 8 | L7, in stream order; see ``slow.aligned``."""
+    seen_high = np.logical_or.accumulate(pair & 0x80 > 0) | bool(state.notes.get("l7_bit7", 0))
+    seen_low = np.logical_or.accumulate(pair & 0x01 > 0) | bool(state.notes.get("l7_bit0", 0))
+    state.notes["l7_bit7"], state.notes["l7_bit0"] = int(seen_high[-1]), int(seen_low[-1])
+    low = np.where(seen_low & ~seen_high, pair & 0x7F, pair >> 1 & 0x7F)
+    return (pair >> 8 & 7) << 7 | low

@@ -194,7 +194,7 @@ _KNOWN: Final = (
         "position_move_10bit",
         _TEN,
         _code(0xC8),
-        ("id", "torque_10bit", "h3", "l7"),
+        ("id", "torque_10bit", "target_h3", "target_l7"),
         ("h3", "l7"),
         reply_most=7,
     ),

@@ -1,0 +1,218 @@
+"""``python -m bench`` (``make bench``): every figure in one run, as ratios, into bench/RESULTS.md.
+
+Medians of several rounds; what is compared is measured in turns, so that a machine whose speed
+drifts moves both sides.
+"""
+
+from __future__ import annotations
+
+import platform
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from bench.streams import STREAMS, hostile
+from sniffer.decoder import Decoder
+from sniffer.framing import Block
+from sniffer.model import Batch, Chunk
+from sniffer.pipeline import Options, Pipeline
+from sniffer.protocols import PROTOCOLS
+from sniffer.reference import Reference
+from sniffer.sinks import open_sink
+
+BLOCK = 1 << 18
+SIZES = {"mightyzap": 20_000_000, "wck": 5_000_000, "rs30x": 5_000_000, "lss": 5_000_000}
+SLOW = 150_000
+ROUNDS = 5
+RESULTS = Path(__file__).parent / "RESULTS.md"
+
+
+class FramesOnly(Decoder):
+    """The decoder without pairing, values and anomalies: frames with fields, times and gaps."""
+
+    def _records(self, block: Block, batch: Batch, until: int) -> Batch:
+        return batch
+
+
+def timed(act: Callable[[], int], rounds: int = ROUNDS) -> tuple[float, int]:
+    """Return the median time of ``act`` in seconds, and what it returned."""
+    took, n = [], 0
+    for _ in range(rounds):
+        began = time.perf_counter()
+        n = act()
+        took.append(time.perf_counter() - began)
+    return statistics.median(took), n
+
+
+def blocks(decoder: Decoder, data: bytes) -> int:
+    """Decode in blocks; return the number of frames."""
+    n = sum(len(decoder.feed(Chunk(data[a : a + BLOCK])).frames) for a in range(0, len(data), BLOCK))
+    return n + len(decoder.close().frames)
+
+
+def grammar_framing(name: str, data: bytes) -> int:
+    """Frame with the construct grammar alone, interpreted, one parse an offset that may begin."""
+    protocol = PROTOCOLS[name]
+    n = at = 0
+    while at < len(data):
+        found = protocol.slow_parse(data, at, len(data))
+        if found is None:
+            at += 1
+            continue
+        n += len(found)
+        at = found[-1][1]
+    return n
+
+
+_LINE = re.compile(rb"([#*])(\d{1,3})([A-Z]+)(-?\d+)?((?:[A-Z]+\d+)*)\r")
+
+
+def regex_and_tuples(data: bytes) -> int:
+    """Decode LSS the way a script would: one regular expression, a tuple a line."""
+    out = [
+        (m.start(), m[1] == b"#", int(m[2]), m[3].decode(), int(m[4]) if m[4] else None, m[5])
+        for m in _LINE.finditer(data)
+    ]
+    return len(out)
+
+
+def core_rows(lines: list[str]) -> None:
+    lines += [
+        "## The core",
+        "",
+        "Frames a second. *Grammar* is interpreted construct framing alone; *objects* is the",
+        "reference decoder whole (framing, pairing, values, one object a frame).",
+        "",
+        "| protocol | MB | frames | frames, fields, times, gaps | whole core | MB/s whole | "
+        "/ grammar (frames) | / grammar (whole) | / objects (whole) |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for name, size in SIZES.items():
+        data = STREAMS[name](size)
+        part = data[:SLOW]
+        slow, n_slow = timed(lambda name=name, part=part: grammar_framing(name, part), 3)
+        objects, n_objects = timed(
+            lambda name=name, part=part: len(Reference(PROTOCOLS[name]).decode([Chunk(part)]).frames), 3
+        )
+        frames, n = timed(lambda name=name, data=data: blocks(FramesOnly(name), data))
+        whole, _ = timed(lambda name=name, data=data: blocks(Decoder(name), data))
+        grammar, object_rate = n_slow / slow, n_objects / objects
+        lines.append(
+            f"| {name} | {len(data) / 1e6:.0f} | {n} | {n / frames / 1e6:.2f} M | "
+            f"{n / whole / 1e6:.2f} M | {len(data) / whole / 1e6:.0f} | "
+            f"{n / frames / grammar:.0f}x | {n / whole / grammar:.0f}x | "
+            f"{n / whole / object_rate:.0f}x |"
+        )
+        say(lines[-1])
+    data = STREAMS["lss"](SIZES["lss"])
+    script, n_script = timed(lambda: regex_and_tuples(data))
+    frames, n = timed(lambda: blocks(FramesOnly("lss"), data))
+    lines += [
+        "",
+        f"LSS against a regular expression that makes tuples ({n_script / script / 1e6:.2f} M lines/s): "
+        f"frames {n / frames / (n_script / script):.1f}x.",
+        "",
+    ]
+    say(lines[-2])
+
+
+def hostile_rows(lines: list[str]) -> None:
+    lines += [
+        "## Hostile input, whole core, MB/s",
+        "",
+        "| protocol | noise | one byte | headers | header-heavy | nested |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name in SIZES:
+        cells = []
+        for data in hostile(name, 2_000_000).values():
+            took, _ = timed(lambda name=name, data=data: blocks(Decoder(name), data), 3)
+            cells.append(f"{len(data) / took / 1e6:.1f}")
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+        say(lines[-1])
+    lines.append("")
+
+
+def to_file(data: bytes, path: Path) -> int:
+    """Run the stream through the pipeline into a file."""
+    pipeline = Pipeline(Options(protocol="mightyzap"), [open_sink(path, {"tool": "bench"})])
+    for a in range(0, len(data), BLOCK):
+        pipeline.feed([Chunk(data[a : a + BLOCK])])
+    pipeline.close()
+    pipeline.finish()
+    return len(data)
+
+
+def file_rows(lines: list[str]) -> None:
+    data = STREAMS["mightyzap"](SIZES["mightyzap"])
+    core, _ = timed(lambda: blocks(Decoder("mightyzap"), data), 3)
+    lines += [
+        "## Raw file to file (20 MB mightyZAP)",
+        "",
+        "| output | s | / core alone |",
+        "|---|---|---|",
+        f"| none (core) | {core:.2f} | 1.0 |",
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        for suffix in (".parquet", ".mcap", ".rrd"):
+            path = Path(folder) / f"out{suffix}"
+            took, _ = timed(lambda path=path: to_file(data, path), 3)
+            lines.append(f"| {suffix} | {took:.2f} | {took / core:.1f} |")
+            say(lines[-1])
+        from bench.one_by_one import one_by_one
+
+        took, part = timed(lambda: one_by_one(data[:1_000_000], Path(folder) / "slow.mcap"), 3)
+        bulk, _ = timed(lambda: to_file(data, Path(folder) / "bulk.mcap"), 3)
+        ratio = (took / part) / (bulk / len(data))
+        lines += [
+            "",
+            f"The same records one protobuf message and one writer call each: {part / took / 1e6:.2f} MB/s; "
+            f"in bulk {len(data) / bulk / 1e6:.1f} MB/s: {ratio:.1f}x.",
+            "",
+        ]
+        say(lines[-2])
+
+
+def import_rows(lines: list[str]) -> None:
+    took, _ = timed(lambda: subprocess.call([sys.executable, "-c", "import sniffer"]))
+    bare, _ = timed(lambda: subprocess.call([sys.executable, "-c", "pass"]))
+    numpy, _ = timed(lambda: subprocess.call([sys.executable, "-c", "import numpy"]))
+    lines += [
+        "## Import",
+        "",
+        f"`import sniffer` {took - bare:.2f} s over a bare interpreter (numpy alone {numpy - bare:.2f} s).",
+        "",
+    ]
+    say(lines[-2])
+
+
+def say(line: str) -> None:
+    sys.stderr.write(line + "\n")
+
+
+def main() -> None:
+    """Measure everything and write the results."""
+    versions = f"Python {platform.python_version()}, {platform.machine()}, {platform.system()}"
+    lines = [
+        "# What was measured",
+        "",
+        f"`make bench`, one run, medians; {versions}. Use the ratios, not the absolute figures.",
+        "Streams: `bench/streams.py`, one byte in a thousand corrupted.",
+        "",
+    ]
+    core_rows(lines)
+    hostile_rows(lines)
+    file_rows(lines)
+    import_rows(lines)
+    notes = RESULTS.parent / "NOTES.md"
+    text = "\n".join(lines) + (notes.read_text(encoding="utf-8") if notes.exists() else "")
+    RESULTS.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

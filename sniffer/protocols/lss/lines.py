@@ -1,0 +1,177 @@
+"""LSS lines read one by one, in plain Python: for lines of rare shape, for people, and for damage.
+
+The grammar says what a line is; this says where a line stops being one.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any, Final
+
+from sniffer.model import Gap
+from sniffer.protocols.lss.grammar import (
+    COMMAND_MARK,
+    END,
+    ID_DIGITS,
+    IDS,
+    LONGEST,
+    NUMBER_DIGITS,
+    REPLY_MARK,
+    SERVO_IDS,
+    TEXT_WORDS,
+    WORD_LETTERS,
+    WORDS,
+    query_form,
+)
+
+_DIGITS: Final = re.compile(rb"[0-9]*")
+_LETTERS: Final = re.compile(rb"[A-Za-z]*")
+_NUMBER: Final = re.compile(rb"-?[0-9]*")
+_TEXT: Final = re.compile(rb"[ !\"$-)+-~]+")
+_TEXT_WORD: Final = re.compile("|".join(TEXT_WORDS).encode(), re.IGNORECASE)
+_BLANK: Final = re.compile(rb"[ \t\n]+")
+_BLANKS: Final = b" \t\n"
+_EDGE: Final = re.compile(rb"[#*\r]")
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line that holds: ``word`` as it was sent, ``at`` where its value or text begins."""
+
+    is_reply: bool
+    servo_id: int
+    word: str
+    at: int
+    value: int | None = None
+    signed: bool = False
+    modifiers: tuple[tuple[str, int], ...] = ()
+    text: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """Where a line stops making sense: ``column`` counts from 1, the mark's."""
+
+    column: int
+    expected: str
+    servo_id: int = -1
+    word: str = ""
+
+
+def read(raw: bytes) -> Line | Misfit:
+    """Read one line, from its mark to its carriage return."""
+    if len(raw) > LONGEST:
+        return Misfit(LONGEST, "a carriage return by then")
+    is_reply = raw[:1] == REPLY_MARK
+    digits = _DIGITS.match(raw, 1)
+    assert digits is not None
+    at = digits.end()
+    if at == 1 and is_reply and raw[at : at + 3].upper() == b"QID":
+        return _id_reply(raw)
+    if not 1 <= at - 1 <= ID_DIGITS:
+        return Misfit(2, f"an id of 1 to {ID_DIGITS} digits")
+    servo_id = int(digits[0])
+    if servo_id not in IDS:
+        return Misfit(2, "an id of 0..250, 254 or 255")
+    plain = _numbers(raw, at, servo_id, is_reply=is_reply)
+    if not is_reply:
+        return plain
+    if isinstance(plain, Line):
+        word = WORDS.get(query_form(plain.word.upper()))
+        if word is not None and word.is_query:
+            return plain
+    prefix = _TEXT_WORD.match(raw, at)
+    if prefix is not None:
+        text = _TEXT.fullmatch(raw, prefix.end(), len(raw) - 1)
+        if text is not None:
+            sent = prefix[0].decode("ascii")
+            return Line(True, servo_id, sent, prefix.end(), text=text[0].decode("ascii"))
+    return plain
+
+
+def _id_reply(raw: bytes) -> Line | Misfit:
+    digits = _DIGITS.match(raw, 4)
+    assert digits is not None
+    known = 1 <= len(digits[0]) <= ID_DIGITS and int(digits[0]) in SERVO_IDS
+    if not known or raw[digits.end() :] != END:
+        return Misfit(5, "an id of 0..250 and the end of the line")
+    servo_id = int(digits[0])
+    return Line(True, servo_id, raw[1:4].decode("ascii"), 4, servo_id)
+
+
+def _numbers(raw: bytes, at: int, servo_id: int, *, is_reply: bool) -> Line | Misfit:
+    """Read a word with its number and, in a command, the modifiers with theirs."""
+    pairs: list[tuple[str, int]] = []
+    first, signed, value = at, False, None
+    while True:
+        letters = _LETTERS.match(raw, at)
+        assert letters is not None
+        word = letters[0].decode("ascii")
+        known = pairs[0][0] if pairs else word
+        if not 1 <= len(word) <= WORD_LETTERS:
+            return Misfit(at + 1, f"a word of 1 to {WORD_LETTERS} letters", servo_id, known)
+        at = letters.end()
+        number = (_DIGITS if pairs else _NUMBER).match(raw, at)
+        assert number is not None
+        text = number[0]
+        if not pairs:
+            first, signed = at, text[:1] == b"-"
+        digits = len(text) - (signed and not pairs)
+        bare = not digits and not pairs and not signed
+        if digits > NUMBER_DIGITS or not (digits or bare):
+            return Misfit(at + 1, f"a number of 1 to {NUMBER_DIGITS} digits", servo_id, known)
+        if not pairs:
+            value = int(text) if digits else None
+        pairs.append((word, int(text) if digits else 0))
+        at = number.end()
+        if raw[at : at + 1] == END:
+            word = pairs[0][0]
+            return Line(is_reply, servo_id, word, first, value, signed, tuple(pairs[1:]))
+        if bare or is_reply or not raw[at : at + 1].isalpha():
+            wanted = "a number or the end" if bare else "the end" if is_reply else "a modifier or the end"
+            return Misfit(at + 1, f"{wanted} of the line", servo_id, known)
+
+
+def explain(run: bytes, start: int) -> list[Gap]:
+    """Say why no frame claims these bytes, in pieces that join to the whole of them.
+
+    Blanks (line feeds, spaces, tabs) between lines are noise marked ``blank``; a line that another
+    mark cuts is truncated; one that reaches its carriage return is damaged, ``column`` (from 1)
+    tells where and ``expected`` what should have stood there.
+    """
+    out: list[Gap] = []
+    at, n = 0, len(run)
+    while at < n:
+        blank = _BLANK.match(run, at)
+        if blank is not None:
+            end = blank.end()
+            out.append(Gap(start + at, end - at, "noise", {"blank": True}))
+        elif run[at] not in COMMAND_MARK + REPLY_MARK:
+            end = at + 1
+            while end < n and run[end] not in COMMAND_MARK + REPLY_MARK + _BLANKS:
+                end += 1
+            out.append(Gap(start + at, end - at, "noise"))
+        else:
+            edge = _EDGE.search(run, at + 1)
+            end = n if edge is None else edge.end() if edge[0] == END else edge.start()
+            out.append(_line(run[at:end], start + at))
+        at = end
+    return out
+
+
+def _line(raw: bytes, start: int) -> Gap:
+    whole = raw[-1:] == END
+    found = read(raw if whole or len(raw) > LONGEST else raw + END)
+    detail: dict[str, Any] = {"have": len(raw)}
+    if isinstance(found, Misfit):
+        detail = {"column": found.column, "expected": found.expected}
+    fields: dict[str, Any] = {}
+    if found.servo_id >= 0:
+        fields["servo_id"] = found.servo_id
+    if found.word:
+        fields["word"] = found.word
+    if fields:
+        detail["fields"] = fields
+    damaged = whole or len(raw) > LONGEST
+    return Gap(start, len(raw), "damaged" if damaged else "truncated", detail)

@@ -1,0 +1,115 @@
+"""Why no frame claims some bytes: plain Python, for the rare stretch of damage."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any, Final
+
+from sniffer.checksums import XOR7
+from sniffer.model import Gap
+from sniffer.protocols.wck.block import (
+    DATA1,
+    DATA2,
+    ID_BITS,
+    KIND,
+    MOTION,
+    MOVE_10BIT,
+    NONE,
+    PARAMS,
+    READ_10BIT,
+    REPLY,
+    SYNC,
+)
+from sniffer.protocols.wck.grammar import HEADER, MOTION_MOST, OPS, UNKNOWN_OP
+
+_HEADER: Final = re.compile(rb"\xff(?=[^\xff])", re.DOTALL)
+"""The last FF of a row of them."""
+
+_STARTS: Final = KIND.reshape(256, 256)
+"""Row of OPS by Data2, Data1."""
+
+
+def explain(run: bytes, start: int) -> list[Gap]:
+    """Say why no frame claims these bytes; the pieces join to the whole of them."""
+    if len(run) == 1 and run[0] != HEADER:
+        # The frames around it hold, and nothing but a reply has no header.
+        return [Gap(start, 1, "truncated", {"have": 1, "need": REPLY, "fields": {"reply": run.hex()}})]
+    out: list[Gap] = []
+    done = 0
+    for at, length, reason, detail in _torn_frames(run):
+        if at > done:
+            out.append(Gap(start + done, at - done, "noise"))
+        out.append(Gap(start + at, length, reason, detail))
+        done = at + length
+    if done < len(run):
+        out.append(Gap(start + done, len(run) - done, "noise"))
+    return out
+
+
+def _torn_frames(run: bytes) -> Iterator[tuple[int, int, str, dict[str, Any]]]:
+    """Yield (offset, length, reason, detail) of what may have been meant as a command."""
+    n, done = len(run), 0
+    for match in _HEADER.finditer(run):
+        at = match.start()
+        if at < done:
+            continue
+        following = run.find(HEADER, at + 1)
+        stop = following if following >= 0 else n
+        found = _one(run, at, stop)
+        if found is not None:
+            yield at, *found
+            done = at + found[0]
+    if run[-1:] == bytes([HEADER]) and run[-2:-1] != run[-1:] and done < n:
+        yield n - 1, 1, "truncated", {"have": 1}
+
+
+def _one(run: bytes, at: int, stop: int) -> tuple[int, str, dict[str, Any]] | None:
+    """Judge ``run[at:stop]``, which begins with the only FF in it; None for noise.
+
+    Four bytes and a sum of seven bits are weak evidence. So "damaged" asks for a command of the
+    table, and behind it for the next header, or the end, after no more than a reply.
+    """
+    have = stop - at
+    if have == PARAMS - 1:
+        starts = stop == len(run) and bool((_STARTS[:, run[at + DATA1]] != NONE).any())
+        return (have, "truncated", {"have": have}) if starts else None
+    kind = int(_STARTS[run[at + DATA2], run[at + DATA1]])
+    if kind == NONE:
+        return None
+    need = OPS[kind].length
+    if kind == SYNC:
+        need += run[at + DATA2] & ID_BITS
+    if kind == MOTION:
+        if have <= PARAMS:
+            return have, "truncated", {"have": have}
+        if run[at + PARAMS] > MOTION_MOST:
+            return None
+        need += 2 * run[at + PARAMS]
+    if need > have:
+        if kind == UNKNOWN_OP:
+            return None
+        fields = _as_read(run[at:stop], kind)
+        return have, "truncated", {"have": have, "need": need, "fields": fields}
+    summed = run[at + (PARAMS if kind == SYNC else DATA1) : at + need - 1]
+    expected, got = XOR7(summed), run[at + need - 1]
+    if have - need > REPLY or expected == got:
+        return None
+    detail = {"checksum_expected": expected, "checksum_got": got}
+    return need, "damaged", {**detail, "fields": _as_read(run[at : at + need], kind)}
+
+
+def _as_read(raw: bytes, kind: int) -> dict[str, Any]:
+    """Return the fields of a frame that does not hold, as they stand there."""
+    out: dict[str, Any] = {}
+    if kind in (MOVE_10BIT, READ_10BIT):
+        if len(raw) > PARAMS:
+            out["servo_id"] = raw[PARAMS]
+    elif raw[DATA1] & ID_BITS < ID_BITS:
+        out["servo_id"] = raw[DATA1] & ID_BITS
+    if kind == UNKNOWN_OP:
+        out["op"] = f"unknown_{raw[DATA2]:02x}"
+    else:
+        out["op"] = OPS[kind].name
+    out["data"] = raw[DATA2:-1].hex()
+    return out

@@ -1,0 +1,242 @@
+"""A wCK bus: goals to all by Synchronized Position Move, load and position of each by Status Read.
+
+Source of times: user's manual 1.07, 2-3, table Command Response Time, less the bytes on the wire;
+the time a module is deaf after power-on: the same section, Reset Time after Power Supply.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from sniffer.protocols.wck.grammar import INDEX, OPS, REPLIES, build
+from sniffer.registers import RegisterMap, load_models
+from sniffer.simulation.motion import Joint, Rig
+from sniffer.simulation.talk import (
+    MS,
+    US,
+    Ask,
+    Bus,
+    Exchange,
+    Memory,
+    Message,
+    Servo,
+    Talk,
+    Value,
+)
+
+TABLE: Final[RegisterMap] = load_models("wck")[0]
+TURNAROUND_NS: Final = {
+    4800: 659 * US,
+    9600: 833 * US,
+    38400: 955 * US,
+    57600: 312 * US,
+    115200: 659 * US,
+}
+"""By baud rate; the table ends at 115200, faster lines are taken like it."""
+
+EEPROM_NS: Final = 120_451 * US
+"""A set command at 115200 bit/s, which writes the EEPROM before it is answered."""
+
+PATIENCE_NS, EEPROM_PATIENCE_NS = 20 * MS, 400 * MS
+"""How long the controller waits for an answer: figures of the simulation."""
+
+TOP, TOP_10BIT = 254, 1022
+"""Greatest positions. Source: manual 1.07, 3-1 Position Control, Control Angle."""
+
+ALL: Final = -1
+"""What a decoder knows of whom a command to all modules is for."""
+
+TORQUE: Final = 1
+"""Torque level of the moves, 0 the greatest, 4 the least."""
+
+
+class WckServo(Servo):
+    """Settings and readings of a module by their register names."""
+
+    def __init__(self, servo_id: int, joint: Joint, rig: Rig) -> None:
+        self.memory = Memory(TABLE)
+        self.memory.raw["servo_id"] = servo_id
+        super().__init__(servo_id, joint, rig)
+
+    def measure(self) -> None:
+        """Fill what is measured."""
+        joint, raw = self.joint, self.memory.raw
+        raw["position"] = round(joint.position * TOP)
+        raw["position_10bit"] = round(joint.position * TOP_10BIT)
+        raw["load"] = round(min(abs(joint.load), 1.0) * 200)
+        raw["ad_input"] = round(120 + 60 * joint.position)
+
+    def move(self, goal: float) -> None:
+        """Go there."""
+        self.joint.enabled = True
+        self.joint.goal = goal
+
+    def answer(self, op: str, *, echo: Mapping[str, int]) -> Message:
+        """Answer with the two bytes of the command's reply; ``echo`` is what the command said."""
+        self.measure()
+        raw = self.memory.raw
+        names = OPS[INDEX[op]].reply
+        fields: dict[str, int] = {}
+        values: list[Value] = []
+        if names == ("h3", "l7"):
+            fields = split(raw["position_10bit"])
+            values = [(self.servo_id, "position_10bit", raw["position_10bit"])]
+        for i, name in enumerate(names):
+            if name == "again":
+                fields[name] = fields[names[i - 1]]
+            elif name not in fields:
+                fields[name] = raw[name] if name in raw else echo[name]
+                if name in raw:
+                    values.append((self.servo_id, name, raw[name]))
+        return Message(bytes(REPLIES[INDEX[op]].build(fields)), self.servo_id, op, tuple(values))
+
+
+def split(position: int) -> dict[str, int]:
+    """Return H3 and L7 of a 10-bit position, L7 in bits 7..1. Source: manual 1.07, A-1-4 (26)."""
+    return {"h3": position >> 7, "l7": (position & 0x7F) << 1}
+
+
+class WckBus(Bus):
+    """See the module."""
+
+    name = "wck"
+    baud = 115200
+    rate_hz = 50
+    servo_ids = (0, 1, 2, 3)
+    supply_v = 8.4
+    late_ns = (7 * MS, 15 * MS)
+    pause_ns = (100 * US, 400 * US)
+    servo_type = WckServo
+    servos: Mapping[int, WckServo]
+
+    def start(self) -> Talk:
+        """Read the settings; give two modules other ones, which takes an EEPROM write each."""
+        reads = ("status_read", "pd_gain_read", "i_gain_read", "speed_read", "overload_read")
+        for servo_id in self.servos:
+            for op in (*reads, "boundary_read"):
+                yield self._plain(op, servo_id)
+        first, last = min(self.servos), max(self.servos)
+        yield self._set("overload_set", first, overload=104)
+        yield self._set("pd_gain_set", first, p_gain=24, d_gain=36)
+        yield self._set("boundary_set", last, lower_boundary=4, upper_boundary=250)
+        yield self._set("runtime_pd_gain_set", last, runtime_p_gain=30, runtime_d_gain=40)
+        for servo_id in self.servos:
+            yield from self.enable(servo_id)
+
+    def enable(self, servo_id: int) -> Talk:
+        """Choose speed and acceleration, which is not answered; moves switch the motor on."""
+        yield self._set("runtime_speed_set", servo_id, runtime_speed=18, runtime_acceleration=60)
+
+    def command(self, cycle: int) -> Talk:
+        """Send the goals of all modules from 0 on at once."""
+        del cycle
+        count = max(self.servos) + 1
+        targets = [127] * count
+        for servo_id in self.servos:
+            targets[servo_id] = round(self.goal(servo_id) * TOP)
+        built = build(
+            "sync_position_move",
+            data1={"torque_level": TORQUE},
+            data2={"count": count},
+            targets=targets,
+        )
+        values = tuple((i, "goal_position", target) for i, target in enumerate(targets))
+
+        def act(servo: WckServo) -> None:
+            servo.move(targets[servo.servo_id] / TOP)
+
+        yield Exchange(Message(built, ALL, "sync_position_move", values), tuple(self.servos), act)
+
+    def poll(self, servo_id: int, cycle: int) -> Ask:
+        """Read load and position."""
+        del cycle
+        return (yield self._plain("status_read", servo_id))
+
+    def extra(self, cycle: int) -> Talk:
+        """Move single modules, one in 10 bits; use the external port; relax one for a cycle."""
+        servo_id = self.rng.choice(list(self.servos))
+        if cycle % 20 == 6:
+            yield self._move(servo_id)
+        elif cycle % 20 == 12:
+            yield self._move_10bit(servo_id)
+            yield self._read_10bit(servo_id)
+        elif cycle % 40 == 18:
+            outputs = self.rng.randrange(4)
+            yield self._set("io_write", servo_id, digital_output=outputs)
+            yield self._plain("io_read", servo_id)
+        elif cycle % 40 == 38:
+            yield self._passive(servo_id)
+        elif cycle % 60 == 30:
+            speed = self.rng.randrange(8, 31)
+            yield self._set(
+                "runtime_speed_set", servo_id, runtime_speed=speed, runtime_acceleration=60
+            )
+
+    def _exchange(
+        self,
+        op: str,
+        servo_id: int,
+        fields: Mapping[str, Any],
+        values: Mapping[str, int],
+        act: Callable[[WckServo], None] = lambda servo: None,
+        echo: Mapping[str, int] = {},
+    ) -> Exchange:
+        known = OPS[INDEX[op]]
+        delay, patience = TURNAROUND_NS.get(self.bits_per_s, TURNAROUND_NS[115200]), PATIENCE_NS
+        if known.slow:
+            delay, patience = EEPROM_NS, EEPROM_PATIENCE_NS
+
+        def obey(servo: WckServo) -> Message | None:
+            act(servo)
+            return servo.answer(op, echo=echo) if known.reply else None
+
+        told = tuple((servo_id, name, raw) for name, raw in values.items())
+        request = Message(build(op, **fields), servo_id, op, told)
+        return Exchange(request, (servo_id,), obey, delay, patience if known.reply else 0)
+
+    def _plain(self, op: str, servo_id: int) -> Exchange:
+        """Return a command that says nothing but what it asks for."""
+        return self._exchange(op, servo_id, {"data1": {"id": servo_id}, "data2": {}}, {})
+
+    def _set(self, op: str, servo_id: int, **values: int) -> Exchange:
+        fields = {"data1": {"id": servo_id}, "data2": {}, **values}
+        return self._exchange(
+            op, servo_id, fields, values, lambda servo: servo.memory.raw.update(values)
+        )
+
+    def _move(self, servo_id: int) -> Exchange:
+        target = round(self.goal(servo_id) * TOP)
+        values = {"torque_level": TORQUE, "goal_position": target}
+        fields = {
+            "data1": {"torque_level": TORQUE, "id": servo_id},
+            "data2": {"goal_position": target},
+        }
+        return self._exchange(
+            "position_move", servo_id, fields, values, lambda servo: servo.move(target / TOP)
+        )
+
+    def _move_10bit(self, servo_id: int) -> Exchange:
+        target = round(self.goal(servo_id) * TOP_10BIT)
+        fields = {"data1": {}, "data2": {}, "id": servo_id, "torque_10bit": 200, **split(target)}
+        values = {"torque_10bit": 200, "goal_position_10bit": target}
+        return self._exchange(
+            "position_move_10bit",
+            servo_id,
+            fields,
+            values,
+            lambda servo: servo.move(target / TOP_10BIT),
+        )
+
+    def _read_10bit(self, servo_id: int) -> Exchange:
+        fields = {"data1": {}, "data2": {}, "id": servo_id}
+        return self._exchange("position_read_10bit", servo_id, fields, {})
+
+    def _passive(self, servo_id: int) -> Exchange:
+        fields = {"data1": {"id": servo_id}, "data2": {}}
+
+        def act(servo: WckServo) -> None:
+            servo.joint.enabled = False
+
+        data2 = build("passive", **fields)[2]
+        return self._exchange("passive", servo_id, fields, {}, act, {"data2": data2})
