@@ -7,7 +7,7 @@ from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class ServoState(_message.Message):
-    __slots__ = ("offset", "kind", "response_time_ns", "position", "position_deg", "position_mm", "position_us", "goal_position", "goal_position_deg", "goal_position_mm", "goal_position_us", "speed", "speed_deg_per_s", "goal_speed", "goal_speed_deg_per_s", "load", "load_percent", "current_ma", "goal_current_ma", "voltage_v", "temperature_degc", "torque_enable", "moving", "force_limit", "torque_limit", "torque_limit_percent", "operating_rate", "goal_time_s", "elapsed_time_s")
+    __slots__ = ("offset", "kind", "response_time_ns", "position", "position_deg", "position_mm", "position_us", "goal_position", "goal_position_deg", "goal_position_mm", "goal_position_us", "speed", "speed_deg_per_s", "goal_speed", "goal_speed_deg_per_s", "load", "load_percent", "current_ma", "goal_current_ma", "voltage_v", "temperature_degc", "torque_enable", "moving", "force_limit", "torque_limit", "torque_limit_percent", "operating_rate", "goal_time_s", "elapsed_time_s", "status", "speed_us_per_s", "goal_speed_us_per_s")
     class Torque(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = ()
         OFF: _ClassVar[ServoState.Torque]
@@ -45,6 +45,9 @@ class ServoState(_message.Message):
     OPERATING_RATE_FIELD_NUMBER: _ClassVar[int]
     GOAL_TIME_S_FIELD_NUMBER: _ClassVar[int]
     ELAPSED_TIME_S_FIELD_NUMBER: _ClassVar[int]
+    STATUS_FIELD_NUMBER: _ClassVar[int]
+    SPEED_US_PER_S_FIELD_NUMBER: _ClassVar[int]
+    GOAL_SPEED_US_PER_S_FIELD_NUMBER: _ClassVar[int]
     offset: int
     kind: _recording_pb2.Kind
     response_time_ns: int
@@ -74,4 +77,7 @@ class ServoState(_message.Message):
     operating_rate: float
     goal_time_s: float
     elapsed_time_s: float
-    def __init__(self, offset: _Optional[int] = ..., kind: _Optional[_Union[_recording_pb2.Kind, str]] = ..., response_time_ns: _Optional[int] = ..., position: _Optional[float] = ..., position_deg: _Optional[float] = ..., position_mm: _Optional[float] = ..., position_us: _Optional[float] = ..., goal_position: _Optional[float] = ..., goal_position_deg: _Optional[float] = ..., goal_position_mm: _Optional[float] = ..., goal_position_us: _Optional[float] = ..., speed: _Optional[float] = ..., speed_deg_per_s: _Optional[float] = ..., goal_speed: _Optional[float] = ..., goal_speed_deg_per_s: _Optional[float] = ..., load: _Optional[float] = ..., load_percent: _Optional[float] = ..., current_ma: _Optional[float] = ..., goal_current_ma: _Optional[float] = ..., voltage_v: _Optional[float] = ..., temperature_degc: _Optional[float] = ..., torque_enable: _Optional[_Union[ServoState.Torque, str]] = ..., moving: _Optional[bool] = ..., force_limit: _Optional[float] = ..., torque_limit: _Optional[float] = ..., torque_limit_percent: _Optional[float] = ..., operating_rate: _Optional[float] = ..., goal_time_s: _Optional[float] = ..., elapsed_time_s: _Optional[float] = ...) -> None: ...
+    status: float
+    speed_us_per_s: float
+    goal_speed_us_per_s: float
+    def __init__(self, offset: _Optional[int] = ..., kind: _Optional[_Union[_recording_pb2.Kind, str]] = ..., response_time_ns: _Optional[int] = ..., position: _Optional[float] = ..., position_deg: _Optional[float] = ..., position_mm: _Optional[float] = ..., position_us: _Optional[float] = ..., goal_position: _Optional[float] = ..., goal_position_deg: _Optional[float] = ..., goal_position_mm: _Optional[float] = ..., goal_position_us: _Optional[float] = ..., speed: _Optional[float] = ..., speed_deg_per_s: _Optional[float] = ..., goal_speed: _Optional[float] = ..., goal_speed_deg_per_s: _Optional[float] = ..., load: _Optional[float] = ..., load_percent: _Optional[float] = ..., current_ma: _Optional[float] = ..., goal_current_ma: _Optional[float] = ..., voltage_v: _Optional[float] = ..., temperature_degc: _Optional[float] = ..., torque_enable: _Optional[_Union[ServoState.Torque, str]] = ..., moving: _Optional[bool] = ..., force_limit: _Optional[float] = ..., torque_limit: _Optional[float] = ..., torque_limit_percent: _Optional[float] = ..., operating_rate: _Optional[float] = ..., goal_time_s: _Optional[float] = ..., elapsed_time_s: _Optional[float] = ..., status: _Optional[float] = ..., speed_us_per_s: _Optional[float] = ..., goal_speed_us_per_s: _Optional[float] = ...) -> None: ...

@@ -10,8 +10,9 @@ from sniffer.model import SnifferError
 from sniffer.protocols.base import BusProtocol
 from sniffer.protocols.mightyzap import MightyZap
 from sniffer.protocols.rs30x import Rs30x
+from sniffer.protocols.wck import Wck
 
-_ALL: Final[tuple[BusProtocol, ...]] = (MightyZap(), Rs30x())
+_ALL: Final[tuple[BusProtocol, ...]] = (MightyZap(), Rs30x(), Wck())
 PROTOCOLS: Final[Mapping[str, BusProtocol]] = MappingProxyType({p.name: p for p in _ALL})
 
 

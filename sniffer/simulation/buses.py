@@ -7,9 +7,8 @@ time. The line is half-duplex: nothing overlaps, and every byte takes ten bits a
 from __future__ import annotations
 
 import random
-from collections.abc import Generator, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sniffer.model import NS, SnifferError
 from sniffer.simulation import faults as f
@@ -31,6 +30,9 @@ from sniffer.simulation.talk import (
 )
 from sniffer.simulation.wck import WckBus
 
+if TYPE_CHECKING:
+    from collections.abc import Generator, Iterator, Mapping, Sequence
+
 BUSES: Final[Mapping[str, type[Bus]]] = MappingProxyType(
     {b.name: b for b in (MightyZapBus, LssBus, WckBus, Rs30xBus)}
 )
@@ -40,7 +42,7 @@ NOBODY: Final = -2
 """Stands for the servo of frames that address all, and of noise."""
 
 JITTER_NS: Final = 30 * US
-"""How much a servo's turnaround varies: the length of its control loop, a figure of the simulation."""
+"""How much a servo's turnaround varies, a figure of the simulation."""
 
 
 def simulate(

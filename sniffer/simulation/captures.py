@@ -10,10 +10,9 @@ import argparse
 import sys
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.model import NS
 from sniffer.simulation import faults as f
@@ -21,6 +20,9 @@ from sniffer.simulation.buses import BUSES, simulate
 from sniffer.simulation.faults import Fault
 from sniffer.simulation.render import candump, frame_reads, hexdump, raw, usb_reads, xxd
 from sniffer.simulation.talk import NOISE, TrueFrame
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
 
 START_NS: Final = 1_795_215_306 * NS
 """When the simulated captures begin: an afternoon in November 2026."""

@@ -6,12 +6,14 @@ without faults.
 
 from __future__ import annotations
 
-import random
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sniffer.model import NS, SnifferError
+
+if TYPE_CHECKING:
+    import random
+    from collections.abc import Sequence
 
 DROP, FLIP, CUT, LATE = "drop", "flip", "cut", "late"
 NOISE, DUPLICATE, BROWNOUT = "noise", "duplicate", "brownout"
@@ -55,7 +57,7 @@ class Mischief:
     def strikes(self, kind: str, servo_id: int) -> bool:
         """Draw whether a fault happens at this chance."""
         mine = [f for f in self._faults if f.kind == kind and f.servo_id in (None, servo_id)]
-        return any([self.rng.random() < f.rate for f in mine])
+        return any(self.rng.random() < f.rate for f in mine)
 
     def flip(self, data: bytes) -> bytes:
         """Alter one byte."""

@@ -6,11 +6,16 @@ are figures of the simulation, in the range of what client libraries wait.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Final
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
 
-from sniffer.simulation.motion import Joint, Rig
-from sniffer.simulation.talk import MS, US, Ask, Bus, Exchange, Message, Servo, Talk
+from sniffer.protocols.lss.grammar import MODIFIERS, REGISTERS, WORDS, command, reply
+from sniffer.simulation.talk import MS, US, Ask, Bus, Exchange, Message, Servo, Talk, Value
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.simulation.motion import Joint, Rig
 
 TURNAROUND_NS: Final = 1 * MS
 PATIENCE_NS: Final = 100 * MS
@@ -28,22 +33,21 @@ class LssServo(Servo):
     """What the servo answers, by word."""
 
     def __init__(self, servo_id: int, joint: Joint, rig: Rig) -> None:
-        self.facts: dict[str, str] = {
+        self.facts: dict[str, int | str] = {
             "QMS": "LSS-ST1",
-            "QN": str(12345670 + servo_id),
-            "QF": "368",
-            "QAR": str(TRAVEL),
-            "QO": "0",
+            "QN": 12345670 + servo_id,
+            "QF": 368,
+            "QAR": TRAVEL,
+            "QO": 0,
         }
-        self.target = 0
         super().__init__(servo_id, joint, rig)
 
     def power_on(self) -> None:
         """The session ends: limp, LED as configured."""
         super().power_on()
-        self.facts["QLED"] = "7"
+        self.facts["QLED"] = 7
 
-    def reading(self, word: str) -> str:
+    def reading(self, word: str) -> int | str:
         """Return what stands behind the word in an answer."""
         joint = self.joint
         speed = joint.speed * TRAVEL
@@ -56,7 +60,7 @@ class LssServo(Servo):
             "QC": round(joint.current_ma),
             "Q": self._status(speed),
         }
-        return str(readings[word]) if word in readings else self.facts[word]
+        return readings.get(word, self.facts.get(word, 0))
 
     def _status(self, speed: float) -> int:
         if self.low:
@@ -75,13 +79,18 @@ class LssServo(Servo):
             self.joint.goal = value / TRAVEL + 0.5
         elif word == "L":
             self.joint.enabled = False
-        elif word == "LED":
-            self.facts["QLED"] = str(value)
+        elif word == "LED" and value is not None:
+            self.facts["QLED"] = value
 
 
 def tenths(position: float) -> int:
     """Return tenths of a degree of a place 0..1."""
     return round((position - 0.5) * TRAVEL)
+
+
+def stated(servo_id: int, register: int, value: int | str | None) -> tuple[Value, ...]:
+    """Return what a line says about a register; a text is no value."""
+    return ((servo_id, REGISTERS[register].name, value),) if isinstance(value, int) else ()
 
 
 class LssBus(Bus):
@@ -135,19 +144,23 @@ class LssBus(Bus):
 
     def _ask(self, servo_id: int, word: str) -> Exchange:
         def act(servo: LssServo) -> Message:
-            text = servo.reading(word)
-            return self._message("*", servo_id, word, text)
+            value = servo.reading(word)
+            values = stated(servo_id, WORDS[word].selectors[0], value)
+            return Message(reply(servo_id, word, value), servo_id, word, values)
 
-        request = self._message("#", servo_id, word)
+        request = Message(command(servo_id, word), servo_id, word)
         return Exchange(request, (servo_id,), act, TURNAROUND_NS, PATIENCE_NS)
 
     def _tell(
-        self, servo_id: int, word: str, value: int | None = None, also: Mapping[str, int] = {}
+        self,
+        servo_id: int,
+        word: str,
+        value: int | None = None,
+        modifiers: Mapping[str, int] = MappingProxyType({}),
     ) -> Exchange:
-        text = "" if value is None else str(value)
-        text += "".join(f"{modifier}{number}" for modifier, number in also.items())
-        request = self._message("#", servo_id, word, text)
-        return Exchange(request, (servo_id,), lambda s: s.obey(word, value))
-
-    def _message(self, mark: str, servo_id: int, word: str, text: str = "") -> Message:
-        return Message(f"{mark}{servo_id}{word}{text}\r".encode(), servo_id, word)
+        values = stated(servo_id, WORDS[word].register, value)
+        for modifier, number in modifiers.items():
+            values += stated(servo_id, MODIFIERS[modifier].register, number)
+        built = command(servo_id, word, value, modifiers)
+        request = Message(built, servo_id, word, values)
+        return Exchange(request, (servo_id,), lambda servo: servo.obey(word, value))

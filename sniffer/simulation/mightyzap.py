@@ -6,8 +6,7 @@ controllers (e-Manual: 5 ms between writes, 10 ms around reads; clients give up 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.protocols.mightyzap.block import MODELS
 from sniffer.protocols.mightyzap.grammar import (
@@ -22,7 +21,6 @@ from sniffer.protocols.mightyzap.grammar import (
     STORE,
     SYMMETRIC_STORE,
 )
-from sniffer.simulation.motion import Rig, Joint
 from sniffer.simulation.talk import (
     MS,
     US,
@@ -37,10 +35,18 @@ from sniffer.simulation.talk import (
     pack,
 )
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from sniffer.simulation.motion import Joint, Rig
+
 TABLE: Final = MODELS[0]
 PATIENCE_NS: Final = 20 * MS
 TOP: Final = 4095
 """Position counts of the full stroke. Source: user manual v1.02, (5) 19) Goal Position."""
+
+OVERLOAD: Final = 0.85
+"""Part of the greatest load beyond which the simulated servo complains."""
 
 PRESENT: Final = ("present_position", "present_temperature")
 """First and last register of the block that the controller polls."""
@@ -65,6 +71,7 @@ class MightyZapServo(Servo):
 
     def __init__(self, servo_id: int, joint: Joint, rig: Rig) -> None:
         self.memory = Memory(TABLE)
+        self.staged: list[tuple[str, int]] = []
         self.memory.raw |= {
             "model_number": 12,
             "firmware_version": 14,
@@ -81,6 +88,7 @@ class MightyZapServo(Servo):
     def power_on(self) -> None:
         """Volatile registers go back to their defaults."""
         super().power_on()
+        self.staged.clear()
         self.memory.reset(volatile_only=True)
         self.memory.put("force_limit", self.memory.raw["max_force"])
         self.memory.raw["goal_position"] = round(self.joint.position * TOP)
@@ -95,16 +103,26 @@ class MightyZapServo(Servo):
         memory.put("present_temperature", joint.temperature)
         memory.raw["moving"] = int(abs(joint.speed) > 0.02)
 
-    def answer(self, op: str, data: bytes = b"", values: tuple[Value, ...] = ()) -> Message:
+    def answer(
+        self,
+        op: str,
+        data: bytes = b"",
+        values: tuple[Value, ...] = (),
+        *,
+        instruction: bool = False,
+    ) -> Message:
         """Build a feedback with the servo's errors of the moment."""
-        errors = {"input_voltage": self.low, "overload": abs(self.joint.load) > 0.85}
+        errors = {"input_voltage": self.low, "overload": abs(self.joint.load) > OVERLOAD}
+        errors["instruction"] = instruction
         feedback = bytes(FEEDBACK.build({"error": errors, "data": data}))
         built = packet(self.servo_id, feedback[0], feedback[1:])
         return Message(built, self.servo_id, op, values)
 
-    def acknowledge(self, op: str) -> Message | None:
+    def acknowledge(self, op: str, *, instruction: bool = False) -> Message | None:
         """Answer a command that is no read, in mode 2."""
-        return self.answer(op) if self.memory.raw["feedback_return_mode"] == 2 else None
+        if self.memory.raw["feedback_return_mode"] != 2:
+            return None
+        return self.answer(op, instruction=instruction)
 
     def load(self, address: int, length: int) -> Message | None:
         """Answer a Load Data, in mode 1 and 2."""
@@ -113,6 +131,20 @@ class MightyZapServo(Servo):
         self.measure()
         values = self.memory.values(self.servo_id, address, length)
         return self.answer(COMMANDS[LOAD].name, self.memory.read(address, length), values)
+
+    def stage(self, name: str, raw: int) -> None:
+        """Keep a value until it is told to take effect."""
+        self.staged.append((name, raw))
+        self.memory.raw["received_data"] = 1
+
+    def execute(self) -> Message | None:
+        """Let staged values take effect; without any that is an error."""
+        nothing = not self.staged
+        for name, raw in self.staged:
+            self.store(name, raw)
+        self.staged.clear()
+        self.memory.raw["received_data"] = 0
+        return self.acknowledge(COMMANDS[EXECUTE].name, instruction=nothing)
 
     def store(self, name: str, raw: int) -> None:
         """Take a value; the motor follows."""
@@ -186,20 +218,17 @@ class MightyZapBus(Bus):
             yield self._load(servo_id, "moving", "lock")
         elif cycle % 25 == 11:
             raw = self.rng.randrange(300, 1000)
-            yield self._write(servo_id, SEND, "moving_speed", raw)
-            yield self._acknowledged(servo_id, EXECUTE)
+            if (yield self._write(servo_id, SEND, "moving_speed", raw)):
+                yield self._exchange(command(servo_id, EXECUTE), lambda s: s.execute())
         elif cycle % 25 == 21:
             yield self._store(servo_id, "led", self.rng.choice((0, 2, 4, 8)))
         elif cycle % 50 == 47:
             yield self._load(servo_id, "goal_position", "force_limit")
 
-    def _exchange(
-        self, request: Message, act: Callable[[Any], Message | None], mode: int | None = None
-    ) -> Exchange:
-        """Return an exchange; ``mode`` is the return mode that the request itself sets."""
+    def _exchange(self, request: Message, act: Callable[[Any], Message | None]) -> Exchange:
         memory = self.servos[request.servo_id].memory
-        mode = memory.raw["feedback_return_mode"] if mode is None else mode
-        patience = PATIENCE_NS if request.op in READS or mode == 2 else 0
+        answered = request.op in READS or memory.raw["feedback_return_mode"] == 2
+        patience = PATIENCE_NS if answered else 0
         delay = memory.raw["return_delay_time"] * US
         return Exchange(request, (request.servo_id,), act, delay, patience)
 
@@ -219,11 +248,8 @@ class MightyZapBus(Bus):
         request = command(servo_id, code, (value,), address=register.address, data=data)
 
         def act(servo: MightyZapServo) -> Message | None:
-            servo.store(name, raw)
-            return servo.acknowledge(request.op)
+            answer = servo.acknowledge(request.op)  # by the mode in force when the command came
+            servo.store(name, raw) if code == STORE else servo.stage(name, raw)
+            return answer
 
-        return self._exchange(request, act, raw if name == "feedback_return_mode" else None)
-
-    def _acknowledged(self, servo_id: int, code: int) -> Exchange:
-        request = command(servo_id, code)
-        return self._exchange(request, lambda s: s.acknowledge(request.op))
+        return self._exchange(request, act)

@@ -8,9 +8,11 @@ so one seed gives the same bytes on every machine.
 from __future__ import annotations
 
 import math
-import random
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    import random
 
 STEP_S: Final = 0.002
 AMBIENT_DEGC: Final = 26.0
@@ -34,7 +36,8 @@ def sines(rng: random.Random) -> Trajectory:
 def moves(rng: random.Random) -> Trajectory:
     """Return minimum-jerk moves between points with rests at them, over and over.
 
-    The law 10 s^3 - 15 s^4 + 6 s^5. Source: Flash and Hogan, The Coordination of Arm Movements, 1985.
+    The law is 10 s^3 - 15 s^4 + 6 s^5. Source: Flash and Hogan, The Coordination of Arm Movements,
+    J. Neurosci. 5 (1985).
     """
     points = [rng.uniform(0.1, 0.9) for _ in range(rng.randint(4, 7))]
     legs = [(rng.uniform(0.4, 1.2), rng.uniform(0.1, 0.6)) for _ in points]

@@ -5,10 +5,14 @@ Pure: text and bytes in memory. All of them show the bytes as seen on the line, 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
 from sniffer.model import NS
-from sniffer.simulation.talk import TrueFrame
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from sniffer.simulation.talk import TrueFrame
 
 Read = tuple[int, bytes]
 """Bytes as a reader got them, and when it had the last of them, in ns."""

@@ -5,8 +5,7 @@ Source of times: RS305CR manual, 4.2 No. 7, return delay: 100 us + 50 us * n beh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.protocols.rs30x.block import MODELS
 from sniffer.protocols.rs30x.grammar import (
@@ -25,7 +24,6 @@ from sniffer.protocols.rs30x.grammar import (
     WRITE,
     long_data,
 )
-from sniffer.simulation.motion import Joint, Rig
 from sniffer.simulation.talk import (
     MS,
     US,
@@ -39,6 +37,11 @@ from sniffer.simulation.talk import (
     Value,
     pack,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from sniffer.simulation.motion import Joint, Rig
 
 TABLE: Final = MODELS[0]
 PATIENCE_NS: Final = 30 * MS

@@ -90,8 +90,8 @@ class Servo:
 class Exchange:
     """A request, who obeys it, and what each of them does and answers.
 
-    ``act`` is called for every servo that hears the request; only a ``to`` of one servo is answered.
-    ``patience_ns`` is how long the controller waits for the answer.
+    ``act`` is called for every servo that hears the request; only where ``to`` is one servo does
+    its answer go on the line. ``patience_ns`` is how long the controller waits for the answer.
     """
 
     request: Message
@@ -195,8 +195,9 @@ class Bus:
 def pack(kind: str, raw: int) -> bytes:
     """Return a register's bytes; ``kind`` as the register tables name it."""
     dtype = TYPES[kind]
-    order = "big" if dtype.byteorder == ">" else "little"
-    return raw.to_bytes(dtype.itemsize, order, signed=dtype.kind == "i")
+    return raw.to_bytes(
+        dtype.itemsize, "big" if dtype.byteorder == ">" else "little", signed=dtype.kind == "i"
+    )
 
 
 class Memory:

@@ -6,12 +6,11 @@ the time a module is deaf after power-on: the same section, Reset Time after Pow
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.protocols.wck.grammar import INDEX, OPS, REPLIES, build
 from sniffer.registers import RegisterMap, load_models
-from sniffer.simulation.motion import Joint, Rig
 from sniffer.simulation.talk import (
     MS,
     US,
@@ -24,6 +23,11 @@ from sniffer.simulation.talk import (
     Talk,
     Value,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from sniffer.simulation.motion import Joint, Rig
 
 TABLE: Final[RegisterMap] = load_models("wck")[0]
 TURNAROUND_NS: Final = {
@@ -141,7 +145,11 @@ class WckBus(Bus):
             data2={"count": count},
             targets=targets,
         )
-        values = tuple((i, "goal_position", target) for i, target in enumerate(targets))
+        values = tuple(
+            value
+            for i, target in enumerate(targets)
+            for value in ((i, "torque_level", TORQUE), (i, "goal_position", target))
+        )
 
         def act(servo: WckServo) -> None:
             servo.move(targets[servo.servo_id] / TOP)
@@ -180,11 +188,11 @@ class WckBus(Bus):
         fields: Mapping[str, Any],
         values: Mapping[str, int],
         act: Callable[[WckServo], None] = lambda servo: None,
-        echo: Mapping[str, int] = {},
+        echo: Mapping[str, int] = MappingProxyType({}),
     ) -> Exchange:
         known = OPS[INDEX[op]]
         delay, patience = TURNAROUND_NS.get(self.bits_per_s, TURNAROUND_NS[115200]), PATIENCE_NS
-        if known.slow:
+        if known.slow and not op.startswith("runtime"):
             delay, patience = EEPROM_NS, EEPROM_PATIENCE_NS
 
         def obey(servo: WckServo) -> Message | None:
@@ -218,7 +226,8 @@ class WckBus(Bus):
 
     def _move_10bit(self, servo_id: int) -> Exchange:
         target = round(self.goal(servo_id) * TOP_10BIT)
-        fields = {"data1": {}, "data2": {}, "id": servo_id, "torque_10bit": 200, **split(target)}
+        halves = {f"target_{name}": byte for name, byte in split(target).items()}
+        fields = {"data1": {}, "data2": {}, "id": servo_id, "torque_10bit": 200, **halves}
         values = {"torque_10bit": 200, "goal_position_10bit": target}
         return self._exchange(
             "position_move_10bit",

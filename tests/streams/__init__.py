@@ -71,4 +71,4 @@ def chunked(draw: st.DrawFn, data: bytes, byte_ns: int, tail_ns: int) -> list[Ch
     return out
 
 
-OTHERS = ["mightyzap", "rs30x"]
+OTHERS = ["mightyzap", "rs30x", "wck"]

@@ -31,8 +31,12 @@ _NUMBER: Final = re.compile(rb"-?[0-9]*")
 _TEXT: Final = re.compile(rb"[ !\"$-)+-~]+")
 _TEXT_WORD: Final = re.compile("|".join(TEXT_WORDS).encode(), re.IGNORECASE)
 _BLANK: Final = re.compile(rb"[ \t\n]+")
-_BLANKS: Final = b" \t\n"
+_NOISE: Final = re.compile(rb"[^#* \t\n]+")
 _EDGE: Final = re.compile(rb"[#*\r]")
+# Runs of lines that say nothing are one piece each: a line of hostile bytes makes no object a byte.
+_EMPTY: Final = re.compile(rb"(?:[#*]+\r)+")
+_CUT: Final = re.compile(rb"(?:[#*][^#*\r]{0,%d})+(?=[#*])" % (LONGEST - 1))
+_ID_EXPECTED: Final = f"an id of 1 to {ID_DIGITS} digits"
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +74,7 @@ def read(raw: bytes) -> Line | Misfit:
     if at == 1 and is_reply and raw[at : at + 3].upper() == b"QID":
         return _id_reply(raw)
     if not 1 <= at - 1 <= ID_DIGITS:
-        return Misfit(2, f"an id of 1 to {ID_DIGITS} digits")
+        return Misfit(2, _ID_EXPECTED)
     servo_id = int(digits[0])
     if servo_id not in IDS:
         return Misfit(2, "an id of 0..250, 254 or 255")
@@ -136,42 +140,63 @@ def _numbers(raw: bytes, at: int, servo_id: int, *, is_reply: bool) -> Line | Mi
 def explain(run: bytes, start: int) -> list[Gap]:
     """Say why no frame claims these bytes, in pieces that join to the whole of them.
 
-    Blanks (line feeds, spaces, tabs) between lines are noise marked ``blank``; a line that another
-    mark cuts is truncated; one that reaches its carriage return is damaged, ``column`` (from 1)
+    Blanks (line feeds, spaces, tabs) between lines are noise marked ``blank``; lines that another
+    mark cuts are truncated; one that reaches its carriage return is damaged, ``column`` (from 1)
     tells where and ``expected`` what should have stood there.
     """
     out: list[Gap] = []
     at, n = 0, len(run)
     while at < n:
-        blank = _BLANK.match(run, at)
-        if blank is not None:
-            end = blank.end()
+        if (found := _BLANK.match(run, at)) is not None:
+            end = found.end()
             out.append(Gap(start + at, end - at, "noise", {"blank": True}))
-        elif run[at] not in COMMAND_MARK + REPLY_MARK:
-            end = at + 1
-            while end < n and run[end] not in COMMAND_MARK + REPLY_MARK + _BLANKS:
-                end += 1
+        elif (found := _NOISE.match(run, at)) is not None:
+            end = found.end()
             out.append(Gap(start + at, end - at, "noise"))
+        elif (found := _EMPTY.match(run, at)) is not None:
+            end = found.end()
+            detail = {"column": 2, "expected": _ID_EXPECTED}
+            out.append(Gap(start + at, end - at, "damaged", detail))
+        elif (found := _CUT.match(run, at)) is not None:
+            end = found.end()
+            second = _EDGE.search(run, at + 1)
+            first = run[at : end if second is None else min(end, second.start())]
+            detail = {"have": end - at, **_as_read(first)}
+            lines = sum(found[0].count(mark) for mark in (COMMAND_MARK, REPLY_MARK))
+            if lines > 1:
+                detail["lines"] = lines
+            out.append(Gap(start + at, end - at, "truncated", detail))
         else:
             edge = _EDGE.search(run, at + 1)
             end = n if edge is None else edge.end() if edge[0] == END else edge.start()
-            out.append(_line(run[at:end], start + at))
+            out.append(_alone(run[at:end], start + at))
         at = end
     return out
 
 
-def _line(raw: bytes, start: int) -> Gap:
-    whole = raw[-1:] == END
-    found = read(raw if whole or len(raw) > LONGEST else raw + END)
-    detail: dict[str, Any] = {"have": len(raw)}
+def _alone(raw: bytes, start: int) -> Gap:
+    """Explain one line that ends by itself, or is too long, or is the last."""
+    if raw[-1:] != END and len(raw) <= LONGEST:
+        return Gap(start, len(raw), "truncated", {"have": len(raw), **_as_read(raw)})
+    found = read(raw)
+    detail: dict[str, Any] = {}
     if isinstance(found, Misfit):
         detail = {"column": found.column, "expected": found.expected}
+    return Gap(start, len(raw), "damaged", detail | _fields(found))
+
+
+def _as_read(cut: bytes) -> dict[str, Any]:
+    """Return what can be read of a line that was cut."""
+    found = read(cut + END)
+    wrong = isinstance(found, Misfit) and found.column <= len(cut)
+    told = {"column": found.column, "expected": found.expected} if wrong else {}  # type: ignore[union-attr]
+    return told | _fields(found)
+
+
+def _fields(found: Line | Misfit) -> dict[str, Any]:
     fields: dict[str, Any] = {}
     if found.servo_id >= 0:
         fields["servo_id"] = found.servo_id
     if found.word:
         fields["word"] = found.word
-    if fields:
-        detail["fields"] = fields
-    damaged = whole or len(raw) > LONGEST
-    return Gap(start, len(raw), "damaged" if damaged else "truncated", detail)
+    return {"fields": fields} if fields else {}

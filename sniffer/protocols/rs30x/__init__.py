@@ -152,6 +152,8 @@ def _span(leaf: Leaf, offset: int = 0) -> FieldSpan:
     words = value.hex(" ").upper() if isinstance(value, bytes) else str(value)
     if leaf.path == "answer":
         words = f"{value:02X} {'ack' if value == ACK_BYTE else 'nack'}"
+    elif leaf.path == "checksum":
+        words = f"{value:02X}"
     return FieldSpan(
         leaf.offset + offset, leaf.length, leaf.path.removeprefix("body."), words, leaf.docs
     )

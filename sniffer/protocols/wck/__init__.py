@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
 
+from sniffer.checksums import XOR7
 from sniffer.model import I16, I64, NS, REQUEST, Frames, Gap, Mask
 from sniffer.protocols.base import FieldSpan, FrameView, joined
 from sniffer.protocols.dissection import Leaf, leaves
@@ -114,7 +116,7 @@ class Wck:
         if row.kind != REQUEST:
             return [span for leaf in leaves(REPLIES[index], raw) for span in _spans(leaf)]
         grammar = COMMANDS[index]
-        if row.op == block.READ_10BIT and not XOR7.holds(raw[1:]):
+        if row.op == block.READ_10BIT and XOR7(raw[1:-1]) != raw[-1]:
             grammar = READ_10BIT_TEXT
         return [span for leaf in leaves(grammar, raw) for span in _spans(leaf)]
 
@@ -148,3 +150,51 @@ def _reply_fields(name: str, raw: bytes) -> dict[str, Any]:
             return {"data": raw.hex()}
         case _:
             return {}
+
+
+def _spans(leaf: Leaf) -> list[FieldSpan]:
+    """Return a field in words: a byte's bit fields side by side, a list item by item."""
+    name = leaf.path.rpartition(".")[2]
+    value = leaf.value
+    if isinstance(value, list):
+        size = leaf.length // max(len(value), 1)
+        item = {"targets": "target of id", "motion": "instruction"}[name]
+        return [
+            FieldSpan(leaf.offset + i * size, size, f"{item} {i}", *_item(one))
+            for i, one in enumerate(value)
+        ]
+    if isinstance(value, bytes):
+        return [FieldSpan(leaf.offset, leaf.length, name, value.hex().upper())]
+    if isinstance(value, dict):
+        bits = {k: v for k, v in value.items() if k != "_io"}
+        texts = [f"{k} {v}" + _word(TORQUES if k == "torque_level" else {}, v) for k, v in bits.items()]
+        return [FieldSpan(leaf.offset, leaf.length, name, ", ".join(texts), _units(bits))]
+    note = XOR7.formula if name == "checksum" else leaf.docs or _units({name: value})
+    return [FieldSpan(leaf.offset, leaf.length, name, f"{value:02X} = {value}", note)]
+
+
+def _item(one: Any) -> tuple[str, str]:
+    if isinstance(one, int):
+        return f"{one:02X} = {one}", _units({"goal_position": one})
+    main, sub = one.command.instruction, one.command.sub
+    named = _word(SUB_INSTRUCTIONS.get(main, {}), sub)
+    return f"{INSTRUCTIONS.get(main, main)}, sub {sub}{named}, data {one.data}", ""
+
+
+def _word(names: Mapping[int, str], number: int) -> str:
+    return f" ({names[number]})" if number in names else ""
+
+
+def _units(fields: Mapping[str, int]) -> str:
+    """Return what the register table makes of values that bear a register's name."""
+    out: list[str] = []
+    for name, raw in fields.items():
+        if name not in block.REGISTERS:
+            continue
+        register = block.MODELS[0].registers[block.REGISTERS[name]]
+        names = register.names(raw)
+        if register.unit:
+            out.append(f"{raw * register.scale:.2f} {register.unit}")
+        elif names is not None:
+            out.append(names if isinstance(names, str) else " ".join(names) or "none")
+    return ", ".join(out)

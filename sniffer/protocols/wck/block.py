@@ -94,7 +94,7 @@ def _data(op: Op) -> tuple[int, int]:
     if any(b.name in REGISTERS for b in op.data2):
         return DATA2, 1
     kept = list(op.params)
-    while kept and kept[0] in ("id", "again", "arbitrary"):
+    while kept and kept[0] in ("id", "again", "arbitrary3", "arbitrary4"):
         del kept[0]
     return PARAMS + len(op.params) - len(kept), len(kept)
 

@@ -112,7 +112,7 @@ _MOVE: Final = _mode(0, 1, 2, 3, 4, name="torque_level")
 _SYNC: Final = _mode(0, 1, 2, 3, 4, ids=(EVERYONE,), name="torque_level")
 _SET: Final = _mode(7)
 _TEN: Final = _mode(7, ids=range(32))
-_NONE: Final = ("arbitrary", "arbitrary")
+_FREE: Final = ("arbitrary3", "arbitrary4")
 
 MOTION_WORD: Final = Struct(
     "command" / BitStruct("instruction" / Nibble, "sub" / Nibble), "data" / Byte
@@ -126,7 +126,7 @@ def _set(name: str, code: int, params: tuple[str, ...], **more: Any) -> Op:
 
 
 def _read(name: str, code: int, *reply: str, **more: Any) -> Op:
-    return Op(name, _SET, _code(code), _NONE, reply, **more)
+    return Op(name, _SET, _code(code), _FREE, reply, **more)
 
 
 _KNOWN: Final = (
@@ -249,7 +249,7 @@ def _params(names: Sequence[str]) -> list[Any]:
         if name == "again":
             out.append(name / Default(Byte, this[names[i - 1]]) * f"{names[i - 1]} once more")
         else:
-            out.append(name / (Default(Byte, 0) if name == "arbitrary" else Byte))
+            out.append(name / (Default(Byte, 0) if name in _FREE else Byte))
         if name == "motion_count":
             out.append(Check(this.motion_count <= MOTION_MOST))
     return out
