@@ -13,17 +13,22 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from bench.one_by_one import one_by_one
 from bench.streams import STREAMS, hostile
 from sniffer.decoder import Decoder
-from sniffer.framing import Block
 from sniffer.model import Batch, Chunk
 from sniffer.pipeline import Options, Pipeline
 from sniffer.protocols import PROTOCOLS
 from sniffer.reference import Reference
 from sniffer.sinks import open_sink
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sniffer.framing import Block
 
 BLOCK = 1 << 18
 SIZES = {"mightyzap": 20_000_000, "wck": 5_000_000, "rs30x": 5_000_000, "lss": 5_000_000}
@@ -39,20 +44,26 @@ class FramesOnly(Decoder):
         return batch
 
 
-def timed(act: Callable[[], int], rounds: int = ROUNDS) -> tuple[float, int]:
-    """Return the median time of ``act`` in seconds, and what it returned."""
+def timed(act: Callable[..., int], *given: object, rounds: int = ROUNDS) -> tuple[float, int]:
+    """Return the median time of ``act(*given)`` in seconds, and what it returned."""
     took, n = [], 0
     for _ in range(rounds):
         began = time.perf_counter()
-        n = act()
+        n = act(*given)
         took.append(time.perf_counter() - began)
     return statistics.median(took), n
 
 
-def blocks(decoder: Decoder, data: bytes) -> int:
-    """Decode in blocks; return the number of frames."""
-    n = sum(len(decoder.feed(Chunk(data[a : a + BLOCK])).frames) for a in range(0, len(data), BLOCK))
-    return n + len(decoder.close().frames)
+def blocks(make: type[Decoder], name: str, data: bytes) -> int:
+    """Decode in blocks with a new decoder; return the number of frames."""
+    decoder = make(name)
+    parts = (decoder.feed(Chunk(data[a : a + BLOCK])) for a in range(0, len(data), BLOCK))
+    return sum(len(b.frames) for b in parts) + len(decoder.close().frames)
+
+
+def as_objects(name: str, data: bytes) -> int:
+    """Decode with the reference, whole."""
+    return len(Reference(PROTOCOLS[name]).decode([Chunk(data)]).frames)
 
 
 def grammar_framing(name: str, data: bytes) -> int:
@@ -88,19 +99,19 @@ def core_rows(lines: list[str]) -> None:
         "Frames a second. *Grammar* is interpreted construct framing alone; *objects* is the",
         "reference decoder whole (framing, pairing, values, one object a frame).",
         "",
-        "| protocol | MB | frames | frames, fields, times, gaps | whole core | MB/s whole | "
-        "/ grammar (frames) | / grammar (whole) | / objects (whole) |",
+        (
+            "| protocol | MB | frames | frames, fields, times, gaps | whole core | MB/s whole | "
+            "/ grammar (frames) | / grammar (whole) | / objects (whole) |"
+        ),
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for name, size in SIZES.items():
         data = STREAMS[name](size)
         part = data[:SLOW]
-        slow, n_slow = timed(lambda name=name, part=part: grammar_framing(name, part), 3)
-        objects, n_objects = timed(
-            lambda name=name, part=part: len(Reference(PROTOCOLS[name]).decode([Chunk(part)]).frames), 3
-        )
-        frames, n = timed(lambda name=name, data=data: blocks(FramesOnly(name), data))
-        whole, _ = timed(lambda name=name, data=data: blocks(Decoder(name), data))
+        slow, n_slow = timed(grammar_framing, name, part, rounds=3)
+        objects, n_objects = timed(as_objects, name, part, rounds=3)
+        frames, n = timed(blocks, FramesOnly, name, data)
+        whole, _ = timed(blocks, Decoder, name, data)
         grammar, object_rate = n_slow / slow, n_objects / objects
         lines.append(
             f"| {name} | {len(data) / 1e6:.0f} | {n} | {n / frames / 1e6:.2f} M | "
@@ -110,15 +121,15 @@ def core_rows(lines: list[str]) -> None:
         )
         say(lines[-1])
     data = STREAMS["lss"](SIZES["lss"])
-    script, n_script = timed(lambda: regex_and_tuples(data))
-    frames, n = timed(lambda: blocks(FramesOnly("lss"), data))
-    lines += [
-        "",
-        f"LSS against a regular expression that makes tuples ({n_script / script / 1e6:.2f} M lines/s): "
-        f"frames {n / frames / (n_script / script):.1f}x.",
-        "",
-    ]
-    say(lines[-2])
+    script, n_script = timed(regex_and_tuples, data)
+    frames, n = timed(blocks, FramesOnly, "lss", data)
+    ratio = n / frames / (n_script / script)
+    told = (
+        "LSS against one regular expression that makes a tuple a line "
+        f"({n_script / script / 1e6:.2f} M lines/s): frames {ratio:.1f}x."
+    )
+    lines += ["", told, ""]
+    say(told)
 
 
 def hostile_rows(lines: list[str]) -> None:
@@ -131,7 +142,7 @@ def hostile_rows(lines: list[str]) -> None:
     for name in SIZES:
         cells = []
         for data in hostile(name, 2_000_000).values():
-            took, _ = timed(lambda name=name, data=data: blocks(Decoder(name), data), 3)
+            took, _ = timed(blocks, Decoder, name, data, rounds=3)
             cells.append(f"{len(data) / took / 1e6:.1f}")
         lines.append(f"| {name} | {' | '.join(cells)} |")
         say(lines[-1])
@@ -150,7 +161,7 @@ def to_file(data: bytes, path: Path) -> int:
 
 def file_rows(lines: list[str]) -> None:
     data = STREAMS["mightyzap"](SIZES["mightyzap"])
-    core, _ = timed(lambda: blocks(Decoder("mightyzap"), data), 3)
+    core, _ = timed(blocks, Decoder, "mightyzap", data, rounds=3)
     lines += [
         "## Raw file to file (20 MB mightyZAP)",
         "",
@@ -161,34 +172,31 @@ def file_rows(lines: list[str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         for suffix in (".parquet", ".mcap", ".rrd"):
             path = Path(folder) / f"out{suffix}"
-            took, _ = timed(lambda path=path: to_file(data, path), 3)
+            took, _ = timed(to_file, data, path, rounds=3)
             lines.append(f"| {suffix} | {took:.2f} | {took / core:.1f} |")
             say(lines[-1])
-        from bench.one_by_one import one_by_one
-
-        took, part = timed(lambda: one_by_one(data[:1_000_000], Path(folder) / "slow.mcap"), 3)
-        bulk, _ = timed(lambda: to_file(data, Path(folder) / "bulk.mcap"), 3)
-        ratio = (took / part) / (bulk / len(data))
-        lines += [
-            "",
-            f"The same records one protobuf message and one writer call each: {part / took / 1e6:.2f} MB/s; "
-            f"in bulk {len(data) / bulk / 1e6:.1f} MB/s: {ratio:.1f}x.",
-            "",
-        ]
-        say(lines[-2])
+        one, part = timed(one_by_one, data[:1_000_000], Path(folder) / "slow.mcap", rounds=3)
+        bulk, n = timed(to_file, data, Path(folder) / "bulk.mcap", rounds=3)
+    told = (
+        f"The same records with one protobuf message and one writer call each: "
+        f"{part / one / 1e6:.2f} MB/s; in bulk {n / bulk / 1e6:.1f} MB/s: "
+        f"{(n / bulk) / (part / one):.1f}x."
+    )
+    lines += ["", told, ""]
+    say(told)
 
 
 def import_rows(lines: list[str]) -> None:
-    took, _ = timed(lambda: subprocess.call([sys.executable, "-c", "import sniffer"]))
-    bare, _ = timed(lambda: subprocess.call([sys.executable, "-c", "pass"]))
-    numpy, _ = timed(lambda: subprocess.call([sys.executable, "-c", "import numpy"]))
-    lines += [
-        "## Import",
-        "",
-        f"`import sniffer` {took - bare:.2f} s over a bare interpreter (numpy alone {numpy - bare:.2f} s).",
-        "",
-    ]
-    say(lines[-2])
+    took, bare, numpy = (
+        timed(subprocess.call, [sys.executable, "-c", code])[0]
+        for code in ("import sniffer", "pass", "import numpy")
+    )
+    told = (
+        f"`import sniffer` {took - bare:.2f} s over a bare interpreter "
+        f"(numpy alone {numpy - bare:.2f} s)."
+    )
+    lines += ["## Import", "", told, ""]
+    say(told)
 
 
 def say(line: str) -> None:

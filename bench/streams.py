@@ -67,11 +67,19 @@ def wck(size: int, share: float = 0.001) -> bytes:
 
 def rs30x(size: int, share: float = 0.001) -> bytes:
     """Reads of 42..59 (reply nibble 9) from eight servos, answered."""
-    one = bytes.fromhex("FAAF01090000010 0".replace(" ", "")) + bytes.fromhex("FDDF01002A1201") + bytes(19)
+    one = (
+        bytes.fromhex("FAAF01090000010 0".replace(" ", ""))
+        + bytes.fromhex("FDDF01002A1201")
+        + bytes(19)
+    )
     n = size // len(one)
     rows = np.tile(np.frombuffer(one, np.uint8), (n, 1)).copy()
     rows[:, 2] = rows[:, 10] = np.arange(n) % SERVOS + 1
-    values = ((15, _wave(n, 0, 1500, 500)), (21, _wave(n, 10, 900, 60)), (25, _wave(n, 700, 740, 90)))
+    values = (
+        (15, _wave(n, 0, 1500, 500)),
+        (21, _wave(n, 10, 900, 60)),
+        (25, _wave(n, 700, 740, 90)),
+    )
     for at, value in values:
         rows[:, at], rows[:, at + 1] = value & 255, value >> 8
     rows[:, 23] = 40
@@ -89,7 +97,8 @@ def lss(size: int, share: float = 0.001) -> bytes:
         who = turn % SERVOS + 1
         degrees = int(900 * np.sin(turn / 50))
         part = (
-            f"#{who}D{degrees}\r#{who}QD\r*{who}QD{degrees - 7}\r#{who}QV\r*{who}QV{11200 - turn % 90}\r"
+            f"#{who}D{degrees}\r#{who}QD\r*{who}QD{degrees - 7}\r"
+            f"#{who}QV\r*{who}QV{11200 - turn % 90}\r"
             f"#{who}QT\r*{who}QT{400 + turn % 60}\r#{who}QC\r*{who}QC{turn * 7 % 900}\r"
         )
         lines.append(part)

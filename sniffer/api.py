@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sniffer.model import Batch, Chunk, DamagedInputError
 from sniffer.pipeline import AUTO, Options, Pipeline
-from sniffer.protocols.base import BusProtocol
 from sniffer.rows import Row, rows
 from sniffer.sources import open_source
-from sniffer.summary import Summary
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.summary import Summary
 
 
 class _Keep:

@@ -6,12 +6,12 @@ request expects stands in the Frames columns (``reply``, ``token``, ``alt_id``).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sniffer.framing import Block
 from sniffer.model import (
     ANY_ID,
     DAMAGED,
@@ -32,6 +32,11 @@ from sniffer.model import (
     Mask,
     Transactions,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.framing import Block
 
 
 def open_request(frames: Frames, decided: int, reach: int) -> int | None:
@@ -163,7 +168,7 @@ class Expectations:
         outcome = transactions.outcome.copy()
         order = np.where(transactions.request >= 0, transactions.request, transactions.response)
         edges = [0, *(int(np.searchsorted(order, w.row, "right")) for w in writes), len(order)]
-        for number, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+        for number, (a, b) in enumerate(itertools.pairwise(edges)):
             if number:
                 write = writes[number - 1]
                 where = slice(None) if write.servo_id < 0 else write.servo_id & 255

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.model import I64, U8, Mask
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sniffer.model import I64, U8, Mask
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,9 @@ the arrival stamps, the mode registers, and what diagnostics remembers about eac
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,9 +30,13 @@ from sniffer.model import (
     Transactions,
 )
 from sniffer.protocols import protocol_named
-from sniffer.protocols.base import BusProtocol
 from sniffer.samples import Scaling
 from sniffer.timing import Stamps
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.protocols.base import BusProtocol
 
 
 class Decoder:
@@ -103,7 +108,9 @@ class Decoder:
         if not data:
             return self._nothing()
         base = self._base
-        barriers = np.array([b - base for b in self._barriers if 0 < b - base < len(data)], np.int64)
+        barriers = np.array(
+            [b - base for b in self._barriers if 0 < b - base < len(data)], np.int64
+        )
         block = Block(np.frombuffer(data, np.uint8), barriers, final)
         spans, decided = self.protocol.frame(block)
         frames = self.protocol.describe(block, spans)
@@ -182,7 +189,7 @@ def _stretches(a: int, b: int, block: Block) -> list[tuple[int, int, bool]]:
     inside = block.barriers[(block.barriers > a) & (block.barriers <= b)].tolist()
     edges = [a, *(x for x in inside if x < b), b]
     silent = {*inside, *([block.n] if block.final else [])}
-    return [(c, d, d in silent) for c, d in zip(edges[:-1], edges[1:], strict=True)]
+    return [(c, d, d in silent) for c, d in itertools.pairwise(edges)]
 
 
 def _mark_tail(pieces: list[Gap]) -> None:

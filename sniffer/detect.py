@@ -1,14 +1,16 @@
-"""Which protocol is this? The share of bytes that checksum-good frames explain, for each of them."""
+"""Which protocol is this? For each of them: the share of bytes that frames that hold explain."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sniffer.decoder import Decoder
 from sniffer.model import Chunk, InputError
 from sniffer.protocols import PROTOCOLS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
 
 ENOUGH: Final = 32 * 1024
 """Bytes that are looked at: some thousand frames, a second of a busy bus."""

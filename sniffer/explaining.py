@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from sniffer.decoder import Decoder
 from sniffer.detect import detect
@@ -12,6 +12,9 @@ from sniffer.model import OUTCOMES, WHOLE, Batch, Chunk, InputError, SnifferErro
 from sniffer.pipeline import AUTO
 from sniffer.protocols import PROTOCOLS, protocol_named
 from sniffer.protocols.base import BusProtocol, view
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 _LSS = re.compile(r"[#*][0-9A-Za-z*. -]+")
 
@@ -47,7 +50,9 @@ def explain_bytes(
     if not data:
         raise InputError("no bytes to explain")
     if protocol == AUTO:
-        owner = next((p.name for p in PROTOCOLS.values() for m in p.models if m.model == model), None)
+        owner = next(
+            (p.name for p in PROTOCOLS.values() for m in p.models if m.model == model), None
+        )
         protocol = owner or _told(before + data)
     chosen = protocol_named(protocol)
     decoder = Decoder(chosen, models={None: model} if model else None)
@@ -86,7 +91,9 @@ def _pieces(batch: Batch, protocol: BusProtocol) -> Iterator[tuple[int, list[str
         raw = batch.data[g.start : g.start + g.length]
         lines = [f"no frame: {g.reason.replace('_', ' ')}", f"  {raw.hex(' ').upper()}"]
         for key, value in g.detail.items():
-            shown = f"{value:02X}" if key.startswith("checksum") and isinstance(value, int) else value
+            shown = (
+                f"{value:02X}" if key.startswith("checksum") and isinstance(value, int) else value
+            )
             lines.append(f"  {key.replace('_', ' ')}: {shown}")
         pieces.append((batch.base + g.start, lines, False))
     found = {a.evidence[0][0]: a for a in batch.anomalies if a.group not in ("pairing",)}

@@ -8,12 +8,14 @@ silences that no frame crosses.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sniffer.model import I64, REQUEST, U8, Spans
-from sniffer.plan import Plan
+
+if TYPE_CHECKING:
+    from sniffer.plan import Plan
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,12 +9,14 @@ Offsets inside a batch count from ``Batch.data[0]``; ``Batch.base`` makes them a
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
 
 I64 = npt.NDArray[np.int64]
 I16 = npt.NDArray[np.int16]
@@ -238,6 +240,11 @@ class Anomaly:
     servo_id: int | None
     detail: str
     evidence: tuple[tuple[int, int], ...]
+
+    @property
+    def known_at(self) -> int:
+        """Offset of the last piece of evidence; the first may lie in an earlier batch."""
+        return max(start for start, _ in self.evidence)
 
 
 @dataclass(frozen=True, slots=True)

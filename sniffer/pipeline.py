@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import functools
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from sniffer.decoder import Decoder
-from sniffer.detect import ENOUGH, Detection, detect
+from sniffer.detect import ENOUGH, Detection, UndecidedError, detect
 from sniffer.model import Batch, Chunk, OutputError
 from sniffer.protocols import protocol_named
-from sniffer.sinks.base import Sink
 from sniffer.summary import Summary
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from sniffer.sinks.base import Sink
 
 AUTO = "auto"
 
@@ -58,7 +63,7 @@ class Pipeline:
         for chunk in group:
             by_bus.setdefault(chunk.bus, []).append(chunk)
         for bus, chunks in by_bus.items():
-            self._each(lambda sink, bus=bus, chunks=chunks: sink.raw(bus, chunks))
+            self._each(functools.partial(_raw, bus=bus, chunks=chunks))
             if bus in self._decoders:
                 self._decode(bus, chunks)
                 continue
@@ -68,18 +73,35 @@ class Pipeline:
                 self._start(bus)
 
     def close(self) -> None:
-        """Decode what waits and finish the decoders; the sinks are closed by ``finish``."""
+        """Decode what waits and finish the decoders; the sinks are closed by ``finish``.
+
+        A bus whose protocol cannot be told does not keep the others from being decoded.
+        """
+        undecided: UndecidedError | None = None
         for bus in list(self._waiting):
-            self._start(bus)
+            try:
+                self._start(bus)
+            except UndecidedError as error:
+                undecided = undecided or error
         for bus, decoder in self._decoders.items():
             self._deliver(bus, decoder, decoder.close())
+        if undecided is not None:
+            raise undecided
 
     def finish(self) -> None:
-        """Close every sink, also if one of them fails; the first failure is raised."""
-        self._each(lambda sink: sink.close())
-        self._sinks = []
+        """Close every sink, once, also if one of them fails; the first failure is raised."""
+        sinks, self._sinks = self._sinks, []
+        with contextlib.ExitStack() as stack:
+            for sink in reversed(sinks):
+                stack.callback(self._finish, sink)
         if self._failure is not None:
             raise self._failure
+
+    def _finish(self, sink: Sink) -> None:
+        try:
+            sink.close()
+        except OutputError as error:
+            self._failure = self._failure or error
 
     def _each(self, act: Callable[[Sink], None]) -> None:
         """Do something with every sink; one that fails is given up, the others go on."""
@@ -121,3 +143,7 @@ class Pipeline:
             return
         self.summary.add(bus, decoder.protocol, batch)
         self._each(lambda sink: sink.write(bus, decoder.protocol, batch))
+
+
+def _raw(sink: Sink, *, bus: str, chunks: Sequence[Chunk]) -> None:
+    sink.raw(bus, chunks)

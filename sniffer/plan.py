@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import construct as c
 
-from sniffer.checksums import Checksum
-from sniffer.model import I64, U8
+if TYPE_CHECKING:
+    from sniffer.checksums import Checksum
+    from sniffer.model import I64, U8
 
 Expression = Callable[[Any], Any]
 
@@ -82,7 +83,9 @@ def plan_of(grammar: Any) -> Plan:
             case c.Enum() | c.FlagsEnum():
                 walk(con.subcon, name)
             case _:
-                raise TypeError(f"no plan for {con!r}: give the protocol a block scanner of its own")
+                raise TypeError(
+                    f"no plan for {con!r}: give the protocol a block scanner of its own"
+                )
 
     walk(grammar)
     if tail is None or checksum is None or tail_at != pos:

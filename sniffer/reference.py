@@ -6,9 +6,10 @@ in the obvious way. Tests hold the block decoder equal to this one; nothing else
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -37,6 +38,9 @@ from sniffer.model import (
 from sniffer.protocols.base import BusProtocol, SlowFrame, State
 from sniffer.timing import byte_time_ns
 
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
 FrameRow = tuple[int, int, int, int, int, int, bytes, int, int, int, int, int, int, int]
 TransactionRow = tuple[int, int, int, int]
 SampleRow = tuple[int, int, int, int, int, str, int, int, int, bool]
@@ -44,7 +48,7 @@ SampleRow = tuple[int, int, int, int, int, str, int, int, int, bool]
 
 @dataclass(slots=True)
 class Result:
-    """What a stream says, as plain tuples that compare (see ``tests/records.py`` for the columns)."""
+    """What a stream says, as plain tuples that compare."""
 
     frames: list[FrameRow] = field(default_factory=list)
     transactions: list[TransactionRow] = field(default_factory=list)
@@ -98,7 +102,7 @@ class Reference:
         self.times = times
         edges = [0, *silences, len(data)]
         clocked = any(k.t_ns is not None for k in chunks)
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in itertools.pairwise(edges):
             self._stretch(bytes(data), a, b, clocked=clocked)
         return self.out
 
@@ -191,8 +195,11 @@ class Reference:
         refused = {
             id(p.request)
             for p in pairs
-            if p.outcome == OK and p.request is not None and p.response is not None
-            and p.response.status >= 0 and self._refused(p.response.status)
+            if p.outcome == OK
+            and p.request is not None
+            and p.response is not None
+            and p.response.status >= 0
+            and self._refused(p.response.status)
         }
         told: dict[int, list[tuple[int, int]]] = {}
         for f in frames:
@@ -210,8 +217,8 @@ class Reference:
                 p.outcome = (DAMAGED if torn else NO_RESPONSE) if expected else NOT_EXPECTED
             if q is not None and r is not None and p.outcome == OK and q.reply == IF_ALL:
                 self.mode[q.servo_id & 255] = 2
-            for f in (q, r):
-                for servo, mode in told.pop(f.start, []) if f is not None else []:
+            for told_by in (q, r):
+                for servo, mode in told.pop(told_by.start, []) if told_by else []:
                     if servo < 0:
                         self.mode = [mode] * 256
                     else:

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import functools
 import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from sniffer.model import COMMANDED, CONFIG, MEASURED, ROLES, SnifferError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 TYPES: Final[Mapping[str, np.dtype[Any]]] = MappingProxyType(
     {
@@ -85,7 +87,7 @@ class Register:
         return TYPES[self.type].itemsize
 
     def names(self, raw: int) -> str | list[str] | None:
-        """Name an enumerated value, the set bits, or a special value; None where nothing is named."""
+        """Name an enumerated value, the set bits, or a special value; None: nothing is named."""
         if raw in self.special:
             return self.special[raw]
         if self.bits:
@@ -134,7 +136,10 @@ class RegisterMap:
         self.first = first
         self.index = {r.name: first + i for i, r in enumerate(registers)}
         self._by_byte = {
-            r.address + k: i for i, r in enumerate(registers) if r.address >= 0 for k in range(r.width)
+            r.address + k: i
+            for i, r in enumerate(registers)
+            if r.address >= 0
+            for k in range(r.width)
         }
 
     def __len__(self) -> int:
@@ -171,7 +176,7 @@ class RegisterMap:
 
 
 def _schemas() -> Path:
-    """Return the folder of the schemas: beside the package in a checkout, inside it when installed."""
+    """Return the folder of the schemas: inside an installed package, beside it in a checkout."""
     here = Path(__file__).parent
     inside = here / "schemas"
     return inside if inside.is_dir() else here.parent / "schemas"

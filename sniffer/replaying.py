@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sniffer.model import NS, Chunk
 from sniffer.timing import byte_time_ns
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
 STEP_NS: Final = 50_000_000
 """Chunks within 50 ms of the recording go out together: a decoder pass costs about the same for

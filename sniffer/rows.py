@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 
@@ -32,7 +31,11 @@ from sniffer.model import (
     Samples,
 )
 from sniffer.protocols.base import BusProtocol, view
-from sniffer.registers import Register
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from sniffer.registers import Register
 
 FLAGS: Final[Mapping[int, str]] = {
     MALFORMED: "malformed",
@@ -253,7 +256,10 @@ def _transactions(
 ) -> Iterator[tuple[int, TransactionRow]]:
     f, t = batch.frames, batch.transactions
     for q, r, outcome, took, spread in zip(
-        *(c.tolist() for c in (t.request, t.response, t.outcome, t.response_time_ns, t.uncertainty_ns)),
+        *(
+            c.tolist()
+            for c in (t.request, t.response, t.outcome, t.response_time_ns, t.uncertainty_ns)
+        ),
         strict=True,
     ):
         told = r if r >= 0 else q
@@ -308,7 +314,7 @@ def rows(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Iterator[Row
     found += [(at, 1, s) for at, s in _samples(batch, protocol, bus)]
     found += [(at, 2, t) for at, t in _transactions(batch, protocol, bus)]
     for a in batch.anomalies:
-        found.append((max(a.evidence[0][0], batch.base), 3, anomaly_row(a, bus)))
+        found.append((a.known_at, 3, anomaly_row(a, bus)))
     found.sort(key=lambda e: e[:2])
     for _, _, one in found:
         yield one

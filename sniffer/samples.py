@@ -6,13 +6,13 @@ scales positions, a servo's id). They are applied as stretches between the rare 
 
 from __future__ import annotations
 
+import functools
 import itertools
-from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sniffer.bus import FeedbackWrite
-from sniffer.framing import Block
 from sniffer.model import (
     ASSUMED,
     F64,
@@ -21,8 +21,8 @@ from sniffer.model import (
     OBSERVED,
     OK,
     PROFILE,
-    REQUEST,
     RELEASES,
+    REQUEST,
     RESETS,
     STAGED,
     U8,
@@ -34,6 +34,11 @@ from sniffer.model import (
 )
 from sniffer.protocols.base import BusProtocol, State, Values
 from sniffer.registers import TYPES, Entry
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from sniffer.framing import Block
 
 
 def by_shape(
@@ -197,9 +202,7 @@ class Scaling:
         self, frames: Frames, v: Values, accepted: Mask
     ) -> list[tuple[int, Callable[[], None] | None]]:
         """Return (position in the values, what happens before it), in order."""
-        hits = np.flatnonzero(
-            self._is_event[v.register] & accepted[v.row] & (v.part == WHOLE)
-        )
+        hits = np.flatnonzero(self._is_event[v.register] & accepted[v.row] & (v.part == WHOLE))
         flags = np.where(accepted, frames.flags & (RESETS | RELEASES | STAGED), 0)
         special = np.flatnonzero(flags & RESETS)
         if self._staged or (flags[v.row[hits]] & STAGED).any():
@@ -213,8 +216,8 @@ class Scaling:
         for row in special.tolist():
             at = int(np.searchsorted(v.row, row, "right"))
             servo = int(frames.servo_id[row])
-            reset = bool(flags[row] & RESETS)
-            out.append((at, row, lambda s=servo, r=reset: self._reset(s) if r else self._release(s)))
+            act = self._reset if flags[row] & RESETS else self._release
+            out.append((at, row, functools.partial(act, servo)))
         out.sort(key=lambda e: e[:2])
         return [(at, act) for at, _, act in out]
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from sniffer.model import I64, KINDS, NS, OK, OUTCOMES, Anomaly, Batch, Severity
-from sniffer.protocols.base import BusProtocol
+
+if TYPE_CHECKING:
+    from sniffer.protocols.base import BusProtocol
 
 _PER_OCTAVE: Final = 32
 _BINS: Final = 64 * _PER_OCTAVE

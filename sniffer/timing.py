@@ -7,14 +7,16 @@ before, but never more than the adapter can hold bytes back (its latency).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sniffer.model import I64, NS, U8, Chunk, Clock, Frames
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 LATENCY_NS: Final[Mapping[Clock, int]] = MappingProxyType(
     {

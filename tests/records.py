@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sniffer.decoder import Decoder
-from sniffer.model import Batch, Chunk
 from sniffer.reference import Result
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from sniffer.decoder import Decoder
+    from sniffer.model import Batch, Chunk
 
 
 def batches(decoder: Decoder, groups: Iterable[Sequence[Chunk]]) -> list[Batch]:

@@ -78,7 +78,9 @@ def test_an_answer_after_the_silence_is_late_too_and_its_request_unanswered() ->
 
 
 def test_an_answer_nobody_asked_for_is_unsolicited() -> None:
-    assert codes(READ, REPLY, packet(2, 0xF1), packet(2, 0), packet(3, 0)) == ["unsolicited-response"]
+    assert codes(READ, REPLY, packet(2, 0xF1), packet(2, 0), packet(3, 0)) == [
+        "unsolicited-response"
+    ]
 
 
 def test_two_answers_of_one_id_are_told_as_a_shared_id() -> None:
@@ -104,7 +106,12 @@ def test_a_goal_outside_the_manual_s_range_is_told_each_time_it_is_written() -> 
 def test_what_a_servo_reports_is_told_when_it_begins_and_when_it_ends() -> None:
     hot = packet(1, 0x24, b"\xff\x07")
     found = codes(READ, REPLY, READ, hot, READ, hot, READ, REPLY)
-    assert found == ["device-overheating", "device-overload", "device-recovered", "device-recovered"]
+    assert found == [
+        "device-overheating",
+        "device-overload",
+        "device-recovered",
+        "device-recovered",
+    ]
 
 
 def test_a_refused_command_is_told_each_time() -> None:

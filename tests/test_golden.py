@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -11,6 +11,9 @@ from sniffer.diagnostics.catalogue import markdown
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
 from tests.golden import ROOT, captures, golden, golden_path, protocol_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 HINT = "if the change is meant: make golden, and read the diff"
 

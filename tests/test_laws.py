@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,7 +21,9 @@ EVERY = pytest.mark.parametrize("name", PROTOCOLS)
 
 @EVERY
 @given(data=st.data())
-def test_frames_and_gaps_joined_in_order_are_exactly_the_input(name: str, data: st.DataObject) -> None:
+def test_frames_and_gaps_joined_in_order_are_exactly_the_input(
+    name: str, data: st.DataObject
+) -> None:
     s = data.draw(stream(name))
     chunks = data.draw(chunked(s, byte_time_ns(PROTOCOLS[name].baud), PROTOCOLS[name].tail_ns))
     parts = batches(Decoder(name), [[c] for c in chunks])
@@ -49,7 +53,7 @@ def test_any_recut_of_the_bytes_with_times_held_gives_equal_records(
         assert c.t_ns is not None
         cuts = data.draw(st.lists(st.integers(1, max(1, len(c.data) - 1)), max_size=6, unique=True))
         edges = [0, *sorted(x for x in cuts if x < len(c.data)), len(c.data)]
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in itertools.pairwise(edges):
             recut.append(Chunk(c.data[a:b], c.t_ns - (len(c.data) - b) * byte_ns, c.clock))
     again = batches(Decoder(name), [[c] for c in recut])
     assert records(again) == records(whole)
@@ -58,9 +62,7 @@ def test_any_recut_of_the_bytes_with_times_held_gives_equal_records(
 
 @EVERY
 @given(data=st.data())
-def test_the_same_chunks_in_any_grouping_give_equal_records(
-    name: str, data: st.DataObject
-) -> None:
+def test_the_same_chunks_in_any_grouping_give_equal_records(name: str, data: st.DataObject) -> None:
     s = data.draw(stream(name))
     chunks = data.draw(chunked(s, byte_time_ns(PROTOCOLS[name].baud), PROTOCOLS[name].tail_ns))
     one = batches(Decoder(name), [[c] for c in chunks])

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import functools
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sniffer.decoder import Decoder
+from sniffer.framing import Block
 from sniffer.model import RESETS, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.rs30x.block import REACH
-from sniffer.protocols.rs30x.grammar import MOST_DATA, NACK, REPLIES
+from sniffer.protocols.rs30x.grammar import NACK, REPLIES
 from tests import heard
 from tests.records import batches, records
 from tests.streams.rs30x import long, packet, raw, reset_with_data, returned, write
@@ -36,8 +38,8 @@ def test_headers_inside_data_are_data() -> None:
 
 
 def test_lengths_are_believed_up_to_the_cap() -> None:
-    assert hear(packet(1, 0, 0, MOST_DATA, 1)).ops == ["write"]
-    assert hear(packet(1, 0, 0, MOST_DATA // 2, 2)).ops == ["write"]
+    assert hear(packet(1, 0, 0, 254, 1)).ops == ["write"]
+    assert hear(packet(1, 0, 0, 127, 2)).ops == ["write"]
     assert hear(raw(1, 0, 0, 255, 1, data=bytes(255))).ops == []
     assert hear(raw(1, 0, 0, 85, 3, data=bytes(255))).ops == []
 
@@ -45,6 +47,25 @@ def test_lengths_are_believed_up_to_the_cap() -> None:
 def test_the_longest_packets_are_whole() -> None:
     told = hear(returned(1, 0, bytes(255)), long(0x1E, *((k, bytes(4)) for k in range(1, 32))))
     assert [f.length for f in told.frames] == [REACH, 163]
+
+
+@pytest.mark.parametrize(
+    ("held", "decided"),
+    [
+        (returned(1, 42, BLOCK)[:12], 0),
+        (returned(1, 42, BLOCK)[:-1], 0),
+        (write(1, 0x1E, b"\x00\x00")[:7], 0),
+        (reset_with_data(1)[:8], 0),  # the ninth byte decides
+        (packet(0x10, 0x10, 0xFF), 8),  # it holds with eight, though the eighth is FF
+        (TORQUE_ON, 0),  # an acknowledgement may follow
+        (TORQUE_ON + ACK_BYTE, 10),
+        (READ_BLOCK, 8),
+    ],
+)
+def test_an_open_end_is_judged_when_all_of_a_packet_is_there(held: bytes, decided: int) -> None:
+    data, none = np.frombuffer(held, np.uint8), np.empty(0, np.int64)
+    assert RS30X.frame(Block(data, none, final=False))[1] == decided
+    assert RS30X.frame(Block(data, none, final=True))[1] == len(held)
 
 
 @pytest.mark.parametrize("servo_id", [128, 200, 254])
@@ -181,8 +202,8 @@ def test_a_factory_reset_has_data_or_has_none(reset: bytes) -> None:
     assert told.frames[0].hex == reset.hex()
     assert told.flags[0] == ()
     assert told.outcomes[0] == "not_expected"
-    (batch, _) = batches(Decoder("rs30x"), [[Chunk(reset)]])
-    assert batch.frames.flags.tolist() + _.frames.flags.tolist() == [RESETS]
+    parts = batches(Decoder("rs30x"), [[Chunk(reset)]])
+    assert [f for b in parts for f in b.frames.flags.tolist()] == [RESETS]
 
 
 def test_eight_bytes_are_tried_before_nine() -> None:

@@ -28,6 +28,9 @@ EVERY_DECODED = pytest.mark.parametrize("name", [n for n in BUSES if n in PROTOC
 ALL_FAULTS = tuple(Fault(kind, rate) for kind, rate in dict.fromkeys(FAULTS, 0.01).items())
 START = 1_700_000_000 * NS
 
+WITHOUT_CHECKSUM = ("lss", "wck")
+"""LSS has none at all, wCK none in its answers: what is altered there may still be a frame."""
+
 Row = tuple[int, bytes, str, int, str]
 """Offset, bytes, kind, servo id, command."""
 
@@ -56,8 +59,8 @@ class Decoded:
         self.gaps: list[tuple[int, int]] = []
         self.outcomes: Counter[int] = Counter()
         self.values: dict[int, list[tuple[int, str, int]]] = {}
-        self.responses: list[tuple[int, int]] = []
-        """Offset of each paired response, and how long it took."""
+        self.took: dict[int, tuple[int, int]] = {}
+        """By offset of each paired response: how long it took, and the window for it."""
         for b in [*(decoder.feed(*group) for group in groups), decoder.close()]:
             f = b.frames
             for i in range(len(f)):
@@ -68,10 +71,11 @@ class Decoded:
                 self.t_end.append(int(f.t_end[i]))
             self.gaps += [(b.base + g.start, b.base + g.start + g.length) for g in b.gaps]
             self.outcomes.update(b.transactions.outcome.tolist())
-            paired = np.flatnonzero(b.transactions.outcome == OK)
-            for i in paired.tolist():
-                at = b.base + int(f.start[b.transactions.response[i]])
-                self.responses.append((at, int(b.transactions.response_time_ns[i])))
+            t = b.transactions.take(b.transactions.outcome == OK)
+            windows = protocol.window_ns(f)[t.request]
+            places = (b.base + f.start[t.response]).tolist()
+            times = zip(t.response_time_ns.tolist(), windows.tolist(), strict=True)
+            self.took.update(zip(places, times, strict=True))
             s = b.samples
             for i in range(len(s)):
                 at = b.base + int(f.start[s.row[i]])
@@ -216,21 +220,19 @@ def test_a_damaged_run_is_decoded_as_far_as_it_is_whole(name: str, seed: int) ->
     missed = [row for at, row in whole.items() if found.get(at) != row]
     assert len(missed) <= 0.005 * len(whole), missed
     # what was found beside the truth touches damaged bytes, or a second answer
-    torn = [
-        (row[0], row[0] + len(f.wire))
-        for row, f in truth
-        if f.wire and (f.damaged or f.fault == "duplicate")
-    ]
+    torn = [(row[0], row[0] + len(f.wire)) for row, f in truth if f.damaged and f.wire]
+    answers = [(row[0], row[0] + len(f.wire)) for row, f in truth if f.fault == "duplicate"]
     for at, row in found.items():
         if whole.get(at) != row:
             end = at + len(row[1])
-            assert any(a < end and at < z for a, z in torn), row
-    # the torn bytes are in gaps, unless they make a frame by chance
-    claimed = [(at, at + len(row[1])) for at, row in found.items()]
-    free = sum(z - a for a, z in got.gaps)
-    assert free + sum(z - a for a, z in claimed) == len(raw(frames))
-    lost = [t for t in torn if t[0] in found and found[t[0]][0] not in whole]
-    assert len(lost) <= len(torn) / 2
+            assert any(a < end and at < z for a, z in torn + answers), row
+    # every byte is accounted for, and torn frames are gaps, unless no checksum tells
+    in_gaps = np.zeros(len(raw(frames)), bool)
+    for a, z in got.gaps:
+        in_gaps[a:z] = True
+    assert in_gaps.sum() + sum(len(row[1]) for row in got.frames) == len(in_gaps)
+    covered = sum(bool(in_gaps[a:z].all()) for a, z in torn)
+    assert covered >= (0.5 if name in WITHOUT_CHECKSUM else 0.95) * len(torn)
 
 
 @EVERY_DECODED
@@ -238,14 +240,10 @@ def test_a_late_answer_is_beyond_the_window_and_still_pairs(name: str) -> None:
     frames = list(
         simulate(name, seed=6, start_ns=START, duration_s=4, faults=[Fault("late", 0.05)])
     )
-    late = {row[0]: f for row, f in rows(frames) if f.fault == "late"}
-    assert late
+    late = {row[0] for row, f in rows(frames) if f.fault == "late"}
     got = Decoded(name, frames)
-    took = dict(got.responses)
-    protocol = PROTOCOLS[name]
-    whole = Decoder(name, baud=BUSES[name].baud).feed(Chunk(raw(frames)))
-    window = int(protocol.window_ns(whole.frames).min())
-    assert all(took[at] > window for at in late)
+    assert late
+    assert {at for at, (took, window) in got.took.items() if took > window} == late
 
 
 # ---------------------------------------------------------------- rendering

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -12,19 +11,26 @@ from sniffer.protocols import PROTOCOLS
 from sniffer.rows import FrameRow, GapRow, TransactionRow
 from tests.vectors import Vector, vectors
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
 ALL = [v for name in PROTOCOLS for v in vectors(name)]
 GOOD = [v for v in ALL if v.verdict == "good"]
 WRONG = [v for v in ALL if v.verdict == "bad_checksum"]
 
 
-def named(some: list[Vector]) -> Any:
+def named(some: list[Vector]) -> pytest.MarkDecorator:
     return pytest.mark.parametrize("vector", some, ids=lambda v: v.name)
 
 
 def decoded(vector: Vector) -> list[Any]:
     model = "mightyzap-12lf" if "12lf" in vector.name else None
     models: dict[int | None, str] | None = {None: model} if model else None
-    return list(sniffer.decode(vector.after + vector.data, vector.protocol, input_format="bin", models=models))
+    return list(
+        sniffer.decode(
+            vector.after + vector.data, vector.protocol, input_format="bin", models=models
+        )
+    )
 
 
 def leaves(value: Any) -> Iterator[Any]:

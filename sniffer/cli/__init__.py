@@ -6,10 +6,11 @@ Exit status: 0 done; 1 anomalies at or above ``--fail-on``; 2 the user's mistake
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, TextIO
 
 import click
 
@@ -19,6 +20,7 @@ from sniffer.cli.explain import explain
 from sniffer.cli.known import protocols, registers
 from sniffer.cli.recover import recover
 from sniffer.cli.replay import replay
+from sniffer.cli.session import say, silence_stdout
 from sniffer.cli.view import view
 from sniffer.model import DamagedInputError, SnifferError
 
@@ -28,7 +30,25 @@ DAMAGED: Final = 3
 INTERRUPTED: Final = 130
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+class _Commands(click.Group):
+    """Keeps Ctrl-C from click, which would answer it with an empty line of its own."""
+
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise _InterruptedError from None
+
+
+class _InterruptedError(Exception):
+    """Ctrl-C where nothing was there to be kept."""
+
+
+@click.group(
+    cls=_Commands,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Begin with: sniffer decode FILE. Each command says more with --help.",
+)
 @click.version_option(__version__, prog_name="sniffer")
 def cli() -> None:
     """Listen in on robot-servo buses: decode, check, record and plot what is said there."""
@@ -40,37 +60,48 @@ for _command in (decode, view, replay, recover, explain, protocols, registers):
 
 def run(arguments: Sequence[str]) -> int:
     """Run the command line; return the exit status. No traceback reaches the user."""
+    _prepare_streams()
     try:
         status = cli.main(list(arguments), prog_name="sniffer", standalone_mode=False)
+        sys.stdout.flush()
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         return MISTAKE
     except click.ClickException as error:
         return _tell(error.format_message(), MISTAKE)
-    except click.Abort:
-        return _tell("interrupted", INTERRUPTED)
-    except KeyboardInterrupt:
+    except (_InterruptedError, click.Abort, KeyboardInterrupt):
         return _tell("interrupted", INTERRUPTED)
     except DamagedInputError as error:
         return _tell(str(error), DAMAGED)
     except SnifferError as error:
         return _tell(str(error), MISTAKE)
     except BrokenPipeError:
-        quiet_stdout()
+        silence_stdout()
         return DONE
     except OSError as error:
-        return _tell(f"{error.filename or 'output'}: {error.strerror or error}", MISTAKE)
+        if error.filename is None:
+            silence_stdout()
+        where = error.filename or "standard output"
+        return _tell(f"{where}: {error.strerror or error}", MISTAKE)
     return status if isinstance(status, int) else DONE
 
 
+def _prepare_streams() -> None:
+    """Make the standard streams fit to be written to, whatever the program was started with."""
+    # closed by whoever started the program (`>&-`): an output file must not take their place
+    if sys.stdout is None:
+        sys.stdout = _devnull()
+    if sys.stderr is None:
+        sys.stderr = _devnull()
+    # a character that the terminal's encoding lacks is no reason to stop
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
+
+
+def _devnull() -> TextIO:
+    return open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123 - open to the end
+
+
 def _tell(message: str, status: int) -> int:
-    line = " ".join(message.split())
-    click.echo(f"sniffer: {line}", err=True)
+    say(message)
     return status
-
-
-def quiet_stdout() -> None:
-    """Let nothing complain about the closed pipe when the interpreter flushes at its end."""
-    devnull = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(devnull, sys.stdout.fileno())
-    os.close(devnull)

@@ -19,15 +19,29 @@ from sniffer.sources import open_source
 @click.command()
 @click.argument("file")
 @decoding
-@click.option("--speed", type=click.FloatRange(0), default=1.0, show_default=True,
-              help="Times real time; 0: as fast as it goes.")
-@click.option("--from", "start", type=click.FloatRange(0), default=0.0, metavar="S",
-              help="Begin S seconds into the recording.")
+@click.option(
+    "--speed",
+    type=click.FloatRange(0),
+    default=1.0,
+    show_default=True,
+    help="Times real time; 0: as fast as it goes.",
+)
+@click.option(
+    "--from",
+    "start",
+    type=click.FloatRange(0),
+    default=0.0,
+    metavar="S",
+    help="Begin S seconds into the recording.",
+)
 @click.option("--to", "stop", type=click.FloatRange(0), metavar="S", help="Stop S seconds into it.")
 @click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C.")
 @click.option("--rerun", "in_rerun", is_flag=True, help="Show it in the Rerun viewer, not here.")
-@click.option("--redecode", is_flag=True,
-              help="Decode the raw bytes with today's decoder and compare with what was recorded.")
+@click.option(
+    "--redecode",
+    is_flag=True,
+    help="Decode the raw bytes with today's decoder and compare with what was recorded.",
+)
 def replay(
     file: str,
     protocol: str,

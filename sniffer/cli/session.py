@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import os
+import signal
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import click
 
 from sniffer import __version__
-from sniffer.detect import Detection
+from sniffer.detect import Detection, UndecidedError
 from sniffer.model import Batch, Chunk, DamagedInputError, InputError, OutputError
 from sniffer.pipeline import Options, Pipeline
 from sniffer.protocols.base import BusProtocol
-from sniffer.sinks import open_sink
+from sniffer.sinks import open_sink, suffix_known
 from sniffer.sinks.base import Sink
+from sniffer.sinks.files import files_of
 from sniffer.sources import Source
 
 
@@ -37,37 +41,44 @@ class Standard:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Pass a batch on while somebody listens."""
-        if self._open:
-            try:
+        with self._listening():
+            if self._open:
                 self._sink.write(bus, protocol, batch)
                 sys.stdout.flush()
-            except BrokenPipeError:
-                self._closed()
 
     def close(self) -> None:
         """End the output while somebody listens."""
-        if self._open:
-            try:
+        with self._listening():
+            if self._open:
                 self._sink.close()
-            except BrokenPipeError:
-                self._closed()
 
-    def _closed(self) -> None:
-        self._open = False
-        devnull = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(devnull, sys.stdout.fileno())
-        os.close(devnull)
-        if self._alone:
-            raise _NobodyListensError
+    @contextlib.contextmanager
+    def _listening(self) -> Iterator[None]:
+        try:
+            yield
+        except BrokenPipeError:
+            self._open = False
+            silence_stdout()
+            if self._alone:
+                raise
+        except OSError as error:
+            self._open = False
+            silence_stdout()
+            why = error.strerror or error
+            raise OutputError(f"standard output: cannot be written ({why})") from None
 
 
-class _NobodyListensError(Exception):
-    """The only output was a pipe, and it is closed."""
+def silence_stdout() -> None:
+    """Let nothing complain about an output that is gone when the interpreter flushes at its end."""
+    devnull = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(devnull, sys.stdout.fileno())
+    os.close(devnull)
 
 
 def say(message: str) -> None:
     """Talk to the user: one line on standard error."""
-    click.echo(f"sniffer: {message}", err=True)
+    line = " ".join(message.split())
+    click.echo(f"sniffer: {line if line.isprintable() else ascii(line)[1:-1]}", err=True)
 
 
 def session_facts(source: str, options: Options) -> Mapping[str, str]:
@@ -86,16 +97,82 @@ def session_facts(source: str, options: Options) -> Mapping[str, str]:
 
 
 def open_outputs(paths: Sequence[Path], facts: Mapping[str, str], source: str) -> list[Sink]:
-    """Open the outputs; none may be the input itself, and none is named twice."""
+    """Open the outputs; none may be the input itself, and none is named twice.
+
+    All is checked before anything is opened: a mistake leaves no file behind.
+    """
+    files = [file for path in paths for file in files_of(path)]
+    for path in paths:
+        suffix_known(path)
+    for file in files:
+        if _is_input(file, source):
+            raise OutputError(f"{file} is the input: choose another output")
+    resolved = [file.resolve() for file in files]
+    for nth, file in enumerate(files):
+        if resolved[nth] in resolved[:nth]:
+            raise OutputError(f"{file} would be written twice: choose another output")
     out: list[Sink] = []
-    for path in paths:
-        if source != "-" and path.exists() and path.samefile(source):
-            raise OutputError(f"{path} is the input: choose another output")
-    if len({p.resolve() for p in paths}) < len(paths):
-        raise OutputError("an output is named twice")
-    for path in paths:
-        out.append(open_sink(path, facts))
+    try:
+        for path in paths:
+            out.append(open_sink(path, facts))
+    except OutputError:
+        for sink in out:
+            with contextlib.suppress(OutputError):
+                sink.close()
+        raise
     return out
+
+
+def _is_input(file: Path, source: str) -> bool:
+    try:
+        there = file.stat()
+        read = sys.stdin.fileno() if source == "-" else source
+        return os.path.samestat(there, os.stat(read)) and not file.is_char_device()
+    except (OSError, ValueError):
+        return False
+
+
+class _Patience:
+    """Ctrl-C ends the reading, never the decoding or writing of what has been read.
+
+    The second one ends everything.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._reading = False
+
+    def groups(self, source: Iterable[Sequence[Chunk]]) -> Iterator[Sequence[Chunk]]:
+        """Yield the groups of a source; KeyboardInterrupt stands between two of them."""
+        groups = iter(source)
+        while True:
+            if self.asked:
+                raise KeyboardInterrupt
+            self._reading = True
+            try:
+                group = next(groups, None)
+            finally:
+                self._reading = False
+            if group is None:
+                return
+            yield group
+
+    @contextlib.contextmanager
+    def installed(self) -> Iterator[None]:
+        """Take Ctrl-C over; elsewhere than in the main thread it does not arrive anyway."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        before = signal.signal(signal.SIGINT, self._interrupt)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+    def _interrupt(self, number: int, frame: object) -> None:
+        again, self.asked = self.asked, True
+        if self._reading or again:
+            raise KeyboardInterrupt
 
 
 def run_source(
@@ -105,40 +182,60 @@ def run_source(
     *,
     name: str,
     quiet: bool = False,
+    recording: bool | None = None,
 ) -> tuple[Pipeline, int]:
     """Decode everything into the sinks; return the pipeline and the exit status.
 
     Damage further in, or an interruption, keeps what was decoded: the sinks are finished first.
+    A ``recording`` (None: the source knows) may break off: whoever records can be killed.
+
+    Raises:
+        InputError: there is nothing in it, or its protocol cannot be told.
+        OutputError: an output failed; the others are whole.
+        BrokenPipeError: the only output was a pipe, and nobody reads it any more.
     """
 
     def found(bus: str, detection: Detection) -> None:
         if not quiet:
             say(f"{bus}: {detection}")
 
+    if recording is None:
+        recording = getattr(source, "format", "") == "mcap"
     pipeline = Pipeline(options, sinks, on_detection=found)
-    status = 0
-    try:
+    patience = _Patience()
+    status, told = 0, ""
+    with patience.installed():
         try:
-            for group in source:
-                pipeline.feed(group)
-        except DamagedInputError as error:
-            pipeline.close()
-            usable = getattr(source, "format", "") == "mcap" and pipeline.summary.buses
-            say(str(error) + (": read as far as it goes" if usable else ""))
-            status = 0 if usable else 3
-        except KeyboardInterrupt:
-            pipeline.close()
-            say("interrupted: what was decoded is kept")
-            status = 130
-        else:
-            pipeline.close()
-        if not pipeline.summary.buses and not status:
-            raise InputError(f"{name} is empty: nothing to decode")
-    except _NobodyListensError:
-        pass
-    finally:
-        try:
+            try:
+                for group in patience.groups(source):
+                    pipeline.feed(group)
+                pipeline.close()
+            except DamagedInputError as error:
+                pipeline.close()
+                usable = recording and pipeline.summary.buses
+                status, told = (0 if usable else 3), str(error)
+                told += ": read as far as it goes" if usable else ""
+            except KeyboardInterrupt:
+                status, told = 130, _after_interruption(pipeline)
+            if not pipeline.summary.buses and not status:
+                raise InputError(f"{name} is empty: nothing to decode")
+        finally:
             pipeline.finish()
-        except _NobodyListensError:
-            status = status or 0
+    if patience.asked and not status:
+        status, told = 130, "interrupted"
+    if told:
+        say(told)
+    elif not quiet:
+        for note in getattr(source, "notes", ()):
+            say(f"{name}: {note}")
     return pipeline, status
+
+
+def _after_interruption(pipeline: Pipeline) -> str:
+    """Decode what was read; say what became of it."""
+    try:
+        pipeline.close()
+    except UndecidedError as error:
+        return f"interrupted: {error}"
+    kept = "what was decoded is kept" if pipeline.summary.buses else "nothing was decoded yet"
+    return f"interrupted: {kept}"

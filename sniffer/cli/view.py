@@ -15,8 +15,12 @@ from sniffer.sources import open_source
 @click.command()
 @click.argument("file")
 @decoding
-@click.option("-o", "--output", type=click.Path(path_type=Path),
-              help="Write the .rrd (layout inside) instead of opening a window.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    help="Write the .rrd (layout inside) instead of opening a window.",
+)
 @click.option("--web", is_flag=True, help="Serve it for a browser on this machine.")
 @click.option("--port", type=click.IntRange(1, 65535), help="Port of the web page.")
 def view(

@@ -1,17 +1,20 @@
 """What is wrong on the bus: one small rule a function, over the columns of a batch.
 
-Rules return anomalies in any order; they are sorted by where their evidence begins. What a rule
-remembers across batches is per servo and does not depend on how the stream was cut.
+Rules return anomalies in any order; they are sorted by the last of their evidence: only then they
+are known. What a rule remembers across batches does not depend on how the stream was cut.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from sniffer.diagnostics.device import DeviceRules
 from sniffer.diagnostics.rules import CaptureRules, PairingRules, gap_anomalies, protocol_anomalies
-from sniffer.model import Anomaly, Batch
-from sniffer.protocols.base import BusProtocol
+
+if TYPE_CHECKING:
+    from sniffer.model import Anomaly, Batch
+    from sniffer.protocols.base import BusProtocol
 
 
 class Diagnostics:
@@ -32,5 +35,5 @@ class Diagnostics:
             *self._device.judge(batch),
             *self._capture.judge(batch),
         ]
-        found.sort(key=lambda a: (a.evidence[0], a.code))
+        found.sort(key=lambda a: (a.known_at, a.code))
         return replace(batch, anomalies=tuple(found))

@@ -6,12 +6,14 @@ and a test holds the two equal. A code never changes its meaning.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sniffer.model import Severity
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 NOTE, WARN, ERROR = Severity.NOTE, Severity.WARN, Severity.ERROR
 
@@ -310,9 +312,7 @@ _DEVICE: Final[Mapping[str, tuple[Severity, str, str, str]]] = MappingProxyType(
 
 CATALOGUE: Final[Mapping[str, Code]] = MappingProxyType(
     {c.code: c for c in _CODES}
-    | {
-        f"device-{name}": Code(f"device-{name}", "device", *rest) for name, rest in _DEVICE.items()
-    }
+    | {f"device-{name}": Code(f"device-{name}", "device", *rest) for name, rest in _DEVICE.items()}
     | {
         "device-alarm": Code(
             "device-alarm",
@@ -350,4 +350,3 @@ def markdown() -> str:
                     "",
                 ]
     return "\n".join(lines).rstrip() + "\n"
-

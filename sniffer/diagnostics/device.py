@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -11,14 +10,18 @@ from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.diagnostics.edges import Edges
 from sniffer.diagnostics.rules import anomaly
 from sniffer.model import REQUEST, WHOLE, Anomaly, Batch, Samples
-from sniffer.protocols.base import BusProtocol
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sniffer.protocols.base import BusProtocol
 
 STATUS_BITS: Final = 15
 """Status bytes have 8 bits; protocols may add bits of their own above them."""
 
 
 def device_code(name: str) -> str:
-    """Return the code of a status name, ``device-alarm`` where the catalogue has none of its own."""
+    """Return the code of a status name: ``device-alarm`` where it has none of its own."""
     code = f"device-{name.replace('_', '-')}"
     return code if code in CATALOGUE else "device-alarm"
 
@@ -40,7 +43,9 @@ class DeviceRules:
         self._has_range = np.array([r.range is not None for r in registers], bool)
         self._any_outside = False
         self._special = {i: list(r.special) for i, r in enumerate(registers) if r.special}
-        self._alarms = {i: (r, [Edges(256) for _ in r.alarms]) for i, r in enumerate(registers) if r.alarms}
+        self._alarms = {
+            i: (r, [Edges(256) for _ in r.alarms]) for i, r in enumerate(registers) if r.alarms
+        }
         self._effects = {i: r for i, r in enumerate(registers) if r.effect in ("servo_id", "baud")}
         self._has_effect = np.isin(np.arange(n), list(self._effects))
 
@@ -55,6 +60,14 @@ class DeviceRules:
 
     def _at(self, batch: Batch, row: int) -> tuple[int, int]:
         return batch.base + int(batch.frames.start[row]), int(batch.frames.length[row])
+
+    def _who(self, batch: Batch, row: int) -> int:
+        """Return the servo that answered: the one asked, where a bare answer names none."""
+        f, t = batch.frames, batch.transactions
+        mine = np.flatnonzero(t.response == row)
+        if int(f.servo_id[row]) < 0 and len(mine) and int(t.request[mine[0]]) >= 0:
+            return int(f.servo_id[t.request[mine[0]]])
+        return int(f.servo_id[row])
 
     def _status_bits(self, batch: Batch) -> Iterator[Anomaly]:
         f = batch.frames
@@ -73,14 +86,16 @@ class DeviceRules:
             if self._refusal[bit]:
                 rise, fall = flag, np.zeros(len(flag), bool)  # a refusal is an event, not a state
             for i in np.flatnonzero(rise | fall).tolist():
-                row, who = int(rows[i]), int(f.servo_id[rows[i]])
+                row = int(rows[i])
+                who = self._who(batch, row)
                 name = (*self._protocol.status_names(mask), f"bit{bit}")[0]
+                words, at = name.replace("_", " "), self._at(batch, row)
                 if fall[i]:
-                    text = f"servo {who} no longer reports {name.replace('_', ' ')}"
-                    yield anomaly("device-recovered", int(f.t_end[row]), who, text, self._at(batch, row))
+                    code, text = "device-recovered", f"servo {who} no longer reports {words}"
                 else:
-                    text = f"servo {who} reports {name.replace('_', ' ')} (status {int(status[i]):02X})"
-                    yield anomaly(device_code(name), int(f.t_end[row]), who, text, self._at(batch, row))
+                    code = device_code(name)
+                    text = f"servo {who} reports {words} (status {int(status[i]):02X})"
+                yield anomaly(code, int(f.t_end[row]), who, text, at)
 
     def _ranges(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
         """Report what was written out of range each time, what was measured when it begins."""
@@ -119,7 +134,13 @@ class DeviceRules:
                     who, at = int(v.servo_id[k]), self._at(batch, int(v.row[k]))
                     words = name.replace("_", " ")
                     if rise[i]:
-                        yield anomaly(device_code(name), int(v.t_ns[k]), who, f"servo {who} reports {words}", at)
+                        yield anomaly(
+                            device_code(name),
+                            int(v.t_ns[k]),
+                            who,
+                            f"servo {who} reports {words}",
+                            at,
+                        )
                     else:
                         text = f"servo {who} no longer reports {words}"
                         yield anomaly("device-recovered", int(v.t_ns[k]), who, text, at)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from sniffer.model import I64, Mask
+if TYPE_CHECKING:
+    from sniffer.model import I64, Mask
 
 
 class Edges:

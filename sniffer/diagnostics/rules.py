@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,7 +24,11 @@ from sniffer.model import (
     Direction,
     Gap,
 )
-from sniffer.protocols.base import BusProtocol
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sniffer.protocols.base import BusProtocol
 
 LATE_SPAN_NS = 3_000_000_000
 """An unasked answer this long after an unanswered request is still taken for its answer: the
@@ -54,7 +57,11 @@ def gap_anomalies(batch: Batch) -> Iterator[Anomaly]:
         fields = gap.detail.get("fields", {})
         who = fields.get("servo_id", -1) if isinstance(fields, dict) else -1
         yield anomaly(
-            code, gap.t_ns, who if isinstance(who, int) else -1, text, (batch.base + gap.start, gap.length)
+            code,
+            gap.t_ns,
+            who if isinstance(who, int) else -1,
+            text,
+            (batch.base + gap.start, gap.length),
         )
 
 
@@ -98,7 +105,9 @@ def protocol_anomalies(batch: Batch, protocol: BusProtocol) -> Iterator[Anomaly]
         if flags & UNUSUAL:
             yield anomaly("unusual-form", t, who, f"{op} not in the manual's form: {shown}", at)
         if flags & ECHO_DIFFERS:
-            yield anomaly("echo-mismatch", t, who, f"the answer to {op} does not repeat it: {shown}", at)
+            yield anomaly(
+                "echo-mismatch", t, who, f"the answer to {op} does not repeat it: {shown}", at
+            )
 
 
 class PairingRules:
@@ -137,14 +146,19 @@ class PairingRules:
         if outcome == NO_RESPONSE:
             yield anomaly("no-response", t_ns, who, f"{name} did not answer {op}", *spans)
         elif outcome == DAMAGED:
-            yield anomaly("damaged-response", t_ns, who, f"torn bytes where {name} should answer {op}", *spans)
+            yield anomaly(
+                "damaged-response", t_ns, who, f"torn bytes where {name} should answer {op}", *spans
+            )
         elif outcome == MISMATCHED:
             yield anomaly("mismatched-response", t_ns, who, self._misfit(batch, q, r, op), *spans)
         elif outcome == UNSOLICITED:
             yield self._unasked(batch, i, r, t_ns, spans)
         else:
             took, spread = int(t.response_time_ns[i]) / 1e6, int(t.uncertainty_ns[i]) / 1e6
-            text = f"{name} answered {op} after {took:.2f} ms (± {spread:.2f}); the manual promises {window / 1e6:.2f} ms"
+            text = (
+                f"{name} answered {op} after {took:.2f} ms (± {spread:.2f}); "
+                f"the manual promises {window / 1e6:.2f} ms"
+            )
             yield anomaly("late-response", t_ns, int(f.servo_id[r]), text, *spans)
 
     def _remember(self, batch: Batch, q: int, op: str) -> None:
@@ -174,7 +188,12 @@ class PairingRules:
             previous = (int(f.servo_id[p]), (batch.base + int(f.start[p]), int(f.length[p])))
         if previous is not None and previous[0] == who and sum(previous[1]) == spans[0][0]:
             return anomaly(
-                "duplicate-response", t_ns, who, f"servo {who} answered twice in a row", previous[1], *spans
+                "duplicate-response",
+                t_ns,
+                who,
+                f"servo {who} answered twice in a row",
+                previous[1],
+                *spans,
             )
         asked = self._unanswered
         if asked is not None and int(f.uncertainty[r]) >= 0:
@@ -185,7 +204,9 @@ class PairingRules:
                 text = f"servo {who} answered {op} only after {took / 1e6:.2f} ms"
                 return anomaly("late-response", t_ns, who, text, *spans, where)
         name = f"servo {who}" if who >= 0 else "a servo"
-        return anomaly("unsolicited-response", t_ns, who, f"{name} answered, but nothing was asked", *spans)
+        return anomaly(
+            "unsolicited-response", t_ns, who, f"{name} answered, but nothing was asked", *spans
+        )
 
 
 class CaptureRules:
@@ -209,7 +230,11 @@ class CaptureRules:
                 kind = "response" if response[i] else "request"
                 at = (batch.base + int(f.start[i]), int(f.length[i]))
                 yield anomaly(
-                    "direction-mismatch", int(f.t_end[i]), int(f.servo_id[i]), f"a {kind} on the {wire} wire", at
+                    "direction-mismatch",
+                    int(f.t_end[i]),
+                    int(f.servo_id[i]),
+                    f"a {kind} on the {wire} wire",
+                    at,
                 )
         before = f.t_end[0] if self._last is None else self._last
         step = np.diff(f.t_end, prepend=before)

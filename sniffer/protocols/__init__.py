@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sniffer.model import SnifferError
-from sniffer.protocols.base import BusProtocol
+from sniffer.protocols.lss import Lss
 from sniffer.protocols.mightyzap import MightyZap
 from sniffer.protocols.rs30x import Rs30x
 from sniffer.protocols.wck import Wck
 
-_ALL: Final[tuple[BusProtocol, ...]] = (MightyZap(), Rs30x(), Wck())
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.protocols.base import BusProtocol
+
+_ALL: Final[tuple[BusProtocol, ...]] = (MightyZap(), Lss(), Rs30x(), Wck())
 PROTOCOLS: Final[Mapping[str, BusProtocol]] = MappingProxyType({p.name: p for p in _ALL})
 
 

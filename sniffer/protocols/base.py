@@ -7,16 +7,19 @@ decoder runs), its tables in ``schemas/registers/`` and one line in ``PROTOCOLS`
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol as TypingProtocol
+from typing import TYPE_CHECKING, Any
+from typing import Protocol as TypingProtocol
 
 import numpy as np
 
-from sniffer.checksums import Checksum
-from sniffer.framing import Block
-from sniffer.model import I16, I64, U8, Frames, Gap, Mask, Spans
-from sniffer.registers import Register, RegisterMap
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from sniffer.checksums import Checksum
+    from sniffer.framing import Block
+    from sniffer.model import I16, I64, U8, Frames, Gap, Mask, Spans
+    from sniffer.registers import Register, RegisterMap
 
 
 class State:
@@ -26,7 +29,9 @@ class State:
     ``notes`` is a protocol's own small memory (for example a bit layout the bus has proved).
     """
 
-    def __init__(self, protocol: BusProtocol, models: Mapping[int | None, str] | None = None) -> None:
+    def __init__(
+        self, protocol: BusProtocol, models: Mapping[int | None, str] | None = None
+    ) -> None:
         names = [m.model for m in protocol.models]
         self.model = np.zeros(256, np.int64)
         self.chosen = np.zeros(256, bool)

@@ -1,4 +1,4 @@
-"""Where each field of a packet lies, told by running its grammar: the layout is written nowhere else.
+"""Where each field of a packet lies, told by running its grammar: no second copy of the layout.
 
 Used by ``sniffer explain``; slow and rare. Knows the construct classes that the wire grammars use.
 """
@@ -32,8 +32,8 @@ def leaves(grammar: Any, data: bytes) -> list[Leaf]:
     out: list[Leaf] = []
     stream = io.BytesIO(data)
     root = c.Container(_=None, _parsing=True, _building=False, _sizing=False, _params=c.Container())
-    root._root = root  # noqa: SLF001 - construct's own context layout
-    root._io = stream  # noqa: SLF001
+    root._root = root
+    root._io = stream
     _walk(grammar, stream, root, "", "", out)
     return out
 
@@ -59,7 +59,9 @@ def _walk(con: Any, stream: io.BytesIO, context: Any, path: str, docs: str, out:
             end = stream.tell()
             stream.seek(start)
             raw = stream.read(end - start)
-            return c.Container(data=raw, value=value, offset1=start, offset2=end, length=end - start)
+            return c.Container(
+                data=raw, value=value, offset1=start, offset2=end, length=end - start
+            )
         case c.Switch():
             key = con.keyfunc(context) if callable(con.keyfunc) else con.keyfunc
             return _walk(con.cases.get(key, con.default), stream, context, path, docs, out)
@@ -67,7 +69,7 @@ def _walk(con: Any, stream: io.BytesIO, context: Any, path: str, docs: str, out:
             return _repeat(con, stream, context, path, out)
         case _:
             start = stream.tell()
-            value = con._parsereport(stream, context, path)  # noqa: SLF001
+            value = con._parsereport(stream, context, path)
             length = stream.tell() - start
             if length:
                 out.append(Leaf(start, length, path, value, docs))
@@ -79,9 +81,7 @@ def _repeat(con: Any, stream: io.BytesIO, context: Any, path: str, out: list[Lea
     while True:
         start, kept = stream.tell(), len(out)
         try:
-            items.append(
-                _walk(con.subcon, stream, context, f"{path}[{len(items)}]", "", out)
-            )
+            items.append(_walk(con.subcon, stream, context, f"{path}[{len(items)}]", "", out))
         except c.ConstructError:
             stream.seek(start)
             del out[kept:]

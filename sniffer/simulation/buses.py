@@ -189,7 +189,7 @@ class _Line:
             wire, fault = mischief.cut(wire), f.CUT
         elif mischief.strikes(f.FLIP, who):
             wire, fault = mischief.flip(wire), f.FLIP
-        elif mischief.strikes(f.LATE, who):
+        elif exchange.turnaround_ns < self._bus.late_ns[0] and mischief.strikes(f.LATE, who):
             due, fault = asked_ns + self._rng.randint(*self._bus.late_ns), f.LATE
         yield self._say(answer, RESPONSE, due, wire, fault)
         if wire and ~who in answers and mischief.strikes(f.DUPLICATE, who):

@@ -81,7 +81,7 @@ class Capture:
 
 def _faults(twin: int, weak: int, *, scale: float = 1.0) -> tuple[Fault, ...]:
     """Return a bit of everything; ``twin`` is an id given twice, ``weak`` a badly wired servo."""
-    rates = {f.DROP: 0.006, f.FLIP: 0.004, f.CUT: 0.005, f.LATE: 0.003, f.NOISE: 0.008}
+    rates = {f.DROP: 0.006, f.FLIP: 0.004, f.CUT: 0.005, f.LATE: 0.005, f.NOISE: 0.008}
     return (
         *(Fault(kind, rate * scale) for kind, rate in rates.items()),
         Fault(f.DUPLICATE, 0.02 * scale, twin),
@@ -93,11 +93,11 @@ CAPTURES: Final = (
     Capture("mightyzap_clean.log", "mightyzap", 11, 8, FRAMES),
     Capture("mightyzap_damaged.log", "mightyzap", 12, 8, READS, _faults(2, 1, scale=2)),
     Capture("lss_clean.bin", "lss", 21, 8, RAW),
-    Capture("lss_damaged.log", "lss", 22, 8, READS, _faults(2, 5), rate_hz=25),
+    Capture("lss_damaged.log", "lss", 25, 8, READS, _faults(2, 5), rate_hz=25),
     Capture("wck_clean.log", "wck", 31, 5, FRAMES),
     Capture("wck_damaged.log", "wck", 32, 5, FRAMES, _faults(1, 2)),
     Capture("rs30x_clean.hex", "rs30x", 41, 4, HEXDUMP),
-    Capture("rs30x_damaged.log", "rs30x", 42, 5, FRAMES, _faults(2, 5)),
+    Capture("rs30x_damaged.log", "rs30x", 44, 5, FRAMES, _faults(2, 5)),
 )
 
 
@@ -133,8 +133,8 @@ def _bytes(vector: dict[str, Any], key: str) -> bytes:
     return text.encode() if "ascii" in vector else bytes.fromhex(text)
 
 
-def _line(file: str, what: str, option: str) -> str:
-    return f"| `{file}` | {what} | `sniffer decode sample_captures/{file}{option}` |\n"
+def _line(file: str, what: str) -> str:
+    return f"| `{file}` | {what} | `sniffer decode sample_captures/{file}` |\n"
 
 
 def _told(capture: Capture, frames: Sequence[TrueFrame]) -> str:
@@ -176,14 +176,12 @@ def write(out: Path) -> None:
     for capture in CAPTURES:
         frames = capture.frames()
         (out / capture.file).write_bytes(capture.render(frames))
-        # the page of the LSS names another default rate
-        option = " --baud 115200" if capture.protocol == "lss" else ""
-        told.append(_line(capture.file, _told(capture, frames), option))
+        told.append(_line(capture.file, _told(capture, frames)))
     for protocol, title in MANUALS.items():
         file = f"{protocol}_manual.{'bin' if protocol == 'lss' else 'hex'}"
         (out / file).write_bytes(manual(protocol))
         kind = "raw text" if protocol == "lss" else "plain hex with comments"
-        told.append(_line(file, f"every good example frame of the {title}, in order; {kind}", ""))
+        told.append(_line(file, f"every good example frame of the {title}, in order; {kind}"))
     (out / "README.md").write_text("".join(told), encoding="utf-8")
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sniffer.simulation.motion import Joint, Rig
 
 TURNAROUND_NS: Final = 1 * MS
-PATIENCE_NS: Final = 100 * MS
+PATIENCE_NS: Final = 200 * MS
 TRAVEL: Final = 1800
 """Tenths of a degree: the default angular range. Source: protocol page 106.1, AR."""
 
@@ -101,7 +101,7 @@ class LssBus(Bus):
     rate_hz = 50
     servo_ids = (1, 2, 5, 10)
     supply_v = 11.8
-    late_ns = (60 * MS, 90 * MS)
+    late_ns = (110 * MS, 160 * MS)
     pause_ns = (100 * US, 400 * US)
     servo_type = LssServo
     servos: Mapping[int, LssServo]

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sniffer.model import OutputError
-from sniffer.sinks.base import Sink
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from sniffer.sinks.base import Sink
 
 Session = Mapping[str, str]
 """Facts of a recording: tool, source, protocol, baud ..."""
@@ -44,13 +47,22 @@ SINKS: Final[Mapping[str, Callable[[Path, Session], Sink]]] = MappingProxyType(
 """Makers of outputs by suffix."""
 
 
+def suffix_known(path: Path) -> str:
+    """Return the path's suffix as ``SINKS`` has it.
+
+    Raises:
+        OutputError: it has none of these.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SINKS:
+        raise OutputError(f"{path}: the suffix must be one of {', '.join(SINKS)}")
+    return suffix
+
+
 def open_sink(path: Path, session: Session) -> Sink:
     """Open the output that the path's suffix names.
 
     Raises:
         OutputError: the suffix is not known, or the file cannot be written.
     """
-    make = SINKS.get(path.suffix.lower())
-    if make is None:
-        raise OutputError(f"{path}: the suffix must be one of {', '.join(SINKS)}")
-    return make(path, session)
+    return SINKS[suffix_known(path)](path, session)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from sniffer.model import Batch, Chunk
-from sniffer.protocols.base import BusProtocol
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.model import Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
 
 
 class Sink(Protocol):

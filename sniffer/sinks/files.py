@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
-from pathlib import Path
-from typing import BinaryIO, TextIO
+from typing import TYPE_CHECKING, BinaryIO, Final, TextIO
 
 from sniffer.model import OutputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+TABLES: Final = frozenset({".csv", ".parquet"})
+"""Suffixes of outputs that are two files."""
 
 
 @contextlib.contextmanager
@@ -22,9 +27,17 @@ def writing(path: Path) -> Iterator[None]:
     except PermissionError:
         raise OutputError(f"{path}: no permission to write it") from None
     except OSError as error:
-        if isinstance(error, BrokenPipeError):
-            raise
         raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+
+def beside(path: Path) -> Path:
+    """Return the second file of a table: ``x.csv`` holds samples, ``x.frames.csv`` frames."""
+    return path.with_suffix(f".frames{path.suffix}")
+
+
+def files_of(path: Path) -> tuple[Path, ...]:
+    """Return all files that an output writes."""
+    return (path, beside(path)) if path.suffix.lower() in TABLES else (path,)
 
 
 def open_text(path: Path) -> TextIO:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
-from sniffer.model import Batch, Chunk
-from sniffer.protocols.base import BusProtocol
 from sniffer.rows import as_dict, rows
 from sniffer.sinks.files import open_text, writing
 from sniffer.summary import Summary
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.model import Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
 
 _encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
 
@@ -39,11 +42,13 @@ class JsonlSink:
     def close(self) -> None:
         """Write the summary."""
         with self._guard():
-            if self._summary.buses:
-                self._file.write(_encode(self._summary.as_dict()) + "\n")
-            self._file.flush()
-            if self._path is not None:
-                self._file.close()
+            try:
+                if self._summary.buses:
+                    self._file.write(_encode(self._summary.as_dict()) + "\n")
+                self._file.flush()
+            finally:
+                if self._path is not None:
+                    self._file.close()
 
     def _guard(self) -> contextlib.AbstractContextManager[None]:
         return writing(self._path) if self._path is not None else contextlib.nullcontext()

@@ -11,7 +11,7 @@ import contextlib
 import struct
 import zlib
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, cast
 
 import numpy as np
 import zstandard
@@ -35,6 +35,7 @@ from mcap.records import (
 )
 
 from sniffer.model import OutputError
+from sniffer.sinks.files import writing
 from sniffer.sinks.mcap_rows import LOG_AT, U16, Loose, Rows
 
 if TYPE_CHECKING:
@@ -88,10 +89,16 @@ class Queue:
 
     def __init__(self) -> None:
         self._parts: list[Rows | Loose] = []
+        self._ranks = 0
         self.size = 0
 
+    def ranks(self, n: int) -> I64:
+        """Return the ranks of the next ``n`` records: of one time, the first to come is first."""
+        self._ranks += n
+        return np.arange(self._ranks - n, self._ranks)
+
     def add(self, *parts: Rows | Loose) -> None:
-        """Take records; among those of one time the first to come stays first."""
+        """Take records."""
         for part in parts:
             self._parts.append(part)
             self.size += int(part.widths.sum())
@@ -101,15 +108,15 @@ class Queue:
         parts = self._parts
         self._parts, self.size = [], 0
         if until is not None:
-            masks = [part.log <= until for part in parts]
+            masks = [part.heads.log <= until for part in parts]
             self.add(*(p.take(~m) for p, m in zip(parts, masks, strict=True) if not m.all()))
             parts = [p.take(m) for p, m in zip(parts, masks, strict=True) if m.any()]
         if not parts:
             return None
-        log = np.concatenate([p.log for p in parts])
-        channel = np.concatenate([p.channel for p in parts])
+        log = np.concatenate([p.heads.log for p in parts])
+        channel = np.concatenate([p.heads.channel for p in parts])
         widths = np.concatenate([p.widths for p in parts])
-        order = np.argsort(log, kind="stable")
+        order = np.lexsort((np.concatenate([p.heads.rank for p in parts]), log))
         log, channel, widths = np.maximum(log[order], floor), channel[order], widths[order]
         end = np.cumsum(widths)
         start = end - widths
@@ -118,7 +125,7 @@ class Queue:
         out = bytearray(int(end[-1]))
         begin = 0
         for part in parts:
-            n = len(part.log)
+            n = len(part.data)
             part.place(out, at[begin : begin + n])
             begin += n
         np.ndarray((len(out) - LOG_AT - 7,), "<i8", out, LOG_AT, (1,))[start] = log
@@ -154,15 +161,10 @@ class Container:
 
     def __init__(self, path: Path, library: str, *, overwrite: bool = True) -> None:
         self.path = path
-        try:
+        if not overwrite and path.exists():
+            raise OutputError(f"{path} is there already: choose another name")
+        with writing(path):
             self._file = path.open("wb" if overwrite else "xb", buffering=0)
-        except FileExistsError:
-            raise OutputError(f"{path} is there already: choose another name") from None
-        except FileNotFoundError:
-            folder = path.parent
-            raise OutputError(f"{path}: there is no folder {folder}: make it first") from None
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
         self._size = 0
         self._crc = 0
         self._new: list[McapRecord] = []
@@ -182,7 +184,14 @@ class Container:
             if schema.name == name:
                 return schema.id
         number = max(self._summary.schemas, default=0) + 1
-        self.register(Schema(number, _descriptors(message.DESCRIPTOR.file), "protobuf", name))
+        self.register(
+            Schema(
+                number,
+                _descriptors(cast("FileDescriptor", message.DESCRIPTOR.file)),
+                "protobuf",
+                name,
+            )
+        )
         return number
 
     def channel(self, topic: str, message: type[Message], metadata: Mapping[str, str]) -> int:
@@ -192,12 +201,14 @@ class Container:
         self.register(Channel(number, topic, "protobuf", dict(metadata), schema))
         return number
 
-    def register(self, record: Schema | Channel) -> None:
-        """Make a schema or channel known; it is written with the next chunk."""
-        known = self._summary.schemas if isinstance(record, Schema) else self._summary.channels
-        if record.id not in known:
+    def register(self, record: Schema | Channel, *, written: bool = False) -> None:
+        """Make a schema or channel known; unless ``written``, the next chunk begins with it."""
+        if isinstance(record, Schema):
+            self._summary.schemas[record.id] = record
+        else:
+            self._summary.channels[record.id] = record
+        if not written:
             self._new.append(record)
-        known[record.id] = record  # type: ignore[assignment]
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a metadata record."""
@@ -284,7 +295,7 @@ class Container:
     def finish(self) -> None:
         """Write the summary and close the file.
 
-        Where there is no room for it the file ends behind the last whole record: ``recover`` adds it.
+        Where there is no room for it the file ends behind the last whole record.
         """
         try:
             self._put(_bytes(DataEnd(self._crc)))
@@ -332,15 +343,15 @@ class Container:
     def _put(self, data: bytes, *, checked: bool = True) -> None:
         """Write all of ``data`` or, where the system refuses, nothing of it."""
         try:
-            rest = memoryview(data)
-            while rest:
-                rest = rest[self._file.write(rest) :]
-        except OSError as error:
+            with writing(self.path):
+                rest = memoryview(data)
+                while rest:
+                    rest = rest[self._file.write(rest) :]
+        except OutputError:
             with contextlib.suppress(OSError):
                 self._file.truncate(self._size)
                 self._file.seek(self._size)
-            why = error.strerror or str(error)
-            raise OutputError(f"{self.path}: cannot be written on ({why})") from None
+            raise
         if checked:
             self._crc = zlib.crc32(data, self._crc)
         self._size += len(data)
@@ -349,7 +360,8 @@ class Container:
 def _bytes(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
-    return builder.end()
+    data: bytes = builder.end()  # type: ignore[no-untyped-call]
+    return data
 
 
 def _descriptors(file: FileDescriptor) -> bytes:

@@ -1,25 +1,28 @@
 """Columns in, MCAP message records out, all records of one shape in one go.
 
 Protobuf messages of one *shape* (the same fields present, the same text, bytes of the same length)
-have one layout as long as every number in them has a fixed width. So the records of a shape are one
-array: a template repeated, and the columns written over it. Where a shape has but a few rows, packing
-them one by one is faster; both ways go by the same layout.
+have one layout as long as every number in them has a fixed width. So the records of a shape are
+one array: a template repeated, and the columns written over it. Where a shape has but a few rows,
+packing them one by one is faster; both ways go by the same layout.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any, Final
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
 from google.protobuf.descriptor import FieldDescriptor
-from google.protobuf.message import Message
 from mcap.opcode import Opcode
 
-from sniffer.model import I64, Mask
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+
+    from google.protobuf.message import Message
+
+    from sniffer.model import I64, Mask
 
 U16 = npt.NDArray[np.uint16]
 Void = npt.NDArray[np.void]
@@ -69,12 +72,20 @@ def varint(number: int) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Heads:
-    """What the records' heads say, one entry a row; ``log`` decides the order in the file."""
+    """What the records' heads say, one entry a row.
+
+    ``log`` decides the order in the file, and ``rank`` among rows of one time.
+    """
 
     channel: U16
     sequence: npt.NDArray[np.uint32]
     log: I64
     publish: I64
+    rank: I64
+
+    def take(self, rows: I64 | Mask) -> Heads:
+        """Return the heads of ``rows``."""
+        return Heads(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +93,7 @@ class Rows:
     """Message records of equal length; their log times are not written yet."""
 
     data: Void
-    log: I64
-    channel: U16
+    heads: Heads
 
     @property
     def widths(self) -> I64:
@@ -92,7 +102,7 @@ class Rows:
 
     def take(self, mask: Mask) -> Rows:
         """Return the rows that the mask selects."""
-        return Rows(self.data[mask], self.log[mask], self.channel[mask])
+        return Rows(self.data[mask], self.heads.take(mask))
 
     def place(self, out: bytearray, at: I64) -> None:
         """Write each record to its place in ``out``."""
@@ -105,8 +115,7 @@ class Loose:
     """Message records of any length; their log times are not written yet."""
 
     data: list[bytes]
-    log: I64
-    channel: U16
+    heads: Heads
 
     @property
     def widths(self) -> I64:
@@ -116,7 +125,7 @@ class Loose:
     def take(self, mask: Mask) -> Loose:
         """Return the rows that the mask selects."""
         chosen = [d for d, is_chosen in zip(self.data, mask.tolist(), strict=True) if is_chosen]
-        return Loose(chosen, self.log[mask], self.channel[mask])
+        return Loose(chosen, self.heads.take(mask))
 
     def place(self, out: bytearray, at: I64) -> None:
         """Write each record to its place in ``out``."""
@@ -220,8 +229,9 @@ class Encoder:
     """
 
     def __init__(self, message: type[Message], text: Callable[[int], str] = str) -> None:
-        fields = sorted(message.DESCRIPTOR.fields, key=lambda f: f.number)
-        self._fields: dict[str, FieldDescriptor] = {f.name: f for f in fields}
+        declared: list[Any] = list(message.DESCRIPTOR.fields)
+        declared.sort(key=lambda f: f.number)
+        self._fields: dict[str, FieldDescriptor] = {f.name: f for f in declared}
         self._bits = {name: i for i, name in enumerate(self._fields)}
         self._text = text
         self._shapes: dict[tuple[int, int, int], _Shape] = {}
@@ -246,7 +256,8 @@ class Encoder:
         n = len(heads.log)
         if not n:
             return []
-        columns = self._columns(heads, {**numbers, **{k: v for k, (v, _) in optional.items()}})
+        fields = {**numbers, **{name: values for name, (values, _) in optional.items()}}
+        columns = self._columns(heads, fields)
         have = np.full(n, sum(1 << self._bits[name] for name in numbers))
         for name, (_, where) in optional.items():
             have |= where.astype(np.int64) << self._bits[name]
@@ -268,7 +279,7 @@ class Encoder:
             if blob is not None and len(values) < len(shape.names):
                 values[blob.name] = blob.take(rows, int(length[rows[0]]))
             data = shape.many(values, len(rows))
-            out.append(Rows(data, heads.log[rows], heads.channel[rows]))
+            out.append(Rows(data, heads.take(rows)))
         if few:
             rows = np.sort(np.concatenate(few))
             lists = {name: column[rows].tolist() for name, column in columns.items()}
@@ -278,7 +289,7 @@ class Encoder:
                 shape.one([lists[name][i] for name in shape.names])
                 for i, shape in enumerate(shapes(rows))
             ]
-            out.append(Loose(records, heads.log[rows], heads.channel[rows]))
+            out.append(Loose(records, heads.take(rows)))
         return out
 
     def _columns(self, heads: Heads, fields: Mapping[str, Column]) -> dict[str, Column]:

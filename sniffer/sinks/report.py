@@ -2,61 +2,90 @@
 
 from __future__ import annotations
 
-from rich.console import Console
+import math
+from typing import TYPE_CHECKING, Final
+
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.summary import BusTotals, Summary
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rich.console import Console
+
+    from sniffer.summary import BusTotals, Summary
 
 _COLOUR = {"error": "red", "warn": "yellow", "note": "cyan"}
+
+_OUTCOMES: Final[Mapping[str, str]] = {"not_expected": "need no reply"}
+"""Outcomes in other words than their own."""
 
 
 def _ms(ns: int | None) -> str:
     return "" if ns is None else f"{ns / 1e6:.2f}"
 
 
+def counted(n: int, what: str) -> str:
+    """Return a number with its noun."""
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
 def print_summary(summary: Summary, console: Console) -> None:
     """Print the totals of every bus."""
-    for name, bus in summary.buses.items():
-        _print_bus(name, bus, console)
+    with console.capture() as printed:
+        for nth, (name, bus) in enumerate(summary.buses.items()):
+            if nth:
+                console.print()
+            _print_bus(name, bus, console)
+    # tables are padded to their width: nobody wants that in a file
+    console.file.write("".join(f"{line.rstrip()}\n" for line in printed.get().splitlines()))
 
 
 def _print_bus(name: str, b: BusTotals, console: Console) -> None:
-    frames, gaps = sum(b.kinds.values()), sum(b.gaps.values())
+    frames, gaps = counted(sum(b.kinds.values()), "frame"), counted(sum(b.gaps.values()), "gap")
     share = 100 * b.bytes_in_frames / b.bytes if b.bytes else 0.0
     length = b.seconds
-    console.print()
-    console.print(Text(f"{name}: {b.protocol}", style="bold"))
-    console.print(
-        f"  {b.bytes} bytes = {b.bytes_in_frames} in {frames} frames ({share:.2f} %) "
-        f"+ {b.bytes_in_gaps} in {gaps} gaps"
-        + (f", over {length:.3f} s" if length else ", no clock in the input: times are nominal"),
-        soft_wrap=True,
-    )
-    outcomes = ", ".join(f"{n} {k.replace('_', ' ')}" for k, n in b.outcomes.items() if n)
+    title = f"{name}: {b.protocol}"
+    lines = [
+        # rounded down: 100 % is said of nothing less
+        f"{counted(b.bytes, 'byte')} = {b.bytes_in_frames} in {frames} "
+        f"({math.floor(100 * share) / 100:.2f} %) + {b.bytes_in_gaps} in {gaps}",
+        f"over {length:.3f} s" if length else "no clock in the input: times are nominal",
+    ]
+    outcomes = [f"{n} {_OUTCOMES.get(k, k.replace('_', ' '))}" for k, n in b.outcomes.items() if n]
     if outcomes:
-        console.print(f"  exchanges: {outcomes}", soft_wrap=True)
+        lines.append("exchanges: " + ", ".join(outcomes))
+    console.print(Text(title if title.isprintable() else ascii(title), style="bold"))
+    for line in lines:
+        console.print(Padding(Text(line), (0, 0, 0, 2)))
     if b.by_command:
+        console.print()
         console.print(_commands(b))
+    console.print()
     if b.codes:
         console.print(_anomalies(b))
     else:
         console.print("  no anomalies")
 
 
+def _table() -> Table:
+    return Table(box=None, pad_edge=True, padding=(0, 0, 0, 2))
+
+
 def _commands(b: BusTotals) -> Table:
-    table = Table(box=None, pad_edge=True, padding=(0, 2, 0, 0))
-    for title, side in (
-        ("servo", "right"),
-        ("frames", "right"),
-        ("reply p50 ms", "right"),
-        ("p99", "right"),
-        ("max", "right"),
-        ("missing", "right"),
+    failed = any(b.bad_by_servo.values())
+    table = _table()
+    for title in (
+        "servo",
+        "frames",
+        *(("reply p50 ms", "p99", "max") if b.times else ()),
+        *(("failed",) if failed else ()),
     ):
-        table.add_column(title, justify=side)  # type: ignore[arg-type]
-    table.add_column("commands", overflow="fold")
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("commands sent/answered", overflow="fold")
     for servo in sorted({k[0] for k in b.by_command}):
         mine = {(op, kind): n for (who, op, kind), n in b.by_command.items() if who == servo}
         ops: dict[str, list[int]] = {}
@@ -66,27 +95,31 @@ def _commands(b: BusTotals) -> Table:
             f"{op} {asked}" + (f"/{got}" if got else "")
             for op, (asked, got) in sorted(ops.items(), key=lambda e: -sum(e[1]))
         )
-        q = b.times.get(servo)
-        times = (_ms(q.at(0.5)), _ms(q.at(0.99)), _ms(q.most)) if q else ("", "", "")
-        missing = b.bad_by_servo.get(servo, 0)
-        table.add_row(
-            str(servo) if servo >= 0 else "-",
-            str(sum(mine.values())),
-            *times,
-            str(missing) if missing else "",
-            told,
-        )
+        row = [str(servo) if servo >= 0 else "-", str(sum(mine.values()))]
+        if b.times:
+            q = b.times.get(servo)
+            row += [_ms(q.at(0.5)), _ms(q.at(0.99)), _ms(q.most)] if q else ["", "", ""]
+        if failed:
+            row.append(str(b.bad_by_servo.get(servo) or ""))
+        table.add_row(*row, told)
     return table
 
 
 def _anomalies(b: BusTotals) -> Table:
-    table = Table(box=None, pad_edge=True, padding=(0, 2, 0, 0))
-    table.add_column("anomaly")
-    table.add_column("count", justify="right")
-    table.add_column("first at byte", justify="right")
-    table.add_column("first", overflow="fold")
+    table = _table()
+    table.add_column("level", no_wrap=True)
+    table.add_column("anomaly", no_wrap=True)
+    table.add_column("count", justify="right", no_wrap=True)
+    table.add_column("at byte", justify="right", no_wrap=True)
+    table.add_column("the first one", overflow="fold")
     for code, n in sorted(b.codes.items(), key=lambda e: (-CATALOGUE[e[0]].severity, -e[1])):
-        style = _COLOUR[CATALOGUE[code].severity.name.lower()]
+        level = CATALOGUE[code].severity.name.lower()
         first = b.first[code]
-        table.add_row(Text(code, style=style), str(n), str(first.evidence[0][0]), first.detail)
+        table.add_row(
+            Text(level, style=_COLOUR[level]),
+            Text(code, style=_COLOUR[level]),
+            str(n),
+            str(first.evidence[0][0]),
+            Text(first.detail),
+        )
     return table

@@ -253,7 +253,8 @@ class RerunSink:
             window_s=self._window_s if self._live else None,
             doubt_ns=self._doubt_ns,
         )
-        self._rec.send_blueprint(plan)
+        if plan is not None:
+            self._rec.send_blueprint(plan)
 
     def _hold(self) -> None:
         """Draw each goal on to the end: it still holds, and a single point would not be seen."""

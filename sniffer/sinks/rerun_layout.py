@@ -92,8 +92,10 @@ def blueprint(
     span_ns: tuple[int, int] | None = None,
     window_s: float | None = None,
     doubt_ns: Mapping[str, int] | None = None,
-) -> rrb.Blueprint:
+) -> rrb.Blueprint | None:
     """Lay out what really occurs, one tab a bus, on time axes that move together.
+
+    None where there is nothing to show.
 
     Args:
         tracks: all plotted entities.
@@ -105,10 +107,12 @@ def blueprint(
     import rerun.blueprint as rrb
 
     buses = list(dict.fromkeys([*(t.bus for t in tracks), *logs]))
-    tabs = [
-        _bus(bus, [t for t in tracks if t.bus == bus], logs.get(bus), (doubt_ns or {}).get(bus, 0))
-        for bus in buses
-    ]
+    tabs = []
+    for bus in buses:
+        own = [t for t in tracks if t.bus == bus]
+        tabs += _bus(bus, own, logs.get(bus), (doubt_ns or {}).get(bus, 0))
+    if not tabs:
+        return None
     view_range = _view_range(span_ns, window_s)
 
     class LinkedTime(rrb.TimePanel):
@@ -150,8 +154,8 @@ def _view_range(span_ns: tuple[int, int] | None, window_s: float | None) -> Any:
     return rr.encodings.TimeRange(start=start, end=end)
 
 
-def _bus(bus: str, tracks: Sequence[Track], log: str | None, doubt_ns: int) -> rrb.Container:
-    """Lay out one bus: a tab for all its servos, where they are many some tabs for a few."""
+def _bus(bus: str, tracks: Sequence[Track], log: str | None, doubt_ns: int) -> list[rrb.Container]:
+    """Lay out one bus, if it has anything to show: one tab, or some where its servos are many."""
     import rerun.blueprint as rrb
 
     servos = sorted({t.servo_id for t in tracks} - {EVERYONE})
@@ -167,10 +171,10 @@ def _bus(bus: str, tracks: Sequence[Track], log: str | None, doubt_ns: int) -> r
         tabs.append(rrb.Grid(contents=list(rest.values()), name="more"))
     tabs = [tab for tab in tabs if tab.contents]
     if len(tabs) > 1:
-        return rrb.Tabs(contents=tabs, name=bus)
-    (tab,) = tabs
-    tab.name = bus
-    return tab
+        return [rrb.Tabs(contents=tabs, name=bus)]
+    for tab in tabs:
+        tab.name = bus
+    return tabs
 
 
 def _parted(servos: Sequence[int]) -> list[Sequence[int]]:

@@ -7,17 +7,19 @@ that no Python object stands for a row.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from sniffer.model import KINDS, PARTS, PROVENANCES, ROLES, Batch, Chunk
+from sniffer.model import KINDS, PARTS, PROVENANCES, ROLES, Batch, Chunk, OutputError
 from sniffer.protocols.base import BusProtocol
-from sniffer.sinks.files import open_binary, writing
+from sniffer.sinks.files import beside, open_binary, writing
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 _NAME = pa.dictionary(pa.int32(), pa.string())
 
@@ -139,7 +141,7 @@ class _Table:
         self._schema = schema
         self._file = open_binary(path)
         with writing(path):
-            if path.suffix == ".csv":
+            if path.suffix.lower() == ".csv":
                 plain = pa.schema([pa.field(f.name, _plain(f.type)) for f in schema])
                 self._schema = plain
                 self._writer = pyarrow.csv.CSVWriter(self._file, plain)
@@ -162,12 +164,11 @@ class _Table:
         self._parts, self._rows = [], 0
 
     def close(self) -> None:
-        try:
-            self._flush()
-        finally:
-            with writing(self._path):
+        with writing(self._path), self._file:
+            try:
+                self._flush()
+            finally:
                 self._writer.close()
-                self._file.close()
 
 
 def _plain(kind: Any) -> Any:
@@ -179,8 +180,11 @@ class TableSink:
 
     def __init__(self, path: Path) -> None:
         self._samples = _Table(path, SAMPLES, samples_table)
-        beside = path.with_suffix(f".frames{path.suffix}")
-        self._frames = _Table(beside, FRAMES, frames_table)
+        try:
+            self._frames = _Table(beside(path), FRAMES, frames_table)
+        except OutputError:
+            self._samples.close()
+            raise
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing: tables hold what was decoded."""

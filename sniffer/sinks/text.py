@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Sequence
-from typing import Any, Final, TextIO
+from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from rich.console import Console
 from rich.style import Style
@@ -21,14 +20,31 @@ from sniffer.model import (
     Clock,
     Severity,
 )
-from sniffer.protocols.base import BusProtocol
-from sniffer.registers import Register
 from sniffer.rows import frame_row
 from sniffer.sinks.report import print_summary
 from sniffer.summary import Summary
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.registers import Register
+
 WIDE: Final = 120
-"""From this width on the table has a column for the bus and one for the bytes."""
+"""From this width on the table has microseconds and columns for the bus and the reply time."""
+
+VALUES: Final = 70
+"""Room that values want: a read of all measured values. What the terminal has beyond it shows the
+bytes, if that is enough for ``BYTES``."""
+
+BYTES: Final = 41
+"""Room for the bytes of a frame of fourteen bytes."""
+
+WIDTHS: Final = (15, 5, 3, 1, 19, 8, 12)
+"""Widths on a wide terminal: time, bus, id, kind, command; reply time, verdict."""
+
+NARROW: Final = (12, 3, 1, 15, 12)
+"""Widths on a narrow one: time, id, kind, command; reply time or verdict."""
 
 _STYLES: Final = {
     "error": Style(color="red"),
@@ -48,15 +64,25 @@ def short_value(register: Register, raw: int, value: float) -> str:
     if value != value:  # NaN: nothing in units
         return f"raw {raw}"
     if register.unit:
-        return (
-            f"{value:.4g} {register.unit}" if abs(value) < 1000 else f"{value:.0f} {register.unit}"
-        )
+        unit = "°C" if register.unit == "degC" else register.unit
+        return f"{value:.4g} {unit}" if abs(value) < 1000 else f"{value:.0f} {unit}"
     return f"{value:g}"
 
 
 def fit(text: str, width: int) -> str:
-    """Cut or pad to a width."""
-    return text.ljust(width) if len(text) <= width else text[: width - 1] + "…"
+    """Cut or pad to a width; a list loses whole items, bytes whole bytes."""
+    if len(text) <= width:
+        return text.ljust(width)
+    for between in (", ", " "):
+        at = text.rfind(between, 0, width - 1)
+        if at > 0:
+            return (text[: at + len(between)] + "…").ljust(width)
+    return text[: width - 1] + "…"
+
+
+def plain(text: str) -> str:
+    """Return a text from the input so that it cannot steer the terminal."""
+    return text if text.isprintable() else ascii(text)[1:-1]
 
 
 class TextSink:
@@ -70,8 +96,11 @@ class TextSink:
         self._color = self._console.is_terminal and not self._console.no_color
         self._width = self._console.width
         self._summary = Summary()
+        self._wide = self._width >= WIDE
+        self._room = max(self._width - sum(n + 1 for n in (WIDTHS if self._wide else NARROW)), 12)
+        self._with_bytes = self._wide and self._room > VALUES + BYTES
         self._headed = False
-        self._day = ""
+        self._bus: str | None = None
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -93,10 +122,17 @@ class TextSink:
         if not self._headed:
             self._headed = True
             self._stream.write(self._paint("head", self._line(HEAD, bus="bus")) + "\n")
+        elif not self._wide and bus != self._bus:
+            self._stream.write(
+                self._paint("head", fit(f"{plain(bus)}:", self._width).rstrip()) + "\n"
+            )
+        self._bus = bus
         self._stream.write("\n".join(text for _, text in lines) + "\n")
 
     def close(self) -> None:
         """Write the summary."""
+        if self._headed:
+            self._stream.write("\n")
         print_summary(self._summary, self._console)
         self._stream.flush()
 
@@ -130,16 +166,18 @@ class TextSink:
         )
 
     def _gap(self, bus: str, batch: Batch, t_ns: int, reason: str, raw: bytes, detail: Any) -> str:
+        told, shown = [], [] if self._with_bytes else [raw.hex(" ").upper()]
         if detail.get("blank"):
             word, style = "", "request"
+        elif "checksum_expected" in detail:
+            word, style = "bad checksum", "error"
+            told = [f"sum {detail['checksum_got']:02X} not {detail['checksum_expected']:02X}"]
         else:
-            word = "bad checksum" if "checksum_expected" in detail else reason.replace("_", " ")
-            style = "warn" if reason == "noise" else "error"
-        told = ""
-        if "checksum_expected" in detail:
-            want, got = detail["checksum_expected"], detail["checksum_got"]
-            told = f"sum {got:02X}, not {want:02X}: "
-        cells = (self._time(batch, t_ns), "", "!", reason, told + raw.hex(" ").upper(), "", word)
+            word, style = reason.replace("_", " "), "warn" if reason == "noise" else "error"
+            if "expected" in detail:
+                told = [f"column {detail['column']}: expected {detail['expected']}"]
+        values = ": ".join(told + shown)
+        cells = (self._time(batch, t_ns), "", "!", "no frame", values, "", word)
         return self._paint(style, self._line(cells, bus=bus, raw=raw))
 
     def _values(self, protocol: BusProtocol, batch: Batch, i: int, values: range) -> str:
@@ -166,7 +204,7 @@ class TextSink:
         return ", ".join(_plainly(k, x) for k, x in fields.items() if x not in ("", None))
 
     def _time(self, batch: Batch, t_ns: int) -> str:
-        digits = 6 if self._width >= WIDE else 3
+        digits = 6 if self._wide else 3
         if batch.clock == Clock.NONE:
             return f"{t_ns / NS:.6f}".rjust(9 + digits)
         moment = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC)
@@ -174,19 +212,18 @@ class TextSink:
 
     def _line(self, cells: Sequence[str], *, bus: str, raw: bytes | None = None) -> str:
         time, servo, kind, op, values, took, verdict = cells
-        if self._width < WIDE:
+        if not self._wide:
             # one column says both: how long the reply took, or what is wrong with it
             told = f"{took} ms" if verdict == "ok" and took else verdict
-            left = [fit(time, 12), servo.rjust(3), kind, fit(op, 15)]
-            room = max(self._width - sum(len(x) + 1 for x in left) - 14, 12)
-            return " ".join([*left, fit(values, room), fit(told, 13)]).rstrip()
-        left = [fit(time, 15), fit(bus, 6), servo.rjust(3), kind, fit(op, 20)]
-        right = [took.rjust(8), fit(verdict, 14)]
-        room = self._width - sum(len(x) + 1 for x in [*left, *right]) - 1
-        bytes_width = max(24, (room - 40) // 2)
-        shown = raw.hex(" ").upper() if raw is not None else "bytes"
-        middle = [fit(values, room - bytes_width - 1), fit(shown, bytes_width)]
-        return " ".join([*left, *middle, *right]).rstrip()
+            row = [time, servo.rjust(3), kind, op, values, told]
+            widths = [*NARROW[:4], self._room, NARROW[4]]
+        else:
+            row = [time, plain(bus), servo.rjust(3), kind, op, values, took.rjust(8), verdict]
+            widths = [*WIDTHS[:5], self._room, *WIDTHS[5:]]
+        if self._with_bytes:
+            row.insert(6, raw.hex(" ").upper() if raw is not None else "bytes")
+            widths[5:6] = [VALUES, self._room - VALUES - 1]
+        return " ".join(map(fit, row, widths)).rstrip()
 
     def _paint(self, style: str, text: str) -> str:
         if not self._color:
@@ -201,7 +238,7 @@ HEAD: Final = ("time", "id", " ", "command", "values", "reply ms", "verdict")
 
 
 def _system(console: Console) -> Any:
-    return console._color_system  # noqa: SLF001 - rich offers no public way to the enumeration
+    return console._color_system
 
 
 def _plainly(key: str, value: Any) -> str:

@@ -7,6 +7,7 @@ the byte values that mean something to it.
 from __future__ import annotations
 
 import importlib
+import itertools
 from typing import Any
 
 from hypothesis import strategies as st
@@ -62,13 +63,15 @@ def chunked(draw: st.DrawFn, data: bytes, byte_ns: int, tail_ns: int) -> list[Ch
     edges = [0, *sorted(c for c in cuts if c < len(data)), len(data)]
     t, out = 1_700_000_000_000_000_000, []
     pause = st.one_of(
-        st.just(0), st.integers(0, 3_000_000), st.sampled_from([tail_ns // 2, tail_ns + 1, 3 * tail_ns])
+        st.just(0),
+        st.integers(0, 3_000_000),
+        st.sampled_from([tail_ns // 2, tail_ns + 1, 3 * tail_ns]),
     )
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in itertools.pairwise(edges):
         if b > a:
             t += (b - a) * byte_ns + draw(pause)
             out.append(Chunk(data[a:b], t, Clock.READ))
     return out
 
 
-OTHERS = ["mightyzap", "rs30x", "wck"]
+OTHERS = ["lss", "mightyzap", "rs30x", "wck"]

@@ -30,13 +30,19 @@ def _exchange(draw: st.DrawFn) -> bytes:
     answer = draw(st.booleans())
     match draw(st.sampled_from(["read", "echo", "write", "sync", "mode", "id", "reset", "staged"])):
         case "read":
-            address, n = draw(st.sampled_from([(0x8C, 8), (0x8C, 2), (0x86, 1), (0x73, 3), (0x16, 1), (0x10, 1), (0, 24)]))
+            address, n = draw(
+                st.sampled_from(
+                    [(0x8C, 8), (0x8C, 2), (0x86, 1), (0x73, 3), (0x16, 1), (0x10, 1), (0, 24)]
+                )
+            )
             status = draw(st.sampled_from([0, 0, 0, 0x73, 0x20, 0x08]))
             data = draw(st.lists(_byte, min_size=n, max_size=n).map(bytes))
             reply = packet(who, status, data if draw(st.integers(0, 9)) else b"")
             return packet(who, 0xF2, bytes([address, n])) + (reply if answer else b"")
         case "sync":
-            return packet(254, 0x73, b"\x86\x02" + draw(st.lists(_byte, min_size=6, max_size=7).map(bytes)))
+            return packet(
+                254, 0x73, b"\x86\x02" + draw(st.lists(_byte, min_size=6, max_size=7).map(bytes))
+            )
         case "mode":
             register = draw(st.sampled_from([0x16, 0x16, 0x10, 0x04]))
             head = packet(who, 0xF3, bytes([register, draw(st.integers(0, 5))]))
@@ -45,9 +51,15 @@ def _exchange(draw: st.DrawFn) -> bytes:
         case "reset":
             head = packet(who, 0xF6, bytes([draw(st.integers(0, 3))]))
         case "staged":
-            head = packet(who, 0xF4, bytes([0x16, draw(st.integers(1, 4))])) + packet(who, 0) + packet(who, 0xF5)
+            head = (
+                packet(who, 0xF4, bytes([0x16, draw(st.integers(1, 4))]))
+                + packet(who, 0)
+                + packet(who, 0xF5)
+            )
         case "write":
-            head = packet(who, 0xF3, b"\x86" + draw(st.lists(_byte, min_size=1, max_size=5).map(bytes)))
+            head = packet(
+                who, 0xF3, b"\x86" + draw(st.lists(_byte, min_size=1, max_size=5).map(bytes))
+            )
         case _:
             head = packet(who, 0xF1)
     return head + (packet(who, draw(st.sampled_from([0, 0, 0, 8, 0x20]))) if answer else b"")

@@ -112,6 +112,4 @@ def _full_count(draw: st.DrawFn) -> bytes:
             return command(0xE1, 0x64, b"\xff\xff") + command(0xFF, 0xC9, b"\x21\x21")
 
 
-TALK = st.one_of(
-    _exchange(), _exchange(), _exchange(), _ten_bit(), _stray_header(), _full_count()
-)
+TALK = st.one_of(_exchange(), _exchange(), _exchange(), _ten_bit(), _stray_header(), _full_count())

@@ -6,8 +6,9 @@ is the lowest byte); words and numbers that do not fit it, texts and damage go t
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -40,8 +41,10 @@ from sniffer.protocols.lss.grammar import (
     END,
     IDS,
     LONGEST,
+    NUMBER_DIGITS,
     REPLY_MARK,
     SELECTOR_MOST,
+    WORDS,
     packed,
     query_form,
 )
@@ -60,7 +63,6 @@ from sniffer.protocols.lss.tables import (
     REGISTER,
     SELECTORS,
     STATED,
-    TEXTS,
 )
 
 U64 = npt.NDArray[np.uint64]
@@ -83,6 +85,8 @@ _Q27: Final = np.array([17 * 27**n for n in range(_WIDE + 1)])
 _HASH, _STAR, _CR, _MINUS, _ZERO, _NINE = (b[0] for b in (COMMAND_MARK, REPLY_MARK, END, b"-", b"0", b"9"))
 _IS_EDGE: Final = np.isin(np.arange(256), [_HASH, _STAR, _CR])
 _IS_ID: Final = np.isin(np.arange(1000), list(IDS))
+_NUMBER: Final = re.compile(rb"-?[0-9]{1,%d}" % NUMBER_DIGITS)
+_MODIFIER: Final = re.compile(rb"([A-Za-z]+)([0-9]+)")
 _CACHE_MOST: Final = 65536
 _cache: dict[bytes, Line | None] = {}
 
@@ -175,9 +179,9 @@ def parse(text: Text, start: I64, end: I64) -> Lines:
     value, digits = text.numbers(at + negative)
     done = at + negative + digits
     is_reply = data[start] == _STAR
-    # what a reply's word asked for: the Q may be missing
+    # what was asked: in a reply the Q may be missing
     has_q = data[first] & 0x1F == 17
-    asked = word + np.where(is_reply & ~has_q, _Q27[letters], 0)
+    asked = word + np.where(has_q, 0, _Q27[letters])
     well = (id_digits >= 1) & (id_digits <= 3) & _IS_ID[np.where(id_digits <= 3, servo_id, 0)]
     well &= (letters > 0) & ~(negative & (digits == 0))
     rare = well & ((letters == _WIDE) | (digits == _WIDE))
@@ -219,7 +223,7 @@ def _fill(lines: Lines, i: int, start: int, line: Line | None) -> None:
     name = line.word.upper()
     lines.servo_id[i] = line.servo_id
     lines.word[i] = packed(name)
-    lines.asked[i] = packed(query_form(name)) if line.is_reply else lines.word[i]
+    lines.asked[i] = packed(query_form(name))
     lines.lower[i] = name != line.word
     lines.at[i] = start + line.at
     lines.value[i] = line.value or 0
@@ -228,7 +232,7 @@ def _fill(lines: Lines, i: int, start: int, line: Line | None) -> None:
     lines.modifiers[i] = len(line.modifiers)
     lines.modifier[i] = packed(line.modifiers[0][0]) if line.modifiers else 0
     if line.text is not None:
-        texts = TEXTS[name]
+        texts = WORDS[name].texts
         lines.text[i] = 1 if "*" in texts or line.text in texts else 2
 
 
@@ -259,7 +263,7 @@ def describe(block: Block, spans: Spans) -> Frames:
     p = parse(text, start, end)
     n = len(start)
     is_reply = spans.kind == RESPONSE
-    entry = ENTRIES.find(p.asked)
+    entry = ENTRIES.find(np.where(is_reply, p.asked, p.word))
     known = entry > 0
     query = IS_QUERY[entry]
     has_number = p.digits > 0
@@ -270,7 +274,7 @@ def describe(block: Block, spans: Spans) -> Frames:
     reply = np.where(asks, np.where(broadcast, MANY, MUST), NEVER)
     reply[~is_reply & (~known | IS_UNCLEAR[entry])] = IF_ALL
     anyone = ~is_reply & (reply != NEVER) & (broadcast | (p.servo_id == BUTTON_MODE))
-    op = np.where(known, CANONICAL[entry], p.asked)
+    op = np.where(known, CANONICAL[entry], np.where(is_reply, p.asked, p.word))
     flags = np.where(known, 0, UNKNOWN)
     flags[asks & has_number & ~well] |= MALFORMED
     listed = LISTED[entry, np.clip(selector, 0, SELECTORS)]
@@ -291,11 +295,71 @@ def describe(block: Block, spans: Spans) -> Frames:
         data_length=np.where(asks, 0, end - 1 - data_start),
         status=np.full(n, -1, np.int16),
         reply=reply.astype(np.uint8),
-        token=_token(op, p, is_reply),
+        token=p.asked,
         alt_id=np.where(anyone, ANY_ID, NO_ALT).astype(np.int16),
         flags=flags.astype(np.uint8),
         t_start=zero,
         t_end=zero,
         uncertainty=zero,
         direction=np.zeros(n, np.uint8),
+    )
+
+
+def _unusual(p: Lines, entry: U8) -> Mask:
+    """Tell which actions and configurations do not have the page's form: number, modifiers."""
+    has_number = p.digits > 0
+    odd = np.where(has_number, ~NUMBER_OK[entry], ~EMPTY_OK[entry])
+    more = p.modifiers > 0
+    if more.any():
+        fits = FITS[MODIFIER_ENTRIES.find(p.modifier), entry]
+        odd |= more & ((p.modifiers > 1) | ~fits)
+    return odd
+
+
+def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
+    """Read the numbers: a reply's register is told by the query's word and selector."""
+    del state  # nothing that was said before changes what a number means
+    text = Text(block.data)
+    at, end = frames.data_start[rows], frames.end[rows] - 1
+    asked = frames.kind[rows] == RESPONSE
+    entry = ENTRIES.find(frames.op[rows])
+    selector = frames.address[rows].astype(np.int64)
+    column = np.where(selector < SELECTORS, np.maximum(selector, 0), SELECTORS)
+    register = np.where(asked, STATED[entry, column], REGISTER[entry])
+    negative = block.data[at] == _MINUS
+    raw, digits = text.numbers(at + negative)
+    behind = at + negative + digits
+    raw = np.where(negative, -raw, raw)
+    for i in np.flatnonzero(digits == _WIDE).tolist():
+        number = _NUMBER.match(text.line(int(at[i]), int(end[i])))
+        assert number is not None
+        raw[i], behind[i] = int(number[0]), at[i] + number.end()
+    stated = (register >= 0) & (digits > 0) & (~asked | (behind == end))
+    row, registers, raws = [rows[stated]], [register[stated]], [raw[stated]]
+    more = np.flatnonzero(~asked & (entry > 0) & (digits > 0) & (behind < end))
+    here = behind[more]
+    while len(more):
+        name, size, _ = text.words(here)
+        raw, digits = text.numbers(here + size)
+        for i in np.flatnonzero((size == _WIDE) | (digits == _WIDE)).tolist():
+            pair = _MODIFIER.match(text.line(int(here[i]), int(end[more[i]])))
+            assert pair is not None
+            name[i], size[i], raw[i], digits[i] = packed(pair[1].decode("ascii")), pair.end(1), int(pair[2]), len(pair[2])
+        register = MODIFIER_REGISTER[MODIFIER_ENTRIES.find(name)]
+        stated = register >= 0
+        row.append(rows[more[stated]])
+        registers.append(register[stated])
+        raws.append(raw[stated])
+        here = here + size + digits
+        going = here < end[more]
+        more, here = more[going], here[going]
+    where = np.concatenate(row)
+    order = np.argsort(where, kind="stable") if len(row) > 1 else slice(None)
+    where = where[order]
+    return Values(
+        where,
+        frames.servo_id[where],
+        np.concatenate(registers)[order].astype(np.int16),
+        np.concatenate(raws)[order],
+        np.zeros(len(where), np.uint8),
     )

@@ -139,7 +139,13 @@ class Word:
     @property
     def takes_number(self) -> bool:
         """Tell whether a number may follow the word of an action or configuration."""
-        return self.register >= 0 and REGISTERS[self.register].type == "decimal"
+        decimal = self.register >= 0 and REGISTERS[self.register].type == "decimal"
+        return decimal or self.kind == "unclear"
+
+    @property
+    def may_be_empty(self) -> bool:
+        """Tell whether an action may go without a number, or a reply to a query."""
+        return "" in self.texts or (not self.is_query and not self.takes_number) or self.kind == "unclear"
 
 
 @dataclass(frozen=True, slots=True)

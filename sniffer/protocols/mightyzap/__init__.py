@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.checksums import Checksum
 from sniffer.model import I16, I64, MALFORMED, REQUEST, Frames, Gap, Mask
 from sniffer.protocols.base import FieldSpan, FrameView, joined
 from sniffer.protocols.dissection import leaves
@@ -16,14 +15,17 @@ from sniffer.protocols.mightyzap.grammar import (
     BROADCAST,
     COMMANDS,
     ERRORS,
+    FACTORY_RESET,
     LOAD,
     PACKET,
     REFUSALS,
     SDK_FACTORY_RESET,
-    FACTORY_RESET,
     SYMMETRIC_STORE,
 )
 from sniffer.registers import bit_names
+
+if TYPE_CHECKING:
+    from sniffer.checksums import Checksum
 
 WINDOW_NS: Final = 10_000_000
 """Return delay is at most 255 us (user manual v1.02, Data Map 0x05); the vendor's guide asks
@@ -106,7 +108,11 @@ class MightyZap:
             name = leaf.path.rpartition(".")[2]
             if name == "code":
                 if row.kind == REQUEST:
-                    out.append(FieldSpan(leaf.offset, 1, "command", f"{leaf.value:02X} {self.op_name(row.op)}"))
+                    out.append(
+                        FieldSpan(
+                            leaf.offset, 1, "command", f"{leaf.value:02X} {self.op_name(row.op)}"
+                        )
+                    )
                 else:
                     names = ", ".join(self.status_names(leaf.value)) or "none"
                     out.append(FieldSpan(leaf.offset, 1, "error", f"{leaf.value:02X} {names}"))

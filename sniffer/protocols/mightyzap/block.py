@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -29,7 +29,6 @@ from sniffer.model import (
     Spans,
 )
 from sniffer.plan import plan_of
-from sniffer.protocols.base import State, Values
 from sniffer.protocols.mightyzap.grammar import (
     BROADCAST,
     COMMANDS,
@@ -48,6 +47,9 @@ from sniffer.protocols.mightyzap.grammar import (
 from sniffer.registers import Entry, load_models
 from sniffer.samples import by_shape
 
+if TYPE_CHECKING:
+    from sniffer.protocols.base import State, Values
+
 MODELS: Final = load_models("mightyzap-l12", "mightyzap-12lf")
 PLAN: Final = plan_of(PACKET)
 OVERHEAD: Final = PLAN.tail_at + 1 - 2
@@ -57,7 +59,9 @@ REACH: Final = OVERHEAD + 255
 """A request is closed after as many bytes as the longest frame has: its answer would be over."""
 
 _ID, _SIZE, _CODE, _FACTORS = (PLAN.at["servo_id"], PLAN.at["size"], PLAN.at["code"], PLAN.tail_at)
-_REPLY: Final = np.array([COMMANDS[k].reply if k in COMMANDS else IF_ALL for k in range(256)], np.uint8)
+_REPLY: Final = np.array(
+    [COMMANDS[k].reply if k in COMMANDS else IF_ALL for k in range(256)], np.uint8
+)
 _KNOWN: Final = np.array([k in COMMANDS for k in range(256)])
 
 
@@ -70,7 +74,7 @@ def _sizes() -> tuple[I64, I64]:
             try:
                 # targets of a symmetric store: one servo, n - 3 data bytes
                 command.factors.parse(bytes([0, max(n - 3, 0)] + [0] * 10)[:n])
-            except Exception:  # noqa: BLE001, PERF203 - construct's errors are all one: it does not fit
+            except Exception:
                 continue
             fits.append(n + 2)
         least[code] = min(fits)
@@ -119,7 +123,9 @@ def describe(block: Block, spans: Spans) -> Frames:
     # an error needs no data: a feedback of an error byte alone answers any read
     token[(status > 0) & (data_length == 0)] = -1
     alt = np.where(servo_id == STAND_ALONE, ANY_ID, NO_ALT)
-    alt = np.where(write & (address <= ID_REGISTER), _new_id(data, factors, address, data_length, alt), alt)
+    alt = np.where(
+        write & (address <= ID_REGISTER), _new_id(data, factors, address, data_length, alt), alt
+    )
     resets = well & ((code == FACTORY_RESET) | (code == SDK_FACTORY_RESET))
     alt = np.where(resets & (first & OPTION_ID > 0) & (alt == NO_ALT), 0, alt)
     flags = np.where(request & known & ~fits, MALFORMED, 0)
@@ -199,7 +205,7 @@ def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
 
 @functools.cache
 def shape(key: int) -> list[Entry]:
-    """Return the registers in ``length`` bytes from ``address``; ``group`` > 0: a symmetric store."""
+    """Return the registers in a span of bytes; ``group`` > 0: those of a symmetric store."""
     table = MODELS[key >> 26]
     address, length, group = (key >> 17 & 511) - 1, key >> 8 & 511, key & 255
     if address < 0:
@@ -242,7 +248,11 @@ def explain(run: bytes, start: int) -> list[Gap]:
             out.append(Gap(start + at, end - at, "damaged", {"size": size, "size_least": 2}))
         elif size is None or stop > n or 0 <= following < stop - 1:
             end = following if following >= 0 else n
-            detail = {"have": end - at, "need": OVERHEAD + size} if size is not None else {"have": end - at}
+            detail = (
+                {"have": end - at, "need": OVERHEAD + size}
+                if size is not None
+                else {"have": end - at}
+            )
             out.append(Gap(start + at, end - at, "truncated", {**detail, **_as_read(run[at:end])}))
         else:
             end = stop

@@ -8,10 +8,9 @@ Sources: mightyZAP user manual v1.02, (2) Packet Description and (4) Command Exa
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from construct import (
     Byte,
@@ -30,6 +29,9 @@ from construct import (
 
 from sniffer.checksums import COMPLEMENT_SUM
 from sniffer.model import IF_ALL, IF_READ, MUST, NEVER
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 BROADCAST: Final = 0xFE
 """Moves all servos, answered by none. Source: user manual v1.02, (2) 2. ID."""

@@ -202,7 +202,7 @@ def describe(block: Block, spans: Spans) -> Frames:
     alone = ~is_long & (servo_id != EVERYONE)
     reply = np.where(asked & alone, _REPLY[bits], NEVER)
     status = np.where(back, bits.astype(np.int64), -1)
-    status = np.where(ack, np.where(data[start] == ACK_BYTE, 0, NACK), status)
+    status = np.where(ack, np.where(data[start] == ACK_BYTE, -1, NACK), status)
     alt = np.where(asked & (nibble == ASKS_ACK), ANY_ID, NO_ALT)
     renumbers = asked & (op == WRITE) & (alt == NO_ALT)
     alt = _new_id(data, head, renumbers, address, data_length, alt)

@@ -64,7 +64,8 @@ NACK_BYTE: Final = 0x08
 """The RS305CR manual promises a NACK without its value; this one is from a sibling's (RS204MD)."""
 
 NACK: Final = 0x100
-"""Status of a NACK: behind the eight bits of a return packet's flags, so that none collides."""
+"""Status of a NACK: behind the eight bits of a return packet's flags, so that none collides. An ACK
+has no status."""
 
 FLASH_BIT, REBOOT_BIT, RESET_BIT = 0x40, 0x20, 0x10
 COMMAND_BITS: Final = FLASH_BIT | REBOOT_BIT | RESET_BIT

@@ -96,7 +96,7 @@ def describe(raw: bytes, kind: int, before: SlowFrame | None) -> SlowFrame:
             body = RESET_WITH_DATA.parse(raw).body.value
         return _request(raw, body)
     if len(raw) == 1:
-        status = 0 if ACK.parse(raw).answer == ACK_BYTE else NACK
+        status = -1 if ACK.parse(raw).answer == ACK_BYTE else NACK
         return SlowFrame(
             0, 1, RESPONSE, -1, ACK_OP, raw, status=status, reply=NEVER, token=ACK_TOKEN
         )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -15,30 +14,32 @@ from sniffer.protocols.wck import block, slow
 from sniffer.protocols.wck.explain import explain
 from sniffer.protocols.wck.grammar import (
     COMMANDS,
-    DIRECTIONS,
-    INDEX,
     INSTRUCTIONS,
     OPS,
     READ_10BIT_TEXT,
     REPLIES,
     SUB_INSTRUCTIONS,
-    TORQUES,
     UNKNOWN_BASE,
     UNKNOWN_OP,
 )
-from sniffer.registers import Register, RegisterMap
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.checksums import Checksum
+    from sniffer.registers import Register, RegisterMap
 
 FAST_NS: Final = 5 * NS // 1000
 """Reads and moves are answered within 0.3 to 1 ms of the command's last byte. Source: manual 1.07,
 2-3, table Command Response Time, less the time the bytes take; the rest is left to busy servos."""
 
 SLOW_NS: Final = 200 * NS // 1000
-"""Set commands are answered after 120 ms, when the EEPROM is written. Source: as above; the table has
-no row for the run-time sets, the I/O write is taken for a fast one."""
+"""Set commands are answered after 120 ms, when the EEPROM is written. Source: as above; the table
+has no row for the run-time sets, which are allowed as much, nor for the I/O write."""
 
 TAIL_NS: Final = 500 * NS // 1000
-"""Above every answer to a set command, and the 65 ms a module is deaf at power-on. Source: as above;
-2-3, Reset Time after Power Supply."""
+"""Above every answer to a set command, and the 65 ms a module is deaf at power-on. Source: as
+above; 2-3, Reset Time after Power Supply."""
 
 
 class Wck:
@@ -54,6 +55,7 @@ class Wck:
     everyone: tuple[int, ...] = (-1,)  # a move or a break to all of them names no id
     models: tuple[RegisterMap, ...] = block.MODELS
     registers: tuple[Register, ...] = joined(block.MODELS)
+    checksum = "ok"
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
@@ -81,44 +83,65 @@ class Wck:
         return ()
 
     def fields(self, raw: bytes, row: FrameView) -> dict[str, Any]:
-        """Return what is no register: torque and direction by name, counts, motions, raw bytes."""
+        """Return what is no register: counts, motions, bytes that only together are a value."""
         index = min(row.op, UNKNOWN_OP)
         name = OPS[index].name
         if row.kind != REQUEST:
-            return _reply_fields(name, raw)
-        grammar = COMMANDS[index]
-        if name == "position_read_10bit":
+            fields = {**REPLIES[index].parse(raw)}
+        elif name == "position_read_10bit":
             return {}
-        body = grammar.parse(raw).body.value
+        else:
+            fields = {**COMMANDS[index].parse(raw).body.value}
         out: dict[str, Any] = {}
-        if "torque_level" in body.data1:
-            out["torque"] = _named(body.data1.torque_level, TORQUES)
         match name:
-            case "wheel":
-                out["direction"] = _named(body.data2.wheel_direction, DIRECTIONS)
             case "sync_position_move":
-                out["count"], out["last_id"] = body.data2.count, body.data2.count - 1
-            case "motion_data_write":
-                out["motion"] = [_motion(word) for word in body.motion]
-            case "position_move_10bit":
-                out["h3"], out["l7"] = body.target_h3, body.target_l7
+                out["count"], out["last_id"] = fields["data2"].count, fields["data2"].count - 1
+            case "motion_data_write" if "motion" in fields:
+                out["motion"] = [_motion(word) for word in fields["motion"]]
+            case "passive" if row.kind != REQUEST:
+                out["echo"] = fields["data2"]
+            case "break" if row.kind != REQUEST:
+                out["id"] = fields["id"]
             case "unknown":
-                out["code"], out["data"] = body.data2.command, raw[3:-1].hex()
+                out["data"] = raw[row.data_start : row.data_start + row.data_length].hex()
+        for key in ("target_h3", "target_l7", "h3", "l7"):
+            if key in fields:
+                out[key.removeprefix("target_")] = fields[key]
+        if "digital_output" in fields:
+            out |= {f"channel_{k + 1}": fields["digital_output"] >> k & 1 for k in range(2)}
+        if "overload" in fields:
+            out |= _milliamperes(fields["overload"])
         return out
 
     def explain(self, run: bytes, start: int) -> list[Gap]:
-        """Look for headers: what follows one is a damaged or a truncated command, the rest noise."""
+        """Look for headers: what follows is a damaged or truncated command, the rest noise."""
         return explain(run, start)
+
+    def checksum_of(self, raw: bytes) -> tuple[Checksum, bytes, int] | None:
+        """Return the checksum, what it takes in, and the last byte; a reply has none."""
+        if len(raw) <= block.REPLY:
+            return None
+        kind, body = block.KIND[raw[block.DATA2] << 8 | raw[block.DATA1]], raw[1:-1]
+        if kind == block.SYNC:
+            body = raw[block.PARAMS : -1]
+        if _is_text_sum(kind, raw):
+            body = raw[block.DATA1 : block.PARAMS] + raw[block.PARAMS + 1 : -1]
+        return XOR7, body, raw[-1]
 
     def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:
         """Return the frame's bytes by their grammar, Data1 and Data2 with their bit fields."""
         index = min(row.op, UNKNOWN_OP)
         if row.kind != REQUEST:
-            return [span for leaf in leaves(REPLIES[index], raw) for span in _spans(leaf)]
+            return [span for leaf in leaves(REPLIES[index], raw) for span in _spans(leaf, raw)]
         grammar = COMMANDS[index]
-        if row.op == block.READ_10BIT and XOR7(raw[1:-1]) != raw[-1]:
+        if _is_text_sum(index, raw):
             grammar = READ_10BIT_TEXT
-        return [span for leaf in leaves(grammar, raw) for span in _spans(leaf)]
+        return [span for leaf in leaves(grammar, raw) for span in _spans(leaf, raw)]
+
+
+def _is_text_sum(kind: int, raw: bytes) -> bool:
+    """Tell whether a 10-bit read has the checksum of its section rather than that of note 5."""
+    return kind == block.READ_10BIT and XOR7(raw[1:-1]) != raw[-1]
 
 
 def _named(number: int, names: Mapping[int, str]) -> dict[str, Any]:
@@ -130,7 +153,7 @@ def _named(number: int, names: Mapping[int, str]) -> dict[str, Any]:
 
 def _motion(word: Any) -> dict[str, Any]:
     main, sub = word.command.instruction, word.command.sub
-    out = {"instruction": _named(main, INSTRUCTIONS)}
+    out: dict[str, Any] = {"command": main << 4 | sub, "instruction": _named(main, INSTRUCTIONS)}
     if main in SUB_INSTRUCTIONS:
         out["sub"] = _named(sub, SUB_INSTRUCTIONS[main])
     else:
@@ -138,21 +161,13 @@ def _motion(word: Any) -> dict[str, Any]:
     return {**out, "data": word.data}
 
 
-def _reply_fields(name: str, raw: bytes) -> dict[str, Any]:
-    match name:
-        case "passive":
-            return {"echo": raw[0]}
-        case "break":
-            return {"id": raw[0]}
-        case "position_move_10bit" | "position_read_10bit":
-            return {"h3": raw[0], "l7": raw[1]}
-        case "unknown":
-            return {"data": raw.hex()}
-        case _:
-            return {}
+def _milliamperes(code: int) -> dict[str, int]:
+    """Return the current that a code of the over load setting stands for, where it is listed."""
+    name = block.MODELS[0].registers[block.REGISTERS["overload"]].values.get(code, "")
+    return {"overload_ma": int(name.removesuffix(" mA"))} if name else {}
 
 
-def _spans(leaf: Leaf) -> list[FieldSpan]:
+def _spans(leaf: Leaf, raw: bytes) -> list[FieldSpan]:
     """Return a field in words: a byte's bit fields side by side, a list item by item."""
     name = leaf.path.rpartition(".")[2]
     value = leaf.value
@@ -163,26 +178,24 @@ def _spans(leaf: Leaf) -> list[FieldSpan]:
             FieldSpan(leaf.offset + i * size, size, f"{item} {i}", *_item(one))
             for i, one in enumerate(value)
         ]
-    if isinstance(value, bytes):
-        return [FieldSpan(leaf.offset, leaf.length, name, value.hex().upper())]
+    shown = raw[leaf.offset : leaf.offset + leaf.length].hex().upper()
     if isinstance(value, dict):
         bits = {k: v for k, v in value.items() if k != "_io"}
-        texts = [f"{k} {v}" + _word(TORQUES if k == "torque_level" else {}, v) for k, v in bits.items()]
-        return [FieldSpan(leaf.offset, leaf.length, name, ", ".join(texts), _units(bits))]
+        text = ", ".join(f"{k} {v}" for k, v in bits.items())
+        return [FieldSpan(leaf.offset, leaf.length, name, f"{shown}: {text}", _units(bits))]
+    if name == "header":
+        return [FieldSpan(leaf.offset, leaf.length, name, shown)]
     note = XOR7.formula if name == "checksum" else leaf.docs or _units({name: value})
-    return [FieldSpan(leaf.offset, leaf.length, name, f"{value:02X} = {value}", note)]
+    return [FieldSpan(leaf.offset, leaf.length, name, f"{shown} = {value}", note)]
 
 
 def _item(one: Any) -> tuple[str, str]:
+    """Return a target, or an instruction of a motion, in words."""
     if isinstance(one, int):
         return f"{one:02X} = {one}", _units({"goal_position": one})
     main, sub = one.command.instruction, one.command.sub
-    named = _word(SUB_INSTRUCTIONS.get(main, {}), sub)
-    return f"{INSTRUCTIONS.get(main, main)}, sub {sub}{named}, data {one.data}", ""
-
-
-def _word(names: Mapping[int, str], number: int) -> str:
-    return f" ({names[number]})" if number in names else ""
+    word = SUB_INSTRUCTIONS.get(main, {}).get(sub, "")
+    return f"{INSTRUCTIONS.get(main, main)}, sub {sub}, data {one.data}", word
 
 
 def _units(fields: Mapping[str, int]) -> str:

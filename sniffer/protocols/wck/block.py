@@ -7,9 +7,8 @@ here: framing is a function of the bytes and of silences.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -45,6 +44,9 @@ from sniffer.protocols.wck.grammar import (
     byte_values,
 )
 from sniffer.registers import load_models
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 MODELS: Final = load_models("wck")
 REGISTERS: Final = MODELS[0].index
@@ -251,9 +253,7 @@ def describe(block: Block, spans: Spans) -> Frames:
     )
 
 
-def _flags(
-    data: U8, spans: Spans, command: I64, kind: U8, request: Mask, answer: I64
-) -> U8:
+def _flags(data: U8, spans: Spans, command: I64, kind: U8, request: Mask, answer: I64) -> U8:
     flags = np.where(request & (kind == UNKNOWN_OP), UNKNOWN, 0).astype(np.uint8)
     again = np.flatnonzero(request & (_AGAIN[kind] > 0))
     at = spans.start[again] + _AGAIN[kind[again]]
@@ -274,7 +274,7 @@ def _flags(
 
 @dataclass(frozen=True, slots=True)
 class _Read:
-    """A register's value in a frame: ``mask`` of the byte at ``at``, shifted; or H3 and L7 there."""
+    """A register's value in a frame: the byte at ``at``, shifted and masked; or H3 and L7 there."""
 
     register: int
     at: int

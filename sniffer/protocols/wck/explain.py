@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.checksums import XOR7
 from sniffer.model import Gap
@@ -23,6 +22,10 @@ from sniffer.protocols.wck.block import (
 )
 from sniffer.protocols.wck.grammar import HEADER, MOTION_MOST, OPS, UNKNOWN_OP
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_HEADER_BYTE: Final = bytes([HEADER])
 _HEADER: Final = re.compile(rb"\xff(?=[^\xff])", re.DOTALL)
 """The last FF of a row of them."""
 
@@ -34,7 +37,9 @@ def explain(run: bytes, start: int) -> list[Gap]:
     """Say why no frame claims these bytes; the pieces join to the whole of them."""
     if len(run) == 1 and run[0] != HEADER:
         # The frames around it hold, and nothing but a reply has no header.
-        return [Gap(start, 1, "truncated", {"have": 1, "need": REPLY, "fields": {"reply": run.hex()}})]
+        return [
+            Gap(start, 1, "truncated", {"have": 1, "need": REPLY, "fields": {"reply": run.hex()}})
+        ]
     out: list[Gap] = []
     done = 0
     for at, length, reason, detail in _torn_frames(run):
@@ -48,28 +53,40 @@ def explain(run: bytes, start: int) -> list[Gap]:
 
 
 def _torn_frames(run: bytes) -> Iterator[tuple[int, int, str, dict[str, Any]]]:
-    """Yield (offset, length, reason, detail) of what may have been meant as a command."""
-    n, done = len(run), 0
+    """Yield (offset, length, reason, detail) of what may have been meant as a command.
+
+    Four bytes and a sum of seven bits are weak evidence, so position has to help: commands are
+    looked for from the run's first header on, as long as one follows the other with no more than a
+    reply between them; and once more at its last header. In a muddle between nothing is claimed.
+    """
+    n, done = len(run), -1
     for match in _HEADER.finditer(run):
         at = match.start()
-        if at < done:
-            continue
-        following = run.find(HEADER, at + 1)
-        stop = following if following >= 0 else n
-        found = _one(run, at, stop)
-        if found is not None:
-            yield at, *found
-            done = at + found[0]
-    if run[-1:] == bytes([HEADER]) and run[-2:-1] != run[-1:] and done < n:
-        yield n - 1, 1, "truncated", {"have": 1}
+        if done >= 0 and at - done > REPLY:
+            break
+        found = _one(run, at)
+        if found is None:
+            break
+        yield at, *found
+        done = at + found[0]
+    last = run.rfind(_HEADER_BYTE)
+    if last < max(done, 0):
+        return
+    if last == n - 1:
+        if run[last - 1 : last] != _HEADER_BYTE:
+            yield last, 1, "truncated", {"have": 1}
+    elif (found := _one(run, last)) is not None:
+        yield last, *found
 
 
-def _one(run: bytes, at: int, stop: int) -> tuple[int, str, dict[str, Any]] | None:
-    """Judge ``run[at:stop]``, which begins with the only FF in it; None for noise.
+def _one(run: bytes, at: int) -> tuple[int, str, dict[str, Any]] | None:
+    """Judge the bytes from a header to before the next; None for noise.
 
-    Four bytes and a sum of seven bits are weak evidence. So "damaged" asks for a command of the
-    table, and behind it for the next header, or the end, after no more than a reply.
+    "damaged" asks for a command of the table, and behind it for the next header, or the end, after
+    no more than a reply.
     """
+    following = run.find(_HEADER_BYTE, at + 1)
+    stop = following if following >= 0 else len(run)
     have = stop - at
     if have == PARAMS - 1:
         starts = stop == len(run) and bool((_STARTS[:, run[at + DATA1]] != NONE).any())

@@ -8,16 +8,15 @@ bits and bytes of each command by name, bytes of its reply by name. A name that 
 (``schemas/registers/wck.toml``) is its value; a reply byte named like a byte of its command must
 repeat it; ``again`` is a byte that must repeat the byte before it.
 
-Source: RoboBuilder wCK series user's manual 1.07, A-1 Communication Protocol and A-6 Protocol Table.
+Source: RoboBuilder wCK series user's manual 1.07, A-1 Communication Protocol, A-6 Protocol Table.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from construct import (
     Array,
@@ -36,6 +35,9 @@ from construct import (
 )
 
 from sniffer.checksums import XOR7
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
 
 HEADER: Final = 0xFF
 """First byte of every command. Source: manual 1.07, A-1, Header."""
@@ -64,8 +66,8 @@ class Bits:
 class Op:
     """One command and its reply.
 
-    ``params`` are the bytes behind Data2, ``tail`` what follows them in the two commands of variable
-    length. ``reply_ff`` tells which of the reply bytes may be FF; the first is at most
+    ``params`` are the bytes behind Data2, ``tail`` what follows them in the two commands of
+    variable length. ``reply_ff`` tells which of the reply bytes may be FF; the first is at most
     ``reply_most``. ``slow``: the servo may write its EEPROM before it answers.
     """
 
@@ -74,7 +76,7 @@ class Op:
     data2: tuple[Bits, ...]
     params: tuple[str, ...] = ()
     reply: tuple[str, ...] = ()
-    tail: Any = None
+    tail: tuple[Any, ...] = ()
     reply_ff: tuple[bool, bool] = (False, False)
     reply_most: int = 0xFF
     slow: bool = False
@@ -135,7 +137,7 @@ _KNOWN: Final = (
         "sync_position_move",
         _SYNC,
         (_rest(0, 3), Bits("count", 5, range(1, 32))),
-        tail="targets" / Array(this.data2.count, Byte),
+        tail=("targets" / Array(this.data2.count, Byte),),
     ),
     Op("status_read", _mode(5), (_rest(0, 8),), (), ("load", "position")),
     Op("passive", _mode(6), (Bits("mode", 4, (1,)), _rest(0, 4)), (), ("data2", "position")),
@@ -186,7 +188,10 @@ _KNOWN: Final = (
         _code(0x96),
         ("motion_count",),
         ("motion_count", "again"),
-        tail="motion" / Array(this.motion_count, MOTION_WORD),
+        tail=(
+            Check(this.motion_count <= MOTION_MOST),
+            "motion" / Array(this.motion_count, MOTION_WORD),
+        ),
         slow=True,
     ),
     _read("motion_data_read", 0x97, "motion_count", "again"),
@@ -208,8 +213,9 @@ _KNOWN: Final = (
     ),
 )
 
-_NAMED: Final = {code for op in _KNOWN if op.data1 is _SET for code in byte_values(op.data2)}
-_TAKEN: Final = _NAMED | {code for op in _KNOWN if op.data1 is _TEN for code in byte_values(op.data2)}
+_TAKEN: Final = {
+    code for op in _KNOWN if op.data1 in (_SET, _TEN) for code in byte_values(op.data2)
+}
 
 OPS: Final[tuple[Op, ...]] = (
     *_KNOWN,
@@ -243,21 +249,33 @@ def _byte(bits: Sequence[Bits]) -> Any:
     )
 
 
-def _params(names: Sequence[str]) -> list[Any]:
+_DOCS: Final = MappingProxyType(
+    {
+        "h3": "position, upper 3 bits",
+        "l7": "position, lower 7 bits",
+        "target_h3": "target position, upper 3 bits",
+        "target_l7": "target position, lower 7 bits",
+        "data2": "Data2 of the command",
+        "id": "of the module",
+    }
+)
+
+
+def _bytes(names: Sequence[str]) -> list[Any]:
     out: list[Any] = []
     for i, name in enumerate(names):
         if name == "again":
             out.append(name / Default(Byte, this[names[i - 1]]) * f"{names[i - 1]} once more")
         else:
-            out.append(name / (Default(Byte, 0) if name in _FREE else Byte))
-        if name == "motion_count":
-            out.append(Check(this.motion_count <= MOTION_MOST))
+            byte = Default(Byte, 0) if name in _FREE else Byte
+            out.append(name / byte * _DOCS.get(name, ""))
     return out
 
 
 def _packet(op: Op, covered: Any = this.body.data) -> Any:
-    tail = [] if op.tail is None else [op.tail]
-    body = Struct("data1" / _byte(op.data1), "data2" / _byte(op.data2), *_params(op.params), *tail)
+    body = Struct(
+        "data1" / _byte(op.data1), "data2" / _byte(op.data2), *_bytes(op.params), *op.tail
+    )
     return Struct(
         "header" / Const(bytes([HEADER])),
         "body" / RawCopy(body),
@@ -284,12 +302,12 @@ READ_10BIT_TEXT: Final = _packet(OPS[INDEX["position_read_10bit"]], _without_dat
 """The same command with the checksum that its section gives, (byte2 XOR byte3 XOR byte5); note 5 of
 A-6 has every byte. They differ unless the id is 0. Source: manual 1.07, A-1-4 (27)."""
 
-REPLIES: Final = tuple(Struct(*(name / Byte for name in op.reply)) for op in OPS)
+REPLIES: Final = tuple(Struct(*_bytes(op.reply)) for op in OPS)
 """The grammar of each reply, empty where a command has none."""
 
 
 def build(name: str, **fields: Any) -> bytes:
-    """Build a command from its fields; bit fields go by ``data1`` and ``data2``, as dictionaries."""
+    """Build a command from its fields; ``data1`` and ``data2`` are dictionaries of bit fields."""
     built: bytes = COMMANDS[INDEX[name]].build({"body": {"value": fields}})
     return built
 
@@ -319,9 +337,3 @@ SUB_INSTRUCTIONS: Final[Mapping[int, Mapping[int, str]]] = MappingProxyType(
     }
 )
 """Sub-instructions by main instruction, where they are names. Source: as above."""
-
-TORQUES: Final[Mapping[int, str]] = MappingProxyType({0: "maximum", 4: "minimum"})
-"""Ends of the torque levels 0..4. Source: manual 1.07, A-1-1 (1), 'Torq : 0(Max)~4(Min)'."""
-
-DIRECTIONS: Final[Mapping[int, str]] = MappingProxyType({3: "ccw", 4: "cw"})
-"""Directions of the wheel mode. Source: manual 1.07, A-1-1 (5), 'Direction : 3(CCW), 4(CW)'."""

@@ -1,0 +1,167 @@
+"""Lynxmotion Smart Servos (LSS): the protocol as the core sees it."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from sniffer.model import I16, I64, REQUEST, Frames, Gap, Mask
+from sniffer.protocols.base import FieldSpan, FrameView
+from sniffer.protocols.dissection import leaves
+from sniffer.protocols.lss import block, lines, slow
+from sniffer.protocols.lss.grammar import (
+    BROADCAST,
+    LONGEST,
+    MODELS,
+    MODIFIERS,
+    REGISTERS,
+    WORDS,
+    Word,
+    fitting,
+    query_form,
+    unpacked,
+)
+from sniffer.registers import Register
+
+WINDOW_NS: Final = 100_000_000
+"""The page promises a reply "almost instantaneously" (Query Commands) and gives no figure; client
+libraries give up after 10 to 100 ms, so an answer later than that finds nobody."""
+
+REACH: Final = 512
+"""A query is closed after as many bytes: a broadcast one may be answered by every servo, ten bytes
+or so each, and no controller waits for more than some fifty."""
+
+_FACTORS: Final = {("deg/s", "rpm"): 1 / 6, ("s", "ms"): 1000.0, ("mA", "a"): 0.001}
+"""From a register's unit to the one that ends its label."""
+
+
+class Lss:
+    """See ``sniffer.protocols.base.BusProtocol``."""
+
+    name = "lss"
+    title = "Lynxmotion Smart Servo (LSS)"
+    # Details 17. Baud Rate; the last one is not on the page, a vendor's test rig uses it
+    bauds = (9600, 19200, 38400, 57600, 115200, 230400, 250000, 460800, 500000, 921600)
+    baud = 115200  # the default of every client library; the page ships servos at 9600
+    checksum = "none"  # Serial Protocol Concept: no CRC or checksum
+    longest = LONGEST
+    reach = REACH
+    tail_ns = 250_000_000  # far beyond what clients wait for a reply
+    everyone = (BROADCAST,)
+    models = MODELS
+    registers = REGISTERS
+
+    frame = staticmethod(block.frame)
+    describe = staticmethod(block.describe)
+    values = staticmethod(block.values)
+    slow_parse = staticmethod(slow.parse)
+    slow_describe = staticmethod(slow.describe)
+    slow_values = staticmethod(slow.values)
+
+    def op_name(self, op: int) -> str:
+        """Return the word, aliases resolved."""
+        return unpacked(op)
+
+    def refused(self, status: I16) -> Mask:
+        """Tell that no servo ever says so: there is no status byte."""
+        return np.zeros(len(status), bool)
+
+    def window_ns(self, frames: Frames) -> I64:
+        """Return the reply window, alike for every query."""
+        return np.full(len(frames), WINDOW_NS)
+
+    def status_names(self, status: int) -> tuple[str, ...]:
+        """Return no names: what a servo is doing is the value of a register, not a status byte."""
+        del status
+        return ()
+
+    def fields(self, raw: bytes, row: FrameView) -> dict[str, Any]:
+        """Return the word as sent, value, selector, modifiers or text, and what they mean."""
+        line = lines.read(raw)
+        if not isinstance(line, lines.Line):
+            return {}
+        sent = line.word.upper()
+        word = WORDS.get(query_form(sent) if line.is_reply else sent)
+        if word is not None and word.name != unpacked(row.op):
+            word = None  # it answers another query: what the number means is not known
+        out: dict[str, Any] = {"word": line.word}
+        if row.address >= 0:
+            out["selector"] = row.address
+        if word is not None and word.is_query and row.kind == REQUEST:
+            return out
+        register = _register(word, row)
+        if line.value is not None:
+            out["value"] = line.value
+            if register is not None:
+                out |= _labelled(register, line.value)
+        elif line.text is not None and (word is None or word.texts.get(line.text) is None):
+            out["text"] = line.text
+        elif register is not None and (meant := register.texts.get(line.text or "")):
+            out |= {register.label: meant} if register.values else {meant: True}
+        if line.modifiers:
+            out["modifiers"] = {name.upper(): value for name, value in line.modifiers}
+            for name, value in line.modifiers:
+                if (known := MODIFIERS.get(name.upper())) is not None:
+                    out |= _labelled(REGISTERS[known.register], value)
+        return out
+
+    def explain(self, run: bytes, start: int) -> list[Gap]:
+        """Tell blanks from noise, cut lines from damaged ones; say where a line is wrong."""
+        return lines.explain(run, start)
+
+    def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:
+        """Return the line's fields by its grammar, with what word and value mean."""
+        found = fitting(raw)
+        if found is None:
+            return []
+        stated = {k: v for k, v in self.fields(raw, row).items() if k not in _PLAIN}
+        meaning = ", ".join(f"{k} {v}" for k, v in stated.items())
+        out: list[FieldSpan] = []
+        for leaf in leaves(found[0], raw):
+            name = leaf.path.replace("[", " ").replace("].", " ")
+            shown, note = leaf.value, leaf.docs
+            if leaf.path in ("mark", "end"):
+                shown = {b"#": "# command", b"*": "* reply", b"\r": "CR"}[leaf.value]
+            elif leaf.path == "word":
+                note = _remark(WORDS.get(unpacked(row.op)), str(leaf.value), row)
+            elif leaf.path in ("value", "text"):
+                name = "selector" if row.kind == REQUEST and row.address >= 0 else leaf.path
+                note = meaning
+            out.append(FieldSpan(leaf.offset, leaf.length, name, str(shown), note))
+        return out
+
+
+_PLAIN: Final = ("word", "value", "selector", "modifiers", "text")
+
+
+def _register(word: Word | None, row: FrameView) -> Register | None:
+    """Return what a line states: by the word, of a reply also by the selector of its query."""
+    if word is None:
+        return None
+    index = word.register if row.kind == REQUEST else word.selectors.get(max(row.address, 0), -1)
+    return REGISTERS[index] if index >= 0 else None
+
+
+def _labelled(register: Register, raw: int) -> dict[str, Any]:
+    """Return a value in the unit, or by the name, that the register's label promises."""
+    if not register.label or raw in register.special:
+        return {}
+    if register.values and register.effect != "baud":
+        return {register.label: register.names(raw)}
+    if not register.unit:
+        return {register.label: raw}
+    factor = _FACTORS.get((register.unit, register.label.rpartition("_")[2]), 1.0)
+    return {register.label: round(raw * register.scale * factor, 6)}
+
+
+def _remark(word: Word | None, sent: str, row: FrameView) -> str:
+    """Say in words what the word of a line is."""
+    if word is None:
+        return "not in the manual"
+    register = _register(word, row)
+    said = register.name.replace("_", " ") if register else "the meaning depends on the selector"
+    if word.is_query and row.kind == REQUEST:
+        index = word.selectors.get(max(row.address, 0), -1)
+        said = "asks " + (REGISTERS[index].name.replace("_", " ") if index >= 0 else "by selector")
+    return said if sent.upper() == word.name else f"{word.name}: {said}"

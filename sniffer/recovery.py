@@ -1,0 +1,96 @@
+"""A recording that was cut off, made whole again: what holds is kept, the summary written anew."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mcap.records import Attachment, Header, Metadata
+
+from sniffer.model import InputError
+from sniffer.sinks.mcap_bulk import Container
+from sniffer.sources.mcap_records import BrokenError, NotMcapError, Piece, Records
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What was recovered; ``why`` says what is wrong where the readable part ends."""
+
+    path: Path
+    messages: int
+    bytes_kept: int
+    bytes_lost: int
+    why: str = ""
+
+    def __str__(self) -> str:
+        """Say it in a sentence."""
+        kept = f"{self.path}: {self.messages} messages kept"
+        if not self.why:
+            return f"{kept}, nothing was lost"
+        return f"{kept}, the last {self.bytes_lost} of the file's bytes were lost ({self.why})"
+
+
+def recover(path: Path, out: Path) -> Report:
+    """Write what can be read of ``path`` to ``out``, which may be the same file.
+
+    Chunks are copied as they are, up to the first damage. ``out`` is replaced at the end, in one go.
+
+    Raises:
+        InputError: there is nothing to recover.
+        OutputError: ``out`` cannot be written.
+    """
+    try:
+        stream = path.open("rb")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    temporary = out.with_name(f".{out.name}.{os.getpid()}.part")
+    file: Container | None = None
+    messages, why = 0, ""
+    with stream:
+        records = Records(stream, attachments=True)
+        try:
+            try:
+                for record in records:
+                    if isinstance(record, Header):
+                        file = Container(temporary, record.library)
+                    elif file is not None:
+                        messages += _copy(record, records, file)
+            except NotMcapError as error:
+                raise InputError(f"{path}: {error}") from None
+            except BrokenError as error:
+                why = str(error)
+            if file is None:
+                raise InputError(f"{path}: nothing of it can be read ({why})")
+            file.finish()
+            with temporary.open("rb") as written:
+                os.fsync(written.fileno())
+            size = path.stat().st_size
+            temporary.replace(out)
+        finally:
+            if file is not None:
+                file.abandon()
+            with contextlib.suppress(FileNotFoundError):
+                temporary.unlink()
+    lost = size - records.position if why else 0
+    return Report(out, messages, size - lost, lost, why)
+
+
+def _copy(record: Attachment | Metadata | Piece | Header, records: Records, file: Container) -> int:
+    """Copy a record; return how many messages it holds."""
+    if isinstance(record, Metadata):
+        file.metadata(record.name, record.metadata)
+    elif isinstance(record, Attachment):
+        file.attach(record)
+    elif isinstance(record, Piece):
+        for known in (*records.schemas.values(), *records.channels.values()):
+            file.register(known, written=True)
+        p = record
+        if len(p.at):
+            file.chunk(p.compression, p.packed, len(p.data), p.crc, p.log, p.channel, p.at)
+        return len(p.at)
+    return 0

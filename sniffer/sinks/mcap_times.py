@@ -1,0 +1,80 @@
+"""When bytes arrived, and what happened second by second."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.messages.recording_pb2 import Stats
+from sniffer.model import NS
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from sniffer.model import I64
+
+FRAMES, GAPS, ANOMALIES = 1, 2, 3
+_NAMES: Final = ("bytes", "frames", "gaps", "anomalies")
+
+
+class Arrivals:
+    """When each byte of the stream arrived, as long as no batch has accounted for it."""
+
+    def __init__(self) -> None:
+        self._end = np.empty(0, np.int64)
+        self._log = np.empty(0, np.int64)
+        self._timed = np.empty(0, bool)
+
+    def add(self, end: I64, log: I64, timed: npt.NDArray[np.bool_]) -> None:
+        """Take chunks: the offset behind each, its log time, and whether it came with a clock."""
+        self._end = np.concatenate([self._end, end])
+        self._log = np.concatenate([self._log, log])
+        self._timed = np.concatenate([self._timed, timed])
+
+    def of(self, end: I64, otherwise: I64) -> I64:
+        """Return when the byte before each offset arrived, ``otherwise`` where nothing tells."""
+        if not len(self._end):
+            return otherwise
+        k = np.minimum(np.searchsorted(self._end, end, "left"), len(self._end) - 1)
+        return np.where(self._timed[k] & (end <= self._end[-1]), self._log[k], otherwise)
+
+    def forget(self, offset: int) -> None:
+        """Drop what lies before ``offset``."""
+        keep = int(np.searchsorted(self._end, offset, "right"))
+        self._end, self._log = self._end[keep:], self._log[keep:]
+        self._timed = self._timed[keep:]
+
+
+class Seconds:
+    """Counts by the second, as rows of the statistics."""
+
+    def __init__(self) -> None:
+        self._open: dict[int, list[int]] = {}
+        self._last: int | None = None
+
+    def count(self, column: int, times: I64, lengths: I64 | None = None) -> None:
+        """Count records of one kind, and their bytes."""
+        if not len(times):
+            return
+        seconds, which, counts = np.unique(times // NS, return_inverse=True, return_counts=True)
+        size = np.bincount(which, lengths) if lengths is not None else np.zeros(len(seconds))
+        for second, n, b in zip(seconds.tolist(), counts.tolist(), size.tolist(), strict=True):
+            row = self._open.setdefault(second, [0, 0, 0, 0])
+            row[0] += int(b)
+            row[column] += n
+
+    def over(self, *, final: bool) -> list[Stats]:
+        """Return the seconds that are over; of a silence only its first and its last."""
+        out: list[Stats] = []
+        now = max(self._open, default=0)
+        for second in sorted(self._open):
+            if second == now and not final:
+                break
+            last = self._last
+            if last is not None and second > last + 1:
+                out += [Stats(t_ns=s * NS) for s in sorted({last + 1, second - 1})]
+            row = zip(_NAMES, self._open.pop(second), strict=True)
+            out.append(Stats(t_ns=second * NS, **dict(row)))
+            self._last = second
+        return out

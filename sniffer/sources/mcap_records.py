@@ -1,0 +1,286 @@
+"""An MCAP file read from front to end, and never further than it holds.
+
+The mcap library's readers want the summary at the end, or raise whatever the damage happens to
+cause. Here a file may break off or be damaged anywhere: what comes before is returned, checked
+against its checksums, then `BrokenError` tells where and why. One chunk is in memory at a time.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, DataEnd, Header, Metadata, Schema
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import numpy.typing as npt
+
+    from sniffer.model import I64
+    from sniffer.sources.text import Stream
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+LONGEST: Final = 1 << 28
+"""A longer record or chunk is taken for damage, in bytes: it bounds memory."""
+
+_HEAD: Final = struct.Struct("<BQ")
+_CHUNK: Final = struct.Struct("<QQQII")
+_MESSAGE: Final = 22
+"""What stands in a message record before its data, in bytes, without the record's head."""
+
+_PARSED: Final[dict[int, Any]] = {
+    Opcode.HEADER: Header,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.METADATA: Metadata,
+    Opcode.DATA_END: DataEnd,
+}
+
+
+class BrokenError(Exception):
+    """The file makes no sense from here on; ``str`` says why."""
+
+
+class NotMcapError(BrokenError):
+    """The file does not begin as an MCAP does."""
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A chunk that holds: packed as it was, and its messages.
+
+    ``at`` is where in ``data`` each message record begins.
+    """
+
+    compression: str
+    packed: bytes
+    crc: int
+    data: bytes
+    at: I64
+    channel: npt.NDArray[np.uint16]
+    log: I64
+
+    def message(self, at: int) -> bytes:
+        """Return the data of the message whose record begins at ``at``."""
+        (length,) = struct.unpack_from("<Q", self.data, at + 1)
+        return self.data[at + 9 + _MESSAGE : at + 9 + length]
+
+
+class Records:
+    """Reads a stream: iterate it for headers, metadata, attachments and pieces, in order.
+
+    ``schemas`` and ``channels`` hold those met so far, ``position`` is where the last record that
+    holds ends. A message outside of any chunk is a piece of its own.
+    """
+
+    def __init__(self, stream: Stream, *, attachments: bool = False) -> None:
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self.position = 0
+        self._stream = stream
+        self._attachments = attachments
+        self._crc = 0
+        self._taken = 0
+
+    def __iter__(self) -> Iterator[Header | Metadata | Attachment | Piece]:
+        """Read up to the end of the data.
+
+        Raises:
+            BrokenError: the file breaks off or is damaged.
+        """
+        magic = self._take(len(MAGIC), partly=True)
+        if magic != MAGIC:
+            begins = MAGIC.startswith(magic) or magic[:5] == MAGIC[:5]
+            raise (BrokenError if begins else NotMcapError)("its first bytes are not those of MCAP")
+        self.position = self._taken
+        chunk: bytes | None = None
+        index: list[bytes] = []
+        while True:
+            crc = self._crc
+            try:
+                opcode, body = self._record()
+            except BrokenError:
+                if chunk is not None:  # its index is torn, it is not
+                    yield self._piece(chunk, [])
+                raise
+            if opcode == Opcode.MESSAGE_INDEX and chunk is not None:
+                index.append(body)
+                self.position = self._taken
+                continue
+            if chunk is not None:
+                yield self._piece(chunk, index)
+                chunk, index = None, []
+            if opcode == Opcode.CHUNK:
+                chunk = body
+            elif opcode == Opcode.MESSAGE:
+                record = _HEAD.pack(opcode, len(body)) + body
+                yield self._messages("", record, zlib.crc32(record), record, [])
+            elif opcode in _PARSED:
+                parsed = _parse(opcode, body)
+                if isinstance(parsed, DataEnd):
+                    if parsed.data_section_crc not in (0, crc):
+                        raise BrokenError("its checksum over everything does not match")
+                    self.position = self._taken
+                    return
+                if self._learn(parsed) is not None:
+                    yield parsed
+            elif opcode == Opcode.FOOTER:
+                return
+            self.position = self._taken
+
+    def _learn(self, record: Any) -> Any:
+        """Remember a schema or a channel; return anything else."""
+        if isinstance(record, Schema):
+            self.schemas[record.id] = record
+        elif isinstance(record, Channel):
+            self.channels[record.id] = record
+        else:
+            return record
+        return None
+
+    def _take(self, size: int, *, partly: bool = False) -> bytes:
+        """Read exactly ``size`` bytes."""
+        parts: list[bytes] = []
+        left = size
+        while left:
+            part = self._stream.read(min(left, 1 << 20))
+            if not part:
+                break
+            parts.append(part)
+            left -= len(part)
+        data = b"".join(parts)
+        self._crc = zlib.crc32(data, self._crc)
+        self._taken += len(data)
+        if left and not partly:
+            raise BrokenError("it breaks off")
+        return data
+
+    def _record(self) -> tuple[int, bytes]:
+        """Read a record; what nobody wants comes without its body."""
+        opcode, size = _HEAD.unpack(self._take(_HEAD.size))
+        wanted = opcode in _PARSED or opcode in (
+            Opcode.CHUNK,
+            Opcode.MESSAGE,
+            Opcode.MESSAGE_INDEX,
+        )
+        if wanted and (opcode != Opcode.ATTACHMENT or self._attachments):
+            if size > LONGEST:
+                raise BrokenError(f"a record claims to have {size} bytes")
+            return opcode, self._take(size)
+        while size:
+            size -= len(self._take(min(size, 1 << 20)))
+        return (0 if opcode == Opcode.ATTACHMENT else opcode), b""
+
+    def _piece(self, body: bytes, index: list[bytes]) -> Piece:
+        try:
+            _, _, size, crc, named = _CHUNK.unpack_from(body)
+            at = _CHUNK.size + named
+            compression = body[_CHUNK.size : at].decode()
+            (length,) = struct.unpack_from("<Q", body, at)
+        except (struct.error, UnicodeDecodeError):
+            raise BrokenError("the head of a chunk makes no sense") from None
+        packed = body[at + 8 :]
+        if len(packed) != length or size > LONGEST:
+            raise BrokenError("the head of a chunk makes no sense")
+        data = _unpack(compression, packed, size)
+        if len(data) != size or (crc and zlib.crc32(data) != crc):
+            raise BrokenError("a chunk's checksum does not match")
+        return self._messages(compression, packed, crc, data, index)
+
+    def _messages(
+        self, compression: str, packed: bytes, crc: int, data: bytes, index: list[bytes]
+    ) -> Piece:
+        """Find the messages: by the index if it agrees with the data, else record by record."""
+        at = _indexed(index)
+        start, at_first = 0, int(at[0]) if len(at) else len(data)
+        if not _tiles(data, at):
+            at_first = len(data)
+        found: list[int] = []
+        while start < at_first:
+            try:
+                opcode, size = _HEAD.unpack_from(data, start)
+            except struct.error:
+                raise BrokenError("a chunk ends within a record") from None
+            end = start + _HEAD.size + size
+            if end > len(data) or (opcode == Opcode.MESSAGE and size < _MESSAGE):
+                raise BrokenError("a chunk ends within a record")
+            if opcode == Opcode.MESSAGE:
+                found.append(start)
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._learn(_parse(opcode, data[start + _HEAD.size : end]))
+            start = end
+        if at_first == len(data):
+            at = np.array(found, np.int64)
+        elif found:
+            raise BrokenError("a chunk's index leaves out messages")
+        channel = _gather(data, at, 9, "<u2")
+        if not set(np.unique(channel).tolist()) <= self.channels.keys():
+            raise BrokenError("a message belongs to no channel")
+        log = _gather(data, at, 15, "<i8")
+        return Piece(compression, packed, crc, data, at, channel.astype(np.uint16), log)
+
+
+def _parse(opcode: int, body: bytes) -> Any:
+    """Parse a record with the library, which reads no further than the body has bytes."""
+    try:
+        return _PARSED[opcode].read(ReadDataStream(io.BytesIO(body)))
+    except (McapError, struct.error, UnicodeDecodeError):
+        raise BrokenError(f"a {Opcode(opcode).name.lower()} record makes no sense") from None
+
+
+def _unpack(compression: str, packed: bytes, size: int) -> bytes:
+    if not compression:
+        return packed
+    try:
+        if compression == "zstd":
+            stated = zstandard.get_frame_parameters(packed).content_size
+            if stated not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+                raise BrokenError("a chunk is not as long as it says")
+            return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+        if compression == "lz4":
+            import lz4.frame  # comes with the mcap library, and this tool never writes it
+
+            data: bytes = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
+            return data
+    except (zstandard.ZstdError, RuntimeError, EOFError):
+        raise BrokenError("a chunk cannot be unpacked") from None
+    raise BrokenError(f"a chunk is packed with {compression[:20]!a}, which is not known here")
+
+
+def _indexed(index: list[bytes]) -> I64:
+    """Return the places that the message indexes name, in order."""
+    parts = [np.frombuffer(b, "<i8", (len(b) - 6) // 16 * 2, 6)[1::2] for b in index if len(b) >= 6]
+    return np.sort(np.concatenate(parts)) if parts else np.empty(0, np.int64)
+
+
+def _tiles(data: bytes, at: I64) -> bool:
+    """Tell whether from the first place on there is nothing but messages at these places."""
+    if not len(at) or at[0] < 0 or at[-1] + _HEAD.size + _MESSAGE > len(data):
+        return False
+    size = _gather(data, at, 1, "<i8")
+    end = at + _HEAD.size + size
+    return bool(
+        (size >= _MESSAGE).all()
+        and (size <= len(data)).all()
+        and (_gather(data, at, 0, "u1") == Opcode.MESSAGE).all()
+        and (end[:-1] == at[1:]).all()
+        and end[-1] == len(data)
+    )
+
+
+def _gather(data: bytes, at: I64, shift: int, dtype: str) -> npt.NDArray[Any]:
+    """Return the number that stands ``shift`` bytes behind each place."""
+    if not len(at):
+        return np.empty(0, dtype)
+    width = np.dtype(dtype).itemsize
+    return np.ndarray((len(data) - width + 1,), dtype, data, 0, (1,))[at + shift]

@@ -1,0 +1,68 @@
+"""LSS talk."""
+
+from __future__ import annotations
+
+from hypothesis import strategies as st
+
+from sniffer.protocols.lss.grammar import MODIFIERS, TEXT_WORDS, WORDS, command, reply
+
+BYTES = [*b"##**\r\r\r\n -QDTSFIMP0125\x00"]
+
+_QUERIES = sorted(w for w, word in WORDS.items() if word.is_query)
+_OTHERS = sorted(w for w, word in WORDS.items() if not word.is_query)
+_id = st.one_of(st.sampled_from([0, 1, 5, 5, 250, 254, 255]), st.integers(0, 250))
+_number = st.one_of(
+    st.integers(-2500, 2500),
+    st.sampled_from([0, 1, -1, 12_345_678, -12_345_678, 123_456_789, 2**31, -(2**31)]),
+    st.integers(-(10**18) + 1, 10**18 - 1),
+)
+_letters = st.text("QDPACSTabcz", min_size=1, max_size=14)
+_word = st.one_of(st.sampled_from(_OTHERS), st.sampled_from(_OTHERS), _letters)
+_text = st.text("DIS-.LHT19 !~", min_size=1, max_size=24)
+
+
+@st.composite
+def _exchange(draw: st.DrawFn) -> bytes:
+    """Draw a query with its selector, and what one or several servos answer."""
+    who = draw(_id)
+    word = draw(st.one_of(st.sampled_from(_QUERIES), st.sampled_from(["Q", "QSD", "QAR", "QID"])))
+    selector = draw(st.sampled_from([None, None, 0, 1, 2, 3, 9, 10, 32768]))
+    out = command(who, word.lower() if draw(st.integers(0, 9)) == 0 else word, selector)
+    for _ in range(draw(st.sampled_from([0, 1, 1, 1, 2, 4]))):
+        servo = who if who <= 250 and draw(st.integers(0, 9)) else draw(st.integers(0, 3))
+        told = draw(st.sampled_from([word, word, word, word, word[1:] or word, "QD", word.lower()]))
+        value = draw(st.one_of(st.none(), _number, _number))
+        match draw(st.integers(0, 9)):
+            case 0:
+                out += reply(None, "QID", servo)
+            case 1:
+                out += reply(servo, draw(st.sampled_from(TEXT_WORDS)), draw(_text))
+            case 2:
+                out += b"*" + str(servo).encode() + told.encode() + draw(_text).encode() + b"\r"
+            case _:
+                out += reply(servo, told, value)
+    return out
+
+
+@st.composite
+def _statement(draw: st.DrawFn) -> bytes:
+    """Draw an action or a configuration, whole or nearly so."""
+    word, value = draw(_word), draw(st.one_of(st.none(), _number, _number, _number))
+    line = b"#" + str(draw(_id)).encode() + word.encode()
+    if value is not None:
+        line += str(value).encode()
+        names = st.one_of(st.sampled_from(sorted(MODIFIERS)), st.sampled_from(["T", "S"]), _letters)
+        for _ in range(draw(st.sampled_from([0, 0, 0, 1, 1, 2, 3, 6]))):
+            line += draw(names).encode() + str(abs(draw(_number))).encode()
+    return line + draw(st.sampled_from([b"\r", b"\r", b"\r", b"\r\n", b" \r", b"\r  ", b""]))
+
+
+_LINES = [
+    *(b"#5CRC*\r", b"*5QDT\r", b"*5QFPDIS\r", b"*5QFDXX\r", b"#1D200T15000CL400\r", b"#5SCSL100\r"),
+    *(b"*QD5\r", b"*QID\r", b"*QID251\r", b"#251D5\r", b"#0005D5\r", b"#005qd\r", b"*5QF368.29.14\r"),
+    *(b"#5D--5\r", b"#5D5-3\r", b"#5D1T\r", b"#5" + b"A" * 100 + b"\r", b"*5QN" + b"7" * 30 + b"\r"),
+    *(b"#5D" + b"0" * 80 + b"\r", b"#5D1" + b"T1" * 45 + b"\r", b"*5QMS" + b"x" * 90 + b"\r"),
+    *(b"#\r", b"*\r", b"##5Q#5QD\r", b"\x80\xff#5QV\r*5QV11\xff00\r"),
+]
+
+TALK = st.one_of(_exchange(), _exchange(), _exchange(), _statement(), st.sampled_from(_LINES))

@@ -1,0 +1,355 @@
+"""What people see in Rerun: read back from the file, and looked at in a real viewer."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+import urllib.request
+from collections import defaultdict
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pytest
+import rerun as rr
+from PIL import Image
+from rerun.chunk import RrdReader
+
+from sniffer import viewing
+from sniffer.decoder import Decoder
+from sniffer.model import Chunk, Clock, OutputError
+from sniffer.sinks.rerun import RerunSink
+from sniffer.sinks.rerun_layout import PALETTE, Colours
+from tests.streams.mightyzap import packet
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from sniffer.model import Batch
+    from tests.viewer import HeadlessViewer
+
+LOAD, STORE, SYMMETRIC_STORE = 0xF2, 0xF3, 0x73
+START_NS: Final = 1_795_000_000_000_000_000
+TICK_NS: Final = 2_000_000_000
+OVERLOAD: Final = 0x20
+
+
+class Bus:
+    """Talk with arrival times: ``chunks`` is what a logic analyser would have seen."""
+
+    def __init__(self) -> None:
+        self.chunks: list[Chunk] = []
+        self.now_ns = START_NS
+
+    def say(self, data: bytes, pause_ns: int = 200_000) -> None:
+        self.now_ns += pause_ns + len(data) * 40_000
+        self.chunks.append(Chunk(data, self.now_ns, Clock.SAMPLE))
+
+    def ask(self, servo: int, address: int, reply: bytes, status: int = 0) -> None:
+        self.say(packet(servo, LOAD, bytes([address, len(reply)])))
+        self.say(packet(servo, status, reply))
+
+
+def talk(servos: Sequence[int] = (1, 2), ticks: int = 60) -> list[Chunk]:
+    """Sines with goals sent to all at once, some overload, one damaged reply."""
+    bus = Bus()
+    bus.say(packet(servos[0], STORE, b"\x80\x01"))
+    bus.say(packet(servos[0], 0))
+    for tick in range(ticks):
+        bus.now_ns = max(bus.now_ns, START_NS + tick * TICK_NS)
+        at = [2000 + 1000 * math.sin(tick / 9 + servo) for servo in servos]
+        goals = b"".join(struct.pack("<BH", s, int(x)) for s, x in zip(servos, at, strict=True))
+        bus.say(packet(254, SYMMETRIC_STORE, b"\x86\x02" + goals))
+        for servo, x in zip(servos, at, strict=True):
+            overload = OVERLOAD if servo == servos[-1] and 20 <= tick < 40 else 0
+            motion = struct.pack("<HHHBB", int(x) - 90, 1100, 300, 118 + servo % 3, 30 + servo % 9)
+            bus.ask(servo, 0x8C, motion, overload)
+            bus.ask(servo, 0x96, bytes([tick // 10 % 2]), overload)
+        if tick == 30:
+            bus.say(packet(servos[0], LOAD, b"\x8c\x02"))
+            bus.say(packet(servos[0], 0, b"\x10\x10")[:-1] + b"\x00")
+    return bus.chunks
+
+
+def write(path: Path, chunks: Sequence[Chunk], bus: str = "bus0") -> list[Batch]:
+    """Decode into a file, in several passes as the command does; return the batches."""
+    decoder, sink = Decoder("mightyzap", baud=250_000), RerunSink(path)
+    batches = [decoder.feed(*chunks[k : k + 100]) for k in range(0, len(chunks), 100)]
+    batches.append(decoder.close())
+    for batch in batches:
+        sink.write(bus, decoder.protocol, batch)
+    sink.close()
+    return batches
+
+
+def read(path: Path) -> tuple[dict[str, list[tuple[Any, ...]]], dict[str, dict[str, Any]]]:
+    """Return what a .rrd holds by entity: rows of (time in ns, value, ...), and what is static."""
+    rows: dict[str, list[tuple[Any, ...]]] = defaultdict(list)
+    static: dict[str, dict[str, Any]] = defaultdict(dict)
+    for chunk in RrdReader(str(path)).stream():
+        batch = chunk.to_record_batch()
+        columns = {
+            name: batch.column(name).to_pylist() for name in batch.schema.names if ":" in name
+        }
+        if chunk.is_static:
+            static[chunk.entity_path] |= {name: values[0] for name, values in columns.items()}
+        else:
+            times = batch.column("time").cast("int64").to_pylist()
+            values = ([v[0] for v in columns[name]] for name in sorted(columns))
+            rows[chunk.entity_path] += zip(times, *values, strict=True)
+    return rows, static
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Batch]]:
+    path = tmp_path_factory.mktemp("rerun") / "two servos.rrd"
+    return path, write(path, talk())
+
+
+def test_what_is_read_back_equals_the_samples(recording: tuple[Path, list[Batch]]) -> None:
+    path, batches = recording
+    registers = Decoder("mightyzap").protocol.registers
+    expected = defaultdict(list)
+    for batch in batches:
+        s = batch.samples
+        for i in range(len(s)):
+            register = registers[s.register[i]]
+            if not register.values:
+                entity = f"/bus0/servo/{s.servo_id[i]}/{register.name}"
+                expected[entity].append((int(s.t_ns[i]), float(s.value[i])))
+    rows, _ = read(path)
+    assert len(expected) == 2 * 6
+    lines = {e for e in rows if isinstance(rows[e][0][1], float) and not e.endswith("/held")}
+    assert {e for e in lines if not e.endswith("response_time")} == expected.keys()
+    for entity, samples in expected.items():
+        assert rows[entity] == samples
+
+
+def test_response_times_are_those_of_answered_requests(
+    recording: tuple[Path, list[Batch]],
+) -> None:
+    path, batches = recording
+    expected = []
+    for batch in batches:
+        t = batch.transactions
+        known = (t.outcome == 0) & (t.response_time_ns >= 0)
+        mine = known & (batch.frames.servo_id[t.response] == 1)
+        expected += [ns / 1e6 for ns in t.response_time_ns[mine].tolist()]
+    rows, _ = read(path)
+    assert [ms for _, ms in rows["/bus0/servo/1/response_time"]] == expected
+    assert min(expected) == pytest.approx(0.2)
+
+
+def test_a_packet_without_a_value_adds_no_zero(tmp_path: Path) -> None:
+    bus = Bus()
+    for _ in range(5):
+        bus.ask(1, 0x92, b"\x78")  # voltage
+        bus.ask(1, 0x8C, b"\x10")  # half a position, and no voltage
+        bus.ask(1, 0x8C, b"\x10\x08")
+    bus.say(packet(1, STORE, b"\x16\x09"))  # a resolution that the manual does not have
+    bus.ask(1, 0x8C, b"\x10\x08")
+    write(tmp_path / "a.rrd", bus.chunks)
+    rows, _ = read(tmp_path / "a.rrd")
+    assert [v for _, v in rows["/bus0/servo/1/present_voltage"]] == pytest.approx([12.0] * 5)
+    positions = [v for _, v in rows["/bus0/servo/1/present_position"]]
+    assert len(positions) == 5
+    assert min(positions) > 10
+
+
+def test_states_and_alarms_are_kept_only_where_they_change(
+    recording: tuple[Path, list[Batch]],
+) -> None:
+    rows, static = read(recording[0])
+    assert [state for _, state in rows["/bus0/servo/2/alarms"]] == ["none", "overload", "none"]
+    assert [state for _, state in rows["/bus0/servo/1/alarms"]] == ["none"]
+    assert [state for _, state in rows["/bus0/servo/1/moving"]] == ["completed", "moving"] * 3
+    assert [state for _, state in rows["/bus0/servo/1/force_on"]] == ["on"]
+    assert static["/bus0/servo/2/alarms"]["StateConfiguration:values"] == ["none", "overload"]
+
+
+def test_anomalies_are_logged_with_their_severity(recording: tuple[Path, list[Batch]]) -> None:
+    path, batches = recording
+    anomalies = [a for batch in batches for a in batch.anomalies]
+    rows, _ = read(path)
+    assert [(a.t_ns, a.code) for a in anomalies] == [
+        (t, text.split()[1].rstrip(":")) for t, _, text in rows["/bus0/anomalies"]
+    ]
+    levels = {text.split()[1].rstrip(":"): level for _, level, text in rows["/bus0/anomalies"]}
+    assert levels["bad-checksum"] == "ERROR"
+    assert levels["device-recovered"] == "INFO"
+
+
+def test_a_servo_has_one_colour_in_all_plots(recording: tuple[Path, list[Batch]]) -> None:
+    _, static = read(recording[0])
+    colours: dict[tuple[int, bool], set[int]] = defaultdict(set)
+    names: dict[tuple[int, bool], set[str]] = defaultdict(set)
+    for entity, style in static.items():
+        if "SeriesLines:colors" in style:
+            key = int(entity.split("/")[3]), "goal" in entity
+            colours[key] |= set(style["SeriesLines:colors"])
+            names[key] |= set(style["SeriesLines:names"])
+    assert names[2, False] == {"servo 2"}
+    assert names[2, True] == {"servo 2 goal"}
+    assert {key: len(found) for key, found in colours.items()} == dict.fromkeys(names, 1)
+    assert len({next(iter(found)) for found in colours.values()}) == 4
+
+
+def test_two_dozen_servos_have_as_many_colours() -> None:
+    colours = Colours()
+    assert len({colours.of(servo) for servo in range(1, 25)}) == len(PALETTE) == 24
+    few = Colours()
+    assert (few.of(25), few.of(1), few.of(25)) == (PALETTE[0], PALETTE[1], PALETTE[0])
+
+
+def test_the_viewer_shows_the_whole_recording_without_complaint(
+    recording: tuple[Path, list[Batch]], headless_viewer: HeadlessViewer
+) -> None:
+    state = headless_viewer.show(recording[0])
+    assert headless_viewer.complaints() == []
+    assert {view.name for view in state.views} == {
+        *("Position [mm]", "Speed [raw]", "Load [raw]", "Voltage [V]", "Temperature [°C]"),
+        *("Response time [ms]", "States", "Anomalies"),
+    }
+    plot = Image.open(io.BytesIO(headless_viewer.picture("Position [mm]"))).convert("RGB")
+    pixels = np.asarray(plot).astype(int)
+    for servo in (1, 2):
+        drawn = np.abs(pixels - PALETTE[servo - 1]).sum(axis=2) < 30
+        columns = np.flatnonzero(drawn[:, 150:].any(axis=0)) + 150  # right of the legend
+        # One eighth is left free for the legend, the rest is filled to the margin.
+        assert columns[0] < 0.16 * plot.width
+        assert columns[-1] > 0.97 * plot.width
+        assert len(columns) > 0.7 * plot.width
+
+
+def test_many_servos_have_a_tab_for_all_and_tabs_for_a_few(
+    tmp_path: Path, headless_viewer: HeadlessViewer
+) -> None:
+    write(tmp_path / "many.rrd", talk(range(1, 9), ticks=12))
+    state = headless_viewer.show(tmp_path / "many.rrd")
+    assert headless_viewer.complaints() == []
+    assert sum(view.name == "Position [mm]" for view in state.views) == 3
+
+
+def test_a_live_view_grows_when_a_quantity_appears(headless_viewer: HeadlessViewer) -> None:
+    client = headless_viewer.client
+    if client.get_state().recordings:
+        client.close("all")
+    live = rr.RecordingStream("sniffer live test")
+    live.connect_grpc(client.url)
+    sink, decoder, bus = RerunSink(recording=live), Decoder("mightyzap", baud=250_000), Bus()
+    expected = {"Position [mm]", "Response time [ms]"}
+    for address, reply, appears in ((0x8C, b"\x10\x08", set()), (0x92, b"\x78", {"Voltage [V]"})):
+        bus.ask(1, address, reply)
+        bus.say(packet(1, STORE, b"\x86\x10\x08"))
+        bus.say(packet(1, 0))
+        sink.write("bus0", decoder.protocol, decoder.feed(*bus.chunks))
+        bus.chunks.clear()
+        live.flush()
+        expected |= appears
+        deadline = time.monotonic() + 10
+        while (seen := {view.name for view in client.get_state().views}) != expected:
+            assert time.monotonic() < deadline, seen
+            client.take_screenshot(max_size=64)
+    sink.close()
+    live.disconnect()
+
+
+def test_a_goal_is_drawn_on_to_the_end(tmp_path: Path) -> None:
+    bus = Bus()
+    bus.say(packet(1, STORE, b"\x86\x10\x08"))
+    bus.say(packet(1, 0))
+    for _ in range(3):
+        bus.ask(1, 0x92, b"\x78", 0)
+    write(tmp_path / "a.rrd", bus.chunks)
+    rows, static = read(tmp_path / "a.rrd")
+    ((told, goal),) = rows["/bus0/servo/1/goal_position"]
+    assert rows["/bus0/servo/1/goal_position/held"] == [(told, goal), (bus.now_ns, goal)]
+    assert static["/bus0/servo/1/goal_position/held"] == static["/bus0/servo/1/goal_position"]
+
+
+def test_an_input_without_times_counts_from_zero(tmp_path: Path) -> None:
+    write(tmp_path / "a.rrd", [Chunk(chunk.data) for chunk in talk(ticks=3)])
+    rows, _ = read(tmp_path / "a.rrd")
+    assert 0 < rows["/bus0/servo/1/present_position"][0][0] < 1_000_000_000
+    assert "/bus0/servo/1/response_time" not in rows
+
+
+@pytest.mark.parametrize("data", [b"\x00" * 40, packet(1, LOAD, b"\x00\x04") * 2])
+def test_an_input_without_values_makes_a_file_that_opens(
+    data: bytes, tmp_path: Path, headless_viewer: HeadlessViewer
+) -> None:
+    write(tmp_path / "a.rrd", [Chunk(data)])
+    headless_viewer.show(tmp_path / "a.rrd")
+    assert headless_viewer.complaints() == []
+
+
+def test_no_input_at_all_makes_an_empty_file(tmp_path: Path) -> None:
+    write(tmp_path / "a.rrd", [])
+    assert read(tmp_path / "a.rrd")[0] == {}
+
+
+def test_each_file_has_a_layout_of_its_own_in_a_viewer_that_stays_open(tmp_path: Path) -> None:
+    names = set()
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        folder.mkdir()
+        write(folder / "run.rrd", talk(ticks=2))
+        names.add(RrdReader(str(folder / "run.rrd")).recordings()[0].application_id)
+    assert len(names) == 2
+
+
+def test_a_file_that_cannot_be_written_is_an_output_error(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="no folder"):
+        RerunSink(tmp_path / "none" / "a.rrd")
+
+
+def test_rerun_is_not_imported_before_a_sink_is_made() -> None:
+    code = "import sys, sniffer.sinks.rerun, sniffer.viewing; sys.exit('rerun' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_without_a_display_it_says_what_to_do_instead(
+    recording: tuple[Path, list[Batch]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(OutputError, match=r"no display.*--web.*-o x\.rrd") as caught:
+        viewing.show(recording[0])
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no Ctrl-C can be sent to one process there")
+@pytest.mark.parametrize(("stop", "status"), [(signal.SIGINT, 0), (signal.SIGTERM, 143)])
+def test_web_serves_the_viewer_and_the_recording_until_it_is_stopped(
+    stop: signal.Signals, status: int, recording: tuple[Path, list[Batch]]
+) -> None:
+    code = (
+        "import sys, pathlib; from sniffer.viewing import show;"
+        "show(pathlib.Path(sys.argv[1]), web=True, say=lambda line: print(line, flush=True))"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(recording[0])], stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        ports = [int(port) for port in re.findall(r"127\.0\.0\.1(?::|%3A)(\d+)", line)]
+        opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+        with opener.open(line.split()[1], timeout=5) as page:
+            assert page.status == 200
+            assert b"rerun" in page.read().lower()
+        assert [_listens(port) for port in ports] == [True, True]
+        process.send_signal(stop)
+        assert process.wait(timeout=10) == status
+    assert [_listens(port) for port in ports] == [False, False]
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
