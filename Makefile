@@ -45,6 +45,7 @@ schemas: $(VENV)/.dev ## regenerate sniffer/messages from schemas/messages
 
 golden: $(VENV)/.dev ## regenerate the golden files; read the diff before committing it
 	$(BIN)/python -m tests.golden
+	$(BIN)/python -m tests.transcripts
 
 clean: ## remove everything made here but the virtual environment
 	rm -rf build dist demo-out .hypothesis .mypy_cache .pytest_cache .ruff_cache

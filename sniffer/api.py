@@ -97,11 +97,12 @@ def decode(
         SnifferError: unknown protocol or model.
     """
     keep = _Keep()
+    given = open_source(source, input_format)
     options = Options(protocol=protocol, baud=baud, models=models or {}, latency_ns=latency_ns)
-    pipeline = Pipeline(options, [keep])
+    pipeline = Pipeline(options.with_facts(given.facts()), [keep])
     damage = None
     try:
-        for group in open_source(source, input_format):
+        for group in given:
             pipeline.feed(group)
     except DamagedInputError as error:
         damage = str(error)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from sniffer.decoder import Decoder
 from sniffer.detect import detect
@@ -90,17 +91,35 @@ def _pieces(batch: Batch, protocol: BusProtocol) -> Iterator[tuple[int, list[str
     for g in batch.gaps:
         raw = batch.data[g.start : g.start + g.length]
         lines = [f"no frame: {g.reason.replace('_', ' ')}", f"  {raw.hex(' ').upper()}"]
-        for key, value in g.detail.items():
-            shown = (
-                f"{value:02X}" if key.startswith("checksum") and isinstance(value, int) else value
-            )
-            lines.append(f"  {key.replace('_', ' ')}: {shown}")
+        lines += _detail(g.detail)
         pieces.append((batch.base + g.start, lines, False))
     found = {a.evidence[0][0]: a for a in batch.anomalies if a.group not in ("pairing",)}
     for at, lines, good in sorted(pieces, key=lambda e: e[0]):
         if at in found and good:
             lines.append(f"  ! {found[at].detail}")
         yield at, lines, good
+
+
+def _detail(detail: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what is known of bytes that are no frame, a line each."""
+    for key, value in detail.items():
+        title = key.replace("_", " ")
+        if isinstance(value, Mapping):
+            yield f"  {title}, as they were read:"
+            for name, entry in value.items():
+                yield f"    {name.replace('_', ' ')}: {_plainly(entry)}"
+        elif key.startswith("checksum") and isinstance(value, int):
+            yield f"  {title}: {value:02X}"
+        else:
+            yield f"  {title}: {_plainly(value)}"
+
+
+def _plainly(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {_plainly(v)}" for k, v in value.items())
+    if isinstance(value, list | tuple):
+        return " ".join(_plainly(v) for v in value) or "none"
+    return str(value) if value not in ("", None) else "none"
 
 
 def _frame(batch: Batch, protocol: BusProtocol, i: int) -> list[str]:

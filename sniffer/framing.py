@@ -7,7 +7,7 @@ silences that no frame crosses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,11 +20,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Bytes of one pass. ``barriers`` are sorted offsets inside it; ``final`` makes its end one."""
+    """Bytes of one pass. ``barriers`` are sorted offsets inside it; ``final`` makes its end one.
+
+    ``notes`` is where a protocol's framing may leave what describing would work out once more.
+    """
 
     data: U8
     barriers: I64
     final: bool
+    notes: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def n(self) -> int:

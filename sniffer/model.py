@@ -70,10 +70,11 @@ KINDS: Final = ("request", "response")
 
 # Frames.reply: is this request answered?
 NEVER: Final = 0
-IF_ALL: Final = 1  # only where the servo answers every command (a mode it can be put in)
-IF_READ: Final = 2  # unless the servo answers nothing
-MUST: Final = 3
-MANY: Final = 4  # every servo on the bus may answer, one after the other
+OPTIONAL: Final = 1  # nobody can say
+IF_ALL: Final = 2  # only where the servo answers every command (a mode it can be put in)
+IF_READ: Final = 3  # unless the servo answers nothing
+MUST: Final = 4
+MANY: Final = 5  # every servo on the bus may answer, one after the other
 
 # Frames.alt_id: the second id that may answer a request
 NO_ALT: Final = -1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from sniffer.decoder import Decoder
@@ -31,6 +31,26 @@ class Options:
     bauds: Mapping[str, int] = field(default_factory=dict)
     models: Mapping[int | None, str] = field(default_factory=dict)
     latency_ns: int | None = None
+
+    def with_facts(self, facts: Mapping[str, str]) -> Options:
+        """Return the options with what a recording knows about itself, where nobody said more."""
+        told = self
+        if self.protocol == AUTO:
+            known = {k.partition(".")[2]: v for k, v in facts.items() if k.startswith("protocol.")}
+            told = replace(told, protocols={**known, **self.protocols})
+        if self.baud is None:
+            bauds = {k: v for k, v in facts.items() if k.startswith("baud.") and v.isdecimal()}
+            told = replace(
+                told, bauds={**{k.partition(".")[2]: int(v) for k, v in bauds.items()}, **self.bauds}
+            )
+        if not self.models:
+            models: dict[int | None, str] = {}
+            for key, model in facts.items():
+                name, _, servo = key.partition(".")
+                if name == "model" and (not servo or servo.isdecimal()):
+                    models[int(servo) if servo else None] = model
+            told = replace(told, models=models)
+        return told
 
 
 class Pipeline:

@@ -7,7 +7,7 @@ import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mcap.records import Attachment, Header, Metadata
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from sniffer.model import InputError
 from sniffer.sinks.mcap_bulk import Container
@@ -38,7 +38,7 @@ class Report:
 def recover(path: Path, out: Path) -> Report:
     """Write what can be read of ``path`` to ``out``, which may be the same file.
 
-    Chunks are copied as they are, up to the first damage. ``out`` is replaced at the end, in one go.
+    Chunks are copied as they are, up to the first damage; ``out`` is replaced at the end.
 
     Raises:
         InputError: there is nothing to recover.
@@ -80,17 +80,20 @@ def recover(path: Path, out: Path) -> Report:
     return Report(out, messages, size - lost, lost, why)
 
 
-def _copy(record: Attachment | Metadata | Piece | Header, records: Records, file: Container) -> int:
+def _copy(
+    record: Attachment | Metadata | Schema | Channel | Piece, records: Records, file: Container
+) -> int:
     """Copy a record; return how many messages it holds."""
     if isinstance(record, Metadata):
         file.metadata(record.name, record.metadata)
     elif isinstance(record, Attachment):
         file.attach(record)
     elif isinstance(record, Piece):
-        for known in (*records.schemas.values(), *records.channels.values()):
-            file.register(known, written=True)
+        file.know(*records.schemas.values(), *records.channels.values())
         p = record
         if len(p.at):
             file.chunk(p.compression, p.packed, len(p.data), p.crc, p.log, p.channel, p.at)
         return len(p.at)
+    else:
+        file.append(record)
     return 0

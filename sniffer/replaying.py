@@ -6,11 +6,11 @@ import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from sniffer.model import NS, Chunk
+from sniffer.model import NS, Chunk, DamagedInputError, InputError
 from sniffer.timing import byte_time_ns
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator
 
 STEP_NS: Final = 50_000_000
 """Chunks within 50 ms of the recording go out together: a decoder pass costs about the same for
@@ -25,27 +25,67 @@ class Window:
     stop: float | None = None
 
 
-def timed(groups: Iterable[Sequence[Chunk]], baud: int) -> Iterator[Chunk]:
-    """Yield chunks that all have a time: where there is no clock, the wire's own pace."""
+def peek(chunks: Iterable[Chunk], size: int) -> tuple[list[Chunk], Iterator[Chunk]]:
+    """Return the first chunks, ``size`` bytes or a little more, and all of them again."""
+    rest, head, damage = iter(chunks), list[Chunk](), None
+    try:
+        while sum(len(chunk.data) for chunk in head) < size:
+            head.append(next(rest))
+    except StopIteration:
+        pass
+    except DamagedInputError as error:  # it comes again, behind what could be read
+        damage = error
+
+    def again() -> Iterator[Chunk]:
+        yield from head
+        if damage is not None:
+            raise damage
+        yield from rest
+
+    return head, again()
+
+
+def timed(chunks: Iterable[Chunk], baud: int) -> Iterator[Chunk]:
+    """Yield chunks that all have a time: where there is no clock, the wire's own pace.
+
+    Such chunks may be large: they come in pieces no longer than a step.
+    """
     byte_ns = byte_time_ns(baud)
+    piece = max(1, STEP_NS // byte_ns)
     last = 0
-    for group in groups:
-        for chunk in group:
-            last = chunk.t_ns if chunk.t_ns is not None else last + len(chunk.data) * byte_ns
-            yield chunk if chunk.t_ns is not None else replace(chunk, t_ns=last)
+    for chunk in chunks:
+        if chunk.t_ns is not None:
+            last = chunk.t_ns
+            yield chunk
+            continue
+        for at in range(0, len(chunk.data), piece):
+            data = chunk.data[at : at + piece]
+            last += len(data) * byte_ns
+            yield replace(chunk, data=data, t_ns=last)
 
 
 def within(chunks: Iterable[Chunk], window: Window) -> Iterator[Chunk]:
-    """Yield the chunks of a window."""
+    """Yield the chunks of a window.
+
+    Raises:
+        InputError: there are none in it.
+    """
     first: int | None = None
+    at, some = 0.0, False
     for chunk in chunks:
         t = chunk.t_ns or 0
         first = t if first is None else first
         at = (t - first) / NS
         if window.stop is not None and at > window.stop:
-            return
+            break
         if at >= window.start:
+            some = True
             yield chunk
+    if first is not None and not some:
+        until = "" if window.stop is None else f" to {window.stop:g}"
+        raise InputError(
+            f"nothing was said from second {window.start:g}{until}: the recording has {at:.3f} s"
+        )
 
 
 def steps(chunks: Iterable[Chunk]) -> Iterator[list[Chunk]]:

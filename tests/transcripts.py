@@ -1,12 +1,12 @@
 """The transcripts in the documentation: found, run again, compared, written anew.
 
-``python -m tests.transcripts`` (part of ``make golden``) rewrites those that are no longer true; read
-the diff before committing it. What counts as a transcript:
+``python -m tests.transcripts`` (part of ``make golden``) rewrites those that are no longer true;
+read the diff before committing it. What counts as a transcript:
 
-- in a fenced ``console`` block each line ``$ ...`` that runs ``sniffer``, with what the terminal shows below it:
-  both streams, 80 columns wide. Pipes, several commands in a line and files written before work as
-  in a shell, for all of a page's commands run in order, in one folder with the sample captures. A
-  line ``...`` stands for lines left out, once a command. Other commands (``$ make``) are not run;
+- in a fenced ``console`` block each line ``$ ...`` that runs ``sniffer``, with what the terminal
+  shows below it: both streams, 80 columns wide, no blanks at line ends. Pipes, several commands in
+  a line and files written before work as in a shell: all commands of a page run in order, in one
+  folder with the sample captures. A line ``...`` stands for lines left out, once a command;
 - a fenced ``python`` block, and the ``text`` block right behind it if there is one: what it prints.
 """
 
@@ -21,10 +21,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
 
 ROOT: Final = Path(__file__).parent.parent
 PAGES: Final = ("README.md", "docs/api.md")
@@ -46,12 +48,13 @@ class Fence:
 
 @dataclass(slots=True)
 class Shown:
-    """One thing to run, and what the page says comes of it (``at``: where that stands)."""
+    """One thing to run, and what comes of it if the page says so (``told``; ``at``: where)."""
 
     language: str
     source: str
     output: list[str]
     at: tuple[int, int]
+    told: bool = True
 
 
 def fences(text: str) -> list[Fence]:
@@ -67,12 +70,18 @@ def shown(text: str) -> list[Shown]:
         if fence.language == "console":
             out += _commands(fence)
         elif fence.language == "python":
-            one = Shown("python", fence.text, [], (fence.end, fence.end))
-            behind = blocks[i + 1] if i + 1 < len(blocks) else None
-            if behind and behind.language == "text" and not text[fence.end + 3 : behind.start - 8].strip():
+            one = Shown("python", fence.text, [], (fence.end, fence.end), told=False)
+            if i + 1 < len(blocks) and _is_right_behind(fence, blocks[i + 1], text):
+                behind = blocks[i + 1]
                 one.output, one.at = behind.text.splitlines(), (behind.start, behind.end)
+                one.told = True
             out.append(one)
     return out
+
+
+def _is_right_behind(fence: Fence, other: Fence, text: str) -> bool:
+    between = text[fence.end : other.start].strip()
+    return other.language == "text" and between.split() == ["```", "```text"]
 
 
 def _commands(fence: Fence) -> Iterator[Shown]:
@@ -118,7 +127,9 @@ class Stage:
         shutil.copytree(ROOT / "sample_captures", self.folder / "sample_captures")
         command = self.folder / ".bin" / "sniffer"
         command.parent.mkdir()
-        command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m sniffer "$@"\n', encoding="ascii")
+        command.write_text(
+            f'#!/bin/sh\nexec "{sys.executable}" -m sniffer "$@"\n', encoding="ascii"
+        )
         command.chmod(0o755)
 
     def run(self, one: Shown) -> list[str]:
@@ -140,7 +151,9 @@ class Stage:
 
     def _environment(self) -> Mapping[str, str]:
         path = os.pathsep.join([str(self.folder / ".bin"), os.environ["PATH"]])
-        kept = {k: v for k, v in os.environ.items() if k not in ("FORCE_COLOR", "NO_COLOR", "LINES")}
+        kept = {
+            k: v for k, v in os.environ.items() if k not in ("FORCE_COLOR", "NO_COLOR", "LINES")
+        }
         ours = {"PATH": path, "PYTHONPATH": str(ROOT), "COLUMNS": "80", "TERM": "dumb"}
         return kept | ours | {"PYTHONUTF8": "1"}
 
@@ -187,9 +200,9 @@ def renewed(text: str, folder: Path) -> str:
         if lacking := missing_tools(one):
             raise SystemExit(f"{one.source}: install {', '.join(lacking)} first")
         got = stage.run(one)
-        start, end = one.at
-        if one.language == "python" and start == end:
+        if not one.told:
             continue
+        start, end = one.at
         new = abridged(got, one.output)
         out += [text[done:start], "".join(f"{line}\n" for line in new)]
         done = end
@@ -201,7 +214,9 @@ def main() -> None:
     for page in PAGES:
         path = ROOT / page
         with tempfile.TemporaryDirectory(prefix="transcripts-") as folder:
-            path.write_text(renewed(path.read_text(encoding="utf-8"), Path(folder)), encoding="utf-8")
+            path.write_text(
+                renewed(path.read_text(encoding="utf-8"), Path(folder)), encoding="utf-8"
+            )
 
 
 if __name__ == "__main__":

@@ -99,7 +99,7 @@ def _prepare_streams() -> None:
 
 
 def _devnull() -> TextIO:
-    return open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123 - open to the end
+    return open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123 - open to the end
 
 
 def _tell(message: str, status: int) -> int:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
+import json
 import sys
 from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, pipeline_options
+from sniffer.cli.options import decoding, examples, pipeline_options
 from sniffer.cli.session import Standard, open_outputs, run_source, session_facts
 from sniffer.model import Severity
 from sniffer.sinks.base import Sink
@@ -15,7 +17,15 @@ from sniffer.sinks.jsonl import JsonlSink
 from sniffer.sources import open_source
 
 
-@click.command()
+@click.command(
+    short_help="Decode a capture, a dump, a log or a recording.",
+    epilog=examples(
+        "sniffer decode dump.hex",
+        "sniffer decode capture.bin --protocol wck --baud 115200 -o capture.mcap",
+        "sniffer decode capture.bin --model 3=mightyzap-12lf -o samples.parquet --summary",
+        "candump-like-logger | sniffer decode - --format jsonl",
+    ),
+)
 @click.argument("file")
 @decoding
 @click.option(
@@ -32,7 +42,8 @@ from sniffer.sources import open_source
     "outputs",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Also write a file, its suffix says what: .jsonl .csv .parquet .mcap .rrd; may be repeated.",
+    help="Also write a file; its suffix says what: .jsonl .csv .parquet .mcap .rrd. "
+    "May be repeated.",
 )
 @click.option(
     "--fail-on",
@@ -56,11 +67,8 @@ def decode(
 ) -> int:
     """Decode FILE (- is standard input): raw bytes, a hex dump, a log, or a recording.
 
-    \b
-    Examples:
-      sniffer decode dump.hex
-      sniffer decode capture.bin --protocol wck --baud 115200 -o capture.mcap
-      candump-like-logger | sniffer decode - --format jsonl
+    What goes wrong on the bus is part of the output. Exit status: 0 done; 1 anomalies at or above
+    --fail-on; 2 a mistake of yours; 3 the input breaks off (what could be read is written).
     """
     options = pipeline_options(protocol, baud, models, latency)
     source = open_source(file, input_format)
@@ -69,7 +77,9 @@ def decode(
         sinks.append(Standard(_printer(output_format), alone=not outputs))
     name = "standard input" if file == "-" else file
     pipeline, status = run_source(source, options, sinks, name=name, quiet=quiet)
-    if summary and not quiet:
+    if summary and not quiet and output_format == "jsonl":
+        click.echo(json.dumps(pipeline.summary.as_dict()))
+    elif summary and not quiet:
         from rich.console import Console
 
         from sniffer.sinks.report import print_summary
@@ -83,6 +93,8 @@ def decode(
 
 def _printer(output_format: str) -> Sink:
     if output_format == "jsonl":
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(encoding="utf-8", newline="\n")  # whatever the terminal speaks
         return JsonlSink(sys.stdout)
     from sniffer.sinks.text import TextSink
 

@@ -5,12 +5,20 @@ from __future__ import annotations
 import click
 from rich.console import Console
 
+from sniffer.cli.options import examples
 from sniffer.explaining import explain_bytes, read_hex
 from sniffer.pipeline import AUTO
 from sniffer.protocols import PROTOCOLS
 
 
-@click.command()
+@click.command(
+    short_help="Draw one frame byte by byte.",
+    epilog=examples(
+        "sniffer explain FF FF FF 00 02 F1 0C",
+        "sniffer explain FFFFFF010400D0078F --after 'FF FF FF 01 04 F2 8C 02 7A'",
+        "sniffer explain '#5D1800'",
+    ),
+)
 @click.argument("hex_bytes", metavar="HEX", nargs=-1, required=True)
 @click.option("--after", metavar="HEX", help="The request this answers: replies need it.")
 @click.option("--protocol", type=click.Choice([AUTO, *PROTOCOLS]), default=AUTO, show_default=True)
@@ -18,7 +26,8 @@ from sniffer.protocols import PROTOCOLS
 def explain(hex_bytes: tuple[str, ...], after: str | None, protocol: str, model: str | None) -> int:
     """Draw the frame HEX byte by byte: offsets, fields, values, units, checksum arithmetic.
 
-    LSS lines may be given as text: sniffer explain '#5D1800'.
+    Exit status 1: not every byte belongs to a frame that holds; what is wrong with it is shown.
+    LSS lines may be given as text.
     """
     data = read_hex(" ".join(hex_bytes))
     before = read_hex(after) if after else b""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from typing import Any
 
 import click
 from rich.console import Console
-from rich.table import Table
 
+from sniffer.cli.options import examples
 from sniffer.model import ROLES
 from sniffer.protocols import PROTOCOLS
 from sniffer.registers import Register, RegisterMap
@@ -17,26 +18,39 @@ from sniffer.registers import Register, RegisterMap
 @click.command()
 def protocols() -> None:
     """List the protocols with their models and baud rates."""
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    table.add_column("protocol")
-    table.add_column("what it is", overflow="fold")
-    table.add_column("models", overflow="fold")
-    table.add_column("baud rates (default first)", overflow="fold")
+    width = Console().width
     for p in PROTOCOLS.values():
-        rates = [p.baud, *(b for b in p.bauds if b != p.baud)]
-        table.add_row(
-            p.name, p.title, "\n".join(m.model for m in p.models), " ".join(map(str, rates))
-        )
-    Console(highlight=False).print(table)
+        rates = [f"{p.baud} (default)", *(str(b) for b in p.bauds if b != p.baud)]
+        facts = {"models": ", ".join(m.model for m in p.models), "baud": ", ".join(rates)}
+        click.echo(f"{p.name:11}{p.title}")
+        for title, text in facts.items():
+            indent = " " * 11
+            head = f"{indent}{title:8}"
+            click.echo(
+                textwrap.fill(text, width, initial_indent=head, subsequent_indent=" " * len(head))
+            )
 
 
 def _models() -> dict[str, RegisterMap]:
     return {m.model: m for p in PROTOCOLS.values() for m in p.models}
 
 
-@click.command()
+@click.command(
+    short_help="Show the register table of a model.",
+    epilog=examples(
+        "sniffer registers",
+        "sniffer registers mightyzap-12lf",
+        "sniffer registers rs305cr --format jsonl",
+    ),
+)
 @click.argument("model", required=False)
-@click.option("--format", "output_format", type=click.Choice(["text", "jsonl"]), default="text")
+@click.option(
+    "--format",
+    "output_format",
+    type=click.Choice(["text", "jsonl"]),
+    default="text",
+    help="What is printed.",
+)
 def registers(model: str | None, output_format: str) -> None:
     """Show the register table of MODEL, or which models there are."""
     known = _models()
@@ -80,24 +94,31 @@ def _as_dict(r: Register) -> dict[str, Any]:
 
 
 def _print(table: RegisterMap) -> None:
-    console = Console(highlight=False)
-    console.print(f"{table.model}: {table.title}", style="bold")
+    width = Console().width
+    click.echo(textwrap.fill(f"{table.model}: {table.title}", width))
     if table.source:
-        console.print(table.source)
+        click.echo(textwrap.fill(table.source, width))
+    click.echo()
     addressed = any(r.address >= 0 for r in table.registers)
-    out = Table(box=None, padding=(0, 2, 0, 0))
-    out.add_column("address" if addressed else "word", no_wrap=True)
-    out.add_column("name", overflow="fold")
-    out.add_column("type", no_wrap=True)
-    out.add_column("unit", no_wrap=True)
-    out.add_column("range", no_wrap=True)
-    out.add_column("acc", no_wrap=True)
-    out.add_column("meaning", overflow="fold")
+    rows = [("addr" if addressed else "word", "name", "type", "unit", "range", "access")]
     for r in table.registers:
         where = f"0x{r.address:02X}" if r.address >= 0 else "/".join((r.word, *r.aliases))
-        named = r.values or r.bits or r.special
-        meaning = ", ".join(f"{k} {v}" for k, v in named.items())
         scale = f"{r.scale:.4g} {r.unit}" if r.unit and r.scale != 1 else r.unit
         limits = f"{r.range[0]}..{r.range[1]}" if r.range else ""
-        out.add_row(where, r.name, r.type, scale, limits, r.access, meaning)
-    console.print(out)
+        rows.append((where, r.name, r.type, scale, limits, r.access))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    meanings = ["", *(_meaning(r) for r in table.registers)]
+    for row, meaning in zip(rows, meanings, strict=True):
+        click.echo("  ".join(map(str.ljust, row, widths)).rstrip())
+        if meaning:
+            indent = " " * (widths[0] + 2)
+            click.echo(
+                textwrap.fill(meaning, width, initial_indent=indent, subsequent_indent=indent)
+            )
+
+
+def _meaning(r: Register) -> str:
+    """Return what the register's values, its bits and its special values mean."""
+    named = [f"{k} {v}" for k, v in {**r.values, **r.special}.items()]
+    named += [f"bit {k} {v}" for k, v in r.bits.items()]
+    return ", ".join(named)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +11,24 @@ import click
 from sniffer.pipeline import AUTO, Options
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import SOURCES
+
+
+class Finite(click.FloatRange):
+    """A number in a range; NaN and infinity are in none."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Read a number."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is no number to reckon with.", param, ctx)
+        return number
+
+
+def examples(*lines: str) -> str:
+    """Return the end of a command's help, in lines as they are."""
+    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
 
 
 def models(
@@ -58,7 +77,7 @@ def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
             ),
             click.option(
                 "--latency",
-                type=click.FloatRange(0, 1000),
+                type=Finite(0, 1000),
                 metavar="MS",
                 help="How long the adapter may have held bytes back.",
             ),

@@ -6,8 +6,13 @@ from pathlib import Path
 
 import click
 
+from sniffer.cli.options import examples
 
-@click.command()
+
+@click.command(
+    short_help="Repair a recording that was cut off.",
+    epilog=examples("sniffer recover night.mcap", "sniffer recover night.mcap -o whole.mcap"),
+)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Default: FILE itself.")
 def recover(file: Path, output: Path | None) -> int:

@@ -2,26 +2,38 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, pipeline_options
+from sniffer.cli.options import Finite, decoding, examples, pipeline_options
 from sniffer.cli.session import Standard, run_source, say
-from sniffer.model import DamagedInputError, InputError
+from sniffer.detect import ENOUGH, UndecidedError, detect
+from sniffer.model import Chunk
+from sniffer.pipeline import AUTO, Options
 from sniffer.protocols import PROTOCOLS
-from sniffer.replaying import Window, paced, steps, timed, within
+from sniffer.replaying import Window, paced, peek, steps, timed, within
 from sniffer.sinks.base import Sink
 from sniffer.sources import open_source
 
 
-@click.command()
+@click.command(
+    short_help="Play a recording or a capture again.",
+    epilog=examples(
+        "sniffer replay recording.mcap --speed 2 --from 10 --to 20",
+        "sniffer replay dump.hex --protocol mightyzap --baud 57600 --loop",
+        "sniffer replay recording.mcap --redecode",
+    ),
+)
 @click.argument("file")
 @decoding
 @click.option(
     "--speed",
-    type=click.FloatRange(0),
+    type=Finite(0),
     default=1.0,
     show_default=True,
     help="Times real time; 0: as fast as it goes.",
@@ -29,12 +41,12 @@ from sniffer.sources import open_source
 @click.option(
     "--from",
     "start",
-    type=click.FloatRange(0),
+    type=Finite(0),
     default=0.0,
     metavar="S",
     help="Begin S seconds into the recording.",
 )
-@click.option("--to", "stop", type=click.FloatRange(0), metavar="S", help="Stop S seconds into it.")
+@click.option("--to", "stop", type=Finite(0), metavar="S", help="Stop S seconds into it.")
 @click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C.")
 @click.option("--rerun", "in_rerun", is_flag=True, help="Show it in the Rerun viewer, not here.")
 @click.option(
@@ -56,21 +68,30 @@ def replay(
     in_rerun: bool,
     redecode: bool,
 ) -> int:
-    """Play FILE (a recording, or any capture) again through the console or Rerun."""
+    """Play FILE (a recording, or any capture) again through the console or Rerun.
+
+    An input without times is played at the pace of its baud rate.
+    """
     options = pipeline_options(protocol, baud, models, latency)
     if stop is not None and stop <= start:
         raise click.BadParameter("--to must lie behind --from")
+    if file == "-" and loop:
+        raise click.BadParameter("--loop needs a file: standard input can be read only once")
     if redecode:
         from sniffer.comparing import compare
 
         report = compare(Path(file), options, say=say)
         click.echo(str(report))
         return 0 if report.equal else 1
-    pace = baud or (PROTOCOLS[protocol].baud if protocol in PROTOCOLS else 115200)
     status, played = 0, False
-    while True:
+    while not status and (loop or not played):
         source = open_source(file, input_format)
-        groups = paced(steps(within(timed(source, pace), Window(start, stop))), speed)
+        chunks: Iterable[Chunk] = (chunk for group in source for chunk in group)
+        if options.protocol == AUTO and not options.protocols:
+            # found beforehand: what is to be played in real time cannot wait for it
+            head, chunks = peek(chunks, ENOUGH)
+            options = dataclasses.replace(options, protocols=_told(head))
+        groups = paced(steps(within(timed(chunks, _baud(options)), Window(start, stop))), speed)
         sink: Sink
         if in_rerun:
             from sniffer.viewing import live_sink
@@ -80,15 +101,26 @@ def replay(
             from sniffer.sinks.text import TextSink
 
             sink = Standard(TextSink(sys.stdout), alone=True)
-        try:
-            _, status = run_source(groups, options, [sink], name=file, quiet=played)
-        except InputError as error:
-            if played or start == 0:
-                raise
-            raise InputError(f"{file}: nothing lies behind --from {start:g} ({error})") from None
-        except DamagedInputError as error:
-            say(str(error))
-            status = 3
+        name = "standard input" if file == "-" else file
+        _, status = run_source(source, options, [sink], name=name, quiet=played, groups=groups)
         played = True
-        if not loop or status:
-            return status
+    return status
+
+
+def _told(head: Iterable[Chunk]) -> dict[str, str]:
+    """Return the protocol of each bus, and say so; what cannot be told yet is left out."""
+    by_bus: dict[str, list[Chunk]] = {}
+    for chunk in head:
+        by_bus.setdefault(chunk.bus, []).append(chunk)
+    out: dict[str, str] = {}
+    for bus, chunks in by_bus.items():
+        with contextlib.suppress(UndecidedError):
+            found = detect(chunks)
+            say(f"{bus}: {found}")
+            out[bus] = found.protocol
+    return out
+
+
+def _baud(options: Options) -> int:
+    name = next(iter(options.protocols.values()), options.protocol)
+    return options.baud or (PROTOCOLS[name].baud if name in PROTOCOLS else 115200)

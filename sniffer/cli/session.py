@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -114,7 +114,7 @@ def open_outputs(paths: Sequence[Path], facts: Mapping[str, str], source: str) -
     out: list[Sink] = []
     try:
         for path in paths:
-            out.append(open_sink(path, facts))
+            out.append(open_sink(path, facts))  # noqa: PERF401 - what is open must be closed
     except OutputError:
         for sink in out:
             with contextlib.suppress(OutputError):
@@ -125,9 +125,8 @@ def open_outputs(paths: Sequence[Path], facts: Mapping[str, str], source: str) -
 
 def _is_input(file: Path, source: str) -> bool:
     try:
-        there = file.stat()
-        read = sys.stdin.fileno() if source == "-" else source
-        return os.path.samestat(there, os.stat(read)) and not file.is_char_device()
+        read = os.fstat(sys.stdin.fileno()) if source == "-" else Path(source).stat()
+        return os.path.samestat(file.stat(), read) and not file.is_char_device()
     except (OSError, ValueError):
         return False
 
@@ -176,18 +175,19 @@ class _Patience:
 
 
 def run_source(
-    source: Source | Iterable[Sequence[Chunk]],
+    source: Source,
     options: Options,
     sinks: Sequence[Sink],
     *,
     name: str,
     quiet: bool = False,
-    recording: bool | None = None,
+    groups: Iterable[Sequence[Chunk]] | None = None,
 ) -> tuple[Pipeline, int]:
     """Decode everything into the sinks; return the pipeline and the exit status.
 
     Damage further in, or an interruption, keeps what was decoded: the sinks are finished first.
-    A ``recording`` (None: the source knows) may break off: whoever records can be killed.
+    ``groups`` are the source's own where None, else what somebody made of them. A recording may
+    break off: whoever records can be killed.
 
     Raises:
         InputError: there is nothing in it, or its protocol cannot be told.
@@ -199,20 +199,18 @@ def run_source(
         if not quiet:
             say(f"{bus}: {detection}")
 
-    if recording is None:
-        recording = getattr(source, "format", "") == "mcap"
-    pipeline = Pipeline(options, sinks, on_detection=found)
+    pipeline = Pipeline(options.with_facts(source.facts()), sinks, on_detection=found)
     patience = _Patience()
     status, told = 0, ""
     with patience.installed():
         try:
             try:
-                for group in patience.groups(source):
+                for group in patience.groups(source if groups is None else groups):
                     pipeline.feed(group)
                 pipeline.close()
             except DamagedInputError as error:
                 pipeline.close()
-                usable = recording and pipeline.summary.buses
+                usable = source.format == "mcap" and pipeline.summary.buses
                 status, told = (0 if usable else 3), str(error)
                 told += ": read as far as it goes" if usable else ""
             except KeyboardInterrupt:
@@ -226,7 +224,7 @@ def run_source(
     if told:
         say(told)
     elif not quiet:
-        for note in getattr(source, "notes", ()):
+        for note in source.notes:
             say(f"{name}: {note}")
     return pipeline, status
 

@@ -7,12 +7,19 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, pipeline_options
+from sniffer.cli.options import decoding, examples, pipeline_options
 from sniffer.cli.session import open_outputs, run_source, say, session_facts
 from sniffer.sources import open_source
 
 
-@click.command()
+@click.command(
+    short_help="Show a recording or a capture in Rerun.",
+    epilog=examples(
+        "sniffer view recording.mcap",
+        "sniffer view dump.hex --protocol rs30x --web",
+        "sniffer view capture.bin -o capture.rrd",
+    ),
+)
 @click.argument("file")
 @decoding
 @click.option(

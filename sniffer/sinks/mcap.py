@@ -9,8 +9,8 @@ they were on the wire, by the best estimate. Both count from the first byte wher
 
 What is handed over live is in the file within ``flush_ns``: it is written when the next call comes
 half of that later (call at least that often, ``flush`` included), so a killed recorder loses no
-more. Input that runs ahead of the wall clock is a conversion: there rows of all buses are put in
-order first, as far as all of them are decoded.
+more. Input that runs ahead of the wall clock is a conversion: there the records of all buses are
+put in order first, as far as all of them are decoded.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ SESSION: Final = "servo_sniffer.session"
 BUS: Final = "servo_sniffer.bus"
 """Name of the metadata records that tell a bus's protocol and rate."""
 
-FULL: Final = 8 << 20
-"""Records waiting, in bytes, from which on they are written whatever the time."""
+FULL: Final = 4 << 20
+"""Records of a conversion are put in order and written from so many bytes on."""
 
 OVERFULL: Final = 64 << 20
 """Records waiting, in bytes, from which on no bus is waited for."""
@@ -88,7 +88,7 @@ class McapSink:
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks as they came."""
         with self._guard():
-            self._settle()
+            self._settle(again=bus in self._buses)
             writer = self._bus(bus)
             writer.raw(chunks)
             if self._flushed_to is None:
@@ -103,7 +103,7 @@ class McapSink:
                 self._introduce(bus, protocol)
             writer.write(protocol, batch)
             self._wait()
-            self._settle()
+            self._settle(again=False)
 
     def flush(self) -> None:
         """Write everything that waits; for callers that are idle for long."""
@@ -161,19 +161,17 @@ class McapSink:
         if self._since is None and self._queue.size:
             self._since = time.monotonic_ns()
 
-    def _settle(self) -> None:
-        """Write what has waited long enough or is much."""
+    def _settle(self, *, again: bool) -> None:
+        """Write what has waited long enough; ``again``: every bus had its turn since the last."""
         if self._since is None:
             return
         now = time.monotonic_ns()
-        if now - self._since < self._flush_ns // 2 and self._queue.size < FULL:
-            return
-        if self._newest() - (self._flushed_to or 0) < now - self._flushed_at + NS:
+        live = self._newest() - (self._flushed_to or 0) < now - self._flushed_at + NS
+        due = live and now - self._since >= self._flush_ns // 2
+        if due or self._queue.size >= OVERFULL:
             self._flush(None)
-        elif self._queue.size < OVERFULL:
+        elif again and not live and self._queue.size >= FULL:
             self._flush(min(b.decoded for b in self._buses.values()))
-        else:
-            self._flush(None)
 
     def _newest(self) -> int:
         return max((b.newest for b in self._buses.values()), default=0)

@@ -184,7 +184,7 @@ class Container:
             if schema.name == name:
                 return schema.id
         number = max(self._summary.schemas, default=0) + 1
-        self.register(
+        self._register(
             Schema(
                 number,
                 _descriptors(cast("FileDescriptor", message.DESCRIPTOR.file)),
@@ -198,17 +198,26 @@ class Container:
         """Open a channel for messages of one type; return its id."""
         schema = self.schema(message)
         number = max(self._summary.channels, default=0) + 1
-        self.register(Channel(number, topic, "protobuf", dict(metadata), schema))
+        self._register(Channel(number, topic, "protobuf", dict(metadata), schema))
         return number
 
-    def register(self, record: Schema | Channel, *, written: bool = False) -> None:
-        """Make a schema or channel known; unless ``written``, the next chunk begins with it."""
-        if isinstance(record, Schema):
-            self._summary.schemas[record.id] = record
-        else:
-            self._summary.channels[record.id] = record
-        if not written:
-            self._new.append(record)
+    def know(self, *records: Schema | Channel) -> None:
+        """Take note of schemas and channels that are in the file already, for its end."""
+        for record in records:
+            if isinstance(record, Schema):
+                self._summary.schemas[record.id] = record
+            else:
+                self._summary.channels[record.id] = record
+
+    def append(self, record: Schema | Channel) -> None:
+        """Write a schema or channel outside of any chunk."""
+        self.know(record)
+        self._put(_bytes(record))
+
+    def _register(self, record: Schema | Channel) -> None:
+        """Make a schema or channel known; the next chunk begins with it."""
+        self.know(record)
+        self._new.append(record)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a metadata record."""

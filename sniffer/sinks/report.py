@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
     from sniffer.summary import BusTotals, Summary
 
+GLUE: Final = "\u2800"
+"""Stands for a blank at which no line is broken, until all is laid out."""
+
 _COLOUR = {"error": "red", "warn": "yellow", "note": "cyan"}
 
 _OUTCOMES: Final[Mapping[str, str]] = {"not_expected": "need no reply"}
@@ -41,7 +44,9 @@ def print_summary(summary: Summary, console: Console) -> None:
                 console.print()
             _print_bus(name, bus, console)
     # tables are padded to their width: nobody wants that in a file
-    console.file.write("".join(f"{line.rstrip()}\n" for line in printed.get().splitlines()))
+    console.file.write(
+        "".join(f"{line.rstrip()}\n" for line in printed.get().replace(GLUE, " ").splitlines())
+    )
 
 
 def _print_bus(name: str, b: BusTotals, console: Console) -> None:
@@ -49,12 +54,12 @@ def _print_bus(name: str, b: BusTotals, console: Console) -> None:
     share = 100 * b.bytes_in_frames / b.bytes if b.bytes else 0.0
     length = b.seconds
     title = f"{name}: {b.protocol}"
+    held = math.floor(100 * share) / 100  # 100 % is said of nothing less
     lines = [
-        # rounded down: 100 % is said of nothing less
-        f"{counted(b.bytes, 'byte')} = {b.bytes_in_frames} in {frames} "
-        f"({math.floor(100 * share) / 100:.2f} %) + {b.bytes_in_gaps} in {gaps}",
+        f"{counted(b.bytes, 'byte')} = {b.bytes_in_frames} in {frames} ({held:.2f} %)",
         f"over {length:.3f} s" if length else "no clock in the input: times are nominal",
     ]
+    lines[0] += f" + {b.bytes_in_gaps} in {gaps}"
     outcomes = [f"{n} {_OUTCOMES.get(k, k.replace('_', ' '))}" for k, n in b.outcomes.items() if n]
     if outcomes:
         lines.append("exchanges: " + ", ".join(outcomes))
@@ -92,7 +97,7 @@ def _commands(b: BusTotals) -> Table:
         for (op, kind), n in mine.items():
             ops.setdefault(op, [0, 0])[kind == "response"] += n
         told = ", ".join(
-            f"{op} {asked}" + (f"/{got}" if got else "")
+            f"{op}{GLUE}{asked}" + (f"/{got}" if got else "")
             for op, (asked, got) in sorted(ops.items(), key=lambda e: -sum(e[1]))
         )
         row = [str(servo) if servo >= 0 else "-", str(sum(mine.values()))]

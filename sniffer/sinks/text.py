@@ -66,7 +66,7 @@ def short_value(register: Register, raw: int, value: float) -> str:
     if register.unit:
         unit = "°C" if register.unit == "degC" else register.unit
         return f"{value:.4g} {unit}" if abs(value) < 1000 else f"{value:.0f} {unit}"
-    return f"{value:g}"
+    return f"{value:.10g}"
 
 
 def fit(text: str, width: int) -> str:
@@ -182,26 +182,32 @@ class TextSink:
 
     def _values(self, protocol: BusProtocol, batch: Batch, i: int, values: range) -> str:
         f, v = batch.frames, batch.values
-        told: list[str] = []
         own = int(f.servo_id[i])
+        mine: list[str] = []
+        others: dict[int, list[str]] = {}
         for k in values:
-            register = protocol.registers[int(v.register[k])]
+            number = int(v.register[k])
+            register = protocol.registers[number]
             who = int(v.servo_id[k])
             text = short_value(register, int(v.raw[k]), float(v.value[k]))
             if int(v.part[k]) != WHOLE:
                 text = f"raw {int(v.raw[k])} (part)"
-            name = register.name.removeprefix("present_")
-            told.append(f"{who}: {text}" if who != own else f"{name} {text}")
-        if told and own != (who := int(v.servo_id[values[0]])) and who >= 0:
-            name = protocol.registers[int(v.register[values[0]])].name
-            return f"{name} " + ", ".join(told)
+            if who == own or who < 0:
+                mine.append(f"{register.name.removeprefix('present_')} {text}")
+            else:
+                others.setdefault(number, []).append(f"{who}: {text}")
+        told = mine
+        for number in sorted(others, key=lambda r: not protocol.registers[r].unit):
+            first, *rest = others[number]
+            told += [f"{protocol.registers[number].name} {first}", *rest]
         status = int(f.status[i])
         if status > 0:
             told.insert(0, "+".join(protocol.status_names(status)).replace("_", " "))
-        if told:
-            return ", ".join(told)
-        fields = frame_row(batch, protocol, "", i, values).fields
-        return ", ".join(_plainly(k, x) for k, x in fields.items() if x not in ("", None))
+        if not told:
+            op = protocol.op_name(int(f.op[i]))
+            fields = frame_row(batch, protocol, "", i, values).fields
+            told = [text for k, x in fields.items() if (text := _plainly(k, x, op, own))]
+        return ", ".join(told)
 
     def _time(self, batch: Batch, t_ns: int) -> str:
         digits = 6 if self._wide else 3
@@ -241,12 +247,23 @@ def _system(console: Console) -> Any:
     return console._color_system
 
 
-def _plainly(key: str, value: Any) -> str:
+def _plainly(key: str, value: Any, op: str, servo_id: int) -> str:
+    """Return a field in words; nothing where another column says it, or where nothing is set."""
     if isinstance(value, dict):
         if "names" in value:
-            return f"{key} {'+'.join(map(str, value['names'])) or 'none'}"
+            names = "+".join(map(str, value["names"]))
+            return f"{key} {names}" if names else ""
         return f"{key} {value.get('name', value.get('value', value.get('raw', value)))}"
-    return f"{key} {value}"
+    if value is True:
+        return key
+    if (
+        value is None
+        or value is False
+        or value in ("", op)
+        or (key in ("id", "servo_id") and value == servo_id)
+    ):
+        return ""
+    return plain(f"{key} {value}")
 
 
 def _edges(batch: Batch) -> list[int]:

@@ -110,6 +110,14 @@ class Source:
             kind = DamagedInputError if read else InputError
             raise kind(f"{self.name}, {damage}") from None
 
+    def facts(self) -> Mapping[str, str]:
+        """Return what a recording knows about itself: protocol and baud by bus, models."""
+        if self.format != "mcap" or self._origin.path is None:
+            return {}
+        from sniffer.sources import mcap
+
+        return mcap.session(self._origin.path)
+
     def rehearse(self) -> None:
         """Read the head only, so that a mistake in the first lines shows before any output."""
         head = self._origin.head

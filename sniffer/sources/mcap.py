@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
 
 import numpy as np
 from google.protobuf.message import DecodeError
@@ -36,6 +36,11 @@ HEAD: Final = 4 << 20
 TOOL: Final = "servo-sniffer"
 SESSION: Final = "servo_sniffer.session"
 BUS: Final = "servo_sniffer.bus"
+
+
+_CLOCKS: Final[dict[int, Clock]] = {c.value: c for c in Clock}
+_DIRECTIONS: Final[dict[int, Direction]] = {d.value: d for d in Direction}
+_Message = TypeVar("_Message", RawChunk, Frame)
 
 
 class RecordedFrame(NamedTuple):
@@ -179,26 +184,26 @@ def _channels(records: Records, message: type[RawChunk | Frame]) -> dict[int, st
 def _of(piece: Piece, buses: dict[int, str]) -> Iterator[tuple[str, bytes]]:
     """Yield the messages of some channels, each with its bus."""
     mine = np.flatnonzero(np.isin(piece.channel, list(buses)))
-    for at, channel in zip(piece.at[mine].tolist(), piece.channel[mine].tolist(), strict=True):
-        yield buses[channel], piece.message(at)
+    channels = piece.channel[mine].tolist()
+    for channel, data in zip(channels, piece.messages(piece.at[mine]), strict=True):
+        yield buses[channel], data
 
 
 def _raw(records: Records, piece: Piece, offsets: dict[str, int]) -> Iterator[Chunk]:
     """Yield a piece's chunks; ``offsets`` tells for each bus where the next one must begin."""
-    for bus, data in _of(piece, _channels(records, RawChunk)):
-        raw = _decoded(RawChunk, data)
-        at = raw.offset
+    for bus, message in _of(piece, _channels(records, RawChunk)):
+        raw = _decoded(RawChunk, message)
+        at, data = raw.offset, raw.data
         if at != offsets.get(bus, at):
             raise BrokenError(f"bytes {offsets[bus]} to {at} of {bus} are missing")
-        offsets[bus] = at + len(raw.data)
-        t_ns = raw.t_ns if raw.HasField("t_ns") else None
-        try:
-            yield Chunk(raw.data, t_ns, Clock(raw.clock), bus, Direction(raw.direction))
-        except ValueError:
-            raise BrokenError("a chunk has a clock or direction that is not known here") from None
+        offsets[bus] = at + len(data)
+        clock, direction = _CLOCKS.get(raw.clock), _DIRECTIONS.get(raw.direction)
+        if clock is None or direction is None:
+            raise BrokenError("a chunk has a clock or direction that is not known here")
+        yield Chunk(data, raw.t_ns if raw.HasField("t_ns") else None, clock, bus, direction)
 
 
-def _decoded[T: (RawChunk, Frame)](message: type[T], data: bytes) -> T:
+def _decoded(message: type[_Message], data: bytes) -> _Message:
     try:
         return message.FromString(data)
     except DecodeError:

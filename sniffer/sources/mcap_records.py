@@ -70,17 +70,18 @@ class Piece:
     channel: npt.NDArray[np.uint16]
     log: I64
 
-    def message(self, at: int) -> bytes:
-        """Return the data of the message whose record begins at ``at``."""
-        (length,) = struct.unpack_from("<Q", self.data, at + 1)
-        return self.data[at + 9 + _MESSAGE : at + 9 + length]
+    def messages(self, at: I64) -> list[bytes]:
+        """Return the data of the messages whose records begin at ``at``."""
+        start = at + _HEAD.size + _MESSAGE
+        end = at + _HEAD.size + _gather(self.data, at, 1, "<i8")
+        return [self.data[a:b] for a, b in zip(start.tolist(), end.tolist(), strict=True)]
 
 
 class Records:
-    """Reads a stream: iterate it for headers, metadata, attachments and pieces, in order.
+    """Reads a stream: iterate it for its records and, of the chunks, pieces, in order.
 
-    ``schemas`` and ``channels`` hold those met so far, ``position`` is where the last record that
-    holds ends. A message outside of any chunk is a piece of its own.
+    ``schemas`` and ``channels`` hold those met so far, inside the chunks too; ``position`` is where
+    the last record that holds ends. A message outside of any chunk is a piece of its own.
     """
 
     def __init__(self, stream: Stream, *, attachments: bool = False) -> None:
@@ -92,7 +93,7 @@ class Records:
         self._crc = 0
         self._taken = 0
 
-    def __iter__(self) -> Iterator[Header | Metadata | Attachment | Piece]:
+    def __iter__(self) -> Iterator[Header | Metadata | Attachment | Schema | Channel | Piece]:
         """Read up to the end of the data.
 
         Raises:
@@ -105,48 +106,54 @@ class Records:
         self.position = self._taken
         chunk: bytes | None = None
         index: list[bytes] = []
+        behind = 0
         while True:
             crc = self._crc
             try:
                 opcode, body = self._record()
             except BrokenError:
                 if chunk is not None:  # its index is torn, it is not
-                    yield self._piece(chunk, [])
+                    piece = self._piece(chunk, [])
+                    self.position = behind
+                    yield piece
                 raise
             if opcode == Opcode.MESSAGE_INDEX and chunk is not None:
                 index.append(body)
-                self.position = self._taken
+                behind = self._taken
                 continue
             if chunk is not None:
-                yield self._piece(chunk, index)
+                piece = self._piece(chunk, index)
+                self.position = behind
+                yield piece
                 chunk, index = None, []
             if opcode == Opcode.CHUNK:
-                chunk = body
-            elif opcode == Opcode.MESSAGE:
+                chunk, behind = body, self._taken
+                continue
+            if opcode == Opcode.MESSAGE:
                 record = _HEAD.pack(opcode, len(body)) + body
-                yield self._messages("", record, zlib.crc32(record), record, [])
-            elif opcode in _PARSED:
+                piece = self._messages("", record, zlib.crc32(record), record, [])
+                self.position = self._taken
+                yield piece
+            elif opcode == Opcode.FOOTER:
+                raise BrokenError("its end mark is missing")
+            elif opcode in _PARSED and (opcode != Opcode.ATTACHMENT or self._attachments):
                 parsed = _parse(opcode, body)
-                if isinstance(parsed, DataEnd):
-                    if parsed.data_section_crc not in (0, crc):
-                        raise BrokenError("its checksum over everything does not match")
+                self._learn(parsed)
+                if not isinstance(parsed, DataEnd):
+                    self.position = self._taken
+                    yield parsed
+                elif parsed.data_section_crc in (0, crc):
                     self.position = self._taken
                     return
-                if self._learn(parsed) is not None:
-                    yield parsed
-            elif opcode == Opcode.FOOTER:
-                return
+                else:
+                    raise BrokenError("its checksum over everything does not match")
             self.position = self._taken
 
-    def _learn(self, record: Any) -> Any:
-        """Remember a schema or a channel; return anything else."""
+    def _learn(self, record: Any) -> None:
         if isinstance(record, Schema):
             self.schemas[record.id] = record
         elif isinstance(record, Channel):
             self.channels[record.id] = record
-        else:
-            return record
-        return None
 
     def _take(self, size: int, *, partly: bool = False) -> bytes:
         """Read exactly ``size`` bytes."""
@@ -168,6 +175,8 @@ class Records:
     def _record(self) -> tuple[int, bytes]:
         """Read a record; what nobody wants comes without its body."""
         opcode, size = _HEAD.unpack(self._take(_HEAD.size))
+        if not opcode:  # no record has it, but the tail of a file after a power failure
+            raise BrokenError("there are zeros where a record should begin")
         wanted = opcode in _PARSED or opcode in (
             Opcode.CHUNK,
             Opcode.MESSAGE,
@@ -179,7 +188,7 @@ class Records:
             return opcode, self._take(size)
         while size:
             size -= len(self._take(min(size, 1 << 20)))
-        return (0 if opcode == Opcode.ATTACHMENT else opcode), b""
+        return opcode, b""
 
     def _piece(self, body: bytes, index: list[bytes]) -> Piece:
         try:
@@ -248,7 +257,7 @@ def _unpack(compression: str, packed: bytes, size: int) -> bytes:
                 raise BrokenError("a chunk is not as long as it says")
             return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
         if compression == "lz4":
-            import lz4.frame  # comes with the mcap library, and this tool never writes it
+            import lz4.frame  # type: ignore[import-untyped] # comes with the mcap library, and this tool never writes it
 
             data: bytes = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
             return data

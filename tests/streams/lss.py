@@ -25,7 +25,12 @@ _text = st.text("DIS-.LHT19 !~", min_size=1, max_size=24)
 def _exchange(draw: st.DrawFn) -> bytes:
     """Draw a query with its selector, and what one or several servos answer."""
     who = draw(_id)
-    word = draw(st.one_of(st.sampled_from(_QUERIES), st.sampled_from(["Q", "QSD", "QAR", "QID"])))
+    word = draw(
+        st.one_of(
+            st.sampled_from(_QUERIES),
+            st.sampled_from(["Q", "QSD", "QAR", "QID", "QZ", "QABCDEFGHIJKL"]),
+        )
+    )
     selector = draw(st.sampled_from([None, None, 0, 1, 2, 3, 9, 10, 32768]))
     out = command(who, word.lower() if draw(st.integers(0, 9)) == 0 else word, selector)
     for _ in range(draw(st.sampled_from([0, 1, 1, 1, 2, 4]))):
@@ -59,8 +64,22 @@ def _statement(draw: st.DrawFn) -> bytes:
 
 _LINES = [
     *(b"#5CRC*\r", b"*5QDT\r", b"*5QFPDIS\r", b"*5QFDXX\r", b"#1D200T15000CL400\r", b"#5SCSL100\r"),
-    *(b"*QD5\r", b"*QID\r", b"*QID251\r", b"#251D5\r", b"#0005D5\r", b"#005qd\r", b"*5QF368.29.14\r"),
-    *(b"#5D--5\r", b"#5D5-3\r", b"#5D1T\r", b"#5" + b"A" * 100 + b"\r", b"*5QN" + b"7" * 30 + b"\r"),
+    *(
+        b"*QD5\r",
+        b"*QID\r",
+        b"*QID251\r",
+        b"#251D5\r",
+        b"#0005D5\r",
+        b"#005qd\r",
+        b"*5QF368.29.14\r",
+    ),
+    *(
+        b"#5D--5\r",
+        b"#5D5-3\r",
+        b"#5D1T\r",
+        b"#5" + b"A" * 100 + b"\r",
+        b"*5QN" + b"7" * 30 + b"\r",
+    ),
     *(b"#5D" + b"0" * 80 + b"\r", b"#5D1" + b"T1" * 45 + b"\r", b"*5QMS" + b"x" * 90 + b"\r"),
     *(b"#\r", b"*\r", b"##5Q#5QD\r", b"\x80\xff#5QV\r*5QV11\xff00\r"),
 ]

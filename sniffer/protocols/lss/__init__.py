@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -22,15 +22,18 @@ from sniffer.protocols.lss.grammar import (
     query_form,
     unpacked,
 )
-from sniffer.registers import Register
+
+if TYPE_CHECKING:
+    from sniffer.checksums import Checksum
+    from sniffer.registers import Register
 
 WINDOW_NS: Final = 100_000_000
 """The page promises a reply "almost instantaneously" (Query Commands) and gives no figure; client
 libraries give up after 10 to 100 ms, so an answer later than that finds nobody."""
 
 REACH: Final = 512
-"""A query is closed after as many bytes: a broadcast one may be answered by every servo, ten bytes
-or so each, and no controller waits for more than some fifty."""
+"""A query is closed after as many bytes: a broadcast one may be answered by every servo on the bus,
+with ten bytes or so each, so there is room for some fifty."""
 
 _FACTORS: Final = {("deg/s", "rpm"): 1 / 6, ("s", "ms"): 1000.0, ("mA", "a"): 0.001}
 """From a register's unit to the one that ends its label."""
@@ -42,13 +45,24 @@ class Lss:
     name = "lss"
     title = "Lynxmotion Smart Servo (LSS)"
     # Details 17. Baud Rate; the last one is not on the page, a vendor's test rig uses it
-    bauds = (9600, 19200, 38400, 57600, 115200, 230400, 250000, 460800, 500000, 921600)
+    bauds: tuple[int, ...] = (
+        9600,
+        19200,
+        38400,
+        57600,
+        115200,
+        230400,
+        250000,
+        460800,
+        500000,
+        921600,
+    )
     baud = 115200  # the default of every client library; the page ships servos at 9600
     checksum = "none"  # Serial Protocol Concept: no CRC or checksum
     longest = LONGEST
     reach = REACH
     tail_ns = 250_000_000  # far beyond what clients wait for a reply
-    everyone = (BROADCAST,)
+    everyone: tuple[int, ...] = (BROADCAST,)
     models = MODELS
     registers = REGISTERS
 
@@ -105,6 +119,11 @@ class Lss:
                 if (known := MODIFIERS.get(name.upper())) is not None:
                     out |= _labelled(REGISTERS[known.register], value)
         return out
+
+    def checksum_of(self, raw: bytes) -> tuple[Checksum, bytes, int] | None:
+        """Return none: lines have no checksum."""
+        del raw
+        return None
 
     def explain(self, run: bytes, start: int) -> list[Gap]:
         """Tell blanks from noise, cut lines from damaged ones; say where a line is wrong."""

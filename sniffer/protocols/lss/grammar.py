@@ -10,10 +10,9 @@ Configuration Commands. There is no checksum. The words come from ``schemas/regi
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from construct import (
     Byte,
@@ -29,6 +28,9 @@ from construct import (
 
 from sniffer.protocols.base import joined
 from sniffer.registers import load_models
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 MODELS: Final = load_models("lss")
 REGISTERS: Final = joined(MODELS)
@@ -77,9 +79,7 @@ def _run(characters: bytes, valid: str) -> Any:
     return ExprValidator(text, lambda text, _: re.fullmatch(valid, text) is not None)
 
 
-ID: Final = ExprValidator(
-    _run(_DIGITS, rf"\d{{1,{ID_DIGITS}}}"), lambda text, _: int(text) in IDS
-)
+ID: Final = ExprValidator(_run(_DIGITS, rf"\d{{1,{ID_DIGITS}}}"), lambda text, _: int(text) in IDS)
 WORD: Final = _run(_LETTERS, rf".{{1,{WORD_LETTERS}}}")
 VALUE: Final = _run(b"-" + _DIGITS, rf"(-?\d{{1,{NUMBER_DIGITS}}})?")
 UNSIGNED: Final = _run(_DIGITS, rf"\d{{1,{NUMBER_DIGITS}}}")
@@ -121,8 +121,8 @@ ID_REPLY: Final = Struct(
 class Word:
     """What a command's word means; aliases share one ``Word``, ``name`` is the canonical one.
 
-    ``register`` is stated by an action's or configuration's number, ``selectors`` tell which one the
-    reply to a query states. ``texts`` may stand in place of the number ("" none at all, "*" any).
+    ``register`` is stated by an action's or configuration's number, ``selectors`` tell which one
+    the reply to a query states. ``texts`` may stand in place of the number ("" nothing, "*" any).
     """
 
     name: str
@@ -145,7 +145,11 @@ class Word:
     @property
     def may_be_empty(self) -> bool:
         """Tell whether an action may go without a number, or a reply to a query."""
-        return "" in self.texts or (not self.is_query and not self.takes_number) or self.kind == "unclear"
+        return (
+            "" in self.texts
+            or (not self.is_query and not self.takes_number)
+            or self.kind == "unclear"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +208,7 @@ def _text_reply(word: str) -> Any:
 
 
 TEXT_REPLIES: Final[Mapping[str, Any]] = MappingProxyType({w: _text_reply(w) for w in TEXT_WORDS})
-"""Source: Details 18 (DIS), 20. Query Model String; third-party code for dotted firmware versions."""
+"""Source: Details 18 (DIS), 20. Query Model String; dotted firmware versions: third-party code."""
 
 
 def query_form(word: str) -> str:

@@ -133,7 +133,13 @@ def _numbers(raw: bytes, at: int, servo_id: int, *, is_reply: bool) -> Line | Mi
             word = pairs[0][0]
             return Line(is_reply, servo_id, word, first, value, signed, tuple(pairs[1:]))
         if bare or is_reply or not raw[at : at + 1].isalpha():
-            wanted = "a number or the end" if bare else "the end" if is_reply else "a modifier or the end"
+            wanted = (
+                "a number or the end"
+                if bare
+                else "the end"
+                if is_reply
+                else "a modifier or the end"
+            )
             return Misfit(at + 1, f"{wanted} of the line", servo_id, known)
 
 

@@ -104,7 +104,7 @@ def _reply(out: SlowFrame, line: Any, asked: str) -> None:
 def _command(out: SlowFrame, line: Any, word: Word | None) -> None:
     if word is None:
         out.flags |= UNKNOWN
-        out.reply = IF_ALL
+        out.reply = IF_ALL if line.word.upper().startswith("Q") else NEVER
     elif word.kind == "query":
         out.op = packed(word.name)
         out.data = b""
@@ -117,7 +117,6 @@ def _command(out: SlowFrame, line: Any, word: Word | None) -> None:
                 out.flags |= UNUSUAL
     else:
         out.op = packed(word.name)
-        out.reply = IF_ALL if word.kind == "unclear" else NEVER
         if not (word.takes_number if line.value else word.may_be_empty):
             out.flags |= UNUSUAL
         for m in line.modifiers:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.model import I64, U8
 from sniffer.protocols.lss.grammar import MODIFIERS, REGISTERS, WORDS, Word, packed
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from sniffer.model import I64, U8
 
 SELECTORS: Final = 10
 """Selectors 0 (also: none) to 9 have a column each; all others share the last one."""
@@ -62,7 +65,6 @@ def _number_only(register: int) -> int:
 ENTRIES: Final = Lookup(WORDS)
 CANONICAL: Final = np.array([packed(w.name) if w else 0 for w in _ALL])
 IS_QUERY: Final = np.array([w is not None and w.is_query for w in _ALL])
-IS_UNCLEAR: Final = np.array([w is not None and w.kind == "unclear" for w in _ALL])
 REGISTER: Final = np.array([_register(w) for w in _ALL])
 NUMBER_OK: Final = np.array([w is not None and w.takes_number for w in _ALL])
 EMPTY_OK: Final = np.array([w is not None and w.may_be_empty for w in _ALL])

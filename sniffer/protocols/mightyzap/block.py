@@ -16,6 +16,7 @@ from sniffer.model import (
     MALFORMED,
     NEVER,
     NO_ALT,
+    OPTIONAL,
     RELEASES,
     REQUEST,
     RESETS,
@@ -34,6 +35,7 @@ from sniffer.protocols.mightyzap.grammar import (
     COMMANDS,
     EXECUTE,
     FACTORY_RESET,
+    FEEDBACK_REGISTER,
     ID_REGISTER,
     LOAD,
     OPTION_ID,
@@ -118,6 +120,8 @@ def describe(block: Block, spans: Spans) -> Frames:
     address = np.where(addressed, first, -1)
     data_length = np.where(load, 0, size - 2 - addressed)
     reply = np.where(request & (servo_id != BROADCAST), _REPLY[code], NEVER)
+    at = FEEDBACK_REGISTER - address
+    reply[write & (reply == IF_ALL) & (at >= 0) & (at < data_length)] = OPTIONAL
     token = np.where(request, np.where(load, second, 0), data_length)
     status = np.where(request, -1, code.astype(np.int64))
     # an error needs no data: a feedback of an error byte alone answers any read

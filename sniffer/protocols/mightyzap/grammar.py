@@ -120,5 +120,9 @@ WRITES: Final = (STORE, SEND)
 OPTION_ID: Final = 1
 """Factory reset option bit 0: the servo's id goes back to 0. Source: (4) 6) Factory Reset."""
 
+FEEDBACK_REGISTER: Final = 0x10
+"""Address of the feedback return mode: a write of it is answered under the old mode or under the
+new one, the manual does not say. Source: user manual v1.02, (3) Data Map."""
+
 ID_REGISTER: Final = 3
 """Address of the servo id. Source: user manual v1.02, (3) Data Map."""

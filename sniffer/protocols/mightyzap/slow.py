@@ -12,6 +12,7 @@ from sniffer.model import (
     MALFORMED,
     NEVER,
     NO_ALT,
+    OPTIONAL,
     RELEASES,
     REQUEST,
     RESETS,
@@ -28,6 +29,7 @@ from sniffer.protocols.mightyzap.grammar import (
     EXECUTE,
     FACTORY_RESET,
     FEEDBACK,
+    FEEDBACK_REGISTER,
     ID_REGISTER,
     LOAD,
     OPTION_ID,
@@ -108,6 +110,8 @@ def describe(raw: bytes, kind: int, before: SlowFrame | None) -> SlowFrame:
         at = ID_REGISTER - out.address
         if 0 <= at < len(out.data) and out.alt_id == NO_ALT:
             out.alt_id = out.data[at]
+        if out.reply == IF_ALL and 0 <= FEEDBACK_REGISTER - out.address < len(out.data):
+            out.reply = OPTIONAL
     if body.code in (FACTORY_RESET, SDK_FACTORY_RESET):
         out.flags |= RESETS
         if fields.option & OPTION_ID and out.alt_id == NO_ALT:

@@ -70,12 +70,8 @@ def _torn_frames(run: bytes) -> Iterator[tuple[int, int, str, dict[str, Any]]]:
         yield at, *found
         done = at + found[0]
     last = run.rfind(_HEADER_BYTE)
-    if last < max(done, 0):
-        return
-    if last == n - 1:
-        if run[last - 1 : last] != _HEADER_BYTE:
-            yield last, 1, "truncated", {"have": 1}
-    elif (found := _one(run, last)) is not None:
+    # An FF with nothing behind it is a stray one as well as a header: noise.
+    if max(done, 0) <= last < n - 1 and (found := _one(run, last)) is not None:
         yield last, *found
 
 

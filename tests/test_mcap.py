@@ -1,0 +1,364 @@
+"""Recordings hold what was heard, and other people's tools read them."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from mcap_protobuf.decoder import DecoderFactory
+
+from sniffer import model
+from sniffer.decoder import Decoder
+from sniffer.messages.log_pb2 import Log
+from sniffer.messages.recording_pb2 import (
+    Anomaly,
+    Frame,
+    Gap,
+    Kind,
+    Stats,
+    Transaction,
+)
+from sniffer.messages.recording_pb2 import (
+    Clock as ClockMessage,
+)
+from sniffer.messages.recording_pb2 import (
+    Direction as DirectionMessage,
+)
+from sniffer.messages.servo_state_pb2 import ServoState
+from sniffer.model import NS, OK, Batch, Chunk, Clock, Direction, InputError, OutputError
+from sniffer.protocols import PROTOCOLS
+from sniffer.registers import read_table, schema_path
+from sniffer.sinks.mcap import McapSink
+from sniffer.sinks.mcap_messages import state_field
+from sniffer.sources.mcap import chunks, groups, is_mcap, recorded, session
+from tests.recordings import START_NS, heads, keep, messages, record, talk
+
+if TYPE_CHECKING:
+    from sniffer.protocols.base import BusProtocol
+
+RERUN = shutil.which("rerun", path=str(Path(sys.executable).parent))
+EVERY = pytest.mark.parametrize("name", PROTOCOLS)
+
+any_chunk = st.builds(
+    Chunk,
+    st.binary(max_size=40),
+    st.none() | st.integers(0, 1 << 61) | st.integers(START_NS, START_NS + 1000) | st.just(-5),
+    st.sampled_from(Clock),
+    st.sampled_from(["bus0", "arm/left", "Über bus"]),
+    st.sampled_from(Direction),
+)
+
+
+@given(st.lists(st.lists(any_chunk, max_size=12), max_size=4), st.sampled_from([0, 10**9]))
+def test_chunks_of_every_clock_direction_and_bus_come_back_as_they_went_in(
+    parts: list[list[Chunk]], flush_ns: int
+) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mcap"
+        keep(path, parts, flush_ns=flush_ns)
+        back = list(chunks(path))
+        log = [m.log_time for m in heads(path)]
+    sent = [c for part in parts for c in part]
+    for bus in {c.bus for c in sent}:
+        assert [c for c in back if c.bus == bus] == [c for c in sent if c.bus == bus]
+    assert len(back) == len(sent)
+    assert log == sorted(log)
+
+
+@EVERY
+def test_messages_are_those_that_are_encoded_one_by_one(name: str, tmp_path: Path) -> None:
+    sent = talk(name, 2.0)
+    batches = record(tmp_path / "run.mcap", name, sent)
+    found = messages(tmp_path / "run.mcap")
+    wanted = expected(PROTOCOLS[name], batches)
+    assert found.keys() - {"/bus0/raw", "/bus0/stats"} == wanted.keys()
+    for topic, rows in wanted.items():
+        assert found[topic] == rows, topic
+    assert len(found["/bus0/frames"]) > 100
+    assert found["/bus0/gaps"]
+    assert sum(s.frames for s in found["/bus0/stats"]) == len(found["/bus0/frames"])
+    assert sum(s.bytes for s in found["/bus0/stats"]) == sum(len(c.data) for c in sent)
+    assert list(chunks(tmp_path / "run.mcap")) == sent
+
+
+def expected(protocol: BusProtocol, batches: list[Batch]) -> dict[str, list[Any]]:
+    """Encode batches the plain way: one message object a row."""
+    out: dict[str, list[Any]] = {}
+
+    def add(topic: str, message: Any) -> None:
+        out.setdefault(f"/bus0/{topic}", []).append(message)
+
+    for b in batches:
+        frames, took = b.frames, {}
+        for q, r, outcome, time, spread in rows_of(b.transactions):
+            row = max(q, 0) if q >= 0 else r
+            t = Transaction(outcome=outcome, op=protocol.op_name(int(frames.op[row])))
+            set_if(t, "request_offset", b.base + int(frames.start[q]), q >= 0)
+            set_if(t, "response_offset", b.base + int(frames.start[r]), r >= 0)
+            set_if(t, "servo_id", int(frames.servo_id[row]), frames.servo_id[row] >= 0)
+            set_if(t, "response_time_ns", time, time >= 0)
+            set_if(t, "uncertainty_ns", spread, spread >= 0)
+            add("transactions", t)
+            if outcome == OK and time >= 0:
+                took[r] = time
+        for i in range(len(frames)):
+            column = {n: int(getattr(frames, n)[i]) for n in frames.__slots__}
+            f = Frame(
+                t_start_ns=column["t_start"],
+                t_end_ns=column["t_end"],
+                offset=b.base + column["start"],
+                length=column["length"],
+                kind=Kind.Name(column["kind"]),
+                op=protocol.op_name(column["op"]),
+                op_code=column["op"],
+                flags=column["flags"],
+                direction=DirectionMessage.Name(column["direction"]),
+                data=b.data[column["start"] : column["start"] + column["length"]],
+            )
+            set_if(f, "uncertainty_ns", column["uncertainty"], column["uncertainty"] >= 0)
+            for n in ("servo_id", "address", "status"):
+                set_if(f, n, column[n], column[n] >= 0)
+            add("frames", f)
+        for (row, servo), values in itertools.groupby(rows_of(b.values), lambda v: (v[8], v[1])):
+            state = ServoState(offset=b.base + int(frames.start[row]), kind=int(frames.kind[row]))  # type: ignore[arg-type]
+            empty = True
+            for value in values:
+                field = state_field(protocol.registers[value[2]])
+                if value[9] and field is not None and not math.isnan(value[5]):
+                    kind = type(getattr(state, field))
+                    setattr(state, field, kind(value[5]))
+                    empty = False
+            set_if(state, "response_time_ns", took.get(row, 0), row in took)
+            if not empty:
+                add(f"servo/{servo}/state", state)
+        for g in b.gaps:
+            data, detail = b.data[g.start : g.start + g.length], json.dumps(dict(g.detail))
+            at: Any = {"offset": b.base + g.start, "length": g.length, "data": data}
+            add("gaps", Gap(t_ns=g.t_ns, reason=g.reason, detail=detail, **at))
+        for a in sorted(b.anomalies, key=lambda a: a.t_ns):
+            m = Anomaly(t_ns=a.t_ns, group=a.group, code=a.code, detail=a.detail)
+            m.severity = int(a.severity)  # type: ignore[assignment]
+            m.evidence.extend(Anomaly.Evidence(offset=o, length=n) for o, n in a.evidence)
+            set_if(m, "servo_id", a.servo_id, a.servo_id is not None)
+            add("anomalies", m)
+            who = "" if a.servo_id is None else f"servo {a.servo_id}: "
+            log = Log(level=2 + int(a.severity), name="bus0", message=f"{who}{a.detail} [{a.code}]")  # type: ignore[arg-type]
+            log.timestamp.FromNanoseconds(a.t_ns)
+            add("log", log)
+    return out
+
+
+def rows_of(columns: model.Columns) -> Any:
+    names = columns.__slots__
+    return zip(*(getattr(columns, n).tolist() for n in names), strict=True)
+
+
+def set_if(message: Any, name: str, value: Any, condition: object) -> None:
+    if condition:
+        setattr(message, name, value)
+
+
+def test_the_schemas_in_the_file_decode_it_and_what_a_packet_did_not_carry_is_absent(
+    tmp_path: Path,
+) -> None:
+    record(tmp_path / "run.mcap", "mightyzap", talk("mightyzap"))
+    seen: dict[str, list[Any]] = {}
+    with (tmp_path / "run.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for _, channel, _, message in reader.iter_decoded_messages():
+            seen.setdefault(channel.topic.rpartition("/")[2], []).append(message)
+    assert seen.keys() == {
+        *("raw", "frames", "transactions", "state", "gaps", "anomalies", "log", "stats")
+    }
+    for state in seen["state"]:
+        named = {f.name for f, _ in state.ListFields()} - {"offset", "kind", "response_time_ns"}
+        assert named
+        assert state.HasField("position_mm") == ("position_mm" in named)
+    carried = [s.HasField("position_mm") for s in seen["state"]]
+    assert any(carried)
+    assert not all(carried)
+    assert all(f.HasField("status") == (f.kind == Kind.RESPONSE) for f in seen["frames"])
+
+
+def test_times_never_decrease_within_the_file_nor_within_a_topic(tmp_path: Path) -> None:
+    sent = talk("mightyzap", 2.0)
+    # a clock that was set back, and one that jumps
+    sent[60:] = [Chunk(c.data, (c.t_ns or 0) - 3 * NS, c.clock) for c in sent[60:]]
+    sent[300:] = [Chunk(c.data, (c.t_ns or 0) + 9 * NS, c.clock) for c in sent[300:]]
+    record(tmp_path / "run.mcap", "mightyzap", sent)
+    found = heads(tmp_path / "run.mcap")
+    assert [m.log_time for m in found] == sorted(m.log_time for m in found)
+    for channel in {m.channel_id for m in found}:
+        mine = [m for m in found if m.channel_id == channel]
+        assert [m.publish_time for m in mine] == sorted(m.publish_time for m in mine)
+        assert [m.sequence for m in mine] == list(range(len(mine)))
+    assert list(chunks(tmp_path / "run.mcap")) == sent
+
+
+def test_buses_that_are_converted_one_after_the_other_keep_their_times(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sniffer.sinks.mcap.FULL", 1000)
+    sink = McapSink(tmp_path / "run.mcap", {}, flush_ns=0)
+    buses = {name: talk("mightyzap", 6.0, seed, 0, name) for seed, name in enumerate("ab")}
+    decoders = {name: Decoder("mightyzap") for name in buses}
+    for part in range(3):
+        for name, sent in buses.items():
+            group = [c for c in sent if ((c.t_ns or 0) - START_NS) // (2 * NS) == part]
+            sink.raw(name, group)
+            sink.write(name, PROTOCOLS["mightyzap"], decoders[name].feed(*group))
+    sink.close()
+    with (tmp_path / "run.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        for _, channel, message in reader.iter_messages(topics=["/a/raw", "/b/raw"]):
+            assert message.log_time == buses[channel.topic[1]][message.sequence].t_ns
+        summary = reader.get_summary()
+    assert summary is not None
+    assert len(summary.chunk_indexes) >= 3
+
+
+@pytest.mark.skipif(RERUN is None, reason="the rerun program is not installed")
+def test_rerun_reads_a_recording_and_finds_no_problem(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    sink = McapSink(path, {})
+    buses = [(n, talk(n, 2.0, bus=n), Decoder(n)) for n in PROTOCOLS]
+    for i in range(0, max(len(c) for _, c, _ in buses), 64):
+        for name, sent, decoder in buses:
+            sink.raw(name, sent[i : i + 64])
+            sink.write(name, decoder.protocol, decoder.feed(*sent[i : i + 64]))
+    for name, _, decoder in buses:
+        sink.write(name, decoder.protocol, decoder.close())
+    sink.close()
+    told = rerun("info", str(path))
+    assert "Summary                  embedded" in told
+    assert "Overlapping time ranges  no" in told
+    checked = rerun("check", "--full", str(path))
+    assert "PROBLEM" not in checked
+    assert checked.count("\nok ") == len(messages(path))
+
+
+def rerun(*arguments: str) -> str:
+    command = [str(RERUN), "mcap", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_frames_are_listed_as_they_were_recorded_and_the_session_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    batches = record(path, "mightyzap", talk("mightyzap", rate=0.0))
+    frames = list(recorded(path))
+    assert [f.offset for f in frames] == [b.base + s for b in batches for s in b.frames.start]
+    assert {f.op for f in frames} >= {"load_data", "store_data"}
+    assert {f.kind for f in frames} == {"request", "response"}
+    assert session(path) == {"tool": "test", "protocol.bus0": "mightyzap", "baud.bus0": "57600"}
+    assert is_mcap(path.read_bytes()[:16])
+    with path.open("rb") as stream:
+        attached = {a.name: a.data for a in make_reader(stream).iter_attachments()}
+    table = "registers/mightyzap-l12.toml"
+    assert attached[table] == schema_path(table).read_bytes()
+    assert (
+        attached["messages/recording.proto"]
+        == schema_path("messages", "recording.proto").read_bytes()
+    )
+
+
+def test_a_silent_stretch_has_a_row_of_statistics_at_each_end(tmp_path: Path) -> None:
+    sent = talk("mightyzap", 1.0, rate=0)
+    later = [Chunk(c.data, (c.t_ns or 0) + 60 * NS, c.clock) for c in sent]
+    record(tmp_path / "run.mcap", "mightyzap", sent + later)
+    rows: list[Stats] = messages(tmp_path / "run.mcap")["/bus0/stats"]
+    start = START_NS // NS
+    seconds = [r.t_ns // NS - start for r in rows]
+    assert [s for s, r in zip(seconds, rows, strict=True) if not r.frames] == [1, 59]
+    busy = rows[0]
+    assert busy.bus_load_percent == pytest.approx(busy.bytes * 10 / 57600 * 100, rel=1e-3)
+
+
+def test_large_groups_are_cut_into_chunks_of_about_a_megabyte(tmp_path: Path) -> None:
+    sent = talk("mightyzap", 2.0, rate=0) * 30
+    sent = [Chunk(c.data) for c in sent]
+    record(tmp_path / "run.mcap", "mightyzap", sent, size=len(sent))
+    with (tmp_path / "run.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert len(summary.chunk_indexes) > 2
+    assert max(c.uncompressed_size for c in summary.chunk_indexes) < 1_100_000
+    sizes = [sum(len(c.data) for c in group) for group in groups(tmp_path / "run.mcap")]
+    assert sizes[0] < 300_000
+
+
+def test_an_mcap_of_somebody_else_is_refused_with_its_topics(tmp_path: Path) -> None:
+    path = tmp_path / "robot.mcap"
+    for chunked in (True, False):
+        writer = Writer(str(path), use_chunking=chunked)
+        writer.start()
+        channel = writer.register_channel("/imu", "json", writer.register_schema("Imu", "", b""))
+        writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+        with pytest.raises(InputError, match=r"no recording of this tool.*/imu"):
+            list(chunks(path))
+    path.write_bytes(b"no mcap at all")
+    with pytest.raises(InputError, match=r"robot\.mcap"):
+        list(chunks(path))
+    with pytest.raises(InputError, match="cannot be read"):
+        list(chunks(tmp_path / "missing.mcap"))
+
+
+def test_a_file_that_is_there_is_replaced_only_where_allowed(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_bytes(b"precious")
+    with pytest.raises(OutputError, match="is there already"):
+        McapSink(path, {}, overwrite=False)
+    assert path.read_bytes() == b"precious"
+    McapSink(path, {}).close()
+    assert list(chunks(path)) == []
+    with pytest.raises(OutputError, match="no folder"):
+        McapSink(tmp_path / "none" / "run.mcap", {})
+
+
+def test_every_quantity_of_the_register_tables_has_a_field() -> None:
+    known = {f.name for f in ServoState.DESCRIPTOR.fields}
+    for path in sorted(schema_path("registers").glob("*.toml")):
+        for register in read_table(path.stem)[1]:
+            field = state_field(register)
+            assert field is None or field in known, f"{path.name}: {register.name} needs {field}"
+
+
+def test_numbers_in_the_schemas_are_those_of_the_model() -> None:
+    def names(enum: Any, prefix: str = "") -> dict[str, int]:
+        return {k.removeprefix(prefix).lower(): v for k, v in enum.items()}
+
+    assert names(Transaction.Outcome) == {n: i for i, n in enumerate(model.OUTCOMES)}
+    assert names(Kind) == {n: i for i, n in enumerate(model.KINDS)}
+    assert names(Anomaly.Severity) == {s.name.lower(): s.value for s in model.Severity}
+    assert names(ClockMessage, "CLOCK_") == {c.name.lower(): c.value for c in Clock}
+    assert names(DirectionMessage, "DIRECTION_") == {d.name.lower(): d.value for d in Direction}
+
+
+def test_the_generated_messages_are_those_of_the_schemas(tmp_path: Path) -> None:
+    folder = schema_path("messages")
+    command = [sys.executable, "-m", "grpc_tools.protoc", f"-Isniffer/messages={folder}"]
+    command += [f"--python_out={tmp_path}", *map(str, sorted(folder.glob("*.proto")))]
+    subprocess.run(command, check=True)
+    for made in sorted(tmp_path.glob("sniffer/messages/*_pb2.py")):
+        there = folder.parents[1] / "sniffer" / "messages" / made.name
+        assert embedded(there) == embedded(made), "run `make schemas`"
+
+
+def embedded(generated: Path) -> list[str]:
+    """Return the file's descriptor; the lines around it depend on protoc's version."""
+    lines = generated.read_text(encoding="utf-8").splitlines()
+    return [line for line in lines if "AddSerializedFile" in line]

@@ -1,0 +1,256 @@
+"""Recordings that were cut off, damaged, killed or that ran out of room: what holds is not lost."""
+
+from __future__ import annotations
+
+import io
+import random
+import signal
+import subprocess
+import sys
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from mcap.reader import make_reader
+
+from sniffer.model import Chunk, Clock, DamagedInputError, InputError, SnifferError
+from sniffer.recovery import recover
+from sniffer.sources.mcap import chunks, recorded, session
+from tests.recordings import START_NS, heads, keep, messages, record, talk
+from tests.test_mcap import RERUN, rerun
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def read(data: bytes) -> tuple[list[Chunk], SnifferError | None]:
+    """Return what can be read, and what was raised then."""
+    out: list[Chunk] = []
+    try:
+        for chunk in chunks(io.BytesIO(data)):
+            out.append(chunk)  # noqa: PERF402 - what comes before the error is to be kept
+    except (DamagedInputError, InputError) as error:
+        return out, error
+    return out, None
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, list[Chunk]]:
+    """A recording of a dozen chunks in four flushes, and what is in it."""
+    path = tmp_path_factory.mktemp("small") / "run.mcap"
+    sent = [
+        Chunk(bytes([k]) * 9, START_NS + k, Clock.READ, "ab"[k % 2]) if k % 3 else Chunk(b"-" * k)
+        for k in range(12)
+    ]
+    keep(path, [sent[i : i + 3] for i in range(0, 12, 3)], flush_ns=0)
+    return path.read_bytes(), list(chunks(path))
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, list[Chunk]]:
+    """A recording with everything in it, in many flushes, and its raw chunks."""
+    path = tmp_path_factory.mktemp("whole") / "run.mcap"
+    sent = talk("mightyzap")
+    record(path, "mightyzap", sent, size=20, flush_ns=0)
+    return path.read_bytes(), sent
+
+
+def test_a_recording_cut_anywhere_yields_a_prefix_and_says_that_it_is_cut(
+    small: tuple[bytes, list[Chunk]],
+) -> None:
+    data, sent = small
+    found = 0
+    end = 0
+    for size in range(len(data)):
+        got, error = read(data[:size])
+        assert got == sent[: len(got)]
+        assert len(got) >= found, "a longer file holds more"
+        found = len(got)
+        if error is None:
+            end = end or size
+            assert got == sent
+        else:
+            assert isinstance(error, DamagedInputError)
+            assert not end, "behind the end mark there is only the index"
+            assert "cut recording" in str(error)
+    assert found == len(sent)
+
+
+def test_a_full_recording_cut_at_many_places_yields_a_prefix(
+    whole: tuple[bytes, list[Chunk]],
+) -> None:
+    data, sent = whole
+    for size in random.Random(1).sample(range(len(data)), 300):
+        got, error = read(data[:size])
+        assert got == sent[: len(got)]
+        assert error is None or isinstance(error, DamagedInputError)
+        with pytest.raises(DamagedInputError) if error else io.BytesIO():
+            list(recorded(io.BytesIO(data[:size])))
+        assert session(io.BytesIO(data[:size])).get("tool") in (None, "test")
+
+
+@pytest.mark.parametrize("which", ["small", "whole"])
+def test_bits_that_flip_never_yield_anything_else_than_a_prefix(
+    which: str, request: pytest.FixtureRequest
+) -> None:
+    data, sent = request.getfixturevalue(which)
+    rng = random.Random(2)
+    for _ in range(700):
+        bad = bytearray(data)
+        for _ in range(rng.choice([1, 1, 1, 5])):
+            bad[rng.randrange(8, len(bad))] ^= 1 << rng.randrange(8)
+        got, error = read(bytes(bad))
+        assert got == sent[: len(got)]
+        assert isinstance(error, DamagedInputError | None)
+        assert error is not None or got == sent
+
+
+def test_zeros_behind_the_last_record_are_told_from_data(whole: tuple[bytes, list[Chunk]]) -> None:
+    data, _ = whole
+    got, error = read(data[: len(data) // 2] + bytes(4096))
+    assert got
+    assert isinstance(error, DamagedInputError)
+    got, error = read(data[:8] + bytes(4096))
+    assert "zeros" in str(error)
+
+
+def test_bytes_that_are_missing_in_the_middle_are_noticed(tmp_path: Path) -> None:
+    from mcap.writer import Writer
+    from mcap_protobuf.schema import register_schema
+
+    from sniffer.messages.recording_pb2 import RawChunk
+
+    path = tmp_path / "run.mcap"
+    writer = Writer(str(path))
+    writer.start()
+    schema = register_schema(writer, RawChunk)
+    channel = writer.register_channel("/arm/raw", "protobuf", schema)
+    for offset in (0, 4, 12):
+        data = RawChunk(offset=offset, data=b"abcd").SerializeToString()
+        writer.add_message(channel, offset, data, offset)
+    writer.finish()
+    got, error = read(path.read_bytes())
+    assert got == [Chunk(b"abcd", bus="arm")] * 2
+    assert "bytes 8 to 12 of arm are missing" in str(error)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.7, 0.99, 1.0])
+def test_a_cut_recording_is_made_whole_again(
+    share: float, whole: tuple[bytes, list[Chunk]], tmp_path: Path
+) -> None:
+    data, sent = whole
+    path = tmp_path / "run.mcap"
+    path.write_bytes(data[: int(len(data) * share)])
+    before, error = read(path.read_bytes())
+    report = recover(path, path)
+    assert [p.name for p in tmp_path.iterdir()] == ["run.mcap"]
+    assert list(chunks(path)) == before == sent[: len(before)]
+    assert sum(map(len, messages(path).values())) == report.messages == len(heads(path))
+    assert report.bytes_kept + report.bytes_lost == int(len(data) * share)
+    assert (report.bytes_lost > 0) == (error is not None) == ("were lost" in str(report))
+    assert session(path)["tool"] == "test"
+    with path.open("rb") as stream:
+        assert len(list(make_reader(stream).iter_attachments())) >= 3
+    if share == 1.0:
+        assert path.read_bytes() == data
+    if RERUN is not None:
+        assert "Summary                  embedded" in rerun("info", str(path))
+        assert "PROBLEM" not in rerun("check", "--full", str(path))
+
+
+def test_what_is_no_recording_at_all_is_not_recovered(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    for data in (b"", b"\x89MCAP0\r\n", b"something else"):
+        path.write_bytes(data)
+        with pytest.raises(InputError, match=r"run\.mcap"):
+            recover(path, path)
+        assert path.read_bytes() == data
+        assert len(list(tmp_path.iterdir())) == 1
+
+
+RECORDER = """
+import sys, time
+from pathlib import Path
+from sniffer.decoder import Decoder
+from sniffer.model import Chunk, Clock
+from sniffer.sinks.mcap import McapSink
+from tests.recordings import talk
+
+reads = talk("mightyzap", 3.0)
+decoder = Decoder("mightyzap")
+sink = McapSink(Path(sys.argv[1]), {})
+began, first, sent = time.monotonic_ns(), reads[0].t_ns, 0
+while reads:
+    time.sleep(0.02)
+    now = time.monotonic_ns() - began
+    due = [c for c in reads if c.t_ns - first <= now]
+    reads = reads[len(due):]
+    sent += sum(len(c.data) for c in due)
+    sink.raw("bus0", due)
+    print(time.monotonic_ns(), sent, flush=True)
+    sink.write("bus0", decoder.protocol, decoder.feed(*due))
+"""
+
+
+def test_a_recorder_that_is_killed_loses_no_more_than_a_tenth_of_a_second(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    command = [sys.executable, "-c", RECORDER, str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as recorder:
+        assert recorder.stdout is not None
+        told = [recorder.stdout.readline()]
+        time.sleep(1.2)
+        recorder.send_signal(signal.SIGKILL)
+        told += recorder.stdout.read().splitlines()
+    handed = [(int(t), int(sent)) for t, sent in (line.split() for line in told)]
+    last, total = handed[-1]
+    must = max((sent for t, sent in handed if t <= last - 100_000_000), default=0)
+    kept, error = read(path.read_bytes())
+    assert isinstance(error, DamagedInputError)
+    assert 0 < must <= sum(len(c.data) for c in kept) <= total
+    assert recover(path, path).messages > 0
+
+
+CROWDED = """
+import random, resource, sys
+from pathlib import Path
+from sniffer.decoder import Decoder
+from sniffer.model import Chunk, Clock, OutputError
+from sniffer.sinks.mcap import McapSink
+
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), int(sys.argv[2])))
+rng = random.Random(1)
+decoder = Decoder("mightyzap")
+sink = McapSink(Path(sys.argv[1]), {}, flush_ns=0)
+try:
+    for k in range(1000):
+        chunk = Chunk(rng.randbytes(1000), k * 10_000_000, Clock.READ)
+        sink.raw("bus0", [chunk])
+        sink.write("bus0", decoder.protocol, decoder.feed(chunk))
+except OutputError as error:
+    print(error)
+    try:
+        sink.raw("bus0", [chunk])
+    except OutputError as again:
+        print(again)
+sink.close()
+"""
+
+
+@pytest.mark.parametrize("room", [100_000, 123_456])
+def test_a_full_disk_is_told_once_and_what_was_written_stays_readable(
+    room: int, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.mcap"
+    command = [sys.executable, "-c", CROWDED, str(path), str(room)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    first, again = done.stdout.splitlines()
+    assert first == again
+    assert first.startswith(f"{path}: cannot be written (File too large)")
+    assert first.endswith("what was recorded before is kept")
+    assert done.stderr == ""
+    got, _ = read(path.read_bytes())
+    rng = random.Random(1)
+    assert [c.data for c in got] == [rng.randbytes(1000) for _ in got]
+    assert len(got) > 20
+    recover(path, path)
+    assert list(chunks(path)) == got

@@ -1,0 +1,97 @@
+"""The README keeps its word: transcripts are what commands print, every command is shown."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import pytest
+
+from sniffer.cli import cli
+from tests.transcripts import (
+    ROOT,
+    Stage,
+    abridged,
+    agrees,
+    fences,
+    is_run,
+    missing_tools,
+    renewed,
+    shown,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+README = ROOT / "README.md"
+TEXT = README.read_text(encoding="utf-8")
+HINT = "if the change is meant: make golden, and read the diff"
+
+
+def test_every_transcript_is_what_the_command_prints(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+    wrong: list[str] = []
+    run = 0
+    for one in shown(TEXT):
+        if not is_run(one) or missing_tools(one):
+            continue
+        got = stage.run(one)
+        run += 1
+        if one.told and not agrees(one.output, got):
+            printed = "\n".join(abridged(got, one.output))
+            wrong.append(f"$ {one.source}\n{printed}")
+    assert run > 10
+    assert not wrong, f"{HINT}; these print something else:\n" + "\n\n".join(wrong)
+
+
+@pytest.mark.parametrize("name", sorted(cli.commands))
+def test_every_command_is_in_the_readme(name: str) -> None:
+    assert re.search(rf"\bsniffer {name}\b", TEXT)
+
+
+@pytest.mark.parametrize("target", ["demo", "test"])
+def test_every_make_target_the_readme_shows_exists(target: str) -> None:
+    assert f"$ make {target}" in TEXT
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    assert re.search(rf"^{target}:", makefile, re.MULTILINE)
+
+
+def test_every_option_in_the_readme_is_an_option_of_its_command() -> None:
+    for one in shown(TEXT):
+        for call in re.findall(r"\bsniffer (\w+)([^|;&]*)", one.source):
+            known = {o for p in cli.commands[call[0]].params for o in p.opts}
+            given = set(re.findall(r"(?<!\S)--?[a-z][\w-]*", call[1]))
+            assert given <= known, one.source
+
+
+@pytest.mark.parametrize(
+    ("said", "got", "same"),
+    [
+        (["a"], ["a"], True),
+        (["a"], ["a", "b"], False),
+        (["a", "..."], ["a", "b", "c"], True),
+        (["a", "...", "c"], ["a", "b", "c"], True),
+        (["a", "...", "c"], ["a", "c"], True),
+        (["a", "...", "a"], ["a"], False),
+        (["b", "..."], ["a", "b"], False),
+        ([], [], True),
+        ([], ["a"], False),
+    ],
+)
+def test_dots_stand_for_lines_left_out(said: list[str], got: list[str], same: bool) -> None:
+    assert agrees(said, got) is same
+
+
+def test_a_page_written_anew_says_what_is_printed_and_keeps_what_it_left_out(
+    tmp_path: Path,
+) -> None:
+    page = (
+        "a\n```console\n$ make demo\n$ sniffer --version | tr a-z A-Z\nold\n```\n"
+        "```console\n$ sniffer --help\n1\n2\n...\n1\n```\n"
+        "```python\nprint(1 + 1)\n```\n\n```text\n```\nb\n"
+    )
+    new = renewed(page, tmp_path)
+    assert "$ make demo\n$ sniffer --version | tr a-z A-Z\nSNIFFER, VERSION " in new
+    assert "\n```\n```console\n$ sniffer --help\nUsage: sniffer [OPTIONS] COMMAND" in new
+    assert len(fences(new)[1].text.splitlines()) == 5
+    assert new.endswith("```python\nprint(1 + 1)\n```\n\n```text\n2\n```\nb\n")
