@@ -1,4 +1,4 @@
-"""Shows a .rrd file in the Rerun viewer: in a window, or in a browser.
+"""Shows a .rrd file, or what is decoded just now, in the Rerun viewer: a window, or a browser.
 
 The viewer is the program that comes with the rerun package, run as a child that ends with the call.
 Its usage statistics are switched off. Written for rerun-sdk 0.41.
@@ -18,17 +18,24 @@ import threading
 import time
 import urllib.error
 import urllib.request
+import uuid
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from sniffer.model import OutputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
+
+    from sniffer.model import Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
 
 WEB_PORT: Final = 9090
 DATA_PORT: Final = 9876
 """Rerun's own default ports; others are taken where these are in use."""
+
+LOCAL: Final = ("--bind", "127.0.0.1")
+"""The viewer, too, listens; by default to the whole network."""
 
 PATIENCE_S: Final = 20.0
 """How long the server may take to answer; it takes half a second on an idle machine."""
@@ -84,7 +91,10 @@ def has_display() -> bool:
 
 def _open(path: Path) -> None:
     # A viewer that is open already would take the file over and let this call return at once.
-    with _rerun("--port", "auto", str(path)) as viewer, contextlib.suppress(KeyboardInterrupt):
+    with (
+        _rerun(*LOCAL, "--port", "auto", str(path)) as viewer,
+        contextlib.suppress(KeyboardInterrupt),
+    ):
         if status := viewer.wait():
             raise OutputError(f"the Rerun viewer stopped with status {status}: {_instead('FILE')}")
 
@@ -94,21 +104,77 @@ def _serve(path: Path, port: int | None, say: Callable[[str], None] | None) -> N
     data_port = _free_port(DATA_PORT)
     page = f"http://127.0.0.1:{web_port}/"
     server = _rerun(
-        *("--serve-web", "--bind", "127.0.0.1"),
-        *("--web-viewer-port", str(web_port), "--port", str(data_port)),
+        *LOCAL,
+        *("--serve-web", "--web-viewer-port", str(web_port), "--port", str(data_port)),
         *("--server-memory-limit", "75%"),  # the default drops what is old from large recordings
         str(path),
     )
     with server as process, contextlib.suppress(KeyboardInterrupt):
-        deadline = time.monotonic() + PATIENCE_S
-        while not (_answers(page) and _listens(data_port)):
-            if process.poll() is not None or time.monotonic() > deadline:
-                raise OutputError(f"the Rerun server does not start on {page}: is the port in use?")
-            time.sleep(0.05)
+        if not _comes_up(process, lambda: _answers(page) and _listens(data_port)):
+            raise OutputError(f"the Rerun server does not start on {page}: is the port in use?")
         if say is not None:
-            say(f"open {page}?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{data_port}%2Fproxy  (Ctrl-C stops)")
+            data = f"rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{data_port}%2Fproxy"
+            say(f"open {page}?url={data}  (Ctrl-C stops)")
         process.wait()
         raise OutputError(f"the Rerun server stopped with status {process.returncode}")
+
+
+class LiveSink:
+    """A viewer's window that shows what is written to it, following the newest time.
+
+    ``close`` leaves the window to be looked at: it returns when it is closed, or on Ctrl-C.
+
+    Raises:
+        OutputError: there is no display, or the viewer does not start.
+    """
+
+    def __init__(self, name: str, *, window_s: float = 20.0) -> None:
+        need_display("FILE")
+        import rerun as rr
+
+        from sniffer.sinks.rerun import RerunSink
+
+        port = _free_port(DATA_PORT)
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(_signals())
+            arguments = (*LOCAL, "--port", str(port), "--expect-data-soon")
+            self._viewer = stack.enter_context(_rerun(*arguments))
+            if not _comes_up(self._viewer, lambda: _listens(port)):
+                raise OutputError(f"the Rerun viewer does not start: {_instead('FILE')}")
+            self._recording = rr.RecordingStream(f"sniffer {name} {uuid.uuid4().hex[:6]}")
+            self._recording.connect_grpc(f"rerun+http://127.0.0.1:{port}/proxy")
+            self._sink = RerunSink(recording=self._recording, window_s=window_s)
+            self._stack = stack.pop_all()
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take chunks; Rerun has no use for them."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Show what one pass decided; nothing once the window has been closed."""
+        if self._viewer.poll() is None:
+            self._sink.write(bus, protocol, batch)
+
+    def close(self) -> None:
+        """Wait until the window is closed."""
+        with self._stack, contextlib.suppress(KeyboardInterrupt):
+            if self._viewer.poll() is None:
+                self._sink.close()
+            self._recording.disconnect()
+            self._viewer.wait()
+
+
+def live_sink(name: str) -> LiveSink:
+    """Open a window that shows what is written to the sink."""
+    return LiveSink(name)
+
+
+def _comes_up(process: subprocess.Popen[bytes], is_up: Callable[[], bool]) -> bool:
+    deadline = time.monotonic() + PATIENCE_S
+    while process.poll() is None and time.monotonic() < deadline:
+        if is_up():
+            return True
+        time.sleep(0.05)
+    return False
 
 
 @contextlib.contextmanager

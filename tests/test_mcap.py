@@ -101,7 +101,7 @@ def expected(protocol: BusProtocol, batches: list[Batch]) -> dict[str, list[Any]
         out.setdefault(f"/bus0/{topic}", []).append(message)
 
     for b in batches:
-        frames, took = b.frames, {}
+        frames, names, took = b.frames, b.frames.__slots__, {}
         for q, r, outcome, time, spread in rows_of(b.transactions):
             row = max(q, 0) if q >= 0 else r
             t = Transaction(outcome=outcome, op=protocol.op_name(int(frames.op[row])))
@@ -114,7 +114,7 @@ def expected(protocol: BusProtocol, batches: list[Batch]) -> dict[str, list[Any]
             if outcome == OK and time >= 0:
                 took[r] = time
         for i in range(len(frames)):
-            column = {n: int(getattr(frames, n)[i]) for n in frames.__slots__}
+            column: Any = {n: int(getattr(frames, n)[i]) for n in names}
             f = Frame(
                 t_start_ns=column["t_start"],
                 t_end_ns=column["t_end"],
@@ -132,7 +132,8 @@ def expected(protocol: BusProtocol, batches: list[Batch]) -> dict[str, list[Any]
                 set_if(f, n, column[n], column[n] >= 0)
             add("frames", f)
         for (row, servo), values in itertools.groupby(rows_of(b.values), lambda v: (v[8], v[1])):
-            state = ServoState(offset=b.base + int(frames.start[row]), kind=int(frames.kind[row]))  # type: ignore[arg-type]
+            state: Any = ServoState(offset=b.base + int(frames.start[row]))
+            state.kind = int(frames.kind[row])
             empty = True
             for value in values:
                 field = state_field(protocol.registers[value[2]])
@@ -148,13 +149,14 @@ def expected(protocol: BusProtocol, batches: list[Batch]) -> dict[str, list[Any]
             at: Any = {"offset": b.base + g.start, "length": g.length, "data": data}
             add("gaps", Gap(t_ns=g.t_ns, reason=g.reason, detail=detail, **at))
         for a in sorted(b.anomalies, key=lambda a: a.t_ns):
-            m = Anomaly(t_ns=a.t_ns, group=a.group, code=a.code, detail=a.detail)
-            m.severity = int(a.severity)  # type: ignore[assignment]
+            m: Any = Anomaly(t_ns=a.t_ns, group=a.group, code=a.code, detail=a.detail)
+            m.severity = int(a.severity)
             m.evidence.extend(Anomaly.Evidence(offset=o, length=n) for o, n in a.evidence)
             set_if(m, "servo_id", a.servo_id, a.servo_id is not None)
             add("anomalies", m)
             who = "" if a.servo_id is None else f"servo {a.servo_id}: "
-            log = Log(level=2 + int(a.severity), name="bus0", message=f"{who}{a.detail} [{a.code}]")  # type: ignore[arg-type]
+            log: Any = Log(name="bus0", message=f"{who}{a.detail} [{a.code}]")
+            log.level = 2 + int(a.severity)
             log.timestamp.FromNanoseconds(a.t_ns)
             add("log", log)
     return out
@@ -307,7 +309,7 @@ def test_an_mcap_of_somebody_else_is_refused_with_its_topics(tmp_path: Path) -> 
         writer.start()
         channel = writer.register_channel("/imu", "json", writer.register_schema("Imu", "", b""))
         writer.add_message(channel, 1, b"{}", 1)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
         with pytest.raises(InputError, match=r"no recording of this tool.*/imu"):
             list(chunks(path))
     path.write_bytes(b"no mcap at all")

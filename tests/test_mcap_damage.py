@@ -128,7 +128,7 @@ def test_bytes_that_are_missing_in_the_middle_are_noticed(tmp_path: Path) -> Non
     for offset in (0, 4, 12):
         data = RawChunk(offset=offset, data=b"abcd").SerializeToString()
         writer.add_message(channel, offset, data, offset)
-    writer.finish()
+    writer.finish()  # type: ignore[no-untyped-call]
     got, error = read(path.read_bytes())
     assert got == [Chunk(b"abcd", bus="arm")] * 2
     assert "bytes 8 to 12 of arm are missing" in str(error)

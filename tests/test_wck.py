@@ -222,6 +222,9 @@ def test_an_ff_that_may_be_a_count_waits_until_the_command_behind_it_is_known() 
     assert decided(WHEEL + READ[:3]) == 0
     assert decided(WHEEL + READ[:3] + b"\x55") == 8
     assert decided(WHEEL + READ) == 4
+    assert decided(WHEEL + b"\xff") == 0
+    assert decided(IO_READ + b"\x03" + READ[:3]) == 0
+    assert decided(IO_READ + b"\x03" + READ) == len(IO_READ) + 1
 
 
 def test_an_ad_value_of_255_is_a_value_and_no_header() -> None:
@@ -325,6 +328,14 @@ def test_a_command_is_waited_for_as_long_as_it_can_be() -> None:
     assert decided(ten + b"\x00\x00\x7e") == 8
     assert decided(ten, final=True) == 5
     assert decided(command(0x1F, 31, bytes(31))[:-1]) == 0
+
+
+@pytest.mark.parametrize("asked", [MOVE, READ, PASSIVE, BREAK, IO_READ, command(0x1F, 1, b"\0")])
+def test_a_header_is_waited_for_where_a_long_gap_is_given_up(asked: bytes) -> None:
+    for cut in range(1, len(asked)):
+        told = hear(bytes(1024 - cut) + asked[:cut], asked[cut:] + READ, cuts=True)
+        assert told.frames[0].offset == 1024 - cut
+        assert decided(asked[:cut]) == 0
 
 
 def test_a_motion_of_more_than_eight_words_is_rejected_at_once() -> None:

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from sniffer.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
+FLUSH_S: Final = 60.0
+"""How long a slow disk or viewer may take for what is still to be written."""
+
 ROWS: Final = 5000
 """Rows an entity gathers before they are sent: from 1000 on a call costs less than its rows."""
 
@@ -103,19 +106,18 @@ class RerunSink:
 
     def close(self) -> None:
         """Send what waits; finish the file with its layout."""
-        if self._live:
-            self._send(1)
-            self._rec.flush()
-            return
-        self._hold()
+        if not self._live:
+            self._hold()
         self._send(1)
         self._layout()
         try:
-            self._rec.flush()
+            self._rec.flush(timeout_sec=FLUSH_S)
         except RuntimeError as error:
-            raise OutputError(f"{self._path}: cannot be written ({error})") from error
+            where = self._path or "the Rerun viewer"
+            raise OutputError(f"{where}: cannot be written ({error})") from error
         finally:
-            self._rec.disconnect()
+            if not self._live:
+                self._rec.disconnect()
 
     def _clock(self, batch: Batch) -> None:
         """Learn the span of time, and from the first time whether it is a date."""

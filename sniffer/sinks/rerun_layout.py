@@ -206,7 +206,7 @@ def _page(
             contents=[t.path for t in lanes],
             time_view=rrb.TimeAxis(link="LinkToGlobal"),
         )
-        left.append((min(max(0.4 * len(lanes), 1.0), 3.5), view))
+        left.append((min(max(0.5 * len(lanes), 1.0), 4.5), view))
     if log is not None:
         right.append((2.5, _log(log)))
     columns = [

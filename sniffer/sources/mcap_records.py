@@ -45,6 +45,8 @@ _PARSED: Final[dict[int, Any]] = {
     Opcode.METADATA: Metadata,
     Opcode.DATA_END: DataEnd,
 }
+_BESIDE: Final = (Opcode.ATTACHMENT, Opcode.METADATA)
+"""What is damaged of these is left out: the messages do not depend on it."""
 
 
 class BrokenError(Exception):
@@ -137,7 +139,12 @@ class Records:
             elif opcode == Opcode.FOOTER:
                 raise BrokenError("its end mark is missing")
             elif opcode in _PARSED and (opcode != Opcode.ATTACHMENT or self._attachments):
-                parsed = _parse(opcode, body)
+                try:
+                    parsed = _parse(opcode, body)
+                except BrokenError:
+                    if opcode not in _BESIDE:
+                        raise
+                    continue
                 self._learn(parsed)
                 if not isinstance(parsed, DataEnd):
                     self.position = self._taken

@@ -141,7 +141,7 @@ def frame(block: Block) -> tuple[Spans, int]:
     length[motion] += 2 * count
     end = start + length
     fits = np.ones(len(start), bool)
-    fits[motion] = (count <= MOTION_MOST) | (start[motion] + PARAMS >= limit[motion])
+    fits[motion] = count <= MOTION_MOST
     whole = fits & (end <= limit)
     waiting = start[fits & (end > limit) & block.open(limit)]
     start, end, kind = start[whole], end[whole], kind[whole]

@@ -1,0 +1,127 @@
+"""The command line as a user meets it: a process of its own, or the same within this one."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from sniffer.cli import run
+from sniffer.decoder import Decoder
+from sniffer.model import RESPONSE, Chunk
+from tests.streams.mightyzap import packet
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    import pytest
+
+COMMAND: Final = (sys.executable, "-m", "sniffer")
+_FOUND: Final = re.compile(r"sniffer: [^:]+: \w+ \((sure|likely|not sure): explains .*\)")
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """What a command left behind."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def complaint(self) -> str:
+        """The one line on standard error, the line about the protocol found aside."""
+        assert "Traceback" not in self.err
+        lines = [line for line in self.err.splitlines() if not _FOUND.fullmatch(line)]
+        assert len(lines) == 1, self.err
+        assert lines[0].startswith("sniffer: ")
+        return lines[0].removeprefix("sniffer: ")
+
+    @property
+    def content(self) -> bool:
+        """Whether nothing but the protocol found was said."""
+        return all(_FOUND.fullmatch(line) for line in self.err.splitlines())
+
+
+def environment(**more: str) -> dict[str, str]:
+    """Return this process's environment without what a terminal adds to it."""
+    out = {k: v for k, v in os.environ.items() if k not in ("COLUMNS", "LINES", "NO_COLOR")}
+    return {**out, **more}
+
+
+def sniffer(
+    *arguments: str | Path,
+    data: bytes | None = None,
+    env: Mapping[str, str] | None = None,
+    before: tuple[str, ...] = (),
+) -> Ran:
+    """Run a command in a process of its own; ``before`` stands in front of its command line."""
+    done = subprocess.run(
+        [*before, *COMMAND, *map(str, arguments)],
+        input=data,
+        stdin=subprocess.DEVNULL if data is None else None,
+        capture_output=True,
+        env=environment(**(env or {})),
+        timeout=120,
+        check=False,
+    )
+    return Ran(done.returncode, done.stdout.decode(), done.stderr.decode())
+
+
+def within(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> Ran:
+    """Run a command within this process: the same, but ten times faster."""
+    capsys.readouterr()
+    status = run([str(a) for a in arguments])
+    out, err = capsys.readouterr()
+    return Ran(status, out, err)
+
+
+def talk(cycles: int, seed: int = 1) -> bytes:
+    """Return what a controller and three servos say: a sync write, then each one is read."""
+    rng = random.Random(seed)
+    out = bytearray()
+    position = {1: 2000, 2: 500, 3: 900}
+    for _ in range(cycles):
+        goals = (bytes([who]) + at.to_bytes(2, "little") for who, at in position.items())
+        out += packet(254, 0x73, b"\x86\x02" + b"".join(goals))
+        for who in position:
+            position[who] = min(max(position[who] + rng.randint(-30, 60), 0), 4095)
+            measured = (position[who], rng.randint(0, 1000), 0)
+            data = b"".join(v.to_bytes(2, "little") for v in measured)
+            overloaded = 0x20 if rng.random() < 0.05 else 0
+            out += packet(who, 0xF2, b"\x8c\x08")
+            out += packet(who, overloaded, data + bytes([120, rng.randint(28, 40)]))
+    return bytes(out)
+
+
+def damaged(data: bytes) -> bytes:
+    """Alter a byte, lose four, and add two of nobody."""
+    out = bytearray(data)
+    out[100] ^= 0x55
+    del out[300:304]
+    out[500:500] = b"\x01\x02"
+    return bytes(out)
+
+
+def log(data: bytes, *, start_ns: int = 1_700_000_000_000_000_000) -> str:
+    """Write mightyZAP talk down as a log with times, a line a frame."""
+    decoder = Decoder("mightyzap")
+    t, lines = start_ns, list[str]()
+    for batch in (decoder.feed(Chunk(data)), decoder.close()):
+        f = batch.frames
+        for start, length, kind in zip(f.start, f.length, f.kind, strict=True):
+            t += int(length) * 173_611 + (600_000 if kind == RESPONSE else 900_000)
+            raw = batch.data[start : start + length].hex().upper()
+            lines.append(f"({t // 10**9}.{t % 10**9 // 1000:06d}) bus0 #{raw}\n")
+    return "".join(lines)
+
+
+def records(text: str) -> list[dict[str, Any]]:
+    """Return the records of JSON lines."""
+    return [json.loads(line) for line in text.splitlines()]

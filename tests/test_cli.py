@@ -1,0 +1,572 @@
+"""What a user gets wrong, and what breaks off: one line that helps, and nothing is lost."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from sniffer.cli import decode as decode_command
+from sniffer.cli import run, session
+from sniffer.model import Chunk, OutputError
+from sniffer.pipeline import Options
+from sniffer.protocols import PROTOCOLS
+from sniffer.sinks import SINKS
+from sniffer.sources import open_source
+from tests.commands import (
+    COMMAND,
+    Ran,
+    damaged,
+    environment,
+    log,
+    records,
+    sniffer,
+    talk,
+    within,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from sniffer.model import Batch
+    from sniffer.protocols.base import BusProtocol
+
+Capsys = pytest.CaptureFixture[str]
+NOISE = random.Random(5).randbytes(5000)
+LONG = "DECODE_A_LONG_ONE"
+
+
+@pytest.fixture
+def good(tmp_path: Path) -> Path:
+    path = tmp_path / "good.bin"
+    path.write_bytes(talk(20))
+    return path
+
+
+def conserved(text: str) -> bytes:
+    """Return the bytes that the records of JSON lines account for; the summary agrees."""
+    rows = records(text)
+    assert rows[-1]["type"] == "summary"
+    data = b"".join(bytes.fromhex(r["hex"]) for r in rows if r["type"] in ("frame", "gap"))
+    assert rows[-1]["bytes"] == len(data)
+    return data
+
+
+# --- inputs ------------------------------------------------------------------------------------
+
+
+def test_an_empty_file_is_a_mistake(tmp_path: Path, capsys: Capsys) -> None:
+    path = tmp_path / "empty"
+    path.write_bytes(b"")
+    ran = within(capsys, "decode", path)
+    assert (ran.status, ran.out) == (2, "")
+    assert ran.complaint == f"{path} is empty: nothing to decode"
+
+
+def test_an_empty_standard_input_is_a_mistake() -> None:
+    ran = sniffer("decode", "-", data=b"")
+    assert (ran.status, ran.out) == (2, "")
+    assert ran.complaint == "standard input is empty: nothing to decode"
+
+
+def test_noise_names_the_score_of_every_protocol(tmp_path: Path, capsys: Capsys) -> None:
+    path = tmp_path / "noise.bin"
+    path.write_bytes(NOISE)
+    ran = within(capsys, "decode", path)
+    assert (ran.status, ran.out) == (2, "")
+    assert all(f"{name} 0." in ran.complaint for name in PROTOCOLS)
+    assert "--protocol" in ran.complaint
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_noise_of_a_named_protocol_is_all_gaps(
+    protocol: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    path = tmp_path / "noise.bin"
+    path.write_bytes(NOISE)
+    ran = within(capsys, "decode", path, "--protocol", protocol, "--format", "jsonl")
+    assert (ran.status, ran.err) == (0, "")
+    assert conserved(ran.out) == NOISE
+    summary = records(ran.out)[-1]
+    assert summary["bytes_in_frames"] < 0.01 * len(NOISE)
+
+
+def test_the_wrong_protocol_is_all_gaps_too(good: Path, capsys: Capsys) -> None:
+    ran = within(capsys, "decode", good, "--protocol", "rs30x", "--format", "jsonl")
+    assert (ran.status, ran.err) == (0, "")
+    assert conserved(ran.out) == good.read_bytes()
+    assert records(ran.out)[-1]["frames"] == 0
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ("Dear diary,\nnothing was on the bus today.\n", "this is text, but no dump"),
+        ("FF FF FF 00 02 F1 0\nFF FF\n", "line 1, column 19: '0' has an odd number of hex digits"),
+        ("FFFFFF0002F10\n", "'FFFFFF0002F10' has an odd number of hex digits"),
+        ("\n\n\n", "only blank lines"),
+    ],
+)
+def test_text_that_is_no_dump_says_so(
+    content: str, told: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    path = tmp_path / "text.txt"
+    path.write_text(content)
+    ran = within(capsys, "decode", path)
+    assert (ran.status, ran.out) == (2, "")
+    assert str(path) in ran.complaint
+    assert told in ran.complaint
+
+
+def test_a_directory_is_no_input(tmp_path: Path, capsys: Capsys) -> None:
+    ran = within(capsys, "decode", tmp_path)
+    assert ran.status == 2
+    assert ran.complaint == f"{tmp_path} is a directory: give the file in it"
+
+
+def test_a_missing_file_is_named(tmp_path: Path, capsys: Capsys) -> None:
+    ran = within(capsys, "decode", tmp_path / "nix")
+    assert ran.status == 2
+    assert ran.complaint == f"{tmp_path / 'nix'}: there is no such file"
+
+
+def test_a_name_of_control_characters_cannot_steer_the_terminal(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    ran = within(capsys, "decode", tmp_path / "a\x1b[31m\nb")
+    assert ran.status == 2
+    assert ran.complaint.isprintable()
+
+
+UNPRIVILEGED = (
+    sys.executable,
+    "-c",
+    "import ctypes, os, sys\n"
+    "drop = ctypes.CDLL(None).prctl\n"
+    "if os.geteuid() == 0 and any(drop(24, capability, 0, 0, 0) for capability in (1, 2)):\n"
+    "    sys.exit(77)\n"
+    "os.execv(sys.argv[1], sys.argv[1:])",
+)
+"""Root may read and write everything: this takes that privilege away before the command runs."""
+
+
+def forbidden(path: Path, *arguments: str | Path) -> Ran:
+    """Run a command to which the permissions of ``path`` matter."""
+    if not sys.platform.startswith("linux") and os.geteuid() == 0:
+        pytest.skip("root may do everything, and only Linux lets it give that up")
+    ran = sniffer(*arguments, before=UNPRIVILEGED)
+    path.chmod(0o755)
+    if ran.status == 77:
+        pytest.skip("root may do everything, and cannot give that up here")
+    return ran
+
+
+def test_a_file_without_permission_is_a_mistake(good: Path) -> None:
+    good.chmod(0)
+    ran = forbidden(good, "decode", good)
+    assert (ran.status, ran.out) == (2, "")
+    assert ran.complaint == f"{good}: no permission to read it"
+
+
+def test_a_log_that_breaks_off_is_decoded_up_to_there(tmp_path: Path, capsys: Capsys) -> None:
+    lines = log(talk(300)).splitlines(keepends=True)
+    path, out = tmp_path / "half.log", tmp_path / "half.jsonl"
+    path.write_text("".join([*lines[:999], "\x00\x01garbage#zz\n", *lines[1000:]]))
+    ran = within(capsys, "decode", path, "--format", "jsonl", "-o", out)
+    assert ran.status == 3
+    assert f"{path}, line 1000: " in ran.complaint
+    before = b"".join(bytes.fromhex(line.split("#")[1]) for line in lines[:999])
+    assert conserved(ran.out) == before
+    assert out.read_text() == ran.out
+
+
+def test_a_dump_that_breaks_off_is_decoded_up_to_there(tmp_path: Path, capsys: Capsys) -> None:
+    data = talk(120)
+    lines = [data[at : at + 8].hex(" ") + "\n" for at in range(0, len(data), 8)]
+    path = tmp_path / "half.hex"
+    path.write_text("".join([*lines[:999], "FF FF oops\n", *lines[1000:]]))
+    ran = within(capsys, "decode", path, "--format", "jsonl")
+    assert ran.status == 3
+    assert f"{path}, line 1000, column 7: 'oops' is not hex" in ran.complaint
+    assert conserved(ran.out) == data[: 8 * 999] + b"\xff\xff"
+
+
+def test_two_buses_are_decoded_even_if_one_says_nothing_sensible(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    path, out = tmp_path / "two.log", tmp_path / "two.jsonl"
+    path.write_text("(1699999999.5) elbow #0102030405\n" + log(talk(20)))
+    ran = within(capsys, "decode", path, "-o", out, "--quiet")
+    assert ran.status == 2
+    assert ran.complaint.startswith("cannot tell the protocol of these 5 bytes")
+    assert conserved(out.read_text()) == talk(20)
+
+
+# --- options -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--protocol", "dynamixel"], "'dynamixel' is not one of 'auto', 'mightyzap'"),
+        (["--model", "9=nix"], "no model 'nix': one of lss, mightyzap-12lf"),
+        (["--model", "x=wck"], "'x=wck': write ID=MODEL with an id of 0..255, or MODEL"),
+        (["--model", "256=wck"], "'256=wck': write ID=MODEL with an id of 0..255, or MODEL"),
+        (["--model", "=wck"], "'=wck': write ID=MODEL"),
+        (["--model", "rs305cr"], "mightyzap has no model 'rs305cr': one of mightyzap-l12"),
+        (["--baud", "fast"], "'fast' is not a valid integer"),
+        (["--baud", "1"], "1 is not in the range"),
+        (["--latency", "nan"], "'nan' is no number to reckon with"),
+        (["--format", "xml"], "'xml' is not one of 'text', 'jsonl'"),
+        (["--fail-on", "all"], "'all' is not one of 'note', 'warn', 'error'"),
+        (["--input-format", "pcap"], "'pcap' is not one of 'auto', 'bin'"),
+        (["--nix"], "No such option"),
+        (["and-another"], "unexpected extra argument"),
+    ],
+)
+def test_a_wrong_option_says_what_is_right(
+    arguments: list[str], told: str, good: Path, capsys: Capsys
+) -> None:
+    ran = within(capsys, "decode", good, *arguments)
+    assert (ran.status, ran.out) == (2, "")
+    assert told in ran.complaint
+
+
+def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
+    assert within(capsys).status == 2
+    assert "No such command" in within(capsys, "nix").complaint
+    assert "Missing argument 'FILE'" in within(capsys, "decode").complaint
+
+
+@pytest.mark.parametrize(
+    "command", ["", "decode", "view", "replay", "recover", "explain", "protocols", "registers"]
+)
+def test_help_is_there_and_fits_a_terminal(command: str, capsys: Capsys) -> None:
+    ran = within(capsys, *([command] if command else []), "--help")
+    assert (ran.status, ran.err) == (0, "")
+    assert max(map(len, ran.out.splitlines())) <= 84
+    if command != "protocols":
+        assert f"sniffer {command}".strip() in ran.out.partition("Options:")[2]
+
+
+def test_the_version_is_told(capsys: Capsys) -> None:
+    from sniffer import __version__
+
+    assert within(capsys, "--version").out == f"sniffer, version {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("level", "status"), [("error", 1), ("warn", 1), ("note", 1), (None, 0)]
+)
+def test_anomalies_fail_the_command_only_where_asked(
+    level: str | None, status: int, tmp_path: Path, capsys: Capsys
+) -> None:
+    path = tmp_path / "damaged.bin"
+    path.write_bytes(damaged(talk(20)))
+    asked = ["--fail-on", level] if level else []
+    ran = within(capsys, "decode", path, "--quiet", *asked)
+    assert (ran.status, ran.out, ran.err) == (status, "", "")
+
+
+def test_a_level_that_is_not_reached_does_not_fail(tmp_path: Path, capsys: Capsys) -> None:
+    path = tmp_path / "tail.bin"
+    path.write_bytes(talk(1)[:-4])  # an idle tail is a warning
+    assert within(capsys, "decode", path, "--quiet", "--fail-on", "warn").status == 1
+    assert within(capsys, "decode", path, "--quiet", "--fail-on", "error").status in (0, 1)
+
+
+# --- outputs -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("output", "told"),
+    [
+        ("no/x.jsonl", "there is no folder"),
+        ("no/x.csv", "there is no folder"),
+        ("folder.jsonl", "is a directory: give a file name"),
+        ("x.xml", "the suffix must be one of .jsonl, .csv, .parquet, .mcap, .rrd"),
+        ("x", "the suffix must be one of"),
+        ("good.jsonl", "is the input: choose another output"),
+        ("link.jsonl", "is the input: choose another output"),
+    ],
+)
+def test_a_wrong_output_says_what_is_right_and_leaves_no_file(
+    output: str, told: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    good = tmp_path / "good.jsonl"
+    good.write_bytes(talk(20))
+    (tmp_path / "folder.jsonl").mkdir()
+    (tmp_path / "link.jsonl").symlink_to(good)
+    before = sorted(tmp_path.iterdir())
+    ran = within(capsys, "decode", good, "-o", tmp_path / output)
+    assert (ran.status, ran.out) == (2, "")
+    assert str(tmp_path / output) in ran.complaint
+    assert told in ran.complaint
+    assert sorted(tmp_path.iterdir()) == before
+    assert good.read_bytes() == talk(20)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [("x.jsonl", "x.jsonl"), ("x.jsonl", "./x.jsonl"), ("x.csv", "x.frames.csv")],
+)
+def test_the_same_file_is_not_written_twice(
+    one: str, other: str, good: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    ran = within(capsys, "decode", good, "-o", tmp_path / one, "-o", f"{tmp_path}/{other}")
+    assert (ran.status, ran.out) == (2, "")
+    assert ran.complaint.endswith("would be written twice: choose another output")
+    assert list(tmp_path.iterdir()) == [good]
+
+
+def test_one_mistaken_output_leaves_the_others_unopened(
+    good: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    precious = tmp_path / "precious.jsonl"
+    precious.write_text("kept")
+    ran = within(capsys, "decode", good, "-o", precious, "-o", tmp_path / "x.xml")
+    assert ran.status == 2
+    assert precious.read_text() == "kept"
+
+
+def test_standard_input_is_not_overwritten_either(tmp_path: Path) -> None:
+    path = tmp_path / "in.jsonl"
+    path.write_bytes(talk(20))
+    with path.open("rb") as file:
+        done = subprocess.run(
+            [*COMMAND, "decode", "-", "-o", str(path)],
+            stdin=file, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+    assert Ran(done.returncode, done.stdout, done.stderr).complaint.startswith(f"{path} is the")
+    assert path.read_bytes() == talk(20)
+
+
+def test_a_folder_without_permission_is_a_mistake(good: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "closed"
+    folder.mkdir(mode=0o555)
+    ran = forbidden(folder, "decode", good, "-o", folder / "x.jsonl")
+    assert (ran.status, ran.out) == (2, "")
+    assert ran.complaint == f"{folder / 'x.jsonl'}: no permission to write it"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("suffix", SINKS)
+def test_a_full_disk_spoils_one_output_and_not_the_others(
+    suffix: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    path = tmp_path / "in.bin"
+    path.write_bytes(talk(100))
+    full, kept = tmp_path / f"full{suffix}", tmp_path / "kept.jsonl"
+    full.symlink_to("/dev/full")
+    ran = within(capsys, "decode", path, "-o", full, "-o", kept, "--summary")
+    assert ran.status == 2
+    assert ran.complaint.startswith(f"{full}: ")
+    assert "No space left" in ran.complaint
+    assert conserved(kept.read_text()) == talk(100)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs ulimit")
+def test_a_file_that_may_not_grow_is_a_mistake(tmp_path: Path) -> None:
+    path, out = tmp_path / "in.bin", tmp_path / "x.jsonl"
+    path.write_bytes(talk(100))
+    ran = sniffer(
+        "decode", path, "-o", out, "--quiet", before=("sh", "-c", 'ulimit -f 32; exec "$@"', "sh")
+    )
+    assert (ran.status, ran.out) == (2, "")
+    assert ran.complaint == f"{out}: cannot be written (File too large)"
+    assert 0 < out.stat().st_size <= 32 * 1024
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize(
+    "arguments", [["decode", "FILE"], ["decode", "FILE", "--summary"], ["protocols"]]
+)
+def test_a_full_standard_output_is_a_mistake(arguments: list[str], good: Path) -> None:
+    named = [str(good) if a == "FILE" else a for a in arguments]
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run([*COMMAND, *named], stdout=full, stderr=subprocess.PIPE, check=False)
+    ran = Ran(done.returncode, "", done.stderr.decode())
+    assert ran.status == 2
+    assert ran.complaint == "standard output: cannot be written (No space left on device)"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a shell that closes outputs")
+def test_a_closed_standard_output_is_borne_and_the_file_is_whole(
+    good: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "x.jsonl"
+    ran = sniffer("decode", good, "-o", out, before=("sh", "-c", 'exec "$@" >&-', "sh"))
+    assert (ran.status, ran.out) == (0, "")
+    assert ran.content
+    assert conserved(out.read_text()) == good.read_bytes()
+
+
+def test_characters_the_terminal_lacks_are_no_reason_to_stop(tmp_path: Path) -> None:
+    path = tmp_path / "in.bin"
+    path.write_bytes(damaged(talk(20)))
+    ascii_only = {"PYTHONIOENCODING": "ascii", "COLUMNS": "80"}
+    ran = sniffer("decode", path, env=ascii_only)
+    assert ran.status == 0
+    assert ran.content
+    ran.out.encode("ascii")
+    ran = sniffer("decode", path, "--format", "jsonl", env=ascii_only)
+    assert ran.status == 0
+    assert conserved(ran.out) == path.read_bytes()
+
+
+# --- pipes -------------------------------------------------------------------------------------
+
+
+def head(path: Path, *arguments: str) -> Ran:
+    """Run a command as in ``... | head -1``."""
+    command = [*COMMAND, "decode", str(path), *arguments]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment()
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        first = process.stdout.readline()
+        process.stdout.close()
+        err = process.stderr.read()
+    return Ran(process.returncode, first.decode(), err.decode())
+
+
+@pytest.fixture
+def large(tmp_path: Path) -> Path:
+    path = tmp_path / "large.bin"
+    path.write_bytes(talk(1500))
+    return path
+
+
+@pytest.mark.parametrize("form", ["text", "jsonl"])
+def test_a_reader_that_goes_away_ends_the_decoding_quietly(form: str, large: Path) -> None:
+    ran = head(large, "--format", form)
+    assert ran.status == 0
+    assert ran.out.startswith("time" if form == "text" else '{"type":"frame"')
+    assert ran.content
+
+
+def test_a_reader_that_goes_away_does_not_stop_the_file(large: Path, tmp_path: Path) -> None:
+    out = tmp_path / "whole.jsonl"
+    ran = head(large, "-o", str(out))
+    assert (ran.status, ran.content) == (0, True)
+    assert conserved(out.read_text()) == large.read_bytes()
+
+
+def test_standard_input_is_decoded_like_a_file(good: Path) -> None:
+    piped = sniffer("decode", "-", "--format", "jsonl", data=good.read_bytes())
+    assert (piped.status, piped.content) == (0, True)
+    assert piped.out == sniffer("decode", good, "--format", "jsonl").out
+
+
+# --- Ctrl-C ------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT to a child")
+def test_ctrl_c_keeps_what_was_decoded(tmp_path: Path) -> None:
+    out = tmp_path / "x.parquet"
+    data = talk(5000)
+    with subprocess.Popen(
+        [*COMMAND, "decode", "-", "--summary", "-o", str(out)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment(),
+    ) as process:  # fmt: skip
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdin.write(data)
+        process.stdin.flush()
+        said = process.stderr.readline()  # the protocol is found: decoding has begun
+        process.send_signal(signal.SIGINT)
+        printed = process.stdout.read().decode()
+        said += process.stderr.read()
+    ran = Ran(process.returncode, printed, said.decode())
+    assert ran.status == 130
+    assert ran.complaint == "interrupted: what was decoded is kept"
+    frames = pq.read_table(out.with_suffix(".frames.parquet"))
+    assert frames["length"].to_pylist()[:2] == [18, 9]
+    decoded = sum(frames["length"].to_pylist())
+    assert len(data) // 2 < decoded <= len(data)
+    assert f" = {decoded} in {len(frames)} frames" in ran.out
+
+
+class Interrupting:
+    """A sink whose user loses patience while it is written."""
+
+    def __init__(self) -> None:
+        self.closed = False
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Keeping(Interrupting):
+    """A sink that keeps the batches."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.data = b""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        self.data += batch.data
+
+
+def test_ctrl_c_never_parts_two_outputs(good: Path, capsys: Capsys) -> None:
+    first, second, last = Keeping(), Interrupting(), Keeping()
+    data = good.read_bytes()
+    groups = ([Chunk(data)] for _ in range(10))
+    _, status = session.run_source(
+        open_source(good),
+        Options("mightyzap"),
+        [first, second, last],
+        name="x",
+        groups=groups,
+    )
+    assert status == 130
+    assert first.data == last.data == data
+    assert first.closed
+    assert second.closed
+    assert last.closed
+    assert capsys.readouterr().err == "sniffer: interrupted: what was decoded is kept\n"
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_ctrl_c_before_anything_was_read_is_told_in_one_line(
+    good: Path, capsys: Capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> object:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(decode_command, "open_source", interrupted)
+    ran = within(capsys, "decode", good)
+    assert (ran.status, ran.out) == (130, "")
+    assert ran.complaint == "interrupted"
+
+
+class Failing(Keeping):
+    """A sink whose disk fills up at the very end; closed twice, it would not forgive."""
+
+    def close(self) -> None:
+        assert not self.closed
+        super().close()
+        raise OutputError("full")
+
+
+def test_every_output_is_closed_once_even_if_closing_one_fails(good: Path) -> None:
+    sinks = [Keeping(), Failing(), Keeping()]
+    with pytest.raises(OutputError, match="full"):
+        session.run_source(open_source(good), Options("mightyzap"), sinks, name="x")
+    assert all(sink.closed for sink in sinks)
+    assert sinks[0].data == sinks[2].data == good.read_bytes()
