@@ -186,6 +186,8 @@ class Decoder:
 
 def _stretches(a: int, b: int, block: Block) -> list[tuple[int, int, bool]]:
     """Cut ``a..b`` at silences; tell for each part whether a silence (or the end) follows it."""
+    if not len(block.barriers):
+        return [(a, b, block.final and b == block.n)]
     inside = block.barriers[(block.barriers > a) & (block.barriers <= b)].tolist()
     edges = [a, *(x for x in inside if x < b), b]
     silent = {*inside, *([block.n] if block.final else [])}

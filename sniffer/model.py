@@ -245,7 +245,7 @@ class Anomaly:
     @property
     def known_at(self) -> int:
         """Offset of the last piece of evidence; the first may lie in an earlier batch."""
-        return max(start for start, _ in self.evidence)
+        return max(self.evidence)[0]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ Its usage statistics are switched off. Written for rerun-sdk 0.41.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import importlib.util
 import os
@@ -145,6 +146,7 @@ class LiveSink:
             self._recording.connect_grpc(f"rerun+http://127.0.0.1:{port}/proxy")
             self._sink = RerunSink(recording=self._recording, window_s=window_s)
             self._stack = stack.pop_all()
+        atexit.register(self._stack.close)
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks; Rerun has no use for them."""
@@ -155,12 +157,15 @@ class LiveSink:
             self._sink.write(bus, protocol, batch)
 
     def close(self) -> None:
-        """Wait until the window is closed."""
+        """Wait until the window is closed; while an exception passes, close it."""
+        leaves = sys.exc_info()[0] is not None
         with self._stack, contextlib.suppress(KeyboardInterrupt):
             if self._viewer.poll() is None:
                 self._sink.close()
             self._recording.disconnect()
-            self._viewer.wait()
+            if not leaves:
+                self._viewer.wait()
+        atexit.unregister(self._stack.close)
 
 
 def live_sink(name: str) -> LiveSink:
@@ -196,6 +201,8 @@ def _rerun(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is not None:
+        return
     for number in (signal.SIGTERM, signal.SIGTERM if sys.platform == "win32" else signal.SIGKILL):
         with contextlib.suppress(ProcessLookupError):
             if sys.platform == "win32":

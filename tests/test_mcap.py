@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import json
 import math
@@ -163,7 +164,7 @@ def expected(protocol: BusProtocol, batches: list[Batch]) -> dict[str, list[Any]
 
 
 def rows_of(columns: model.Columns) -> Any:
-    names = columns.__slots__
+    names = [f.name for f in dataclasses.fields(columns)]
     return zip(*(getattr(columns, n).tolist() for n in names), strict=True)
 
 

@@ -10,9 +10,11 @@ import socket
 import struct
 import subprocess
 import sys
+import threading
 import time
 import urllib.request
 from collections import defaultdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -30,7 +32,6 @@ from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from sniffer.model import Batch
     from tests.viewer import HeadlessViewer
@@ -309,6 +310,12 @@ def test_a_file_that_cannot_be_written_is_an_output_error(tmp_path: Path) -> Non
         RerunSink(tmp_path / "none" / "a.rrd")
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full, a disk that is full")
+def test_a_full_disk_is_an_output_error() -> None:
+    with pytest.raises(OutputError, match="No space left"):
+        write(Path("/dev/full"), talk(ticks=2))
+
+
 def test_rerun_is_not_imported_before_a_sink_is_made() -> None:
     code = "import sys, sniffer.sinks.rerun, sniffer.viewing; sys.exit('rerun' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
@@ -323,6 +330,33 @@ def test_without_a_display_it_says_what_to_do_instead(
     with pytest.raises(OutputError, match=r"no display.*--web.*-o x\.rrd") as caught:
         viewing.show(recording[0])
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.usefixtures("headless_viewer")  # skips where no viewer can run
+def test_a_live_window_stays_until_it_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(viewing, "has_display", lambda: True)
+    monkeypatch.setattr(viewing, "LOCAL", (*viewing.LOCAL, "--headless"))
+    decoder, chunks = Decoder("mightyzap", baud=250_000), talk(ticks=4)
+    sink = viewing.live_sink("test")
+    viewer = sink._viewer
+    sink.write("bus0", decoder.protocol, decoder.feed(*chunks[:20]))
+    assert viewer.poll() is None
+    threading.Timer(0.5, viewer.terminate).start()
+    sink.close()
+    assert viewer.returncode is not None
+    sink.write("bus0", decoder.protocol, decoder.feed(*chunks[20:]))
+
+
+@pytest.mark.usefixtures("headless_viewer")
+def test_a_live_window_is_closed_when_an_exception_passes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(viewing, "has_display", lambda: True)
+    monkeypatch.setattr(viewing, "LOCAL", (*viewing.LOCAL, "--headless"))
+    sink = viewing.live_sink("test")
+    try:
+        raise SystemExit
+    except SystemExit:
+        sink.close()
+    assert sink._viewer.returncode is not None
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no Ctrl-C can be sent to one process there")

@@ -10,7 +10,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from sniffer.diagnostics.device import DeviceRules
-from sniffer.diagnostics.rules import CaptureRules, PairingRules, gap_anomalies, protocol_anomalies
+from sniffer.diagnostics.pairing import PairingRules
+from sniffer.diagnostics.rules import CaptureRules, gap_anomalies, protocol_anomalies
 
 if TYPE_CHECKING:
     from sniffer.model import Anomaly, Batch

@@ -8,16 +8,10 @@ import numpy as np
 
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.model import (
-    ANY_ID,
-    DAMAGED,
     ECHO_DIFFERS,
     MALFORMED,
-    MISMATCHED,
-    NO_RESPONSE,
-    OK,
     RESPONSE,
     UNKNOWN,
-    UNSOLICITED,
     UNUSUAL,
     Anomaly,
     Batch,
@@ -29,10 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sniffer.protocols.base import BusProtocol
-
-LATE_SPAN_NS = 3_000_000_000
-"""An unasked answer this long after an unanswered request is still taken for its answer: the
-longest time-out met in clients (wCK's original library waits 3 s)."""
 
 
 def anomaly(
@@ -108,105 +98,6 @@ def protocol_anomalies(batch: Batch, protocol: BusProtocol) -> Iterator[Anomaly]
             yield anomaly(
                 "echo-mismatch", t, who, f"the answer to {op} does not repeat it: {shown}", at
             )
-
-
-class PairingRules:
-    """Missing, late, unasked and ill-fitting answers."""
-
-    def __init__(self, protocol: BusProtocol) -> None:
-        self._protocol = protocol
-        self._unanswered: tuple[int, int, int, int, str, tuple[int, int]] | None = None
-        self._answered: tuple[int, tuple[int, int]] | None = None
-
-    def judge(self, batch: Batch) -> Iterator[Anomaly]:
-        """Report the transactions that went wrong, and answers beyond their window."""
-        f, t = batch.frames, batch.transactions
-        bad = t.outcome != OK
-        silent = (t.outcome == NO_RESPONSE) | (t.outcome == DAMAGED)
-        wrong = silent | (t.outcome == MISMATCHED) | (t.outcome == UNSOLICITED)
-        window = self._protocol.window_ns(f.take(t.request)) if len(t) else t.response_time_ns
-        late = ~bad & (t.response_time_ns - t.uncertainty_ns > window) & (t.response_time_ns >= 0)
-        for i in np.flatnonzero(wrong | late).tolist():
-            yield from self._one(batch, i, int(window[i]))
-        last = np.flatnonzero(~bad)
-        if len(last):
-            r = int(t.response[last[-1]])
-            self._answered = (int(f.servo_id[r]), (batch.base + int(f.start[r]), int(f.length[r])))
-
-    def _one(self, batch: Batch, i: int, window: int) -> Iterator[Anomaly]:
-        f, t = batch.frames, batch.transactions
-        q, r, outcome = int(t.request[i]), int(t.response[i]), int(t.outcome[i])
-        row = q if q >= 0 else r
-        op, who = self._protocol.op_name(int(f.op[row])), int(f.servo_id[row])
-        name = f"servo {who}" if who >= 0 else "no servo"
-        spans = [(batch.base + int(f.start[k]), int(f.length[k])) for k in (q, r) if k >= 0]
-        t_ns = int(f.t_end[r if r >= 0 else q])
-        if outcome in (NO_RESPONSE, DAMAGED):
-            self._remember(batch, q, op)
-        if outcome == NO_RESPONSE:
-            yield anomaly("no-response", t_ns, who, f"{name} did not answer {op}", *spans)
-        elif outcome == DAMAGED:
-            yield anomaly(
-                "damaged-response", t_ns, who, f"torn bytes where {name} should answer {op}", *spans
-            )
-        elif outcome == MISMATCHED:
-            yield anomaly("mismatched-response", t_ns, who, self._misfit(batch, q, r, op), *spans)
-        elif outcome == UNSOLICITED:
-            yield self._unasked(batch, i, r, t_ns, spans)
-        else:
-            took, spread = int(t.response_time_ns[i]) / 1e6, int(t.uncertainty_ns[i]) / 1e6
-            text = (
-                f"{name} answered {op} after {took:.2f} ms (± {spread:.2f}); "
-                f"the manual promises {window / 1e6:.2f} ms"
-            )
-            yield anomaly("late-response", t_ns, int(f.servo_id[r]), text, *spans)
-
-    def _remember(self, batch: Batch, q: int, op: str) -> None:
-        f = batch.frames
-        where = (batch.base + int(f.start[q]), int(f.length[q]))
-        who = -1 if int(f.alt_id[q]) == ANY_ID else int(f.servo_id[q])
-        self._unanswered = (who, int(f.token[q]), int(f.t_end[q]), int(f.reply[q]), op, where)
-
-    def _misfit(self, batch: Batch, q: int, r: int, op: str) -> str:
-        f = batch.frames
-        asked, got = int(f.servo_id[q]), int(f.servo_id[r])
-        if asked != got:
-            return f"servo {asked} was asked ({op}), servo {got} answered"
-        return (
-            f"the answer of servo {got} does not fit {op}: {int(f.data_length[r])} data bytes, "
-            f"{batch.data[int(f.start[r]) : int(f.start[r] + f.length[r])][:32].hex(' ').upper()}"
-        )
-
-    def _unasked(
-        self, batch: Batch, i: int, r: int, t_ns: int, spans: list[tuple[int, int]]
-    ) -> Anomaly:
-        f, t = batch.frames, batch.transactions
-        who, token = int(f.servo_id[r]), int(f.token[r])
-        previous = self._answered
-        if i and int(t.outcome[i - 1]) == OK:
-            p = int(t.response[i - 1])
-            previous = (int(f.servo_id[p]), (batch.base + int(f.start[p]), int(f.length[p])))
-        if previous is not None and previous[0] == who and sum(previous[1]) == spans[0][0]:
-            return anomaly(
-                "duplicate-response",
-                t_ns,
-                who,
-                f"servo {who} answered twice in a row",
-                previous[1],
-                *spans,
-            )
-        asked = self._unanswered
-        if asked is not None and int(f.uncertainty[r]) >= 0:
-            servo, wanted, t_asked, _, op, where = asked
-            took = int(f.t_start[r]) - t_asked
-            if servo in (-1, who) and token in (-1, wanted) and 0 < took <= LATE_SPAN_NS:
-                self._unanswered = None
-                text = f"servo {who} answered {op} only after {took / 1e6:.2f} ms"
-                return anomaly("late-response", t_ns, who, text, *spans, where)
-        name = f"servo {who}" if who >= 0 else "a servo"
-        return anomaly(
-            "unsolicited-response", t_ns, who, f"{name} answered, but nothing was asked", *spans
-        )
 
 
 class CaptureRules:

@@ -70,7 +70,10 @@ class RerunSink:
             open_binary(path).close()
             # The viewer keeps one layout an application, so each file is one.
             self._rec = rr.RecordingStream(f"sniffer {path.stem} {uuid.uuid4().hex[:6]}")
-            self._rec.save(path)
+            try:
+                self._rec.save(path)
+            except RuntimeError as error:
+                raise OutputError(f"{path}: cannot be written ({error})") from None
             self._rec.send_recording_name(path.stem)
         elif recording is not None:
             self._rec = recording

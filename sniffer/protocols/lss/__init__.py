@@ -135,7 +135,7 @@ class Lss:
         if found is None:
             return []
         stated = {k: v for k, v in self.fields(raw, row).items() if k not in _PLAIN}
-        meaning = ", ".join(f"{k} {v}" for k, v in stated.items())
+        modifier = ""
         out: list[FieldSpan] = []
         for leaf in leaves(found[0], raw):
             name = leaf.path.replace("[", " ").replace("].", " ")
@@ -146,12 +146,23 @@ class Lss:
                 note = _remark(WORDS.get(unpacked(row.op)), str(leaf.value), row)
             elif leaf.path in ("value", "text"):
                 name = "selector" if row.kind == REQUEST and row.address >= 0 else leaf.path
-                note = meaning
+                note = ", ".join(f"{k} {v}" for k, v in stated.items() if k not in _OF_MODIFIERS)
+            elif leaf.path.endswith("word"):
+                modifier = str(leaf.value).upper()
+                note = _name(MODIFIERS[modifier].register) if modifier in MODIFIERS else ""
+            elif modifier in MODIFIERS:
+                told = _labelled(REGISTERS[MODIFIERS[modifier].register], int(leaf.value))
+                note = ", ".join(f"{k} {v}" for k, v in told.items())
             out.append(FieldSpan(leaf.offset, leaf.length, name, str(shown), note))
         return out
 
 
 _PLAIN: Final = ("word", "value", "selector", "modifiers", "text")
+_OF_MODIFIERS: Final = frozenset(REGISTERS[m.register].label for m in MODIFIERS.values())
+
+
+def _name(register: int) -> str:
+    return REGISTERS[register].name.replace("_", " ")
 
 
 def _register(word: Word | None, row: FrameView) -> Register | None:
@@ -182,5 +193,5 @@ def _remark(word: Word | None, sent: str, row: FrameView) -> str:
     said = register.name.replace("_", " ") if register else "the meaning depends on the selector"
     if word.is_query and row.kind == REQUEST:
         index = word.selectors.get(max(row.address, 0), -1)
-        said = "asks " + (REGISTERS[index].name.replace("_", " ") if index >= 0 else "by selector")
+        said = "asks " + (_name(index) if index >= 0 else "by selector")
     return said if sent.upper() == word.name else f"{word.name}: {said}"
