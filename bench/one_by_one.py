@@ -28,7 +28,9 @@ class _Topics:
         self._schemas: dict[type, int] = {}
         self._channels: dict[str, int] = {}
 
-    def write(self, topic: str, message: Frame | RawChunk | Transaction | ServoState, t: int) -> None:
+    def write(
+        self, topic: str, message: Frame | RawChunk | Transaction | ServoState, t: int
+    ) -> None:
         kind = type(message)
         if topic not in self._channels:
             if kind not in self._schemas:

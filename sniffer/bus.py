@@ -54,7 +54,9 @@ def open_request(frames: Frames, decided: int, reach: int) -> int | None:
     return int(frames.start[row]) if decided - end <= reach else None
 
 
-def pair(frames: Frames, block: Block, until: int, reach: int) -> tuple[Frames, Transactions, Mask]:
+def pair(
+    frames: Frames, block: Block, until: int, reach: int, blank: bytes = b""
+) -> tuple[Frames, Transactions, Mask]:
     """Give each response the request it answers; it takes over that request's op and address.
 
     Args:
@@ -62,6 +64,7 @@ def pair(frames: Frames, block: Block, until: int, reach: int) -> tuple[Frames, 
         block: for its barriers, which no pair crosses.
         until: where the first thing left to a later batch begins.
         reach: bytes after which a request is closed.
+        blank: byte values that mean nothing between frames.
 
     Returns:
         The frames, one transaction a request or unasked response (in order), and for each
@@ -90,6 +93,8 @@ def pair(frames: Frames, block: Block, until: int, reach: int) -> tuple[Frames, 
     if len(block.barriers):
         following = np.minimum(following, block.limit(end - 1))
     torn = following > end
+    if blank and torn.any():
+        _forgive(torn, block, end, following, blank)
 
     request = np.where(is_response, -1, rows)
     response = np.where(is_response, rows, -1)
@@ -112,6 +117,14 @@ def pair(frames: Frames, block: Block, until: int, reach: int) -> tuple[Frames, 
     kept = np.flatnonzero(keep)
     transactions = Transactions(request, response, outcome, took, spread).take(kept)
     return replace(frames, op=op, address=address), transactions, torn[kept]
+
+
+def _forgive(torn: Mask, block: Block, end: I64, following: I64, blank: bytes) -> None:
+    """Blanks behind a request are no torn answer."""
+    data = block.data.tobytes()
+    for i in np.flatnonzero(torn).tolist():
+        if not data[int(end[i]) : int(following[i])].strip(blank):
+            torn[i] = False
 
 
 def _answers(

@@ -20,6 +20,8 @@ from sniffer.framing import Block
 from sniffer.model import (
     GAP_MAX,
     I64,
+    NEVER,
+    REQUEST,
     Batch,
     Chunk,
     Clock,
@@ -140,7 +142,9 @@ class Decoder:
 
     def _records(self, block: Block, batch: Batch, until: int) -> Batch:
         """Add what follows from the frames: transactions, values, anomalies."""
-        frames, transactions, torn = pair(batch.frames, block, until, self.protocol.reach)
+        frames, transactions, torn = pair(
+            batch.frames, block, until, self.protocol.reach, self.protocol.blank
+        )
         values = self._scaling.decode(block, frames, transactions)
         writes = self._scaling.feedback_writes(frames, values)
         transactions = self._expectations.judge(frames, transactions, torn, writes)
@@ -167,12 +171,16 @@ class Decoder:
         holes = np.flatnonzero(edges_to > edges_from)
         if not len(holes):
             return ()
+        waits = frames.end[(frames.kind == REQUEST) & (frames.reply != NEVER)]
+        asked = set(waits[np.isin(waits, edges_from[holes])].tolist()) - set(
+            block.barriers.tolist()
+        )
         out: list[Gap] = []
         for a, b in zip(edges_from[holes].tolist(), edges_to[holes].tolist(), strict=True):
             for c, d, closed in _stretches(a, b, block):
                 for s in range(c, d, GAP_MAX):
                     e = min(d, s + GAP_MAX)
-                    pieces = self.protocol.explain(data[s:e], s)
+                    pieces = self.protocol.explain(data[s:e], s, awaited=s == a and a in asked)
                     if closed and e == d:
                         _mark_tail(pieces)
                     out += pieces

@@ -192,8 +192,7 @@ class Transactions(Columns):
 class Samples(Columns):
     """Values by register; ``value`` is NaN where the packet states none in units.
 
-    ``accepted`` is false for what a frame states without it becoming true: a refused write, a
-    reply to somebody else's question.
+    ``accepted`` is false for what a frame states without it becoming true: a refused write.
     """
 
     t_ns: I64

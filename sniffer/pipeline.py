@@ -41,7 +41,8 @@ class Options:
         if self.baud is None:
             bauds = {k: v for k, v in facts.items() if k.startswith("baud.") and v.isdecimal()}
             told = replace(
-                told, bauds={**{k.partition(".")[2]: int(v) for k, v in bauds.items()}, **self.bauds}
+                told,
+                bauds={**{k.partition(".")[2]: int(v) for k, v in bauds.items()}, **self.bauds},
             )
         if not self.models:
             models: dict[int | None, str] = {}

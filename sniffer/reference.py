@@ -124,7 +124,7 @@ class Reference:
                 frames.append(frame)
                 p = end
         pairs = self._pair(frames, b, clocked=clocked)
-        self._judge(pairs, frames, b)
+        self._judge(pairs, frames, data, b)
         for f in frames:
             self.out.frames.append(
                 (
@@ -188,7 +188,7 @@ class Reference:
         pairs.sort(key=_place)
         return pairs
 
-    def _judge(self, pairs: list[_Pair], frames: list[SlowFrame], stop: int) -> None:
+    def _judge(self, pairs: list[_Pair], frames: list[SlowFrame], data: bytes, stop: int) -> None:
         """Walk the stretch once, in order: outcomes and values depend on what came before."""
         starts = {f.start for f in frames}
         paired = {id(p.response) for p in pairs if p.response is not None and p.outcome == OK}
@@ -207,7 +207,10 @@ class Reference:
         for p in pairs:
             q, r = p.request, p.response
             if q is not None and r is None:
-                torn = q.end != stop and q.end not in starts
+                behind = q.end
+                while behind < stop and data[behind] in self.protocol.blank:
+                    behind += 1
+                torn = behind != stop and behind not in starts
                 mode = self.mode[q.servo_id & 255]
                 expected = (
                     q.reply >= MUST

@@ -201,6 +201,7 @@ def frame_row(batch: Batch, protocol: BusProtocol, bus: str, i: int, values: ran
     """Return frame ``i`` of a batch."""
     f = batch.frames
     start, length = int(f.start[i]), int(f.length[i])
+    raw = batch.data[start : start + length]
     uncertainty, servo = int(f.uncertainty[i]), int(f.servo_id[i])
     flags, wire = int(f.flags[i]), int(f.direction[i])
     return FrameRow(
@@ -208,12 +209,12 @@ def frame_row(batch: Batch, protocol: BusProtocol, bus: str, i: int, values: ran
         t_ns=int(f.t_end[i]),
         offset=batch.base + start,
         length=length,
-        hex=batch.data[start : start + length].hex(),
+        hex=raw.hex(),
         protocol=protocol.name,
         kind=KINDS[int(f.kind[i])],
         servo_id=servo if servo >= 0 else None,
         op=protocol.op_name(int(f.op[i])),
-        checksum=protocol.checksum,
+        checksum="ok" if protocol.checksum_of(raw) else "none",
         fields=_frame_fields(batch, protocol, i, values),
         flags=tuple(name for bit, name in FLAGS.items() if flags & bit) if flags else (),
         t_start_ns=int(f.t_start[i]),

@@ -1,4 +1,4 @@
-"""Values in columns: rows of one shape share a plan, one strided read a register.
+"""Values become samples: scaled, and accepted or not.
 
 The only memory is the *mode registers*: those that alter what later bytes mean (a resolution that
 scales positions, a servo's id). They are applied as stretches between the rare rows that set them.
@@ -16,7 +16,6 @@ from sniffer.bus import FeedbackWrite
 from sniffer.model import (
     ASSUMED,
     F64,
-    I16,
     I64,
     OBSERVED,
     OK,
@@ -33,51 +32,11 @@ from sniffer.model import (
     Transactions,
 )
 from sniffer.protocols.base import BusProtocol, State, Values
-from sniffer.registers import TYPES, Entry
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from sniffer.framing import Block
-
-
-def by_shape(
-    block: Block,
-    frames: Frames,
-    rows: I64,
-    keys: I64,
-    shape: Callable[[int], list[Entry]],
-) -> Values:
-    """Read the values of ``rows``; rows of equal ``keys`` carry the same registers alike.
-
-    Entries count from ``data_start``; ``shape(key)`` is asked once a key and a pass, cache it.
-    """
-    data = block.data
-    shapes, which = np.unique(keys, return_inverse=True)
-    entries = [shape(k) for k in shapes.tolist()]
-    count = np.array([len(e) for e in entries], np.int64)
-    per_row = count[which] if len(shapes) else np.empty(0, np.int64)
-    first = np.cumsum(per_row) - per_row
-    total = int(per_row.sum())
-    register, raw = np.empty(total, np.int16), np.empty(total, np.int64)
-    part = np.zeros(total, np.uint8)
-    servo: I16 = np.repeat(frames.servo_id[rows], per_row)
-    data_start = frames.data_start[rows]
-    for j, plan in enumerate(entries):
-        mine = np.flatnonzero(which == j)
-        at, out = data_start[mine], first[mine]
-        for k, entry in enumerate(plan):
-            dtype = TYPES[entry.type]
-            strided = np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, 0, (1,))
-            raw[out + k] = strided[at + entry.at]
-            register[out + k] = entry.register
-            if entry.part != WHOLE:
-                part[out + k] = entry.part
-            if entry.servo_at is not None:
-                servo[out + k] = data[at + entry.servo_at]
-            elif entry.servo is not None:
-                servo[out + k] = entry.servo
-    return Values(np.repeat(rows, per_row), servo, register, raw, part)
 
 
 class Scaling:

@@ -96,9 +96,7 @@ def read(path: Path) -> tuple[dict[str, list[tuple[Any, ...]]], dict[str, dict[s
     static: dict[str, dict[str, Any]] = defaultdict(dict)
     for chunk in RrdReader(str(path)).stream():
         batch = chunk.to_record_batch()
-        columns = {
-            name: batch.column(name).to_pylist() for name in batch.schema.names if ":" in name
-        }
+        columns = {n: batch.column(n).to_pylist() for n in batch.schema.names if ":" in n}
         if chunk.is_static:
             static[chunk.entity_path] |= {name: values[0] for name, values in columns.items()}
         else:
@@ -203,9 +201,8 @@ def test_a_servo_has_one_colour_in_all_plots(recording: tuple[Path, list[Batch]]
 
 
 def test_two_dozen_servos_have_as_many_colours() -> None:
-    colours = Colours()
-    assert len({colours.of(servo) for servo in range(1, 25)}) == len(PALETTE) == 24
-    few = Colours()
+    many, few = Colours(), Colours()
+    assert len({many.of(servo) for servo in range(1, 25)}) == len(PALETTE) == 24
     assert (few.of(25), few.of(1), few.of(25)) == (PALETTE[0], PALETTE[1], PALETTE[0])
 
 
@@ -223,7 +220,6 @@ def test_the_viewer_shows_the_whole_recording_without_complaint(
     for servo in (1, 2):
         drawn = np.abs(pixels - PALETTE[servo - 1]).sum(axis=2) < 30
         columns = np.flatnonzero(drawn[:, 150:].any(axis=0)) + 150  # right of the legend
-        # One eighth is left free for the legend, the rest is filled to the margin.
         assert columns[0] < 0.16 * plot.width
         assert columns[-1] > 0.97 * plot.width
         assert len(columns) > 0.7 * plot.width
@@ -273,6 +269,21 @@ def test_a_goal_is_drawn_on_to_the_end(tmp_path: Path) -> None:
     ((told, goal),) = rows["/bus0/servo/1/goal_position"]
     assert rows["/bus0/servo/1/goal_position/held"] == [(told, goal), (bus.now_ns, goal)]
     assert static["/bus0/servo/1/goal_position/held"] == static["/bus0/servo/1/goal_position"]
+
+
+def test_a_register_that_repeats_another_now_and_then_is_drawn_as_points(tmp_path: Path) -> None:
+    decoder, sink = Decoder("lss"), RerunSink(tmp_path / "a.rrd")
+    said = [f"#5D{900 - 10 * k}\r".encode() for k in range(9)] + [b"#5QDT\r", b"*5QDT850\r"]
+    chunks = [Chunk(line, START_NS + k * 10_000_000, Clock.SAMPLE) for k, line in enumerate(said)]
+    for batch in (decoder.feed(*chunks), decoder.close()):
+        sink.write("bus0", decoder.protocol, batch)
+    sink.close()
+    rows, static = read(tmp_path / "a.rrd")
+    assert [value for _, value in rows["/bus0/servo/5/target_position"]] == [85.0]
+    assert "SeriesPoints:markers" in static["/bus0/servo/5/target_position"]
+    assert "SeriesLines:names" in static["/bus0/servo/5/goal_position"]
+    # what was told last is the second register's: the first is not drawn on
+    assert not any(entity.endswith("/held") for entity in rows)
 
 
 def test_an_input_without_times_counts_from_zero(tmp_path: Path) -> None:
@@ -332,31 +343,30 @@ def test_without_a_display_it_says_what_to_do_instead(
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.usefixtures("headless_viewer")  # skips where no viewer can run
-def test_a_live_window_stays_until_it_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def live(headless_viewer: HeadlessViewer, monkeypatch: pytest.MonkeyPatch) -> viewing.LiveSink:
+    """A live window without a display; it needs ``headless_viewer`` only for its reason to skip."""
     monkeypatch.setattr(viewing, "has_display", lambda: True)
     monkeypatch.setattr(viewing, "LOCAL", (*viewing.LOCAL, "--headless"))
-    decoder, chunks = Decoder("mightyzap", baud=250_000), talk(ticks=4)
-    sink = viewing.live_sink("test")
-    viewer = sink._viewer
-    sink.write("bus0", decoder.protocol, decoder.feed(*chunks[:20]))
+    return viewing.live_sink("test")
+
+
+def test_a_live_window_stays_until_it_is_closed(live: viewing.LiveSink) -> None:
+    decoder, chunks, viewer = Decoder("mightyzap", baud=250_000), talk(ticks=4), live._viewer
+    live.write("bus0", decoder.protocol, decoder.feed(*chunks[:20]))
     assert viewer.poll() is None
     threading.Timer(0.5, viewer.terminate).start()
-    sink.close()
+    live.close()
     assert viewer.returncode is not None
-    sink.write("bus0", decoder.protocol, decoder.feed(*chunks[20:]))
+    live.write("bus0", decoder.protocol, decoder.feed(*chunks[20:]))
 
 
-@pytest.mark.usefixtures("headless_viewer")
-def test_a_live_window_is_closed_when_an_exception_passes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(viewing, "has_display", lambda: True)
-    monkeypatch.setattr(viewing, "LOCAL", (*viewing.LOCAL, "--headless"))
-    sink = viewing.live_sink("test")
+def test_a_live_window_is_closed_when_an_exception_passes(live: viewing.LiveSink) -> None:
     try:
         raise SystemExit
     except SystemExit:
-        sink.close()
-    assert sink._viewer.returncode is not None
+        live.close()
+    assert live._viewer.returncode is not None
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no Ctrl-C can be sent to one process there")

@@ -31,17 +31,23 @@ INTERRUPTED: Final = 130
 
 
 class _Commands(click.Group):
-    """Keeps Ctrl-C from click, which would answer it with an empty line of its own."""
+    """Keeps Ctrl-C and closed pipes from click, which has answers of its own to them."""
 
     def invoke(self, ctx: click.Context) -> object:
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
             raise _InterruptedError from None
+        except BrokenPipeError:
+            raise _NobodyListensError from None
 
 
 class _InterruptedError(Exception):
     """Ctrl-C where nothing was there to be kept."""
+
+
+class _NobodyListensError(Exception):
+    """Standard output is a pipe, and it is closed."""
 
 
 @click.group(
@@ -75,14 +81,15 @@ def run(arguments: Sequence[str]) -> int:
         return _tell(str(error), DAMAGED)
     except SnifferError as error:
         return _tell(str(error), MISTAKE)
-    except BrokenPipeError:
+    except (_NobodyListensError, BrokenPipeError):
         silence_stdout()
         return DONE
     except OSError as error:
-        if error.filename is None:
-            silence_stdout()
-        where = error.filename or "standard output"
-        return _tell(f"{where}: {error.strerror or error}", MISTAKE)
+        why = error.strerror or error
+        if error.filename is not None:
+            return _tell(f"{error.filename}: {why}", MISTAKE)
+        silence_stdout()
+        return _tell(f"standard output: cannot be written ({why})", MISTAKE)
     return status if isinstance(status, int) else DONE
 
 

@@ -145,10 +145,10 @@ class _Patience:
         """Yield the groups of a source; KeyboardInterrupt stands between two of them."""
         groups = iter(source)
         while True:
-            if self.asked:
-                raise KeyboardInterrupt
             self._reading = True
             try:
+                if self.asked:
+                    raise KeyboardInterrupt
                 group = next(groups, None)
             finally:
                 self._reading = False

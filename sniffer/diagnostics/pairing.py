@@ -144,7 +144,7 @@ class PairingRules:
         window = int(self._protocol.window_ns(asked)[0]) / 1e6
         text = (
             f"{name} answered {op} after {took:.2f} ms (± {spread:.2f}); "
-            f"the manual promises {window:.2f} ms"
+            f"expected within {window:.2f} ms"
         )
         who = int(f.servo_id[row.response])
         return anomaly("late-response", row.t_ns, who, text, row.asked, row.answered)

@@ -134,6 +134,3 @@ class CaptureRules:
             text = f"time steps back by {-int(step[i]) / 1e6:.1f} ms"
             yield anomaly("clock-step", int(f.t_end[i]), -1, text, at)
         self._last = int(f.t_end[-1])
-
-
-__all__ = ["CaptureRules", "PairingRules", "anomaly", "gap_anomalies", "protocol_anomalies"]

@@ -106,9 +106,9 @@ class BusProtocol(TypingProtocol):
     reach: int  # bytes behind a request after which it is closed
     tail_ns: int  # a longer silence is a barrier that no frame, reply or pair crosses
     everyone: tuple[int, ...]  # ids that address all servos
+    blank: bytes  # byte values that mean nothing between frames
     models: tuple[RegisterMap, ...]  # the default first
     registers: tuple[Register, ...]  # of all models, numbered through
-    checksum: str  # what a frame's checksum says: ok, or none where the protocol has none
 
     def op_name(self, op: int) -> str:
         """Return the manual's own command name in snake_case (LSS: the word)."""
@@ -131,7 +131,7 @@ class BusProtocol(TypingProtocol):
         ...
 
     def window_ns(self, frames: Frames) -> I64:
-        """Return for each request the time within which the manual promises the reply."""
+        """Return for each request the time within which the reply is expected."""
         ...
 
     def status_names(self, status: int) -> tuple[str, ...]:
@@ -142,8 +142,11 @@ class BusProtocol(TypingProtocol):
         """Return what a frame states apart from register values: addresses, lengths, options."""
         ...
 
-    def explain(self, run: bytes, start: int) -> list[Gap]:
-        """Say why no frame claims these bytes, in pieces that join to the whole of them."""
+    def explain(self, run: bytes, start: int, *, awaited: bool = False) -> list[Gap]:
+        """Say why no frame claims these bytes, in pieces that join to the whole of them.
+
+        ``awaited``: they stand right behind a request that has an answer.
+        """
         ...
 
     def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:

@@ -9,8 +9,8 @@ they were on the wire, by the best estimate. Both count from the first byte wher
 
 What is handed over live is in the file within ``flush_ns``: it is written when the next call comes
 half of that later (call at least that often, ``flush`` included), so a killed recorder loses no
-more. Input that runs ahead of the wall clock is a conversion: there the records of all buses are
-put in order first, as far as all of them are decoded.
+more. Input whose clock runs far ahead of the wall clock is a conversion: there the records of all
+buses are put in order first, as far as all of them are decoded.
 """
 
 from __future__ import annotations
@@ -40,6 +40,12 @@ SESSION: Final = "servo_sniffer.session"
 
 BUS: Final = "servo_sniffer.bus"
 """Name of the metadata records that tell a bus's protocol and rate."""
+
+ROUND_NS: Final = 5 * NS
+"""The longest time over which the input's clock is compared with the wall clock."""
+
+MANY: Final = 1 << 16
+"""Bytes of the buses from which on they are encoded: few at a time cost too much."""
 
 FULL: Final = 4 << 20
 """Records of a conversion are put in order and written from so many bytes on."""
@@ -78,8 +84,8 @@ class McapSink:
         self._file = Container(path, LIBRARY, overwrite=overwrite)
         self._closed = False
         self._since: int | None = None
-        self._flushed_at = time.monotonic_ns()
-        self._flushed_to: int | None = None
+        self._round_at = 0
+        self._round_from = 0
         with self._guard():
             self._file.metadata(SESSION, self._session)
             for proto in sorted(schema_path("messages").glob("*.proto")):
@@ -88,11 +94,12 @@ class McapSink:
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks as they came."""
         with self._guard():
-            self._settle(again=bus in self._buses)
-            writer = self._bus(bus)
-            writer.raw(chunks)
-            if self._flushed_to is None:
-                self._flushed_at, self._flushed_to = time.monotonic_ns(), writer.oldest
+            again = bus == next(iter(self._buses), None)
+            self._settle(again=again)
+            now = time.monotonic_ns()
+            if again or not self._buses or now - self._round_at > ROUND_NS:
+                self._round_at, self._round_from = now, self._newest()
+            self._bus(bus).raw(chunks)
             self._wait()
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
@@ -108,6 +115,7 @@ class McapSink:
     def flush(self) -> None:
         """Write everything that waits; for callers that are idle for long."""
         with self._guard():
+            self._encode()
             self._flush(None)
 
     def close(self) -> None:
@@ -116,8 +124,7 @@ class McapSink:
             return
         if self._failure is None:
             with self._guard():
-                for writer in self._buses.values():
-                    writer.close()
+                self._encode(final=True)
                 self._flush(None)
                 self._file.finish()
         self._closed = True
@@ -158,20 +165,31 @@ class McapSink:
             self._file.attach(Attachment(0, self._file.last, name, media_type, data))
 
     def _wait(self) -> None:
-        if self._since is None and self._queue.size:
+        if self._since is None:
             self._since = time.monotonic_ns()
 
     def _settle(self, *, again: bool) -> None:
-        """Write what has waited long enough; ``again``: every bus had its turn since the last."""
+        """Write what has waited long enough; ``again``: a new round of the buses begins."""
         if self._since is None:
             return
         now = time.monotonic_ns()
-        live = self._newest() - (self._flushed_to or 0) < now - self._flushed_at + NS
-        due = live and now - self._since >= self._flush_ns // 2
-        if due or self._queue.size >= OVERFULL:
+        due = now - self._since >= self._flush_ns // 2
+        if not due and sum(b.held for b in self._buses.values()) < MANY:
+            return
+        self._encode()
+        ran = self._newest() - (self._round_from or self._oldest())
+        live = ran < 4 * (now - self._round_at) + NS // 5
+        if (due and live) or self._queue.size >= OVERFULL:
             self._flush(None)
         elif again and not live and self._queue.size >= FULL:
             self._flush(min(b.decoded for b in self._buses.values()))
+
+    def _encode(self, *, final: bool = False) -> None:
+        for bus in self._buses.values():
+            bus.encode(final=final)
+
+    def _oldest(self) -> int:
+        return min((b.oldest for b in self._buses.values() if b.oldest is not None), default=0)
 
     def _newest(self) -> int:
         return max((b.newest for b in self._buses.values()), default=0)
@@ -181,7 +199,4 @@ class McapSink:
         if rows is not None:
             for piece in rows.pieces():
                 self._file.write(piece)
-        now = time.monotonic_ns()
-        self._since = now if self._queue.size else None
-        self._flushed_at = now
-        self._flushed_to = self._newest()
+        self._since = time.monotonic_ns() if self._queue.size else None

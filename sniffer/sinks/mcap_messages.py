@@ -17,8 +17,8 @@ from sniffer.messages.log_pb2 import Log
 from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, RawChunk, Transaction
 from sniffer.messages.servo_state_pb2 import ServoState
 from sniffer.model import I64, NS, OK, Clock, Severity
+from sniffer.sinks.mcap_held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds, joined
 from sniffer.sinks.mcap_rows import RECORD, U16, Blob, Encoder, Heads, Loose
-from sniffer.sinks.mcap_times import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds
 from sniffer.timing import byte_time_ns
 
 if TYPE_CHECKING:
@@ -90,9 +90,13 @@ class BusWriter:
         self.oldest: int | None = None
         """Log time of the first chunk."""
         self.newest = 0
-        """Log time of the latest bytes."""
+        """Log time of the latest bytes that are encoded."""
         self.decoded = 0
-        """Log time up to which the bytes are decoded."""
+        """Log time up to which they are decoded too."""
+        self.held = 0
+        """Bytes taken but not encoded yet, and a little for each call."""
+        self._chunks: list[Chunk] = []
+        self._batches: list[Batch] = []
         self._baud = baud
         self._queue = queue
         self._open = open_channel
@@ -112,9 +116,30 @@ class BusWriter:
         self._field_of = np.empty(0, np.int64)
 
     def raw(self, chunks: Sequence[Chunk]) -> None:
-        """Queue chunks as they came."""
-        if not chunks:
-            return
+        """Take chunks as they came."""
+        self._chunks += chunks
+        self.held += sum(len(c.data) for c in chunks) + len(chunks)
+
+    def write(self, protocol: BusProtocol, batch: Batch) -> None:
+        """Take what a pass decided."""
+        if self.protocol is None:
+            self._start(protocol)
+        if self._batches and self._batches[-1].base + len(self._batches[-1].data) != batch.base:
+            self.encode()
+        self._batches.append(batch)
+        self.held += len(batch.data) + 1
+
+    def encode(self, *, final: bool = False) -> None:
+        """Queue messages for all that was taken, in one go; ``final``: nothing will follow."""
+        if self._chunks:
+            self._write_raw(self._chunks)
+        if self._batches:
+            self._write_batch(joined(self._batches))
+        if self._batches or final:
+            self._write_stats(final=final)
+        self._chunks, self._batches, self.held = [], [], 0
+
+    def _write_raw(self, chunks: Sequence[Chunk]) -> None:
         timed = np.array([c.t_ns is not None for c in chunks])
         t = np.array([c.t_ns or 0 for c in chunks], np.int64)
         log = np.maximum.accumulate(np.where(timed, np.maximum(t, self.newest), self.newest))
@@ -138,10 +163,7 @@ class BusWriter:
         if self.oldest is None:
             self.oldest = int(log[0])
 
-    def write(self, protocol: BusProtocol, batch: Batch) -> None:
-        """Queue what a pass decided."""
-        if self.protocol is None:
-            self._start(protocol)
+    def _write_batch(self, batch: Batch) -> None:
         self._clock = batch.clock
         frames = batch.frames
         end = batch.base + frames.end
@@ -162,11 +184,6 @@ class BusWriter:
         self.decoded = int(self._arrivals.of(np.array([done]), last)[0])
         self.newest = max(self.newest, self.decoded)
         self._arrivals.forget(done)
-        self._write_stats(final=False)
-
-    def close(self) -> None:
-        """Queue the last second of the statistics."""
-        self._write_stats(final=True)
 
     def _start(self, protocol: BusProtocol) -> None:
         self.protocol = protocol

@@ -9,7 +9,7 @@ packing them one by one is faster; both ways go by the same layout.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -85,7 +85,13 @@ class Heads:
 
     def take(self, rows: I64 | Mask) -> Heads:
         """Return the heads of ``rows``."""
-        return Heads(*(getattr(self, f.name)[rows] for f in fields(self)))
+        return Heads(
+            self.channel[rows],
+            self.sequence[rows],
+            self.log[rows],
+            self.publish[rows],
+            self.rank[rows],
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,7 +276,7 @@ class Encoder:
 
         out: list[Rows | Loose] = []
         few: list[I64] = []
-        for rows in _alike(have, code, length):
+        for rows in _alike(have, code, length) if n > FEW else (np.arange(n),):
             if len(rows) <= FEW:
                 few.append(rows)
                 continue

@@ -40,6 +40,9 @@ if TYPE_CHECKING:
 FLUSH_S: Final = 60.0
 """How long a slow disk or viewer may take for what is still to be written."""
 
+ALL: Final = -1
+"""The servo id of frames that name none; for protocols that say so, it means all servos."""
+
 ROWS: Final = 5000
 """Rows an entity gathers before they are sent: from 1000 on a call costs less than its rows."""
 
@@ -101,17 +104,23 @@ class RerunSink:
         self._response_times(bus, protocol, batch)
         if batch.anomalies:
             if bus not in self._logs:
-                self._logs[bus] = Log(Track(_path(bus, "anomalies"), bus, EVERYONE, ""))
+                import rerun as rr
+
+                self._logs[bus] = Log(
+                    Track(rr.new_entity_path([bus, "anomalies"]), bus, EVERYONE, "")
+                )
             self._logs[bus].add(batch.anomalies)
         self._send(1 if self._live else ROWS)
         if self._live:
+            self._style()
             self._layout()
 
     def close(self) -> None:
         """Send what waits; finish the file with its layout."""
         if not self._live:
-            self._hold()
+            self._rank()
         self._send(1)
+        self._style()
         self._layout()
         try:
             self._rec.flush(timeout_sec=FLUSH_S)
@@ -141,12 +150,12 @@ class RerunSink:
 
     def _samples(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         s = batch.samples
-        whole = (s.part == WHOLE) & (s.servo_id >= 0)
+        whole = (s.part == WHOLE) & ((s.servo_id >= 0) | (ALL in protocol.everyone))
         if not whole.all():
             s = s.take(whole)
         width = len(protocol.registers)
-        for key, rows in _groups(s.servo_id.astype(np.int64) * width + s.register):
-            servo, number = divmod(key, width)
+        for key, rows in _groups((s.servo_id.astype(np.int64) - ALL) * width + s.register):
+            servo, number = key // width + ALL, key % width
             register = protocol.registers[number]
             if register.values or register.bits:
                 self._lane(bus, protocol, servo, number).add(s.t_ns[rows], s.raw[rows])
@@ -180,13 +189,19 @@ class RerunSink:
         if line is None:
             who, name, colour = self._who(protocol, servo)
             if number < 0:
-                path = _path(bus, "servo", servo, RESPONSE_TIME)
+                path = _path(bus, servo, RESPONSE_TIME)
                 track = Track(path, bus, who, RESPONSE_TIME, "ms")
             else:
                 r = protocol.registers[number]
-                path = _path(bus, "servo", servo, r.name)
+                path = _path(bus, servo, r.name)
                 track = Track(path, bus, who, r.quantity, r.unit)
-            line = self._lines[bus, servo, number] = Line(track, name, colour)
+            line = Line(track, name, colour)
+            line.is_second = self._live and any(
+                (t.track.quantity, t.track.unit) == (track.quantity, track.unit)
+                for key, t in self._lines.items()
+                if key[:2] == (bus, servo) and track.quantity
+            )
+            self._lines[bus, servo, number] = line
         return line
 
     def _lane(self, bus: str, protocol: BusProtocol, servo: int, number: int) -> Lane:
@@ -196,11 +211,11 @@ class RerunSink:
             who, _, colour = self._who(protocol, servo)
             name: Callable[[int], str]
             if number < 0:
-                track = Track(_path(bus, "servo", servo, ALARMS), bus, who, ALARMS, is_state=True)
+                track = Track(_path(bus, servo, ALARMS), bus, who, ALARMS, is_state=True)
                 colour, name = ALARM, lambda raw: _words(protocol.status_names(raw))
             else:
                 r = protocol.registers[number]
-                path = _path(bus, "servo", servo, r.name)
+                path = _path(bus, servo, r.name)
                 track = Track(path, bus, who, r.quantity, is_state=True)
                 name = lambda raw: _words(r.names(raw), raw)  # noqa: E731
             lane = self._lanes[bus, servo, number] = Lane(track, name, colour)
@@ -224,20 +239,22 @@ class RerunSink:
         for entity in self._entities():
             if entity.rows < least:
                 continue
-            path = entity.track.path
-            if (style := entity.style()) is not None:
-                self._rec.log(path, style, static=True)
             times, columns = entity.drain()
             column = (
                 rr.TimeColumn(TIMELINE, timestamp=times.view("datetime64[ns]"))
                 if self._dated
                 else rr.TimeColumn(TIMELINE, duration=times.view("timedelta64[ns]"))
             )
-            self._rec.send_columns(path, [column], columns, strict=True)
+            self._rec.send_columns(entity.track.path, [column], columns, strict=True)
+
+    def _style(self) -> None:
+        for entity in self._entities():
+            if (style := entity.style()) is not None:
+                self._rec.log(entity.track.path, style, static=True)
 
     def _tracks(self) -> list[Track]:
         """Return what the layout shows; a servo without any alarm needs no lane for them."""
-        lines = [line.track for line in self._lines.values()]
+        lines = [line.track for line in self._lines.values() if line.total]
         return lines + [
             lane.track
             for lane in self._lanes.values()
@@ -261,19 +278,30 @@ class RerunSink:
         if plan is not None:
             self._rec.send_blueprint(plan)
 
-    def _hold(self) -> None:
-        """Draw each goal on to the end: it still holds, and a single point would not be seen."""
+    def _rank(self) -> None:
+        """Tell first registers from second ones, and draw each goal on to the end.
+
+        A goal still holds there, and a single one would not be seen.
+        """
+        alike: dict[tuple[str, int, str, str], list[tuple[int, Line]]] = {}
+        for (bus, servo, number), line in self._lines.items():
+            if line.track.quantity:
+                key = bus, servo, line.track.quantity, line.track.unit
+                alike.setdefault(key, []).append((number, line))
         end = self._span[1] if self._span else 0
-        for (bus, servo, number), line in list(self._lines.items()):
-            held = line.held(end)
-            if held.rows:
-                self._lines[bus, servo, -2 - number] = held
+        for (bus, servo, *_), lines in alike.items():
+            number, first = max(lines, key=lambda each: each[1].total)
+            for _, line in lines:
+                line.is_second = line is not first
+            latest = max(line.last_ns for _, line in lines)
+            if first.is_goal and first.total and first.last_ns == latest < end:
+                self._lines[bus, servo, -2 - number] = first.held(end)
 
 
-def _path(*parts: object) -> str:
+def _path(bus: str, servo: int, name: str) -> str:
     import rerun as rr
 
-    return rr.new_entity_path([str(p) for p in parts])
+    return rr.new_entity_path([bus, "servo", "all" if servo == ALL else str(servo), name])
 
 
 def _words(names: str | Sequence[str] | None, raw: int = 0) -> str:

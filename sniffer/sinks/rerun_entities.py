@@ -61,13 +61,20 @@ class Entity:
 
 
 class Line(Entity):
-    """Numbers over time."""
+    """Numbers over time.
+
+    ``is_second`` marks a register that states what another one of the servo states more often: it
+    is drawn as points, for a line through the few would contradict the other.
+    """
 
     def __init__(self, track: Track, name: str, colour: Rgb) -> None:
         super().__init__(track)
         self._name, self._colour = name, colour
+        self.total = 0
+        self.last_ns = 0
+        self.is_second = False
+        self._last_value = 0.0
         self._styled = False
-        self._last = 0, 0.0
 
     @property
     def is_goal(self) -> bool:
@@ -80,32 +87,33 @@ class Line(Entity):
         if not known.all():
             times, values = times[known], values[known]
         if len(times):
-            self._last = int(times[-1]), float(values[-1])
+            self.last_ns, self._last_value = int(times[-1]), float(values[-1])
+            self.total += len(times)
         self._add(times, values)
 
-    def held(self, end: int) -> Line:
+    def held(self, end_ns: int) -> Line:
         """Return a line beside this one that goes on with its last value."""
-        time, value = self._last
         track = dataclasses.replace(self.track, path=f"{self.track.path}/held")
         line = Line(track, self._name, self._colour)
-        if self.is_goal and 0 < time < end:
-            line.add(np.array([time, end]), np.array([value, value]))
+        line.add(np.array([self.last_ns, end_ns]), np.full(2, self._last_value))
         return line
 
     def style(self) -> Any:  # noqa: D102
         import rerun as rr
 
-        if self._styled:
+        if self._styled or not self.total:
             return None
         self._styled = True
-        if not self.is_goal:
-            return rr.SeriesLines(names=self._name, colors=self._colour, widths=1.6)
-        return rr.SeriesLines(
-            names=f"{self._name} goal",
-            colors=mixed(self._colour, WHITE, 0.5),
-            widths=0.8,
-            interpolation_mode="StepAfter",
-        )
+        # Legends join what has one name: a second register needs no line of its own there.
+        name = f"{self._name} goal" if self.is_goal else self._name
+        colour = mixed(self._colour, WHITE, 0.5) if self.is_goal else self._colour
+        if self.is_second:
+            return rr.SeriesPoints(names=name, colors=colour, markers="Diamond", marker_sizes=3)
+        if self.is_goal:
+            return rr.SeriesLines(
+                names=name, colors=colour, widths=0.8, interpolation_mode="StepAfter"
+            )
+        return rr.SeriesLines(names=name, colors=colour, widths=1.6)
 
     def _columns(self, values: list[Any]) -> Any:
         import rerun as rr

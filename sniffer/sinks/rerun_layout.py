@@ -194,7 +194,7 @@ def _page(
     right: list[tuple[float, rrb.View]] = []
     for side, groups in ((left, _LEFT), (right, _RIGHT)):
         for group in groups:
-            share = 3.0 if group == "position" else 2.0
+            share = 3.6 if group == "position" else 2.0
             side += [(share, view) for key, view in plots.items() if key[0] == group]
     lanes = [
         t for t in tracks if t.is_state and t.quantity and (t.quantity == ALARMS or not crowded)
@@ -206,7 +206,7 @@ def _page(
             contents=[t.path for t in lanes],
             time_view=rrb.TimeAxis(link="LinkToGlobal"),
         )
-        left.append((min(max(0.5 * len(lanes), 1.0), 4.5), view))
+        left.append((min(max(0.5 * len(lanes), 1.0), 4.0), view))
     if log is not None:
         right.append((2.5, _log(log)))
     columns = [

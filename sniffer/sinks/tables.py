@@ -66,6 +66,13 @@ def _names(index: Any, names: Sequence[str]) -> Any:
     return pa.DictionaryArray.from_arrays(indices, pa.array(list(names), pa.string()))
 
 
+def _told(index: Any, names: Sequence[str]) -> Any:
+    """Return names where several numbers may have one name: models share register names."""
+    unique = list(dict.fromkeys(names))
+    number = np.array([unique.index(name) for name in names], np.int32)
+    return _names(number[index], unique)
+
+
 def _same(name: str, n: int) -> Any:
     return _names(np.zeros(n, np.int32), [name])
 
@@ -78,21 +85,17 @@ def samples_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
     """Return a batch's samples as an arrow table with the columns of ``SAMPLES``."""
     v = batch.samples
     registers = protocol.registers
-    quantities = list(dict.fromkeys(r.quantity for r in registers))
-    units = list(dict.fromkeys(r.unit for r in registers))
-    quantity = np.array([quantities.index(r.quantity) for r in registers], np.int32)
-    unit = np.array([units.index(r.unit) for r in registers], np.int32)
     return pa.Table.from_arrays(
         [
             pa.array(v.t_ns),
             _same(bus, len(v)),
             _absent(v.servo_id, v.servo_id < 0),
-            _names(v.register, [r.name for r in registers]),
-            _names(quantity[v.register], quantities),
+            _told(v.register, [r.name for r in registers]),
+            _told(v.register, [r.quantity for r in registers]),
             _names(v.role, ROLES),
             pa.array(v.raw),
             _absent(v.value, np.isnan(v.value)),
-            _names(unit[v.register], units),
+            _told(v.register, [r.unit for r in registers]),
             _names(v.provenance, PROVENANCES),
             _names(v.part, PARTS),
             pa.array(batch.frames.start[v.row] + batch.base),
@@ -115,7 +118,7 @@ def frames_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
             pa.array(f.length.astype(np.int32)),
             _names(f.kind, KINDS),
             _absent(f.servo_id, f.servo_id < 0),
-            _names(which, [protocol.op_name(op) for op in ops.tolist()]),
+            _told(which, [protocol.op_name(op) for op in ops.tolist()]),
             _absent(f.address, f.address < 0),
             pa.array(f.data_length.astype(np.int32)),
             _absent(f.status, f.status < 0),

@@ -17,7 +17,7 @@ from mcap.records import Header, Metadata
 
 from sniffer.messages.recording_pb2 import Frame, RawChunk
 from sniffer.model import KINDS, Chunk, Clock, DamagedInputError, Direction, InputError
-from sniffer.sources.mcap_records import MAGIC, BrokenError, NotMcapError, Piece, Records
+from sniffer.sources.mcap_records import MAGIC, TOOL, BrokenError, NotMcapError, Piece, Records
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,7 +33,6 @@ GROUP_CHUNKS: Final = 1 << 15
 HEAD: Final = 4 << 20
 """How far into a recording the facts about it may stand, in bytes."""
 
-TOOL: Final = "servo-sniffer"
 SESSION: Final = "servo_sniffer.session"
 BUS: Final = "servo_sniffer.bus"
 

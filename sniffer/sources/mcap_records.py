@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from sniffer.sources.text import Stream
 
 MAGIC: Final = b"\x89MCAP0\r\n"
+TOOL: Final = "servo-sniffer"
+"""How the library in the header of our own recordings begins: no other records are in them."""
+
 LONGEST: Final = 1 << 28
 """A longer record or chunk is taken for damage, in bytes: it bounds memory."""
 
@@ -92,6 +95,7 @@ class Records:
         self.position = 0
         self._stream = stream
         self._attachments = attachments
+        self._own = False
         self._crc = 0
         self._taken = 0
 
@@ -136,25 +140,34 @@ class Records:
                 piece = self._messages("", record, zlib.crc32(record), record, [])
                 self.position = self._taken
                 yield piece
-            elif opcode == Opcode.FOOTER:
-                raise BrokenError("its end mark is missing")
-            elif opcode in _PARSED and (opcode != Opcode.ATTACHMENT or self._attachments):
-                try:
-                    parsed = _parse(opcode, body)
-                except BrokenError:
-                    if opcode not in _BESIDE:
-                        raise
-                    continue
-                self._learn(parsed)
-                if not isinstance(parsed, DataEnd):
-                    self.position = self._taken
-                    yield parsed
-                elif parsed.data_section_crc in (0, crc):
+            elif opcode in _PARSED:
+                parsed = self._parsed(opcode, body)
+                if isinstance(parsed, DataEnd):
+                    if parsed.data_section_crc not in (0, crc):
+                        raise BrokenError("its checksum over everything does not match")
                     self.position = self._taken
                     return
-                else:
-                    raise BrokenError("its checksum over everything does not match")
+                if parsed is not None:
+                    self.position = self._taken
+                    yield parsed
+            elif opcode <= Opcode.DATA_END or self._own:
+                raise BrokenError("there is a record of a kind that cannot be there")
             self.position = self._taken
+
+    def _parsed(self, opcode: int, body: bytes) -> Any:
+        """Return a record, None where it is left out."""
+        if opcode == Opcode.ATTACHMENT and not self._attachments:
+            return None
+        try:
+            record = _parse(opcode, body, own=self._own)
+        except BrokenError:
+            if opcode in _BESIDE:
+                return None
+            raise
+        if isinstance(record, Header):
+            self._own = record.library.startswith(TOOL)
+        self._learn(record)
+        return record
 
     def _learn(self, record: Any) -> None:
         if isinstance(record, Schema):
@@ -233,7 +246,8 @@ class Records:
             if opcode == Opcode.MESSAGE:
                 found.append(start)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._learn(_parse(opcode, data[start + _HEAD.size : end]))
+                body = data[start + _HEAD.size : end]
+                self._learn(_parse(opcode, body, own=self._own))
             start = end
         if at_first == len(data):
             at = np.array(found, np.int64)
@@ -246,12 +260,19 @@ class Records:
         return Piece(compression, packed, crc, data, at, channel.astype(np.uint16), log)
 
 
-def _parse(opcode: int, body: bytes) -> Any:
-    """Parse a record with the library, which reads no further than the body has bytes."""
+def _parse(opcode: int, body: bytes, *, own: bool) -> Any:
+    """Parse a record with the library, which reads no further than the body has bytes.
+
+    Records of others may have more at their end than is known here, our ``own`` have not.
+    """
+    stream = ReadDataStream(io.BytesIO(body))
     try:
-        return _PARSED[opcode].read(ReadDataStream(io.BytesIO(body)))
+        record = _PARSED[opcode].read(stream)
     except (McapError, struct.error, UnicodeDecodeError):
-        raise BrokenError(f"a {Opcode(opcode).name.lower()} record makes no sense") from None
+        record = None
+    if record is None or (own and stream.count != len(body)):
+        raise BrokenError(f"a {Opcode(opcode).name.lower()} record makes no sense")
+    return record
 
 
 def _unpack(compression: str, packed: bytes, size: int) -> bytes:

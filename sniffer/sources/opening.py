@@ -132,7 +132,9 @@ def find(path: str | Path | bytes) -> Origin:
         if stat.S_ISDIR(mode):
             raise InputError(f"{_shown(path)} is a directory: give the file in it")
         if stat.S_ISCHR(mode) and path.resolve().name.startswith(("tty", "cu.")):
-            raise InputError(f"{_shown(path)} is a port: record it with `sniffer record {path}`")
+            raise InputError(
+                f"{_shown(path)} is a port: log it with a serial logger and give its file"
+            )
         if stat.S_ISREG(mode):
             return File(path)
         return Pipe(path.open("rb", buffering=0), _shown(path), owned=True)

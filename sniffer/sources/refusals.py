@@ -20,7 +20,7 @@ class _Kind(NamedTuple):
 _PAYLOAD: Final = (
     "export the payload as hex, e.g. `tshark -r FILE -T fields -e data`, and decode that"
 )
-_LINES: Final = "write it as lines `(seconds.fraction) bus0 RX#HEX`, or keep only the hex bytes"
+_LINES: Final = "write it as lines `(seconds.fraction) bus0 #HEX`, or keep only the hex bytes"
 _SIGROK: Final = "write raw bytes with `sigrok-cli -i FILE -P uart:rx=... -B uart=rx > bus.bin`"
 _WORDS: Final = "dump it again with `hexdump -C`, `xxd` or `od -tx1`"
 

@@ -58,11 +58,11 @@ class Lss:
         921600,
     )
     baud = 115200  # the default of every client library; the page ships servos at 9600
-    checksum = "none"  # Serial Protocol Concept: no CRC or checksum
     longest = LONGEST
     reach = REACH
     tail_ns = 250_000_000  # far beyond what clients wait for a reply
     everyone: tuple[int, ...] = (BROADCAST,)
+    blank = lines.BLANK
     models = MODELS
     registers = REGISTERS
 
@@ -125,8 +125,9 @@ class Lss:
         del raw
         return None
 
-    def explain(self, run: bytes, start: int) -> list[Gap]:
+    def explain(self, run: bytes, start: int, *, awaited: bool = False) -> list[Gap]:
         """Tell blanks from noise, cut lines from damaged ones; say where a line is wrong."""
+        del awaited  # a line tells by its first character
         return lines.explain(run, start)
 
     def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:

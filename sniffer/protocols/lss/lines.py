@@ -30,7 +30,8 @@ _LETTERS: Final = re.compile(rb"[A-Za-z]*")
 _NUMBER: Final = re.compile(rb"-?[0-9]*")
 _TEXT: Final = re.compile(rb"[ !\"$-)+-~]+")
 _TEXT_WORD: Final = re.compile("|".join(TEXT_WORDS).encode(), re.IGNORECASE)
-_BLANK: Final = re.compile(rb"[ \t\n]+")
+BLANK: Final = b" \t\n"
+_BLANK: Final = re.compile(b"[" + BLANK + b"]+")
 _NOISE: Final = re.compile(rb"[^#* \t\n]+")
 _EDGE: Final = re.compile(rb"[#*\r]")
 # Runs of lines that say nothing are one piece each: a line of hostile bytes makes no object a byte.

@@ -43,9 +43,9 @@ class MightyZap:
     reach = block.REACH
     tail_ns = 100_000_000  # clients give up after 20 to 100 ms
     everyone: tuple[int, ...] = (0, BROADCAST)
+    blank = b""
     models = block.MODELS
     registers = joined(block.MODELS)
-    checksum = "ok"
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
@@ -96,8 +96,9 @@ class MightyZap:
             out["factors"] = data.hex()
         return out
 
-    def explain(self, run: bytes, start: int) -> list[Gap]:
+    def explain(self, run: bytes, start: int, *, awaited: bool = False) -> list[Gap]:
         """Look for headers: what follows one is a damaged or a truncated packet, the rest noise."""
+        del awaited  # headers tell
         return block.explain(run, start)
 
     def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:

@@ -46,8 +46,8 @@ from sniffer.protocols.mightyzap.grammar import (
     SYMMETRIC_STORE,
     WRITES,
 )
+from sniffer.protocols.shapes import by_shape
 from sniffer.registers import Entry, load_models
-from sniffer.samples import by_shape
 
 if TYPE_CHECKING:
     from sniffer.protocols.base import State, Values

@@ -63,9 +63,9 @@ class Rs30x:
     reach = block.REACH
     tail_ns = 100_000_000  # many times the reply window; what takes longer (flash) is not answered
     everyone: tuple[int, ...] = (EVERYONE,)
+    blank = b""
     models = block.MODELS
     registers = joined(block.MODELS)
-    checksum = "ok"
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
@@ -108,8 +108,9 @@ class Rs30x:
             out["data"] = body.data.hex()
         return out
 
-    def explain(self, run: bytes, start: int) -> list[Gap]:
+    def explain(self, run: bytes, start: int, *, awaited: bool = False) -> list[Gap]:
         """Look for headers: what follows one is a damaged or a truncated packet, the rest noise."""
+        del awaited  # headers tell
         return block.explain(run, start)
 
     def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:

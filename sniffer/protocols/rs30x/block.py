@@ -67,8 +67,8 @@ from sniffer.protocols.rs30x.grammar import (
     op_of,
     status_names,
 )
+from sniffer.protocols.shapes import by_shape
 from sniffer.registers import Entry, load_models
-from sniffer.samples import by_shape
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -53,9 +53,9 @@ class Wck:
     reach = 0  # a reply is the next two bytes, or it is none
     tail_ns = TAIL_NS
     everyone: tuple[int, ...] = (-1,)  # a move or a break to all of them names no id
+    blank = b""
     models: tuple[RegisterMap, ...] = block.MODELS
     registers: tuple[Register, ...] = joined(block.MODELS)
-    checksum = "ok"
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
@@ -113,9 +113,9 @@ class Wck:
             out |= _milliamperes(fields["overload"])
         return out
 
-    def explain(self, run: bytes, start: int) -> list[Gap]:
+    def explain(self, run: bytes, start: int, *, awaited: bool = False) -> list[Gap]:
         """Look for headers: what follows is a damaged or truncated command, the rest noise."""
-        return explain(run, start)
+        return explain(run, start, awaited=awaited)
 
     def checksum_of(self, raw: bytes) -> tuple[Checksum, bytes, int] | None:
         """Return the checksum, what it takes in, and the last byte; a reply has none."""

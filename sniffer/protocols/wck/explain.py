@@ -33,10 +33,12 @@ _STARTS: Final = KIND.reshape(256, 256)
 """Row of OPS by Data2, Data1."""
 
 
-def explain(run: bytes, start: int) -> list[Gap]:
-    """Say why no frame claims these bytes; the pieces join to the whole of them."""
-    if len(run) == 1 and run[0] != HEADER:
-        # The frames around it hold, and nothing but a reply has no header.
+def explain(run: bytes, start: int, *, awaited: bool) -> list[Gap]:
+    """Say why no frame claims these bytes; the pieces join to the whole of them.
+
+    ``awaited``: a command that has a reply stands right before them.
+    """
+    if awaited and len(run) == 1 and run[0] != HEADER:
         return [
             Gap(start, 1, "truncated", {"have": 1, "need": REPLY, "fields": {"reply": run.hex()}})
         ]

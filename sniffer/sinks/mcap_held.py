@@ -1,15 +1,18 @@
-"""When bytes arrived, and what happened second by second."""
+"""What is held between calls: batches to be joined, arrival times, the counts of a second."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sniffer.messages.recording_pb2 import Stats
-from sniffer.model import NS
+from sniffer.model import NS, Batch, Frames, Gap, Samples, Transactions
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy.typing as npt
 
     from sniffer.model import I64
@@ -78,3 +81,32 @@ class Seconds:
             out.append(Stats(t_ns=second * NS, **dict(row)))
             self._last = second
         return out
+
+
+def joined(batches: Sequence[Batch]) -> Batch:
+    """Return batches that follow on each other as one."""
+    if len(batches) == 1:
+        return batches[0]
+    frames, transactions, values = [], [], []
+    gaps: list[Gap] = []
+    rows = 0
+    for b in batches:
+        shift = b.base - batches[0].base
+        f, t, v = b.frames, b.transactions, b.values
+        frames.append(replace(f, start=f.start + shift, data_start=f.data_start + shift))
+        request = np.where(t.request < 0, -1, t.request + rows)
+        response = np.where(t.response < 0, -1, t.response + rows)
+        transactions.append(replace(t, request=request, response=response))
+        values.append(replace(v, row=v.row + rows))
+        gaps += (replace(g, start=g.start + shift) for g in b.gaps)
+        rows += len(f)
+    return Batch(
+        batches[0].base,
+        b"".join(b.data for b in batches),
+        batches[-1].clock,
+        Frames.concat(frames),
+        tuple(gaps),
+        Transactions.concat(transactions),
+        Samples.concat(values),
+        tuple(a for b in batches for a in b.anomalies),
+    )
