@@ -73,6 +73,7 @@ class Decoder:
         self._buffer = bytearray()
         self._base = 0
         self._barriers: list[int] = []
+        self._asked_until = -1  # end of the last frame, if it is a request that has an answer
         self._stamps = Stamps(self.baud, self.protocol.tail_ns, latency_ns)
         self._expectations = Expectations()
         self._scaling = Scaling(self.protocol, models)
@@ -136,7 +137,10 @@ class Decoder:
         batch = self._records(block, batch, until)
         del self._buffer[:cut]
         self._base += cut
-        self._barriers = [b for b in self._barriers if b > self._base]
+        self._barriers = [b for b in self._barriers if b >= self._base]
+        if len(frames):
+            waits = frames.kind[-1] == REQUEST and frames.reply[-1] != NEVER
+            self._asked_until = base + int(frames.end[-1]) if waits else -1
         self._stamps.forget(self._base)
         return batch
 
@@ -172,9 +176,9 @@ class Decoder:
         if not len(holes):
             return ()
         waits = frames.end[(frames.kind == REQUEST) & (frames.reply != NEVER)]
-        asked = set(waits[np.isin(waits, edges_from[holes])].tolist()) - set(
-            block.barriers.tolist()
-        )
+        asked = set(waits[np.isin(waits, edges_from[holes])].tolist())
+        asked.add(self._asked_until - self._base)
+        asked -= {b - self._base for b in self._barriers}
         out: list[Gap] = []
         for a, b in zip(edges_from[holes].tolist(), edges_to[holes].tolist(), strict=True):
             for c, d, closed in _stretches(a, b, block):

@@ -89,13 +89,18 @@ def within(chunks: Iterable[Chunk], window: Window) -> Iterator[Chunk]:
 
 
 def steps(chunks: Iterable[Chunk]) -> Iterator[list[Chunk]]:
-    """Group chunks into steps of the recording's time."""
+    """Group chunks into steps of the recording's time; what came before damage is not lost."""
     group: list[Chunk] = []
-    for chunk in chunks:
-        if group and (chunk.t_ns or 0) - (group[0].t_ns or 0) >= STEP_NS:
+    try:
+        for chunk in chunks:
+            if group and (chunk.t_ns or 0) - (group[0].t_ns or 0) >= STEP_NS:
+                yield group
+                group = []
+            group.append(chunk)
+    except DamagedInputError:
+        if group:
             yield group
-            group = []
-        group.append(chunk)
+        raise
     if group:
         yield group
 

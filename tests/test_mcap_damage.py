@@ -11,8 +11,12 @@ import time
 from typing import TYPE_CHECKING
 
 import pytest
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from mcap.writer import Writer
+from mcap_protobuf.schema import register_schema
 
+from sniffer.messages.recording_pb2 import RawChunk
 from sniffer.model import Chunk, Clock, DamagedInputError, InputError, SnifferError
 from sniffer.recovery import recover
 from sniffer.sources.mcap import chunks, recorded, session
@@ -105,6 +109,21 @@ def test_bits_that_flip_never_yield_anything_else_than_a_prefix(
         assert error is not None or got == sent
 
 
+def test_a_bit_that_flips_in_the_head_of_a_record_hides_no_record(
+    small: tuple[bytes, list[Chunk]],
+) -> None:
+    data, sent = small
+    at = 8
+    while data[at] != Opcode.DATA_END:
+        for bit in range(72):
+            bad = bytearray(data)
+            bad[at + bit // 8] ^= 1 << bit % 8
+            got, error = read(bytes(bad))
+            assert got == sent[: len(got)]
+            assert isinstance(error, DamagedInputError)
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+
+
 def test_zeros_behind_the_last_record_are_told_from_data(whole: tuple[bytes, list[Chunk]]) -> None:
     data, _ = whole
     got, error = read(data[: len(data) // 2] + bytes(4096))
@@ -115,11 +134,6 @@ def test_zeros_behind_the_last_record_are_told_from_data(whole: tuple[bytes, lis
 
 
 def test_bytes_that_are_missing_in_the_middle_are_noticed(tmp_path: Path) -> None:
-    from mcap.writer import Writer
-    from mcap_protobuf.schema import register_schema
-
-    from sniffer.messages.recording_pb2 import RawChunk
-
     path = tmp_path / "run.mcap"
     writer = Writer(str(path))
     writer.start()
@@ -172,6 +186,7 @@ RECORDER = """
 import sys, time
 from pathlib import Path
 from sniffer.decoder import Decoder
+from sniffer.messages.recording_pb2 import RawChunk
 from sniffer.model import Chunk, Clock
 from sniffer.sinks.mcap import McapSink
 from tests.recordings import talk
@@ -214,6 +229,7 @@ CROWDED = """
 import random, resource, sys
 from pathlib import Path
 from sniffer.decoder import Decoder
+from sniffer.messages.recording_pb2 import RawChunk
 from sniffer.model import Chunk, Clock, OutputError
 from sniffer.sinks.mcap import McapSink
 

@@ -106,12 +106,13 @@ def _print(table: RegisterMap) -> None:
         scale = f"{r.scale:.4g} {r.unit}" if r.unit and r.scale != 1 else r.unit
         limits = f"{r.range[0]}..{r.range[1]}" if r.range else ""
         rows.append((where, r.name, r.type, scale, limits, r.access))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    columns = [c for c in zip(*rows, strict=True) if any(c[1:])]
+    widths = [max(map(len, column)) for column in columns]
     meanings = ["", *(_meaning(r) for r in table.registers)]
-    for row, meaning in zip(rows, meanings, strict=True):
+    for row, meaning in zip(zip(*columns, strict=True), meanings, strict=True):
         click.echo("  ".join(map(str.ljust, row, widths)).rstrip())
         if meaning:
-            indent = " " * (widths[0] + 2)
+            indent = " " * 6
             click.echo(
                 textwrap.fill(meaning, width, initial_indent=indent, subsequent_indent=indent)
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING, Final
 
 from rich.padding import Padding
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 GLUE: Final = "\u2800"
 """Stands for a blank at which no line is broken, until all is laid out."""
+
+_PADDING: Final = re.compile(r" *(\x1b\[0m)? *$")
 
 _COLOUR = {"error": "red", "warn": "yellow", "note": "cyan"}
 
@@ -44,9 +47,8 @@ def print_summary(summary: Summary, console: Console) -> None:
                 console.print()
             _print_bus(name, bus, console)
     # tables are padded to their width: nobody wants that in a file
-    console.file.write(
-        "".join(f"{line.rstrip()}\n" for line in printed.get().replace(GLUE, " ").splitlines())
-    )
+    lines = printed.get().replace(GLUE, " ").splitlines()
+    console.file.write("".join(_PADDING.sub(r"\1", line) + "\n" for line in lines))
 
 
 def _print_bus(name: str, b: BusTotals, console: Console) -> None:

@@ -31,20 +31,20 @@ if TYPE_CHECKING:
     from sniffer.registers import Register
 
 WIDE: Final = 120
-"""From this width on the table has microseconds and columns for the bus and the reply time."""
+"""From this width on the table has microseconds and a column for the bus."""
 
-VALUES: Final = 70
+VALUES: Final = 76
 """Room that values want: a read of all measured values. What the terminal has beyond it shows the
 bytes, if that is enough for ``BYTES``."""
 
 BYTES: Final = 41
 """Room for the bytes of a frame of fourteen bytes."""
 
-WIDTHS: Final = (15, 5, 3, 1, 19, 8, 12)
-"""Widths on a wide terminal: time, bus, id, kind, command; reply time, verdict."""
+WIDTHS: Final = (15, 5, 3, 1, 19, 12)
+"""Widths on a wide terminal: time, bus, id, kind, command; verdict."""
 
 NARROW: Final = (12, 3, 1, 15, 12)
-"""Widths on a narrow one: time, id, kind, command; reply time or verdict."""
+"""Widths on a narrow one: time, id, kind, command; verdict."""
 
 _STYLES: Final = {
     "error": Style(color="red"),
@@ -143,20 +143,19 @@ class TextSink:
         batch: Batch,
         i: int,
         edges: list[int],
-        verdict: tuple[str, str, str],
+        verdict: tuple[str, str],
     ) -> str:
         f = batch.frames
         values = range(edges[i], edges[i + 1])
         response = int(f.kind[i]) == RESPONSE
         servo = int(f.servo_id[i])
-        took, word, style = verdict
+        word, style = verdict
         cells = (
             self._time(batch, int(f.t_end[i])),
             str(servo) if servo >= 0 else "-",
             "<" if response else ">",
             protocol.op_name(int(f.op[i])),
             self._values(protocol, batch, i, values),
-            took,
             word,
         )
         start = int(f.start[i])
@@ -177,7 +176,7 @@ class TextSink:
             if "expected" in detail:
                 told = [f"column {detail['column']}: expected {detail['expected']}"]
         values = ": ".join(told + shown)
-        cells = (self._time(batch, t_ns), "", "!", "no frame", values, "", word)
+        cells = (self._time(batch, t_ns), "", "!", "no frame", values, word)
         return self._paint(style, self._line(cells, bus=bus, raw=raw))
 
     def _values(self, protocol: BusProtocol, batch: Batch, i: int, values: range) -> str:
@@ -217,15 +216,12 @@ class TextSink:
         return f"{moment:%H:%M:%S}.{t_ns % NS // 10 ** (9 - digits):0{digits}d}"
 
     def _line(self, cells: Sequence[str], *, bus: str, raw: bytes | None = None) -> str:
-        time, servo, kind, op, values, took, verdict = cells
-        if not self._wide:
-            # one column says both: how long the reply took, or what is wrong with it
-            told = f"{took} ms" if verdict == "ok" and took else verdict
-            row = [time, servo.rjust(3), kind, op, values, told]
-            widths = [*NARROW[:4], self._room, NARROW[4]]
-        else:
-            row = [time, plain(bus), servo.rjust(3), kind, op, values, took.rjust(8), verdict]
-            widths = [*WIDTHS[:5], self._room, *WIDTHS[5:]]
+        time, servo, kind, op, values, verdict = cells
+        row = [time, servo.rjust(3), kind, op, values, verdict]
+        widths = [*NARROW[:4], self._room, NARROW[4]]
+        if self._wide:
+            row.insert(1, plain(bus))
+            widths = [*WIDTHS[:5], self._room, WIDTHS[5]]
         if self._with_bytes:
             row.insert(6, raw.hex(" ").upper() if raw is not None else "bytes")
             widths[5:6] = [VALUES, self._room - VALUES - 1]
@@ -239,7 +235,7 @@ class TextSink:
         )
 
 
-HEAD: Final = ("time", "id", " ", "command", "values", "reply ms", "verdict")
+HEAD: Final = ("time", "id", " ", "command", "values", "verdict")
 """Titles of the columns."""
 
 
@@ -273,27 +269,30 @@ def _edges(batch: Batch) -> list[int]:
     return edges
 
 
-def _verdicts(batch: Batch) -> list[tuple[str, str, str]]:
-    """Return for each frame the response time, the verdict, and the style of its line."""
-    out = [("", "", "")] * len(batch.frames)
+def _verdicts(batch: Batch) -> list[tuple[str, str]]:
+    """Return for each frame how long the reply took or what is wrong, and the style of its line."""
+    out = [("", "")] * len(batch.frames)
     t = batch.transactions
     late = {a.evidence[0][0] for a in batch.anomalies if a.code == "late-response"}
     for q, r, outcome, took in zip(
         *(c.tolist() for c in (t.request, t.response, t.outcome, t.response_time_ns)), strict=True
     ):
-        word = OUTCOMES[outcome].replace("_", " ")
-        at = r if r >= 0 else q
-        shown = f"{took / 1e6:.2f}" if took >= 0 else ""
         if outcome == OK:
             slow = q >= 0 and batch.base + int(batch.frames.start[q]) in late
-            out[at] = (shown, "late" if slow else "ok", "warn" if slow else "")
+            out[r] = (_took(took, "late " if slow else ""), "warn" if slow else "")
         elif outcome != NOT_EXPECTED:
-            out[at] = (shown, word, "error")
+            out[r if r >= 0 else q] = (OUTCOMES[outcome].replace("_", " "), "error")
     marks = {a.evidence[0][0]: a for a in batch.anomalies if a.group in ("protocol", "device")}
     for i, start in enumerate((batch.frames.start + batch.base).tolist()):
         found = marks.get(start)
-        if found is not None and found.severity > Severity.NOTE:
-            took_, word_, _ = out[i]
+        if found is not None and found.severity > Severity.NOTE and out[i][1] != "error":
             code = found.code.removeprefix("device-").replace("-", " ")
-            out[i] = (took_, code if word_ in ("", "ok") else word_, found.severity.name.lower())
+            out[i] = (code, found.severity.name.lower())
     return out
+
+
+def _took(ns: int, word: str) -> str:
+    if ns < 0:
+        return "ok"
+    digits = 0 if ns >= 100 * NS // 1000 else 1 if word else 2
+    return f"{word}{ns / 1e6:.{digits}f} ms"

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 TOOL: Final = "servo-sniffer"
-"""How the library in the header of our own recordings begins: no other records are in them."""
+"""How our own recordings name their maker; all their messages are in chunks."""
 
 LONGEST: Final = 1 << 28
 """A longer record or chunk is taken for damage, in bytes: it bounds memory."""
@@ -117,6 +117,10 @@ class Records:
             crc = self._crc
             try:
                 opcode, body = self._record()
+                if opcode == Opcode.MESSAGE_INDEX and int.from_bytes(
+                    body[2:6], "little"
+                ) + 6 != len(body):
+                    raise BrokenError("a message index makes no sense")
             except BrokenError:
                 if chunk is not None:  # its index is torn, it is not
                     piece = self._piece(chunk, [])
@@ -135,7 +139,7 @@ class Records:
             if opcode == Opcode.CHUNK:
                 chunk, behind = body, self._taken
                 continue
-            if opcode == Opcode.MESSAGE:
+            if opcode == Opcode.MESSAGE and not self._own:
                 record = _HEAD.pack(opcode, len(body)) + body
                 piece = self._messages("", record, zlib.crc32(record), record, [])
                 self.position = self._taken
@@ -231,11 +235,19 @@ class Records:
     ) -> Piece:
         """Find the messages: by the index if it agrees with the data, else record by record."""
         at = _indexed(index)
-        start, at_first = 0, int(at[0]) if len(at) else len(data)
-        if not _tiles(data, at):
-            at_first = len(data)
+        if not _tiles(data, at) or self._walk(data, int(at[0])) != ([], int(at[0])):
+            at = np.array(self._walk(data, len(data))[0], np.int64)
+        channel = _gather(data, at, 9, "<u2")
+        if not set(np.unique(channel).tolist()) <= self.channels.keys():
+            raise BrokenError("a message belongs to no channel")
+        log = _gather(data, at, 15, "<i8")
+        return Piece(compression, packed, crc, data, at, channel.astype(np.uint16), log)
+
+    def _walk(self, data: bytes, until: int) -> tuple[list[int], int]:
+        """Go through a chunk's records; return where the messages begin, and where it ended."""
+        start = 0
         found: list[int] = []
-        while start < at_first:
+        while start < until:
             try:
                 opcode, size = _HEAD.unpack_from(data, start)
             except struct.error:
@@ -246,18 +258,9 @@ class Records:
             if opcode == Opcode.MESSAGE:
                 found.append(start)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                body = data[start + _HEAD.size : end]
-                self._learn(_parse(opcode, body, own=self._own))
+                self._learn(_parse(opcode, data[start + _HEAD.size : end], own=self._own))
             start = end
-        if at_first == len(data):
-            at = np.array(found, np.int64)
-        elif found:
-            raise BrokenError("a chunk's index leaves out messages")
-        channel = _gather(data, at, 9, "<u2")
-        if not set(np.unique(channel).tolist()) <= self.channels.keys():
-            raise BrokenError("a message belongs to no channel")
-        log = _gather(data, at, 15, "<i8")
-        return Piece(compression, packed, crc, data, at, channel.astype(np.uint16), log)
+        return found, start
 
 
 def _parse(opcode: int, body: bytes, *, own: bool) -> Any:
@@ -285,7 +288,7 @@ def _unpack(compression: str, packed: bytes, size: int) -> bytes:
                 raise BrokenError("a chunk is not as long as it says")
             return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
         if compression == "lz4":
-            import lz4.frame  # type: ignore[import-untyped] # comes with the mcap library, and this tool never writes it
+            import lz4.frame  # type: ignore[import-untyped] # only other tools write it
 
             data: bytes = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
             return data
@@ -296,7 +299,7 @@ def _unpack(compression: str, packed: bytes, size: int) -> bytes:
 
 def _indexed(index: list[bytes]) -> I64:
     """Return the places that the message indexes name, in order."""
-    parts = [np.frombuffer(b, "<i8", (len(b) - 6) // 16 * 2, 6)[1::2] for b in index if len(b) >= 6]
+    parts = [np.frombuffer(b, "<i8", (len(b) - 6) // 16 * 2, 6)[1::2] for b in index]
     return np.sort(np.concatenate(parts)) if parts else np.empty(0, np.int64)
 
 

@@ -1,0 +1,125 @@
+"""CSV and Parquet hold what the decoder said, for whoever reads them with other tools."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.csv as pv
+import pyarrow.parquet as pq
+import pytest
+
+import sniffer
+from sniffer.rows import FrameRow, SampleRow
+from sniffer.sinks.files import beside
+from sniffer.sinks.tables import FRAMES, SAMPLES
+from tests.commands import log, talk, within
+
+Capsys = pytest.CaptureFixture[str]
+
+CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
+NAMES: Final = [f"{name}_damaged.log" for name in sniffer.PROTOCOLS]
+
+
+def written(name: str, suffix: str, folder: Path, capsys: Capsys) -> Path:
+    out = folder / f"x{suffix}"
+    ran = within(capsys, "decode", CAPTURES / name, "-o", out, "--quiet")
+    assert (ran.status, ran.out, ran.err) == (0, "", "")
+    return out
+
+
+def text(schema: Any) -> Any:
+    """Return a schema as CSV has it: names are plain texts."""
+    return pa.schema(
+        [(f.name, pa.string() if pa.types.is_dictionary(f.type) else f.type) for f in schema]
+    )
+
+
+def from_csv(path: Path, schema: Any) -> Any:
+    convert = pv.ConvertOptions(column_types=text(schema), quoted_strings_can_be_null=False)
+    return pv.read_csv(path, convert_options=convert)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_parquet_holds_the_samples_and_frames_of_the_api(
+    name: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    path = written(name, ".parquet", tmp_path, capsys)
+    capture = sniffer.decode(CAPTURES / name)
+    for file, schema, want in (
+        (path, SAMPLES, capture.samples()),
+        (beside(path), FRAMES, capture.frames()),
+    ):
+        got = pq.read_table(file)
+        assert got.schema.names == schema.names
+        assert len(got) == len(want) > 100
+        assert got.cast(text(schema)) == want.cast(text(schema))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_csv_holds_the_samples_and_frames_of_the_api(
+    name: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    path = written(name, ".csv", tmp_path, capsys)
+    capture = sniffer.decode(CAPTURES / name)
+    assert from_csv(path, SAMPLES).to_pylist() == capture.samples().cast(text(SAMPLES)).to_pylist()
+    got = from_csv(beside(path), FRAMES)
+    assert got.to_pylist() == capture.frames().cast(text(FRAMES)).to_pylist()
+
+
+def test_the_tables_say_what_the_rows_say(tmp_path: Path, capsys: Capsys) -> None:
+    path = written("rs30x_damaged.log", ".parquet", tmp_path, capsys)
+    rows = list(sniffer.decode(CAPTURES / "rs30x_damaged.log"))
+    samples = [r for r in rows if isinstance(r, SampleRow)]
+    got = pq.read_table(path).to_pylist()
+    for key in ("t_ns", "bus", "servo_id", "register", "quantity", "role", "raw", "unit", "scale"):
+        assert [row[key] for row in got] == [getattr(r, key) for r in samples], key
+    values = [None if row["value"] is None else round(row["value"], 6) for row in got]
+    assert values == [r.value for r in samples]
+    frames = [r for r in rows if isinstance(r, FrameRow)]
+    got = pq.read_table(beside(path)).to_pylist()
+    for key in ("t_ns", "t_start_ns", "bus", "offset", "length", "kind", "servo_id", "op"):
+        assert [row[key] for row in got] == [getattr(r, key) for r in frames], key
+
+
+def test_pandas_reads_both_alike(tmp_path: Path, capsys: Capsys) -> None:
+    one = pd.read_parquet(written("wck_damaged.log", ".parquet", tmp_path, capsys))
+    other = pd.read_csv(
+        written("wck_damaged.log", ".csv", tmp_path, capsys), keep_default_na=False, na_values=[""]
+    )
+    assert list(one.columns) == list(other.columns) == SAMPLES.names
+    positions = one[one.quantity == "position"].groupby("servo_id").value.mean()
+    again = other[other.quantity == "position"].groupby("servo_id").value.mean()
+    assert positions.to_dict() == pytest.approx(again.to_dict())
+    assert set(positions.index) == {0, 1, 2, 3}
+
+
+def test_the_suffix_may_be_in_capitals(tmp_path: Path, capsys: Capsys) -> None:
+    path = written("wck_damaged.log", ".CSV", tmp_path, capsys)
+    assert path.read_bytes().startswith(b'"t_ns","bus"')
+    assert beside(path).name == "x.frames.CSV"
+    assert len(from_csv(path, SAMPLES)) > 100
+
+
+def test_two_buses_share_a_table(tmp_path: Path, capsys: Capsys) -> None:
+    lines = log(talk(5)).splitlines()
+    source, out = tmp_path / "two.log", tmp_path / "x.parquet"
+    source.write_text("\n".join([*lines, *(x.replace("bus0", "elbow") for x in lines)]))
+    assert within(capsys, "decode", source, "-o", out, "--quiet").status == 0
+    buses = pq.read_table(beside(out))["bus"].to_pylist()
+    assert {bus: buses.count(bus) for bus in buses} == {"bus0": 35, "elbow": 35}
+
+
+def test_a_capture_without_a_frame_gives_tables_without_a_row(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    source = tmp_path / "noise.bin"
+    source.write_bytes(bytes(100))
+    for suffix, read in ((".parquet", pq.read_table), (".csv", pv.read_csv)):
+        out = tmp_path / f"x{suffix}"
+        ran = within(capsys, "decode", source, "--protocol", "wck", "-o", out, "--quiet")
+        assert ran.status == 0
+        assert (len(read(out)), read(out).column_names) == (0, SAMPLES.names)
+        assert (len(read(beside(out))), read(beside(out)).column_names) == (0, FRAMES.names)

@@ -1,0 +1,284 @@
+"""The terminal table: it fits, its columns stand under their titles, it says nothing false."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+import sniffer
+from sniffer.rows import FrameRow, GapRow
+from sniffer.sinks.text import fit
+from tests.commands import COMMAND, damaged, environment, log, talk, within
+from tests.streams.mightyzap import packet
+from tests.streams.rs30x import long
+
+Capsys = pytest.CaptureFixture[str]
+Patch = pytest.MonkeyPatch
+
+CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
+NAMES: Final = [f"{name}_damaged.log" for name in sniffer.PROTOCOLS]
+WIDTHS: Final = (80, 140, 200)
+_ANSI: Final = re.compile(r"\x1b\[[0-9;]*m")
+
+
+def shown(capsys: Capsys, monkeypatch: Patch, path: Path, width: int, *arguments: str) -> str:
+    monkeypatch.setenv("COLUMNS", str(width))
+    ran = within(capsys, "decode", path, *arguments)
+    assert (ran.status, ran.content) == (0, True)
+    return ran.out
+
+
+def table_of(text: str) -> tuple[str, list[str]]:
+    """Return the titles and the lines under them."""
+    table = text.partition("\n\n")[0].splitlines()
+    return table[0], table[1:]
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("name", NAMES)
+def test_no_line_is_wider_than_the_terminal(
+    name: str, width: int, capsys: Capsys, monkeypatch: Patch
+) -> None:
+    lines = shown(capsys, monkeypatch, CAPTURES / name, width).splitlines()
+    assert max(map(len, lines)) <= width
+    assert all(line == line.rstrip() for line in lines)
+    assert not any("\x1b" in line for line in lines)
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("name", NAMES)
+def test_every_cell_stands_under_its_title(
+    name: str, width: int, capsys: Capsys, monkeypatch: Patch
+) -> None:
+    head, lines = table_of(shown(capsys, monkeypatch, CAPTURES / name, width))
+    titles = head.split()
+    assert titles[0] == "time"
+    assert titles[-1] == "verdict"
+    assert ("bytes" in titles) is (width == 200)
+    assert ("bus" in titles) is (width > 80)
+    at = {title: head.index(title) for title in titles}
+    op_width = at["values"] - at["command"] - 1
+    rows = [r for r in sniffer.decode(CAPTURES / name) if isinstance(r, FrameRow | GapRow)]
+    assert len(lines) == len(rows)
+    for line, row in zip(lines, rows, strict=True):
+        cells = line.ljust(width)
+        assert all(cells[at[title] - 1] == " " for title in titles[1:] if title != "id")
+        servo, mark = cells[at["id"] - 1 : at["id"] + 2], cells[at["id"] + 3]
+        op = cells[at["command"] : at["values"] - 1]
+        if isinstance(row, GapRow):
+            assert (servo.strip(), mark, op.strip()) == ("", "!", "no frame")
+        else:
+            assert servo == str("-" if row.servo_id is None else row.servo_id).rjust(3)
+            assert mark == {"request": ">", "response": "<"}[row.kind]
+            assert op == fit(row.op, op_width)
+        if "bytes" in at:
+            data = bytes.fromhex(row.hex).hex(" ").upper()
+            assert data.startswith(cells[at["bytes"] : at["verdict"]].split("…")[0].strip())
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_list_of_values_is_cut_between_two_of_them(
+    width: int, capsys: Capsys, monkeypatch: Patch
+) -> None:
+    path = CAPTURES / "mightyzap_clean.log"
+    head, lines = table_of(shown(capsys, monkeypatch, path, width))
+    begin = head.index("values")
+    end = head.index("bytes" if width == 200 else "verdict") - 1
+    cells = {line.ljust(width)[begin:end].strip() for line in lines}
+    assert any(cell.startswith("position ") for cell in cells)
+    for cell in cells:
+        assert "…" not in cell.removesuffix(", …")
+    if width > 80:
+        measured = [cell for cell in cells if cell.startswith("position ")]
+        assert sum(cell.endswith("°C") for cell in measured) > 0.9 * len(measured)
+
+
+def test_a_damaged_frame_shows_its_bytes_and_both_sums(
+    tmp_path: Path, capsys: Capsys, monkeypatch: Patch
+) -> None:
+    path = tmp_path / "damaged.bin"
+    path.write_bytes(packet(1, 0xF1) * 3 + b"\xff\xff\xff\x01\x02\xf1\x0c")
+    text = shown(capsys, monkeypatch, path, 80)
+    assert "! no frame        sum 0C not 0B: FF FF FF 01 02 …  bad checksum" in text
+    text = shown(capsys, monkeypatch, path, 140)
+    assert "! no frame            sum 0C not 0B: FF FF FF 01 02 F1 0C " in text
+
+
+def test_large_numbers_keep_their_digits(
+    tmp_path: Path, capsys: Capsys, monkeypatch: Patch
+) -> None:
+    path = tmp_path / "lss.bin"
+    path.write_bytes(b"#5QN\r*5QN12345671\r")
+    assert "serial_number 12345671" in shown(capsys, monkeypatch, path, 80)
+
+
+def test_targets_of_two_registers_are_told_apart(
+    tmp_path: Path, capsys: Capsys, monkeypatch: Patch
+) -> None:
+    path = tmp_path / "rs30x.bin"
+    path.write_bytes(long(0x1E, (1, b"\x64\x00\x0a\x00"), (2, b"\xc8\x00\x14\x00")) * 3)
+    text = shown(capsys, monkeypatch, path, 140)
+    assert "goal_position 1: 10 deg, 2: 20 deg, goal_time 1: 0.1 s, 2: 0.2 s" in text
+
+
+# --- buses -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def two_buses(tmp_path: Path) -> Path:
+    left = log(talk(2)).splitlines()
+    right = [line.replace("bus0", "elbow") for line in left]
+    path = tmp_path / "two.log"
+    path.write_text("\n".join(sorted(left + right)))
+    return path
+
+
+def test_two_buses_are_told_apart_at_any_width(
+    two_buses: Path, capsys: Capsys, monkeypatch: Patch
+) -> None:
+    wide = shown(capsys, monkeypatch, two_buses, 140)
+    assert sum(" elbow " in line for line in table_of(wide)[1]) == 14
+    assert "elbow:" not in table_of(wide)[1]
+    narrow = table_of(shown(capsys, monkeypatch, two_buses, 80))[1]
+    assert narrow.count("elbow:") == 1
+    assert len(narrow) == 29
+    assert narrow.index("elbow:") == 14
+
+
+def test_the_name_of_a_bus_cannot_steer_the_terminal(
+    tmp_path: Path, capsys: Capsys, monkeypatch: Patch
+) -> None:
+    path = tmp_path / "evil.jsonl"
+    name = "\x1b[31m\nred"
+    frames = [packet(1, 0xF1), packet(1, 0)] * 2
+    path.write_text(
+        "".join(
+            json.dumps({"type": "frame", "bus": name, "offset": 7 * i, "hex": f.hex()}) + "\n"
+            for i, f in enumerate(frames)
+        )
+    )
+    for width in WIDTHS:
+        text = shown(capsys, monkeypatch, path, width)
+        assert "\x1b" not in text
+        assert "\nred" not in text
+
+
+# --- the summary -------------------------------------------------------------------------------
+
+
+def summary(capsys: Capsys, monkeypatch: Patch, tmp_path: Path, data: bytes | str) -> list[str]:
+    path = tmp_path / "in.bin"
+    path.write_bytes(data if isinstance(data, bytes) else data.encode())
+    return shown(capsys, monkeypatch, path, 80, "--summary").splitlines()
+
+
+def test_the_summary_counts_in_words(capsys: Capsys, monkeypatch: Patch, tmp_path: Path) -> None:
+    lines = summary(capsys, monkeypatch, tmp_path, packet(1, 0xF1) + packet(1, 0) + b"\x01")
+    assert lines[:4] == [
+        "bus0: mightyzap",
+        "  15 bytes = 14 in 2 frames (93.33 %) + 1 in 1 gap",
+        "  no clock in the input: times are nominal",
+        "  exchanges: 1 ok",
+    ]
+    assert "reply" not in "".join(lines)
+
+
+def test_the_summary_of_a_clean_log_has_times_and_no_anomalies(
+    capsys: Capsys, monkeypatch: Patch, tmp_path: Path
+) -> None:
+    quiet = (packet(1, 0xF1) + packet(1, 0)) * 5
+    lines = summary(capsys, monkeypatch, tmp_path, log(quiet))
+    assert lines == [
+        "bus0: mightyzap",
+        "  70 bytes = 70 in 10 frames (100.00 %) + 0 in 0 gaps",
+        "  over 0.019 s",
+        "  exchanges: 5 ok",
+        "",
+        "  servo  frames  reply p50 ms   p99   max  commands sent/answered",
+        "      1      10          0.60  0.60  0.60  echo 5/5",
+        "",
+        "  no anomalies",
+    ]
+
+
+def test_a_hundred_percent_is_said_of_nothing_less(
+    capsys: Capsys, monkeypatch: Patch, tmp_path: Path
+) -> None:
+    lines = summary(capsys, monkeypatch, tmp_path, talk(400) + b"\x01")
+    assert lines[1] == "  36001 bytes = 36000 in 2800 frames (99.99 %) + 1 in 1 gap"
+
+
+def test_the_summary_shows_the_level_and_the_first_of_each_anomaly(
+    capsys: Capsys, monkeypatch: Patch, tmp_path: Path
+) -> None:
+    lines = summary(capsys, monkeypatch, tmp_path, damaged(talk(20)))
+    head = next(line for line in lines if line.startswith("  level"))
+    assert re.split(r"  +", head.strip()) == [
+        "level",
+        "anomaly",
+        "count",
+        "at byte",
+        "the first one",
+    ]
+    assert any(re.match(r"  error  bad-checksum +\d+ +90  checksum should be 5D", x) for x in lines)
+    levels = [x.split()[0] for x in lines[lines.index(head) + 1 :] if x[:3].strip()]
+    assert levels == sorted(levels, key=["error", "warn", "note"].index)
+    assert len(levels) > 3
+
+
+# --- colour ------------------------------------------------------------------------------------
+
+
+def on_a_terminal(*arguments: str | Path, **env: str) -> str:
+    """Run a command whose output is a terminal, and return what that was sent."""
+    pty = pytest.importorskip("pty")
+    ours, theirs = pty.openpty()
+    try:
+        process = subprocess.Popen(
+            [*COMMAND, *map(str, arguments)],
+            stdin=subprocess.DEVNULL,
+            stdout=theirs,
+            stderr=subprocess.DEVNULL,
+            env=environment(TERM="xterm-256color", **env),
+        )
+        os.close(theirs)
+        sent = b""
+        while True:
+            got = b""
+            with contextlib.suppress(OSError):  # Linux ends so, others with an empty read
+                got = os.read(ours, 1 << 16)
+            if not got:
+                break
+            sent += got
+        assert process.wait(60) == 0
+    finally:
+        os.close(ours)
+    return sent.decode().replace("\r\n", "\n")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+def test_colour_is_for_terminals_and_changes_nothing_else(
+    capsys: Capsys, monkeypatch: Patch
+) -> None:
+    path = CAPTURES / "wck_damaged.log"
+    coloured = on_a_terminal("decode", path, COLUMNS="80")
+    assert "\x1b[31m" in coloured  # an error
+    assert "\x1b[32m" in coloured  # an answer
+    assert _ANSI.sub("", coloured) == shown(capsys, monkeypatch, path, 80)
+    for command in (["protocols"], ["registers", "wck"], ["explain", "FF FF FF 00 02 F1 0C"]):
+        monkeypatch.setenv("COLUMNS", "80")
+        assert _ANSI.sub("", on_a_terminal(*command, COLUMNS="80")) == within(capsys, *command).out
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+def test_no_color_is_respected() -> None:
+    plain = on_a_terminal("decode", CAPTURES / "wck_damaged.log", COLUMNS="80", NO_COLOR="1")
+    assert not re.search(r"\x1b\[[34]\d", plain)
