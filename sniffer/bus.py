@@ -57,7 +57,9 @@ def open_request(frames: Frames, decided: int, reach: int) -> int | None:
 def pair(
     frames: Frames, block: Block, until: int, reach: int, blank: bytes = b""
 ) -> tuple[Frames, Transactions, Mask]:
-    """Give each response the request it answers; it takes over that request's op and address.
+    """Give each response the request it answers.
+
+    It takes over the request's op, and its address and servo id where it states none itself.
 
     Args:
         frames: rows in wire order.
@@ -88,6 +90,12 @@ def pair(
     op[answer] = op[asked]
     # A response that states an address of its own keeps it.
     address[answer] = np.where(address[answer] >= 0, address[answer], address[asked])
+    # A bare answer names nobody: it is that of the servo asked.
+    servo_id = frames.servo_id
+    bare = servo_id[answer] < 0
+    if bare.any():
+        servo_id = servo_id.copy()
+        servo_id[answer[bare]] = servo_id[asked[bare]]
 
     following = np.append(frames.start[1:], until)
     if len(block.barriers):
@@ -116,7 +124,7 @@ def pair(
     keep[asked[many]] = False
     kept = np.flatnonzero(keep)
     transactions = Transactions(request, response, outcome, took, spread).take(kept)
-    return replace(frames, op=op, address=address), transactions, torn[kept]
+    return replace(frames, op=op, address=address, servo_id=servo_id), transactions, torn[kept]
 
 
 def _forgive(torn: Mask, block: Block, end: I64, following: I64, blank: bytes) -> None:

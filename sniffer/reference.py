@@ -177,6 +177,7 @@ class Reference:
             fits = fits or (pending.alt_id != NO_ALT and pending.alt_id == f.servo_id)
             fits = fits and f.token in (-1, pending.token)
             f.op = pending.op
+            f.servo_id = f.servo_id if f.servo_id >= 0 else pending.servo_id
             f.address = f.address if f.address >= 0 else pending.address
             took = max(self._t_start(f) - self.times[pending.end - 1], 0) if clocked else -1
             pairs.append(_Pair(pending, f, OK if fits else MISMATCHED, took))

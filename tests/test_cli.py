@@ -441,7 +441,7 @@ def head(path: Path, *arguments: str) -> Ran:
 @pytest.fixture
 def large(tmp_path: Path) -> Path:
     path = tmp_path / "large.bin"
-    path.write_bytes(talk(1500))
+    path.write_bytes(talk(1000))
     return path
 
 

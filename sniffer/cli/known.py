@@ -59,7 +59,7 @@ def registers(model: str | None, output_format: str) -> None:
             click.echo(f"{m.model:16} {len(m.registers):4} registers  {m.title}")
         return
     if model not in known:
-        raise click.BadParameter(f"no model {model!r}: one of {', '.join(known)}")
+        raise click.UsageError(f"no model {model!r}: one of {', '.join(known)}")
     table = known[model]
     if output_format == "jsonl":
         for r in table.registers:

@@ -74,9 +74,9 @@ def replay(
     """
     options = pipeline_options(protocol, baud, models, latency)
     if stop is not None and stop <= start:
-        raise click.BadParameter("--to must lie behind --from")
+        raise click.UsageError("--to must lie behind --from")
     if file == "-" and loop:
-        raise click.BadParameter("--loop needs a file: standard input can be read only once")
+        raise click.UsageError("--loop needs a file: standard input can be read only once")
     if redecode:
         from sniffer.comparing import compare
 

@@ -45,13 +45,13 @@ def view(
     from sniffer import viewing
 
     options = pipeline_options(protocol, baud, models, latency)
+    source = open_source(file, input_format)
     if output is None and not web:
         viewing.need_display(file)
-    source = open_source(file, input_format)
     name = "standard input" if file == "-" else file
     if output is not None:
         if output.suffix != ".rrd":
-            raise click.BadParameter(f"{output}: the viewer's files end in .rrd")
+            raise click.UsageError(f"{output}: the viewer's files end in .rrd")
         sinks = open_outputs([output], session_facts(file, options), file)
         _, status = run_source(source, options, sinks, name=name)
         say(f"wrote {output}: open it with `rerun {output}`")

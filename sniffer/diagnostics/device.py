@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 STATUS_BITS: Final = 15
 """Status bytes have 8 bits; protocols may add bits of their own above them."""
 
+STATUS_BYTE: Final = 0xFF
+
 
 def device_code(name: str) -> str:
     """Return the code of a status name: ``device-alarm`` where it has none of its own."""
@@ -61,14 +63,6 @@ class DeviceRules:
     def _at(self, batch: Batch, row: int) -> tuple[int, int]:
         return batch.base + int(batch.frames.start[row]), int(batch.frames.length[row])
 
-    def _who(self, batch: Batch, row: int) -> int:
-        """Return the servo that answered: the one asked, where a bare answer names none."""
-        f, t = batch.frames, batch.transactions
-        mine = np.flatnonzero(t.response == row)
-        if int(f.servo_id[row]) < 0 and len(mine) and int(t.request[mine[0]]) >= 0:
-            return int(f.servo_id[t.request[mine[0]]])
-        return int(f.servo_id[row])
-
     def _status_bits(self, batch: Batch) -> Iterator[Anomaly]:
         f = batch.frames
         rows = np.flatnonzero(f.status >= 0)
@@ -81,13 +75,15 @@ class DeviceRules:
             if not self._reported >> bit & 1:
                 continue
             flag = (status >> bit & 1).astype(bool)
-            rise, fall = edges.feed(servo, flag)
+            # An answer without a status byte (its bits lie above one) says nothing about faults.
+            tells = np.flatnonzero((status <= STATUS_BYTE) | (bit >= STATUS_BYTE.bit_length()))
+            rise, fall = np.zeros(len(flag), bool), np.zeros(len(flag), bool)
+            rise[tells], fall[tells] = edges.feed(servo[tells], flag[tells])
             mask = 1 << bit
             if self._refusal[bit]:
                 rise, fall = flag, np.zeros(len(flag), bool)  # a refusal is an event, not a state
             for i in np.flatnonzero(rise | fall).tolist():
-                row = int(rows[i])
-                who = self._who(batch, row)
+                row, who = int(rows[i]), int(f.servo_id[rows[i]])
                 name = (*self._protocol.status_names(mask), f"bit{bit}")[0]
                 words, at = name.replace("_", " "), self._at(batch, row)
                 if fall[i]:

@@ -51,9 +51,6 @@ DELAY_NS, DELAY_STEP_NS = 100 * US, 50 * US
 TRAVEL: Final = 2400
 """Tenths of a degree between the ends that the simulated trajectories use, of 3000."""
 
-NAMELESS: Final = -1
-"""What a decoder knows of an acknowledging byte's sender."""
-
 IDENTITY, PRESENT, GOALS = 0x3, 0x9, 0xB
 """Reply nibbles that the controller asks for. Source: RS305CR manual, table 4.2."""
 
@@ -220,7 +217,7 @@ class Rs30xBus(Bus):
             servo.take(told)
             if not reply:
                 return None
-            return Message(bytes(ACK.build({"answer": ACK_BYTE})), NAMELESS, OPS[WRITE])
+            return Message(bytes(ACK.build({"answer": ACK_BYTE})), servo_id, OPS[WRITE])
 
         message = Message(built, servo_id, OPS[WRITE], told)
         return self._exchange(message, act, PATIENCE_NS if reply else 0)

@@ -8,6 +8,7 @@ packing them one by one is faster; both ways go by the same layout.
 
 from __future__ import annotations
 
+import functools
 import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
@@ -30,6 +31,8 @@ Column = npt.NDArray[Any]
 
 RECORD: Final = struct.Struct("<BQHIQQ")
 """Head of a message record: opcode, length, channel, sequence, log time, publish time."""
+
+_HEAD: Final = struct.Struct("<BQ")
 
 LOG_AT: Final = 15
 """Where the log time stands in a record: it is written last, when the order is known."""
@@ -160,7 +163,11 @@ class Blob:
 
 
 class _Shape:
-    """One layout: constants and, between them, the variables in the order of the fields."""
+    """One layout: constants and, between them, the variables in the order of the fields.
+
+    ``texts`` has the bytes of a text field, but only the length of a bytes field: -1 leaves it
+    open, for ``one`` alone; then the field must be the last.
+    """
 
     def __init__(
         self,
@@ -168,46 +175,49 @@ class _Shape:
         names: set[str],
         texts: Mapping[str, bytes | int],
     ) -> None:
-        """``texts`` has the bytes of a text field, but only the length of a bytes field."""
         pieces: list[bytes | tuple[str, str, str]] = []
+        self._open = False
         for name, field in fields.items():
-            if name in texts:
-                text = texts[name]
-                size = text if isinstance(text, int) else len(text)
-                head = varint(field.number << 3 | 2) + varint(size)
-                pieces += (
-                    [head, (name, f"V{size}", f"{size}s")]
-                    if isinstance(text, int)
-                    else [head + text]
-                )
+            text = texts.get(name)
+            if isinstance(text, bytes):
+                pieces.append(varint(field.number << 3 | 2) + varint(len(text)) + text)
+            elif text is not None:
+                pieces.append(varint(field.number << 3 | 2) + (varint(text) if text >= 0 else b""))
+                self._open = text < 0
+                if text > 0:
+                    pieces.append((name, f"V{text}", f"{text}s"))
             elif name in names:
                 wire, dtype, code = _WIRE[field.type]
                 pieces += [varint(field.number << 3 | wire), (name, dtype, code)]
         size = sum(len(p) if isinstance(p, bytes) else np.dtype(p[1]).itemsize for p in pieces)
-        pieces = [
-            struct.pack("<BQ", Opcode.MESSAGE, RECORD.size - 9 + size),
+        self._pieces = [
+            _HEAD.pack(Opcode.MESSAGE, RECORD.size - _HEAD.size + size),
             ("#channel", "<u2", "H"),
             ("#sequence", "<u4", "I"),
             bytes(8),
             ("#publish", "<i8", "q"),
             *pieces,
         ]
-        # the last of a bytes field may be empty: numpy has no such type
-        pieces = [p for p in pieces if isinstance(p, bytes) or p[1] != "V0"]
-        self.names = [p[0] for p in pieces if not isinstance(p, bytes)]
-        self.width = RECORD.size + size
-        self._dtype = np.dtype(
-            [
-                (f"={i}", f"V{len(p)}") if isinstance(p, bytes) else p[:2]
-                for i, p in enumerate(pieces)
-            ]
-        )
-        codes = "".join(f"{len(p)}s" if isinstance(p, bytes) else p[2] for p in pieces)
+        self.names = [p[0] for p in self._pieces if not isinstance(p, bytes)]
+        self._width = RECORD.size + size
+        codes = "".join(f"{len(p)}s" if isinstance(p, bytes) else p[2] for p in self._pieces)
         self._pack = struct.Struct("<" + codes).pack
-        self._arguments: list[Any] = [p if isinstance(p, bytes) else 0 for p in pieces]
-        self._slots = [i for i, p in enumerate(pieces) if not isinstance(p, bytes)]
-        zeros = [p if isinstance(p, bytes) else bytes(np.dtype(p[1]).itemsize) for p in pieces]
-        self._template = np.frombuffer(b"".join(zeros), np.uint8).reshape(1, -1)
+        self._arguments: list[Any] = [p if isinstance(p, bytes) else 0 for p in self._pieces]
+        self._slots = [i for i, p in enumerate(self._pieces) if not isinstance(p, bytes)]
+
+    @functools.cached_property
+    def _template(self) -> npt.NDArray[np.uint8]:
+        parts = [
+            p if isinstance(p, bytes) else bytes(np.dtype(p[1]).itemsize) for p in self._pieces
+        ]
+        return np.frombuffer(b"".join(parts), np.uint8).reshape(1, -1)
+
+    @functools.cached_property
+    def _dtype(self) -> np.dtype[np.void]:
+        parts = enumerate(self._pieces)
+        return np.dtype(
+            [(f"={i}", f"V{len(p)}") if isinstance(p, bytes) else p[:2] for i, p in parts]
+        )
 
     def many(self, values: Mapping[str, Column], count: int) -> Void:
         """Return ``count`` records; ``values`` has a column for each variable."""
@@ -215,14 +225,18 @@ class _Shape:
         records = block.view(self._dtype)[:, 0]
         for name in self.names:
             records[name] = values[name]
-        return block.view(f"V{self.width}")[:, 0]
+        return block.view(f"V{self._width}")[:, 0]
 
-    def one(self, values: Iterable[Any]) -> bytes:
-        """Return one record; ``values`` are those of ``names``."""
+    def one(self, values: Iterable[Any], tail: bytes) -> bytes:
+        """Return one record; ``values`` are those of ``names``, ``tail`` fills an open end."""
         arguments = self._arguments.copy()
         for slot, value in zip(self._slots, values, strict=True):
             arguments[slot] = value
-        return self._pack(*arguments)
+        record = self._pack(*arguments)
+        if not self._open:
+            return record
+        end = varint(len(tail)) + tail
+        return b"".join((_HEAD.pack(5, len(record) - 9 + len(end)), record[9:], end))
 
 
 class Encoder:
@@ -270,31 +284,29 @@ class Encoder:
         code = np.zeros(n, np.int64) if text is None else text[1]
         length = np.zeros(n, np.int64) if blob is None else blob.length
 
-        def shapes(rows: I64) -> list[_Shape]:
-            keys = zip(have[rows].tolist(), code[rows].tolist(), length[rows].tolist(), strict=True)
-            return [self._shape(key, text, blob) for key in keys]
-
         out: list[Rows | Loose] = []
         few: list[I64] = []
         for rows in _alike(have, code, length) if n > FEW else (np.arange(n),):
             if len(rows) <= FEW:
                 few.append(rows)
                 continue
-            (shape,) = shapes(rows[:1])
+            i = int(rows[0])
+            size = int(length[i])
+            shape = self._shape((int(have[i]), int(code[i]), size), text, blob)
             values = {name: columns[name][rows] for name in shape.names if name in columns}
-            if blob is not None and len(values) < len(shape.names):
-                values[blob.name] = blob.take(rows, int(length[rows[0]]))
+            if blob is not None and size:
+                values[blob.name] = blob.take(rows, size)
             data = shape.many(values, len(rows))
             out.append(Rows(data, heads.take(rows)))
         if few:
             rows = np.sort(np.concatenate(few))
             lists = {name: column[rows].tolist() for name, column in columns.items()}
-            if blob is not None:
-                lists[blob.name] = blob.each(rows)
-            records = [
-                shape.one([lists[name][i] for name in shape.names])
-                for i, shape in enumerate(shapes(rows))
-            ]
+            tails = [b""] * len(rows) if blob is None else blob.each(rows)
+            keys = zip(have[rows].tolist(), code[rows].tolist(), tails, strict=True)
+            records = []
+            for i, (bits, number, tail) in enumerate(keys):
+                shape = self._shape((bits, number, -1), text, blob)
+                records.append(shape.one([lists[name][i] for name in shape.names], tail))
             out.append(Loose(records, heads.take(rows)))
         return out
 
