@@ -54,7 +54,7 @@ def one_by_one(data: bytes, path: Path) -> int:
             topics.write("/bus0/raw", RawChunk(offset=a, data=part), a)
             _write(topics, decoder, decoder.feed(Chunk(part)))
         _write(topics, decoder, decoder.close())
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]  # the library annotates its arguments only
     return len(data)
 
 

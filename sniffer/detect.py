@@ -18,6 +18,9 @@ ENOUGH: Final = 32 * 1024
 CLEAR: Final = 0.5
 """A share from which a protocol is taken if no other comes near."""
 
+SURE: Final = "sure"
+"""What is said of more than nine tenths of the bytes explained."""
+
 FEW: Final = 0.05
 """Below CLEAR, a much damaged capture is still taken from this share and three frames on."""
 
@@ -72,7 +75,7 @@ def detect(chunks: Sequence[Chunk]) -> Detection:
     ranked = sorted(scores, key=lambda k: -scores[k])
     best, second = scores[ranked[0]], scores[ranked[1]] if len(ranked) > 1 else 0.0
     if best >= CLEAR and best >= 1.5 * second:
-        return Detection(ranked[0], "sure" if best > 0.9 else "likely", scores)
+        return Detection(ranked[0], SURE if best > 0.9 else "likely", scores)
     if best >= FEW and frames[ranked[0]] >= 3 and best >= 4 * second:
         return Detection(ranked[0], "not sure", scores)
     raise UndecidedError(

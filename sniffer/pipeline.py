@@ -5,10 +5,10 @@ from __future__ import annotations
 import contextlib
 import functools
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sniffer.decoder import Decoder
-from sniffer.detect import ENOUGH, Detection, UndecidedError, detect
+from sniffer.detect import ENOUGH, SURE, Detection, UndecidedError, detect
 from sniffer.model import Batch, Chunk, OutputError
 from sniffer.protocols import protocol_named
 from sniffer.summary import Summary
@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
     from sniffer.sinks.base import Sink
 
-AUTO = "auto"
+AUTO: Final = "auto"
+
+FIRST_LOOK: Final = 512
+"""Bytes of a slow input after which its protocol is looked for the first time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +80,7 @@ class Pipeline:
         self._on_detection = on_detection
         self._decoders: dict[str, Decoder] = {}
         self._waiting: dict[str, list[Chunk]] = {}
+        self._look_at: dict[str, int] = {}
 
     def feed(self, group: Iterable[Chunk]) -> None:
         """Decode a group; chunks of several buses may be mixed."""
@@ -90,7 +94,7 @@ class Pipeline:
                 continue
             waiting = self._waiting.setdefault(bus, [])
             waiting += chunks
-            if self._named(bus) != AUTO or sum(len(c.data) for c in waiting) >= ENOUGH:
+            if self._named(bus) != AUTO or self._enough(bus, waiting):
                 self._start(bus)
 
     def close(self) -> None:
@@ -136,6 +140,19 @@ class Pipeline:
                     sink.close()
                 if not self._sinks:
                     raise
+
+    def _enough(self, bus: str, waiting: Sequence[Chunk]) -> bool:
+        """Tell whether these bytes say which protocol it is; asked when they have doubled."""
+        size = sum(len(c.data) for c in waiting)
+        if size >= ENOUGH:
+            return True
+        if size < self._look_at.setdefault(bus, FIRST_LOOK):
+            return False
+        self._look_at[bus] = 2 * size
+        try:
+            return detect(waiting).certainty == SURE
+        except UndecidedError:
+            return False
 
     def _named(self, bus: str) -> str:
         return self._options.protocols.get(bus, self._options.protocol)

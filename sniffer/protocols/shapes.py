@@ -8,14 +8,15 @@ import numpy as np
 
 from sniffer.model import WHOLE
 from sniffer.protocols.base import Values
-from sniffer.registers import TYPES
+from sniffer.registers import TYPES, Entry
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Sequence
 
     from sniffer.framing import Block
     from sniffer.model import I16, I64, Frames
-    from sniffer.registers import Entry
+    from sniffer.protocols.base import State
+    from sniffer.registers import RegisterMap
 
 
 def by_shape(
@@ -55,3 +56,58 @@ def by_shape(
             elif entry.servo is not None:
                 servo[out + k] = entry.servo
     return Values(np.repeat(rows, per_row), servo, register, raw, part)
+
+
+class Addressed:
+    """Shapes of packets that carry registers from an address on, to one servo or to several.
+
+    In a packet to several, each servo's part is its id and its bytes: ``step`` bytes a servo, the
+    first at ``first`` bytes from ``data_start``. ``step`` 0: a packet to one.
+    """
+
+    def __init__(self, models: Sequence[RegisterMap], first: int) -> None:
+        self._models = models
+        self._first = first
+        self._shapes: dict[int, list[Entry]] = {}
+
+    def values(
+        self, block: Block, frames: Frames, rows: I64, address: I64, step: I64, state: State
+    ) -> Values:
+        """Read the values of ``rows``; a negative address: the row has none."""
+        model = state.model[frames.servo_id[rows] & 255]
+        keys = (model << 27) | ((address + 1) << 18) | (frames.data_length[rows] << 9) | step
+        return by_shape(block, frames, rows, keys, self._shape)
+
+    def _shape(self, key: int) -> list[Entry]:
+        found = self._shapes.get(key)
+        if found is None:
+            found = self._shapes[key] = self._entries(key)
+        return found
+
+    def _entries(self, key: int) -> list[Entry]:
+        table = self._models[key >> 27]
+        address, length, step = (key >> 18 & 511) - 1, key >> 9 & 511, key & 511
+        if address < 0:
+            return []
+        if not step:
+            return table.span(address, length)
+        one = table.span(address, step - 1)
+        return [
+            Entry(e.register, at + 1 + e.at, e.type, e.part, servo_at=at)
+            for at in range(self._first, length, step)
+            for e in one
+        ]
+
+
+def slow_spans(
+    table: RegisterMap, address: int, parts: Iterable[tuple[int, bytes]]
+) -> list[tuple[int, int, int, int]]:
+    """Split each servo's bytes by the table, one value after the other, for the reference."""
+    out = []
+    for servo_id, data in parts:
+        for e in table.span(address, len(data)):
+            size = TYPES[e.type].itemsize
+            signed = e.part == WHOLE and e.type.startswith("i")
+            raw = int.from_bytes(data[e.at : e.at + size], "little", signed=signed)
+            out.append((servo_id, e.register, raw, e.part))
+    return out

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
@@ -33,6 +35,9 @@ Reader = Callable[[Opened], Iterator[Chunk]]
 
 GROUP: Final = 1 << 18
 """Payload of a group, in bytes."""
+
+LAG_S: Final = 0.1
+"""A slow input is handed on after this time, in seconds, however little has come."""
 
 GROUP_CHUNKS: Final = 1 << 15
 """Chunks of a group at most: lines may hold a byte each."""
@@ -97,7 +102,8 @@ class Source:
         self.notes.clear()
         with self._origin.open() as stream:
             opened = Opened(stream, self.name, self._origin.path, self._bus, self.notes)
-            yield from self._told(_groups(SOURCES[self.format](opened)))
+            lag_s = LAG_S if self._origin.live else math.inf
+            yield from self._told(_groups(SOURCES[self.format](opened), lag_s))
 
     def _told(self, groups: Iterable[list[Chunk]]) -> Iterator[list[Chunk]]:
         """Add the input's name to what is wrong with it."""
@@ -125,7 +131,7 @@ class Source:
             head = head[: head.rfind(b"\n") + 1]
         opened = Opened(io.BytesIO(head), self.name, self._origin.path, self._bus)
         with contextlib.suppress(DamagedInputError):  # it comes again, behind what can be read
-            next(self._told(_groups(SOURCES[self.format](opened))), None)
+            next(self._told(_groups(SOURCES[self.format](opened), math.inf)), None)
 
     def close(self) -> None:
         """Release an input that is not read to its end."""
@@ -138,17 +144,22 @@ class Source:
         self.close()
 
 
-def _groups(chunks: Iterable[Chunk]) -> Iterator[list[Chunk]]:
+def _groups(chunks: Iterable[Chunk], lag_s: float) -> Iterator[list[Chunk]]:
     """Group chunks; those read before damage are yielded first, unless a first line is nonsense."""
     group: list[Chunk] = []
     size = 0
+    due = time.monotonic() + lag_s
     try:
         for chunk in chunks:
             group.append(chunk)
             size += len(chunk.data)
-            if size >= GROUP or len(group) >= GROUP_CHUNKS:
+            if size >= GROUP or len(group) >= GROUP_CHUNKS or time.monotonic() > due:
                 yield group
-                group, size = [], 0
+                group, size, due = [], 0, time.monotonic() + lag_s
+    except KeyboardInterrupt:
+        if group:
+            yield group  # what has been read is decoded before the end
+        raise
     except DamagedInputError as error:
         wrong = isinstance(error, Damage) and error.nonsense and error.line <= FIRST_LINES
         if group and not wrong:

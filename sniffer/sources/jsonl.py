@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any, Final
 
-from sniffer.model import Chunk, Clock
+from sniffer.model import Chunk, Clock, Direction
 from sniffer.sources.text import Damage, Opened, blocks, quoted
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ TYPES: Final = CARRIERS | {"transaction", "sample", "anomaly", "summary"}
 """Record types that this tool writes."""
 
 _CLOCKS: Final = {clock.name.lower(): clock for clock in Clock}
+_DIRECTIONS: Final = {d.name: d for d in Direction}
 _T_END: Final = 1 << 63
 
 
@@ -53,7 +54,8 @@ class _Stream:
         self.missing += max(0, offset - due)
         self._due[bus] = offset + len(data)
         t_ns, clock = self._time(record, number)
-        return Chunk(data, t_ns, clock, bus) if data else None
+        wire = _DIRECTIONS.get(str(record.get("direction")), Direction.UNKNOWN)
+        return Chunk(data, t_ns, clock, bus, wire) if data else None
 
     def _time(self, record: Mapping[str, Any], number: int) -> tuple[int | None, Clock]:
         t_ns, name = record.get("t_ns"), record.get("clock")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import select
 import stat
 import sys
 from pathlib import Path
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 
 STDIN: Final = "-"
 
+PATIENCE_S: Final = 0.2
+"""How long the beginning of a pipe is gathered before it is looked at, in seconds."""
+
 
 class Origin(Protocol):
     """Where bytes come from: ``head`` is what recognition may see."""
@@ -30,6 +34,7 @@ class Origin(Protocol):
     name: str
     path: Path | None
     head: bytes
+    live: bool  # its bytes come when they come
 
     def open(self) -> contextlib.AbstractContextManager[Stream]:
         """Return the whole input, from its first byte on."""
@@ -62,6 +67,8 @@ class _Guarded:
 class File:
     """A regular file, or bytes held in memory: it can be read any number of times."""
 
+    live = False
+
     def __init__(self, path: Path | None, data: bytes = b"") -> None:
         self.path = path
         self.name = _shown(path) if path else "the given bytes"
@@ -88,15 +95,26 @@ class File:
 class Pipe:
     """What can be read once: standard input, a named pipe."""
 
+    live = True
+
     def __init__(self, stream: BinaryIO, name: str, *, owned: bool) -> None:
         self.path: Path | None = None
         self.name = name
         self._stream = stream
         self._owned = owned
         self._used = False
-        self.head = b""
-        while len(self.head) < HEAD and (read := stream.read(HEAD - len(self.head))):
-            self.head += read
+        self._read = b""
+        whole = False
+        # Whoever writes slowly is not waited for: what has come is looked at.
+        while len(self._read) < HEAD and (not self._read or _more(stream)):
+            read = _Arriving(stream).read(HEAD - len(self._read))
+            if not read:
+                whole = True
+                break
+            self._read += read
+        # a line that has half come would look like nonsense
+        end = len(self._read) if whole else self._read.rfind(b"\n") + 1
+        self.head = self._read[:end] or self._read
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Stream]:
@@ -105,7 +123,7 @@ class Pipe:
             raise InputError(f"{self.name} can be read only once")
         self._used = True
         try:
-            yield _Guarded(self.head, self._stream, self.name)
+            yield _Guarded(self._read, _Arriving(self._stream), self.name)
         finally:
             self.close()
 
@@ -113,6 +131,25 @@ class Pipe:
         """Close a pipe that was opened here; standard input stays open."""
         if self._owned:
             self._stream.close()
+
+
+class _Arriving:
+    """Bytes of a pipe as they come: a read takes what is there and waits only for the first."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._take = getattr(stream, "read1", stream.read)
+
+    def read(self, size: int, /) -> bytes:
+        """Return up to ``size`` bytes, none at the end."""
+        return bytes(self._take(size) or b"")
+
+
+def _more(stream: BinaryIO) -> bool:
+    """Tell whether more comes within ``PATIENCE_S``; where that cannot be told, it does."""
+    try:
+        return bool(select.select([stream.fileno()], [], [], PATIENCE_S)[0])
+    except (OSError, ValueError):  # no file at all, or a system that selects sockets only
+        return True
 
 
 def find(path: str | Path | bytes) -> Origin:

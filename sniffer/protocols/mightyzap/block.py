@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -46,13 +45,14 @@ from sniffer.protocols.mightyzap.grammar import (
     SYMMETRIC_STORE,
     WRITES,
 )
-from sniffer.protocols.shapes import by_shape
-from sniffer.registers import Entry, load_models
+from sniffer.protocols.shapes import Addressed
+from sniffer.registers import load_models
 
 if TYPE_CHECKING:
     from sniffer.protocols.base import State, Values
 
 MODELS: Final = load_models("mightyzap-l12", "mightyzap-12lf")
+SHAPES: Final = Addressed(MODELS, first=1)
 PLAN: Final = plan_of(PACKET)
 OVERHEAD: Final = PLAN.tail_at + 1 - 2
 """Bytes of a frame beside what SIZE counts (which counts code and checksum, but not the header)."""
@@ -195,33 +195,13 @@ def _either_way(
 
 
 def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
-    """Read register values; rows of one shape carry the same registers at the same places."""
-    op, address = frames.op[rows], frames.address[rows].astype(np.int64)
-    length = frames.data_length[rows]
-    sync = (op == SYMMETRIC_STORE) & (address >= 0)
-    group = np.zeros(len(rows), np.int64)
+    """Read register values; a symmetric store names the bytes a servo first, then the servos."""
+    address = frames.address[rows].astype(np.int64)
+    sync = (frames.op[rows] == SYMMETRIC_STORE) & (address >= 0)
+    step = np.zeros(len(rows), np.int64)
     if sync.any():
-        group[sync] = block.data[frames.data_start[rows[sync]]]
-    model = state.model[frames.servo_id[rows] & 255]
-    keys = (model << 26) | ((address + 1) << 17) | (length << 8) | group
-    return by_shape(block, frames, rows, keys, shape)
-
-
-@functools.cache
-def shape(key: int) -> list[Entry]:
-    """Return the registers in a span of bytes; ``group`` > 0: those of a symmetric store."""
-    table = MODELS[key >> 26]
-    address, length, group = (key >> 17 & 511) - 1, key >> 8 & 511, key & 255
-    if address < 0:
-        return []
-    if not group:
-        return table.span(address, length)
-    one = table.span(address, group)
-    return [
-        Entry(e.register, at + 1 + e.at, e.type, e.part, servo_at=at)
-        for at in range(1, length, group + 1)
-        for e in one
-    ]
+        step[sync] = block.data[frames.data_start[rows[sync]]].astype(np.int64) + 1
+    return SHAPES.values(block, frames, rows, address, step, state)
 
 
 def explain(run: bytes, start: int) -> list[Gap]:

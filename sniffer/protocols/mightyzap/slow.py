@@ -19,7 +19,6 @@ from sniffer.model import (
     RESPONSE,
     STAGED,
     UNKNOWN,
-    WHOLE,
 )
 from sniffer.protocols.base import SlowFrame, State
 from sniffer.protocols.mightyzap.block import MODELS, REACH
@@ -41,7 +40,7 @@ from sniffer.protocols.mightyzap.grammar import (
     SYMMETRIC_STORE,
     WRITES,
 )
-from sniffer.registers import TYPES
+from sniffer.protocols.shapes import slow_spans
 
 
 def parse(data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None:
@@ -144,12 +143,4 @@ def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
         parts = [(t.servo_id, t.data) for t in packet.targets]
     else:
         parts = [(frame.servo_id, frame.data)]
-    table = MODELS[int(state.model[frame.servo_id & 255])]
-    out = []
-    for servo_id, data in parts:
-        for e in table.span(frame.address, len(data)):
-            size = TYPES[e.type].itemsize
-            signed = e.part == WHOLE and e.type.startswith("i")
-            raw = int.from_bytes(data[e.at : e.at + size], "little", signed=signed)
-            out.append((servo_id, e.register, raw, e.part))
-    return out
+    return slow_spans(MODELS[int(state.model[frame.servo_id & 255])], frame.address, parts)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import re
 from typing import TYPE_CHECKING, Final
 
@@ -67,8 +66,8 @@ from sniffer.protocols.rs30x.grammar import (
     op_of,
     status_names,
 )
-from sniffer.protocols.shapes import by_shape
-from sniffer.registers import Entry, load_models
+from sniffer.protocols.shapes import Addressed
+from sniffer.registers import load_models
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -76,6 +75,7 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import State, Values
 
 MODELS: Final = load_models("rs305cr")
+SHAPES: Final = Addressed(MODELS, first=0)
 PLAN: Final = plan_of(PACKET)
 RETURN_PLAN: Final = plan_of(RETURN)
 OVERHEAD: Final = PLAN.tail_at + 1
@@ -260,35 +260,15 @@ def _flags(data: U8, head: I64, op: I64, bits: U8, servo_id: I64, address: I64, 
 
 
 def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
-    """Read register values; rows of one shape carry the same registers at the same places."""
+    """Read register values; LENGTH of a long packet counts a servo's id and bytes."""
     address = frames.address[rows].astype(np.int64)
-    length = frames.data_length[rows]
     asked = frames.kind[rows] == REQUEST
     address[asked & (frames.flags[rows] & MALFORMED > 0)] = -1
-    group = np.zeros(len(rows), np.int64)
+    step = np.zeros(len(rows), np.int64)
     several = asked & (frames.op[rows] == LONG_WRITE)
     if several.any():
-        group[several] = block.data[frames.start[rows[several]] + _LENGTH]
-    model = state.model[frames.servo_id[rows] & 255]
-    keys = (model << 26) | ((address + 1) << 17) | (length << 8) | group
-    return by_shape(block, frames, rows, keys, shape)
-
-
-@functools.cache
-def shape(key: int) -> list[Entry]:
-    """Return the registers in ``length`` bytes from ``address``; ``group`` > 0: a long packet."""
-    table = MODELS[key >> 26]
-    address, length, group = (key >> 17 & 511) - 1, key >> 8 & 511, key & 255
-    if address < 0:
-        return []
-    if not group:
-        return table.span(address, length)
-    one = table.span(address, group - 1)
-    return [
-        Entry(e.register, at + 1 + e.at, e.type, e.part, servo_at=at)
-        for at in range(0, length, group)
-        for e in one
-    ]
+        step[several] = block.data[frames.start[rows[several]] + _LENGTH]
+    return SHAPES.values(block, frames, rows, address, step, state)
 
 
 _ANY_HEADER: Final = b"|".join(re.escape(p.header) for p in (PLAN, RETURN_PLAN))

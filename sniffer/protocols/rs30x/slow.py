@@ -19,7 +19,6 @@ from sniffer.model import (
     RESPONSE,
     UNKNOWN,
     UNUSUAL,
-    WHOLE,
 )
 from sniffer.protocols.base import SlowFrame, State
 from sniffer.protocols.rs30x.block import MODELS
@@ -51,7 +50,7 @@ from sniffer.protocols.rs30x.grammar import (
     long_data,
     op_of,
 )
-from sniffer.registers import TYPES
+from sniffer.protocols.shapes import slow_spans
 
 COMMANDS = (FLASH_WRITE, REBOOT, FACTORY_RESET)
 
@@ -179,12 +178,4 @@ def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
         parts = [(s.servo_id, s.data) for s in long_data(length).parse(frame.data).servos]
     else:
         parts = [(frame.servo_id, frame.data)]
-    table = MODELS[int(state.model[frame.servo_id & 255])]
-    out = []
-    for servo_id, data in parts:
-        for e in table.span(frame.address, len(data)):
-            size = TYPES[e.type].itemsize
-            signed = e.part == WHOLE and e.type.startswith("i")
-            raw = int.from_bytes(data[e.at : e.at + size], "little", signed=signed)
-            out.append((servo_id, e.register, raw, e.part))
-    return out
+    return slow_spans(MODELS[int(state.model[frame.servo_id & 255])], frame.address, parts)
