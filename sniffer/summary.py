@@ -65,6 +65,8 @@ class BusTotals:
     """(servo id, command, kind) -> frames; servo -1 is none."""
     bad_by_servo: Counter[int] = field(default_factory=Counter)
     times: dict[int, Quantiles] = field(default_factory=dict)
+    blur: dict[int, int] = field(default_factory=dict)
+    """Servo id -> what a reply time of zero may be at most, in ns: one read held it all."""
     samples: int = 0
     first: dict[str, Anomaly] = field(default_factory=dict)
     clock: str = "none"
@@ -120,8 +122,11 @@ class BusTotals:
             return
         servo = f.servo_id[t.response[known]]
         took = t.response_time_ns[known]
+        blur = np.where(took == 0, t.uncertainty_ns[known], 0)
         for who in np.unique(servo).tolist():
-            self.times.setdefault(who, Quantiles()).add(took[servo == who])
+            mine = servo == who
+            self.times.setdefault(who, Quantiles()).add(took[mine])
+            self.blur[who] = max(self.blur.get(who, 0), int(blur[mine].max()))
 
     @property
     def seconds(self) -> float | None:

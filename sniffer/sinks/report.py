@@ -30,7 +30,9 @@ _OUTCOMES: Final[Mapping[str, str]] = {"not_expected": "need no reply"}
 """Outcomes in other words than their own."""
 
 
-def _ms(ns: int | None) -> str:
+def _ms(ns: int | None, blur: int) -> str:
+    if ns is not None and ns < 1000 and blur:
+        return f"<{blur / 1e6:.2f}"
     return "" if ns is None else f"{ns / 1e6:.2f}"
 
 
@@ -105,7 +107,9 @@ def _commands(b: BusTotals) -> Table:
         row = [str(servo) if servo >= 0 else "-", str(sum(mine.values()))]
         if b.times:
             q = b.times.get(servo)
-            row += [_ms(q.at(0.5)), _ms(q.at(0.99)), _ms(q.most)] if q else ["", "", ""]
+            blur = b.blur.get(servo, 0)
+            times = (q.at(0.5), q.at(0.99), q.most) if q else (None, None, None)
+            row += [_ms(ns, blur) for ns in times]
         if failed:
             row.append(str(b.bad_by_servo.get(servo) or ""))
         table.add_row(*row, told)

@@ -274,12 +274,11 @@ def _verdicts(batch: Batch) -> list[tuple[str, str]]:
     out = [("", "")] * len(batch.frames)
     t = batch.transactions
     late = {a.evidence[0][0] for a in batch.anomalies if a.code == "late-response"}
-    for q, r, outcome, took in zip(
-        *(c.tolist() for c in (t.request, t.response, t.outcome, t.response_time_ns)), strict=True
-    ):
+    columns = (t.request, t.response, t.outcome, t.response_time_ns, t.uncertainty_ns)
+    for q, r, outcome, took, spread in zip(*(c.tolist() for c in columns), strict=True):
         if outcome == OK:
             slow = q >= 0 and batch.base + int(batch.frames.start[q]) in late
-            out[r] = (_took(took, "late " if slow else ""), "warn" if slow else "")
+            out[r] = (_took(took, spread, "late " if slow else ""), "warn" if slow else "")
         elif outcome != NOT_EXPECTED:
             out[r if r >= 0 else q] = (OUTCOMES[outcome].replace("_", " "), "error")
     marks = {a.evidence[0][0]: a for a in batch.anomalies if a.group in ("protocol", "device")}
@@ -291,8 +290,11 @@ def _verdicts(batch: Batch) -> list[tuple[str, str]]:
     return out
 
 
-def _took(ns: int, word: str) -> str:
+def _took(ns: int, spread: int, word: str) -> str:
+    """Return a reply time; shorter than the clock can tell, it is a bound."""
     if ns < 0:
         return "ok"
+    if spread > ns:
+        return f"<{(ns + spread) / 1e6:.2f} ms"
     digits = 0 if ns >= 100 * NS // 1000 else 1 if word else 2
     return f"{word}{ns / 1e6:.{digits}f} ms"
