@@ -76,11 +76,14 @@ def _told(data: bytes) -> str:
 
 
 def _likely(data: bytes) -> str:
-    """Take the protocol whose explanation of a damaged frame says most; else give up."""
-    for p in PROTOCOLS.values():
-        gaps = p.explain(data, 0)
+    """Take the protocol that sees a damaged frame in the bytes, or else a torn one."""
+    seen = {p.name: p.explain(data, 0) for p in PROTOCOLS.values()}
+    for name, gaps in seen.items():
         if any(g.reason == "damaged" and "checksum_expected" in g.detail for g in gaps):
-            return p.name
+            return name
+    for name, gaps in seen.items():
+        if gaps and gaps[0].reason == "truncated" and "fields" in gaps[0].detail:
+            return name
     raise InputError("cannot tell the protocol of these bytes: name it with --protocol")
 
 

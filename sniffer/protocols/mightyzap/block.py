@@ -249,7 +249,7 @@ def explain(run: bytes, start: int) -> list[Gap]:
                     {
                         "checksum_expected": PLAN.checksum(body),
                         "checksum_got": run[stop - 1],
-                        **_as_read(run[at:stop]),
+                        **_as_read(run[at : stop - 1]),
                     },
                 )
             )
@@ -266,7 +266,7 @@ def _torn_header(run: bytes, p: int) -> int:
 
 
 def _as_read(raw: bytes) -> dict[str, object]:
-    """Return the fields of a frame that does not hold, as they stand there."""
+    """Return the fields of a frame that does not hold, without its checksum, as they stand."""
     out: dict[str, object] = {}
     if len(raw) > _ID:
         out["servo_id"] = raw[_ID]
@@ -276,5 +276,5 @@ def _as_read(raw: bytes) -> dict[str, object]:
             out["op"] = COMMANDS[code].name
         else:
             out["code"] = code
-        out["data"] = raw[_FACTORS:-1].hex()
+        out["data"] = raw[_FACTORS:].hex()
     return {"fields": out} if out else {}

@@ -309,7 +309,7 @@ def explain(run: bytes, start: int) -> list[Gap]:
             add(broken.end(), "truncated", {"have": broken.end() - at})
             continue
         need, wrong = _needs(run[at:stop])
-        fields = _as_read(run[at : min(stop, at + (need or REACH))])
+        fields = _as_read(run[at : min(stop, at + (need or REACH) - 1)])
         if need is not None and at + need <= n and stop >= at + need - 1:
             expected, got = XOR8(run[at + PLAN.sum_from : at + need - 1]), run[at + need - 1]
             sums = {"checksum_expected": expected, "checksum_got": got}
@@ -343,7 +343,7 @@ def _needs(raw: bytes) -> tuple[int | None, dict[str, object]]:
 
 
 def _as_read(raw: bytes) -> dict[str, object]:
-    """Return the fields of a packet that does not hold, as they stand there."""
+    """Return the fields of a packet that does not hold, without its checksum, as they stand."""
     names = ((_ID, "servo_id"), (_ADDRESS, "address"), (_LENGTH, "length"), (_COUNT, "count"))
     out: dict[str, object] = {name: raw[at] for at, name in names if at < len(raw)}
     if len(raw) > _FLAGS:
@@ -351,7 +351,7 @@ def _as_read(raw: bytes) -> dict[str, object]:
         named = status_names(flags) if back else flag_names(flags)
         out["flags"] = {"number": flags, "names": list(named)}
         if len(raw) > _COUNT:
-            op = RETURN_OP if back else op_of(raw[_ID], flags, raw[_DATA:-1])
+            op = RETURN_OP if back else op_of(raw[_ID], flags, raw[_DATA:])
             out["op"] = OPS[op]
-            out["data"] = raw[_DATA:-1].hex()
+            out["data"] = raw[_DATA:].hex()
     return {"fields": out} if out else {}

@@ -111,11 +111,11 @@ def _one(run: bytes, at: int) -> tuple[int, str, dict[str, Any]] | None:
     if have - need > REPLY or expected == got:
         return None
     detail = {"checksum_expected": expected, "checksum_got": got}
-    return need, "damaged", {**detail, "fields": _as_read(run[at : at + need], kind)}
+    return need, "damaged", {**detail, "fields": _as_read(run[at : at + need - 1], kind)}
 
 
 def _as_read(raw: bytes, kind: int) -> dict[str, Any]:
-    """Return the fields of a frame that does not hold, as they stand there."""
+    """Return the fields of a frame that does not hold, without its checksum, as they stand."""
     out: dict[str, Any] = {}
     if kind in (MOVE_10BIT, READ_10BIT):
         if len(raw) > PARAMS:
@@ -126,5 +126,5 @@ def _as_read(raw: bytes, kind: int) -> dict[str, Any]:
         out["op"] = f"unknown_{raw[DATA2]:02x}"
     else:
         out["op"] = OPS[kind].name
-    out["data"] = raw[DATA2:-1].hex()
+    out["data"] = raw[DATA2:].hex()
     return out
