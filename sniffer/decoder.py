@@ -190,10 +190,7 @@ class Decoder:
                     out += pieces
         ends = np.array([g.start + g.length for g in out], np.int64) + self._base
         times: I64 = self._stamps.at(ends)
-        return tuple(
-            Gap(g.start, g.length, g.reason, g.detail, t)
-            for g, t in zip(out, times.tolist(), strict=True)
-        )
+        return tuple(Gap(*g[:-1], t) for g, t in zip(out, times.tolist(), strict=True))
 
 
 def _stretches(a: int, b: int, block: Block) -> list[tuple[int, int, bool]]:

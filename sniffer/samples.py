@@ -39,6 +39,9 @@ if TYPE_CHECKING:
     from sniffer.framing import Block
 
 
+SIGNED, SPECIAL, MODED, EVENT, FEEDBACK = 1, 2, 4, 8, 16
+
+
 class Scaling:
     """Turns raw register values into samples, with what the wire has shown so far."""
 
@@ -51,11 +54,8 @@ class Scaling:
         self._scale = np.array([r.scale for r in registers])
         self._role = np.array([r.role for r in registers], np.uint8)
         self._sign_bit = np.array([r.sign_bit or 0 for r in registers])
-        self._signed = np.array([r.sign_bit is not None for r in registers], bool)
         self._special = {i: list(r.special) for i, r in enumerate(registers) if r.special}
-        self._has_special = np.array([bool(r.special) for r in registers], bool)
         self._moded = {i: r.scale_by for i, r in enumerate(registers) if r.scale_by is not None}
-        self._is_moded = np.array([r.scale_by is not None for r in registers], bool)
         # Scale by register and mode; the last column is for a mode nobody has seen yet.
         self._by_mode = np.full((len(registers), 257), np.nan)
         for i, (_, table) in self._moded.items():
@@ -65,10 +65,16 @@ class Scaling:
         self._setters = {i: r.name for i, r in enumerate(registers) if r.name in self.state.modes}
         self._ids = {i for i, r in enumerate(registers) if r.effect == "servo_id"}
         self._feedback = {i for i, r in enumerate(registers) if r.effect == "feedback"}
-        self._is_event = np.zeros(len(registers), bool)
-        self._is_event[[*self._setters, *(self._ids if self.state.modes else ())]] = True
-        self._is_feedback = np.zeros(len(registers), bool)
-        self._is_feedback[list(self._feedback)] = True
+        # What there is to do for a register, as bits: one look-up tells it for all values.
+        self._traits = np.zeros(len(registers), np.uint8)
+        for i, r in enumerate(registers):
+            self._traits[i] = (
+                SIGNED * (r.sign_bit is not None)
+                | SPECIAL * bool(r.special)
+                | MODED * (r.scale_by is not None)
+                | EVENT * (i in self._setters or (i in self._ids and bool(self.state.modes)))
+                | FEEDBACK * (i in self._feedback)
+            )
         self._staged: list[tuple[int, str, int]] = []
 
     def decode(self, block: Block, frames: Frames, transactions: Transactions) -> Samples:
@@ -78,8 +84,10 @@ class Scaling:
         v = self.protocol.values(block, frames, rows, self.state)
         takes = accepted[v.row]
         value = v.raw * self._scale[v.register]
-        mine = np.flatnonzero(self._signed[v.register])
-        if len(mine):
+        traits = self._traits[v.register]
+        present = int(np.bitwise_or.reduce(traits)) if len(traits) else 0
+        if present & SIGNED:
+            mine = np.flatnonzero(traits & SIGNED)
             raw, bit = v.raw[mine], self._sign_bit[v.register[mine]]
             magnitude = raw & ((1 << bit) - 1)
             signed = np.where(raw >> bit & 1, magnitude, -magnitude)
@@ -88,12 +96,14 @@ class Scaling:
         if self.state.chosen.any():
             provenance[self.state.chosen[v.servo_id & 255]] = PROFILE
         if self.state.modes:
-            self._apply_modes(frames, v, accepted, value, provenance)
-        mine = np.flatnonzero(self._has_special[v.register])
-        for i in np.unique(v.register[mine]).tolist():
-            own = mine[v.register[mine] == i]
-            value[own[np.isin(v.raw[own], self._special[i])]] = np.nan
-        value[v.part != WHOLE] = np.nan
+            self._apply_modes(frames, v, traits, accepted, value, provenance)
+        if present & SPECIAL:
+            mine = np.flatnonzero(traits & SPECIAL)
+            for i in np.unique(v.register[mine]).tolist():
+                own = mine[v.register[mine] == i]
+                value[own[np.isin(v.raw[own], self._special[i])]] = np.nan
+        if v.part.any():
+            value[v.part != WHOLE] = np.nan
         return Samples(
             t_ns=frames.t_end[v.row],
             servo_id=v.servo_id,
@@ -111,7 +121,8 @@ class Scaling:
         """Return where a servo's return mode became known."""
         if not self._feedback:
             return []
-        at = self._is_feedback[samples.register] & samples.accepted & (samples.part == WHOLE)
+        at = self._traits[samples.register] & FEEDBACK > 0
+        at &= samples.accepted & (samples.part == WHOLE)
         out = []
         for i in np.flatnonzero(at).tolist():
             row, servo = int(samples.row[i]), int(samples.servo_id[i])
@@ -134,11 +145,17 @@ class Scaling:
         return readable, accepted
 
     def _apply_modes(
-        self, frames: Frames, v: Values, accepted: Mask, value: F64, provenance: U8
+        self,
+        frames: Frames,
+        v: Values,
+        traits: U8,
+        accepted: Mask,
+        value: F64,
+        provenance: U8,
     ) -> None:
         state = self.state
-        events = self._events(frames, v, accepted)
-        mine = np.flatnonzero(self._is_moded[v.register])
+        events = self._events(frames, v, traits, accepted)
+        mine = np.flatnonzero(traits & MODED)
         servo = (v.servo_id[mine] & 255).astype(np.int64)
         register = v.register[mine]
         modes = {name: known[servo] for name, known in state.modes.items()}
@@ -158,10 +175,11 @@ class Scaling:
             provenance[which[seen[name][one]]] = OBSERVED
 
     def _events(
-        self, frames: Frames, v: Values, accepted: Mask
+        self, frames: Frames, v: Values, traits: U8, accepted: Mask
     ) -> list[tuple[int, Callable[[], None] | None]]:
         """Return (position in the values, what happens before it), in order."""
-        hits = np.flatnonzero(self._is_event[v.register] & accepted[v.row] & (v.part == WHOLE))
+        hits = np.flatnonzero(traits & EVENT)
+        hits = hits[accepted[v.row[hits]] & (v.part[hits] == WHOLE)]
         flags = np.where(accepted, frames.flags & (RESETS | RELEASES | STAGED), 0)
         special = np.flatnonzero(flags & RESETS)
         if self._staged or (flags[v.row[hits]] & STAGED).any():

@@ -98,7 +98,7 @@ def joined(batches: Sequence[Batch]) -> Batch:
         response = np.where(t.response < 0, -1, t.response + rows)
         transactions.append(replace(t, request=request, response=response))
         values.append(replace(v, row=v.row + rows))
-        gaps += (replace(g, start=g.start + shift) for g in b.gaps)
+        gaps += (g._replace(start=g.start + shift) for g in b.gaps)
         rows += len(f)
     return Batch(
         batches[0].base,
