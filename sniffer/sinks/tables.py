@@ -7,6 +7,7 @@ that no Python object stands for a row.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -149,9 +150,20 @@ class _Table:
                 self._schema = plain
                 self._writer = pyarrow.csv.CSVWriter(self._file, plain)
             else:
+                names = [f.name for f in schema if f.type == _NAME]
+                # Offsets and times grow by small steps: their differences pack to nothing.
+                steps = [f.name for f in schema if f.type in (pa.int32(), pa.int64())]
                 self._writer = pyarrow.parquet.ParquetWriter(
-                    self._file, schema, compression="zstd", compression_level=1
+                    self._file,
+                    schema,
+                    compression="zstd",
+                    compression_level=1,
+                    use_dictionary=names,
+                    column_encoding=dict.fromkeys(steps, "DELTA_BINARY_PACKED"),
                 )
+        # The writer packs outside the interpreter's lock: decoding goes on meanwhile.
+        self._packer = ThreadPoolExecutor(1, thread_name_prefix="tables")
+        self._packing: Future[None] | None = None
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         table = self._build(bus, protocol, batch)
@@ -161,15 +173,26 @@ class _Table:
             self._flush()
 
     def _flush(self) -> None:
+        """Hand the rows over; one group at most is under way, and its failure is told here."""
+        self._wait()
         if self._parts:
-            with writing(self._path):
-                self._writer.write_table(pa.concat_tables(self._parts).unify_dictionaries())
+            self._packing = self._packer.submit(self._pack, self._parts)
         self._parts, self._rows = [], 0
 
+    def _wait(self) -> None:
+        if self._packing is not None:
+            packing, self._packing = self._packing, None
+            with writing(self._path):
+                packing.result()
+
+    def _pack(self, parts: list[Any]) -> None:
+        self._writer.write_table(pa.concat_tables(parts).unify_dictionaries())
+
     def close(self) -> None:
-        with writing(self._path), self._file:
+        with writing(self._path), self._file, self._packer:
             try:
                 self._flush()
+                self._wait()
             finally:
                 self._writer.close()
 
