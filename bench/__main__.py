@@ -132,6 +132,28 @@ def core_rows(lines: list[str]) -> None:
     say(told)
 
 
+def damage_rows(lines: list[str]) -> None:
+    """Measure what damage costs: every gap and anomaly is an object, and tells its numbers."""
+    lines += [
+        "## What damage costs (20 MB mightyZAP, whole core)",
+        "",
+        "| corrupt bytes | gaps | anomalies | M frames/s | / grammar |",
+        "|---|---|---|---|---|",
+    ]
+    for share in (0.0, 0.0001, 0.001):
+        data = STREAMS["mightyzap"](SIZES["mightyzap"], share)
+        slow, n_slow = timed(grammar_framing, "mightyzap", data[:SLOW], rounds=3)
+        whole, n = timed(blocks, Decoder, "mightyzap", data)
+        decoder = Decoder("mightyzap")
+        parts = [decoder.feed(Chunk(data[a : a + BLOCK])) for a in range(0, len(data), BLOCK)]
+        gaps = sum(len(b.gaps) for b in parts)
+        told = sum(len(b.anomalies) for b in parts)
+        ratio = (n / whole) / (n_slow / slow)
+        lines.append(f"| {share:.2%} | {gaps} | {told} | {n / whole / 1e6:.2f} | {ratio:.0f}x |")
+        say(lines[-1])
+    lines.append("")
+
+
 def hostile_rows(lines: list[str]) -> None:
     lines += [
         "## Hostile input, whole core, MB/s",
@@ -214,6 +236,7 @@ def main() -> None:
         "",
     ]
     core_rows(lines)
+    damage_rows(lines)
     hostile_rows(lines)
     file_rows(lines)
     import_rows(lines)
