@@ -144,8 +144,13 @@ def test_a_new_id_and_a_new_baud_rate_are_noted() -> None:
 
 def test_a_request_on_the_servos_wire_is_a_swapped_tap() -> None:
     found = anomalies(at(0, READ, Direction.RX), at(3, REPLY, Direction.TX))
-    assert [a.code for a in found] == ["direction-mismatch"] * 2
+    # the first frame alone could be all that one tap hears
+    assert [a.code for a in found] == ["direction-mismatch"]
     assert anomalies(at(0, READ, Direction.TX), at(3, REPLY, Direction.RX)) == []
+
+
+def test_one_tap_that_calls_all_it_hears_rx_is_not_swapped() -> None:
+    assert anomalies(at(0, READ, Direction.RX), at(3, REPLY, Direction.RX)) == []
 
 
 def test_a_clock_that_steps_back_is_noted() -> None:

@@ -105,6 +105,7 @@ class CaptureRules:
 
     def __init__(self) -> None:
         self._last: int | None = None
+        self._wires = np.zeros(len(Direction), bool)
 
     def judge(self, batch: Batch) -> Iterator[Anomaly]:
         """Report frames on the wrong wire, and time going backwards."""
@@ -113,18 +114,22 @@ class CaptureRules:
             return
         if f.direction.any():
             response = f.kind == RESPONSE
-            swapped = ((f.direction == Direction.TX) & response) | (
-                (f.direction == Direction.RX) & ~response
-            )
+            # One tap hears both ways, whatever its lines are called: two must have been heard.
+            both = np.ones(len(f), bool)
+            for wire in (Direction.TX, Direction.RX):
+                both &= np.logical_or.accumulate(f.direction == wire) | self._wires[wire]
+                self._wires[wire] |= bool((f.direction == wire).any())
+            expected = np.where(response, Direction.RX, Direction.TX)
+            swapped = both & (f.direction != Direction.UNKNOWN) & (f.direction != expected)
             for i in np.flatnonzero(swapped).tolist():
-                wire = Direction(int(f.direction[i])).name
+                name = Direction(int(f.direction[i])).name
                 kind = "response" if response[i] else "request"
                 at = (batch.base + int(f.start[i]), int(f.length[i]))
                 yield anomaly(
                     "direction-mismatch",
                     int(f.t_end[i]),
                     int(f.servo_id[i]),
-                    f"a {kind} on the {wire} wire",
+                    f"a {kind} on the {name} wire",
                     at,
                 )
         before = f.t_end[0] if self._last is None else self._last
