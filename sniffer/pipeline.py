@@ -81,6 +81,7 @@ class Pipeline:
         self._decoders: dict[str, Decoder] = {}
         self._waiting: dict[str, list[Chunk]] = {}
         self._look_at: dict[str, int] = {}
+        self._first: dict[str, list[Chunk]] = {}
 
     def feed(self, group: Iterable[Chunk]) -> None:
         """Decode a group; chunks of several buses may be mixed."""
@@ -112,6 +113,17 @@ class Pipeline:
             self._deliver(bus, decoder, decoder.close())
         if undecided is not None:
             raise undecided
+
+    def mistaken(self) -> list[tuple[str, Detection]]:
+        """Return the buses whose named protocol has no frame there, though another one has."""
+        out = []
+        for bus, chunks in self._first.items():
+            totals = self.summary.buses.get(bus)
+            if totals is None or totals.bytes_in_frames:
+                continue
+            with contextlib.suppress(UndecidedError):
+                out.append((bus, detect(chunks)))
+        return out
 
     def finish(self) -> None:
         """Close every sink, once, also if one of them fails; the first failure is raised."""
@@ -164,6 +176,8 @@ class Pipeline:
             found = detect(chunks)
             self._on_detection(bus, found)
             name = found.protocol
+        else:
+            self._first[bus] = chunks
         self._decoders[bus] = Decoder(
             name,
             baud=self._options.bauds.get(bus, self._options.baud),

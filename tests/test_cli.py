@@ -99,9 +99,13 @@ def test_noise_of_a_named_protocol_is_all_gaps(
     assert summary["bytes_in_frames"] < 0.01 * len(NOISE)
 
 
-def test_the_wrong_protocol_is_all_gaps_too(good: Path, capsys: Capsys) -> None:
+def test_the_wrong_protocol_is_told_with_the_right_one_and_is_all_gaps(
+    good: Path, capsys: Capsys
+) -> None:
     ran = within(capsys, "decode", good, "--protocol", "rs30x", "--format", "jsonl")
-    assert (ran.status, ran.err) == (0, "")
+    assert ran.status == 2
+    assert ran.complaint.startswith("bus0: no frame of rs30x is in there")
+    assert "mightyzap (sure" in ran.complaint
     assert conserved(ran.out) == good.read_bytes()
     assert records(ran.out)[-1]["frames"] == 0
 

@@ -221,6 +221,10 @@ def run_source(
             pipeline.finish()
     if patience.asked and not status:
         status, told = 130, "interrupted"
+    for bus, other in pipeline.mistaken():
+        named = pipeline.summary.buses[bus].protocol
+        told = told or f"{bus}: no frame of {named} is in there, name another protocol: {other}"
+        status = status or 2
     if told:
         say(told)
     elif not quiet:
