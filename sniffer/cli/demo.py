@@ -81,7 +81,7 @@ def demo() -> None:
         viewing.need_display(str(recording))
     except SnifferError:
         console.print(
-            f"there is no display here. On a machine with one: sniffer view {recording}\n"
+            f"there is no display here. On a machine with one: .venv/bin/sniffer view {recording}\n"
             f"in a browser of this machine: .venv/bin/sniffer view {recording} --web",
             soft_wrap=True,
         )

@@ -1,1 +1,17 @@
-"""The messages that recordings hold, generated from ``schemas/messages`` by ``make schemas``."""
+"""What recordings hold: the messages, generated from ``schemas/messages`` by ``make schemas``.
+
+And the names by which a recording is known as one of this tool's, for those who write and read it.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+TOOL: Final = "servo-sniffer"
+"""What the header's library begins with."""
+
+SESSION: Final = "servo_sniffer.session"
+"""Metadata record: facts of the whole recording."""
+
+BUS: Final = "servo_sniffer.bus"
+"""Metadata records ``<BUS>.<bus>``: what one bus speaks."""

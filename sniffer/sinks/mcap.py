@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Final
 from mcap.records import Attachment
 
 from sniffer import __version__
+from sniffer.messages import BUS, SESSION, TOOL
 from sniffer.model import NS, OutputError
 from sniffer.registers import schema_path
 from sniffer.sinks.mcap_bulk import Container, Queue
@@ -34,11 +35,9 @@ if TYPE_CHECKING:
     from sniffer.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
-LIBRARY: Final = f"servo-sniffer {__version__}"
-SESSION: Final = "servo_sniffer.session"
+LIBRARY: Final = f"{TOOL} {__version__}"
 """Name of the metadata record with the facts of the recording."""
 
-BUS: Final = "servo_sniffer.bus"
 """Name of the metadata records that tell a bus's protocol and rate."""
 
 ROUND_NS: Final = 5 * NS
@@ -153,7 +152,7 @@ class McapSink:
     def _introduce(self, bus: str, protocol: BusProtocol) -> None:
         """Tell what a bus speaks, and attach the tables it is read by."""
         baud = self._session.get(f"baud.{bus}", self._session.get("baud", str(protocol.baud)))
-        self._file.metadata(BUS, {"bus": bus, "protocol": protocol.name, "baud": baud})
+        self._file.metadata(f"{BUS}.{bus}", {"bus": bus, "protocol": protocol.name, "baud": baud})
         for model in protocol.models:
             table = schema_path("registers", f"{model.model}.toml")
             if table.is_file():

@@ -15,9 +15,10 @@ import numpy as np
 from google.protobuf.message import DecodeError
 from mcap.records import Header, Metadata
 
+from sniffer.messages import BUS, SESSION, TOOL
 from sniffer.messages.recording_pb2 import Frame, RawChunk
 from sniffer.model import KINDS, Chunk, Clock, DamagedInputError, Direction, InputError
-from sniffer.sources.mcap_records import MAGIC, TOOL, BrokenError, NotMcapError, Piece, Records
+from sniffer.sources.mcap_records import MAGIC, BrokenError, NotMcapError, Piece, Records
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,9 +33,6 @@ GROUP_CHUNKS: Final = 1 << 15
 
 HEAD: Final = 4 << 20
 """How far into a recording the facts about it may stand, in bytes."""
-
-SESSION: Final = "servo_sniffer.session"
-BUS: Final = "servo_sniffer.bus"
 
 
 _CLOCKS: Final[dict[int, Clock]] = {c.value: c for c in Clock}
@@ -139,7 +137,7 @@ def session(source: Path | str | Stream) -> dict[str, str]:
             for record in records:
                 if isinstance(record, Metadata) and record.name == SESSION:
                     facts = {**record.metadata, **facts}
-                elif isinstance(record, Metadata) and record.name == BUS:
+                elif isinstance(record, Metadata) and record.name.startswith(f"{BUS}."):
                     told = dict(record.metadata)
                     bus = told.pop("bus", "")
                     facts.update((f"{key}.{bus}", value) for key, value in told.items())

@@ -20,6 +20,8 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, DataEnd, Header, Metadata, Schema
 
+from sniffer.messages import TOOL
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -29,8 +31,6 @@ if TYPE_CHECKING:
     from sniffer.sources.text import Stream
 
 MAGIC: Final = b"\x89MCAP0\r\n"
-TOOL: Final = "servo-sniffer"
-"""How our own recordings name their maker; all their messages are in chunks."""
 
 LONGEST: Final = 1 << 28
 """A longer record or chunk is taken for damage, in bytes: it bounds memory."""
