@@ -4,7 +4,7 @@ from __future__ import annotations
 
 __version__ = "0.1.0"
 
-from sniffer.api import Capture, decode
+from sniffer.api import Capture, decode, frames_table, records, samples_table
 from sniffer.decoder import Decoder
 from sniffer.model import (
     Anomaly,
@@ -50,4 +50,7 @@ __all__ = [
     "Transactions",
     "__version__",
     "decode",
+    "frames_table",
+    "records",
+    "samples_table",
 ]

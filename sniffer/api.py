@@ -73,6 +73,25 @@ class Capture:
         return pa.concat_tables(parts).unify_dictionaries() if parts else schema.empty_table()
 
 
+def records(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Iterator[Row]:
+    """Yield a batch's records one by one, in wire order."""
+    return rows(batch, protocol, bus)
+
+
+def samples_table(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Any:
+    """Return a batch's samples as an arrow table."""
+    from sniffer.sinks import tables
+
+    return tables.samples_table(bus, protocol, batch)
+
+
+def frames_table(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Any:
+    """Return a batch's frames as an arrow table."""
+    from sniffer.sinks import tables
+
+    return tables.frames_table(bus, protocol, batch)
+
+
 def decode(
     source: str | Path | bytes,
     protocol: str = AUTO,

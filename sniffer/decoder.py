@@ -79,13 +79,17 @@ class Decoder:
         self._scaling = Scaling(self.protocol, models)
         self._diagnostics = Diagnostics(self.protocol)
 
-    def feed(self, *chunks: Chunk) -> Batch:
-        """Decode chunks, each with its own time, in one pass: group them, a pass costs ~200 us."""
-        chunks = tuple(k for k in chunks if k.data)
-        if not chunks:
+    def feed(self, *chunks: Chunk | bytes) -> Batch:
+        """Decode chunks, each with its own time, in one pass: group them, a pass costs ~200 us.
+
+        Plain bytes are a chunk without a time.
+        """
+        told = (k if isinstance(k, Chunk) else Chunk(bytes(k)) for k in chunks)
+        timed = tuple(k for k in told if k.data)
+        if not timed:
             return self._nothing()
-        self._barriers += self._stamps.add(chunks).tolist()
-        self._buffer += b"".join(k.data for k in chunks)
+        self._barriers += self._stamps.add(timed).tolist()
+        self._buffer += b"".join(k.data for k in timed)
         return self._decode(final=False)
 
     def idle(self, now_ns: int) -> Batch:

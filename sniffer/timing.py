@@ -36,6 +36,13 @@ def byte_time_ns(baud: int) -> int:
     return 10 * NS // baud
 
 
+def _clock_of(chunk: Chunk) -> Clock:
+    """Return a chunk's clock; a time that nobody vouches for is a time stamp like any other."""
+    if chunk.clock == Clock.NONE and chunk.t_ns is not None:
+        return Clock.FILE
+    return chunk.clock
+
+
 class Stamps:
     """One row a chunk that is still in the buffer: offset behind it, stamp, slack, direction."""
 
@@ -55,7 +62,7 @@ class Stamps:
         """Take chunks in; return the stream offsets of the silences (barriers) before them."""
         sizes = np.array([len(k.data) for k in chunks], np.int64)
         end = self._offset + np.cumsum(sizes)
-        clock = max(k.clock for k in chunks)
+        clock = max(_clock_of(k) for k in chunks)
         self.clock = max(self.clock, clock)
         if clock == Clock.NONE and self._last is None:
             t = end * self.byte_ns

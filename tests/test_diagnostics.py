@@ -153,6 +153,11 @@ def test_one_tap_that_calls_all_it_hears_rx_is_not_swapped() -> None:
     assert anomalies(at(0, READ, Direction.RX), at(3, REPLY, Direction.RX)) == []
 
 
+def test_a_time_without_a_word_about_its_clock_counts() -> None:
+    found = anomalies(Chunk(READ, T0), Chunk(REPLY, T0 + 60 * MS))
+    assert [a.code for a in found] == ["late-response"]
+
+
 def test_a_clock_that_steps_back_is_noted() -> None:
     assert "clock-step" in [a.code for a in anomalies(at(5000, READ + REPLY), at(10, READ + REPLY))]
 
