@@ -125,3 +125,12 @@ def log(data: bytes, *, start_ns: int = 1_700_000_000_000_000_000) -> str:
 def records(text: str) -> list[dict[str, Any]]:
     """Return the records of JSON lines."""
     return [json.loads(line) for line in text.splitlines()]
+
+
+def conserved(text: str) -> bytes:
+    """Return the bytes that the records of JSON lines account for; the summary agrees."""
+    rows = records(text)
+    assert rows[-1]["type"] == "summary"
+    data = b"".join(bytes.fromhex(r["hex"]) for r in rows if r["type"] in ("frame", "gap"))
+    assert rows[-1]["bytes"] == len(data)
+    return data

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests.commands import talk
 from tests.viewer import HeadlessViewer, headless
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
 # No deadline and no "too slow": the tests run on shared machines. "ci" draws the same examples for
 # the same code, so a build that fails can be repeated; "fast" and "long" go and look for new ones.
@@ -40,3 +42,10 @@ def headless_viewer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Headle
     """
     with headless(tmp_path_factory.mktemp("viewer")) as viewer:
         yield viewer
+
+
+@pytest.fixture
+def good(tmp_path: Path) -> Path:
+    path = tmp_path / "good.bin"
+    path.write_bytes(talk(20))
+    return path

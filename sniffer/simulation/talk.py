@@ -6,6 +6,7 @@ answer came. It knows no line, no baud rate and no faults: ``buses.simulate`` pu
 
 from __future__ import annotations
 
+import abc
 import random
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
@@ -112,7 +113,7 @@ Talk = Generator[Exchange | Wait, bool, None]
 Ask = Generator[Exchange | Wait, bool, bool]
 
 
-class Bus:
+class Bus(abc.ABC):
     """One controller and its servos; a protocol fills in the class variables and ``talk``."""
 
     name: ClassVar[str]
@@ -166,21 +167,21 @@ class Bus:
             tick += self.cycle_ns * max(1, -(-late // self.cycle_ns))
             yield Wait(tick)
 
+    @abc.abstractmethod
     def start(self) -> Talk:
         """Yield what the controller says once, before the loop."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def enable(self, servo_id: int) -> Talk:
         """Yield what switches one servo on."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def command(self, cycle: int) -> Talk:
         """Yield the goals of this cycle."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def poll(self, servo_id: int, cycle: int) -> Ask:
         """Yield the reads of one servo; return whether it answered."""
-        raise NotImplementedError
 
     def extra(self, cycle: int) -> Talk:
         """Yield what the controller does now and then."""

@@ -5,6 +5,7 @@ Used by ``sniffer.sinks.rerun``; imports rerun lazily as it does. Written for re
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 import itertools
 from typing import TYPE_CHECKING, Any, Final
@@ -31,7 +32,7 @@ REST: Final[Rgb] = (58, 62, 70)
 ALARM: Final[Rgb] = (205, 58, 58)
 
 
-class Entity:
+class Entity(abc.ABC):
     """One entity of the recording, with the rows that wait to be sent to it."""
 
     def __init__(self, track: Track) -> None:
@@ -56,8 +57,8 @@ class Entity:
         """Return what is static about the entity where that is new or has changed, else None."""
         return None
 
-    def _columns(self, values: list[Any]) -> Any:
-        raise NotImplementedError
+    @abc.abstractmethod
+    def _columns(self, values: list[Any]) -> Any: ...
 
 
 class Line(Entity):
