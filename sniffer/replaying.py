@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from sniffer.model import NS, Chunk, DamagedInputError, InputError
+from sniffer.model import NS, Chunk, Clock, DamagedInputError, InputError
 from sniffer.timing import byte_time_ns
 
 if TYPE_CHECKING:
@@ -127,4 +127,5 @@ def paced(
             wait = began + (t - first) / speed - now()
             if wait > 0:
                 sleep(wait / NS)
-        yield group
+        # a pace given for want of a clock is no time to be decoded
+        yield [replace(k, t_ns=None) if k.clock == Clock.NONE else k for k in group]
