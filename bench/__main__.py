@@ -241,7 +241,7 @@ def main() -> None:
     file_rows(lines)
     import_rows(lines)
     notes = RESULTS.parent / "NOTES.md"
-    text = "\n".join(lines) + (notes.read_text(encoding="utf-8") if notes.exists() else "")
+    text = "\n".join([*lines, ""]) + (notes.read_text(encoding="utf-8") if notes.exists() else "")
     RESULTS.write_text(text, encoding="utf-8")
 
 
