@@ -170,10 +170,6 @@ class RegisterMap:
             a = end
         return out
 
-    def unnamed(self, address: int, length: int) -> list[int]:
-        """Return the addresses in the span that the table does not name."""
-        return [a for a in range(address, address + length) if a not in self._by_byte]
-
 
 def _schemas() -> Path:
     """Return the folder of the schemas: inside an installed package, beside it in a checkout."""

@@ -191,7 +191,7 @@ def _frame_fields(batch: Batch, protocol: BusProtocol, i: int, values: range) ->
     return out
 
 
-def _value_ranges(v: Samples, n: int) -> list[int]:
+def value_ranges(v: Samples, n: int) -> list[int]:
     """Return for each frame where its values begin; one more entry ends the last."""
     edges: list[int] = np.searchsorted(v.row, np.arange(n + 1)).tolist()
     return edges
@@ -301,7 +301,7 @@ def anomaly_row(anomaly: Anomaly, bus: str) -> AnomalyRow:
 
 def rows(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Iterator[Row]:
     """Yield everything a batch says, in wire order: a frame, its samples, its transaction."""
-    edges = _value_ranges(batch.values, len(batch.frames))
+    edges = value_ranges(batch.values, len(batch.frames))
     clock = Clock(batch.clock).name.lower()
     found: list[tuple[int, int, Row]] = []
     for i, start in enumerate((batch.frames.start + batch.base).tolist()):

@@ -43,7 +43,8 @@ from sniffer.protocols import PROTOCOLS
 from sniffer.registers import read_table, schema_path
 from sniffer.sinks.mcap import McapSink
 from sniffer.sinks.mcap_messages import state_field
-from sniffer.sources.mcap import chunks, groups, is_mcap, recorded, session
+from sniffer.sources import open_source
+from sniffer.sources.mcap import chunks, groups, recorded, session
 from tests.recordings import START_NS, heads, keep, messages, record, talk
 
 if TYPE_CHECKING:
@@ -270,7 +271,7 @@ def test_frames_are_listed_as_they_were_recorded_and_the_session_is_told(tmp_pat
     assert {f.op for f in frames} >= {"load_data", "store_data"}
     assert {f.kind for f in frames} == {"request", "response"}
     assert session(path) == {"tool": "test", "protocol.bus0": "mightyzap", "baud.bus0": "57600"}
-    assert is_mcap(path.read_bytes()[:16])
+    assert open_source(path).format == "mcap"
     with path.open("rb") as stream:
         attached = {a.name: a.data for a in make_reader(stream).iter_attachments()}
     table = "registers/mightyzap-l12.toml"

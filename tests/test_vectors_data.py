@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 
+from tests.vectors import WCK_SET_OPS
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -40,29 +42,6 @@ MIGHTYZAP_OPS: Final = {
     0xF6: "factory_reset",
     0xF8: "restart",
     0x73: "symmetric_store",
-}
-WCK_SET_OPS: Final = {
-    0x08: "baud_rate_set",
-    0x09: "pd_gain_set",
-    0x0A: "pd_gain_read",
-    0x0B: "runtime_pd_gain_set",
-    0x0C: "id_set",
-    0x0D: "speed_set",
-    0x0E: "speed_read",
-    0x0F: "overload_set",
-    0x10: "overload_read",
-    0x11: "boundary_set",
-    0x12: "boundary_read",
-    0x15: "i_gain_set",
-    0x16: "i_gain_read",
-    0x17: "runtime_speed_set",
-    0x18: "runtime_i_gain_set",
-    0x64: "io_write",
-    0x65: "io_read",
-    0x96: "motion_data_write",
-    0x97: "motion_data_read",
-    0xC8: "position_move_10bit",
-    0xC9: "position_read_10bit",
 }
 WCK_WHEEL_OPS: Final = {1: "passive", 2: "break", 3: "wheel", 4: "wheel"}
 LSS_ALIASES: Final = {"PD": "D", "CP": "CFP", "CD": "CFD", "RS": "RESET"}

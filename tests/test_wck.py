@@ -19,6 +19,7 @@ from sniffer.protocols.wck.grammar import COMMANDS, FIRSTS, OPS, SECONDS
 from tests import heard
 from tests.records import batches
 from tests.streams.wck import command
+from tests.vectors import WCK_SET_OPS
 
 WCK = PROTOCOLS["wck"]
 hear = functools.partial(heard.hear, "wck")
@@ -32,28 +33,8 @@ IO_WRITE = command(0xE3, 0x64, b"\xff\xff")
 IO_READ = command(0xE3, 0x65, b"\0\0")
 REPLY = bytes([17, 99])
 
-SET_CODES = {
-    0x08: "baud_rate_set",
-    0x09: "pd_gain_set",
-    0x0A: "pd_gain_read",
-    0x0B: "runtime_pd_gain_set",
-    0x0C: "id_set",
-    0x0D: "speed_set",
-    0x0E: "speed_read",
-    0x0F: "overload_set",
-    0x10: "overload_read",
-    0x11: "boundary_set",
-    0x12: "boundary_read",
-    0x15: "i_gain_set",
-    0x16: "i_gain_read",
-    0x17: "runtime_speed_set",
-    0x18: "runtime_i_gain_set",
-    0x64: "io_write",
-    0x65: "io_read",
-    0x96: "motion_data_write",
-    0x97: "motion_data_read",
-}
-TEN_BIT = {0xC8: "position_move_10bit", 0xC9: "position_read_10bit"}
+TEN_BIT = {code: name for code, name in WCK_SET_OPS.items() if name.endswith("10bit")}
+SET_CODES = {code: name for code, name in WCK_SET_OPS.items() if code not in TEN_BIT}
 SIX = {2: "break", 1: "passive", 3: "wheel", 4: "wheel"}
 
 

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from sniffer import __version__
 from sniffer.cli.session import say
+from sniffer.messages import TOOL
 from sniffer.model import Chunk, SnifferError
 from sniffer.pipeline import Options, Pipeline
 from sniffer.protocols import PROTOCOLS
@@ -54,7 +55,7 @@ def show_summaries(console: Console) -> None:
 
 def record(outputs: list[Path]) -> None:
     """Write the damaged captures as the four buses of one recording."""
-    session = {"tool": f"servo-sniffer {__version__}", "source": str(CAPTURES)}
+    session = {"tool": f"{TOOL} {__version__}", "source": str(CAPTURES)}
     options = Options(protocols={name: name for name in PROTOCOLS})
     pipeline = Pipeline(options, [open_sink(path, session) for path in outputs])
     for name in PROTOCOLS:

@@ -15,6 +15,7 @@ import click
 
 from sniffer import __version__
 from sniffer.detect import Detection, UndecidedError
+from sniffer.messages import TOOL
 from sniffer.model import Batch, Chunk, DamagedInputError, InputError, OutputError
 from sniffer.pipeline import Options, Pipeline
 from sniffer.protocols.base import BusProtocol
@@ -84,7 +85,7 @@ def say(message: str) -> None:
 def session_facts(source: str, options: Options) -> Mapping[str, str]:
     """Return the facts of a recording that are known before its first byte."""
     facts = {
-        "tool": f"servo-sniffer {__version__}",
+        "tool": f"{TOOL} {__version__}",
         "source": source,
         "protocol": options.protocol,
         "written": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),

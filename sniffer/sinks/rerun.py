@@ -8,6 +8,7 @@ imported when a sink is made, not before. Written for rerun-sdk 0.41.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import uuid
 from typing import TYPE_CHECKING, Final
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
     from sniffer.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
+    from sniffer.registers import Register
 
 FLUSH_S: Final = 60.0
 """How long a slow disk or viewer may take for what is still to be written."""
@@ -217,7 +219,7 @@ class RerunSink:
                 r = protocol.registers[number]
                 path = _path(bus, servo, r.name)
                 track = Track(path, bus, who, r.quantity, is_state=True)
-                name = lambda raw: _words(r.names(raw), raw)  # noqa: E731
+                name = functools.partial(_named, r)
             lane = self._lanes[bus, servo, number] = Lane(track, name, colour)
         return lane
 
@@ -302,6 +304,10 @@ def _path(bus: str, servo: int, name: str) -> str:
     import rerun as rr
 
     return rr.new_entity_path([bus, "servo", "all" if servo == ALL else str(servo), name])
+
+
+def _named(register: Register, raw: int) -> str:
+    return _words(register.names(raw), raw)
 
 
 def _words(names: str | Sequence[str] | None, raw: int = 0) -> str:

@@ -20,7 +20,7 @@ from sniffer.model import (
     Clock,
     Severity,
 )
-from sniffer.rows import frame_row
+from sniffer.rows import frame_row, value_ranges
 from sniffer.sinks.report import print_summary
 from sniffer.summary import Summary
 
@@ -110,7 +110,7 @@ class TextSink:
         self._summary.add(bus, protocol, batch)
         lines: list[tuple[int, str]] = []
         verdicts = _verdicts(batch)
-        edges = _edges(batch)
+        edges = value_ranges(batch.values, len(batch.frames))
         for i, start in enumerate(batch.frames.start.tolist()):
             lines.append((start, self._frame(bus, protocol, batch, i, edges, verdicts[i])))
         for g in batch.gaps:
@@ -260,13 +260,6 @@ def _plainly(key: str, value: Any, op: str, servo_id: int) -> str:
     ):
         return ""
     return plain(f"{key} {value}")
-
-
-def _edges(batch: Batch) -> list[int]:
-    import numpy as np
-
-    edges: list[int] = np.searchsorted(batch.values.row, np.arange(len(batch.frames) + 1)).tolist()
-    return edges
 
 
 def _verdicts(batch: Batch) -> list[tuple[str, str]]:

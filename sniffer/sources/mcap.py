@@ -18,7 +18,7 @@ from mcap.records import Header, Metadata
 from sniffer.messages import BUS, SESSION, TOOL
 from sniffer.messages.recording_pb2 import Frame, RawChunk
 from sniffer.model import KINDS, Chunk, Clock, DamagedInputError, Direction, InputError
-from sniffer.sources.mcap_records import MAGIC, BrokenError, NotMcapError, Piece, Records
+from sniffer.sources.mcap_records import BrokenError, NotMcapError, Piece, Records
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,11 +50,6 @@ class RecordedFrame(NamedTuple):
     servo_id: int | None
     op: str
     t_end_ns: int
-
-
-def is_mcap(head: bytes) -> bool:
-    """Tell whether a file that begins with ``head`` is an MCAP."""
-    return head.startswith(MAGIC)
 
 
 def chunks(source: Path | str | Stream) -> Iterator[Chunk]:

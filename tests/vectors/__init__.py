@@ -5,9 +5,34 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 FOLDER = Path(__file__).parent
+
+WCK_SET_OPS: Final = {
+    0x08: "baud_rate_set",
+    0x09: "pd_gain_set",
+    0x0A: "pd_gain_read",
+    0x0B: "runtime_pd_gain_set",
+    0x0C: "id_set",
+    0x0D: "speed_set",
+    0x0E: "speed_read",
+    0x0F: "overload_set",
+    0x10: "overload_read",
+    0x11: "boundary_set",
+    0x12: "boundary_read",
+    0x15: "i_gain_set",
+    0x16: "i_gain_read",
+    0x17: "runtime_speed_set",
+    0x18: "runtime_i_gain_set",
+    0x64: "io_write",
+    0x65: "io_read",
+    0x96: "motion_data_write",
+    0x97: "motion_data_read",
+    0xC8: "position_move_10bit",
+    0xC9: "position_read_10bit",
+}
+"""wCK: op byte of the set family and its name, as the manual prints them (A-6, command table)."""
 
 
 @dataclass(frozen=True, slots=True)
