@@ -104,3 +104,24 @@ def test_no_input_raises_and_memory_stays_bounded(name: str, s: bytes, data: st.
         at = cut
     decoder.close()
     assert decoder.pending == 0
+
+
+@EVERY
+@given(data=st.data())
+def test_declaring_a_silence_changes_nothing_that_its_chunks_do_not_say(
+    name: str, data: st.DataObject
+) -> None:
+    """Live, somebody looks at the clock between two reads; a replay sees the reads only."""
+    s = data.draw(stream(name))
+    byte_ns = byte_time_ns(PROTOCOLS[name].baud)
+    chunks = data.draw(chunked(s, byte_ns, PROTOCOLS[name].tail_ns))
+    replayed = batches(Decoder(name), [chunks])
+    decoder, live = Decoder(name), []
+    for c in chunks:
+        assert c.t_ns is not None
+        began = c.t_ns - len(c.data) * byte_ns
+        live += [decoder.idle(began), decoder.feed(c)]
+    live.append(decoder.close())
+    assert records(live) == records(replayed)
+    assert gaps(live) == gaps(replayed)
+    assert [a for b in live for a in b.anomalies] == [a for b in replayed for a in b.anomalies]
