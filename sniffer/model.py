@@ -55,15 +55,47 @@ class Direction(enum.IntEnum):
     RX = 2  # servo -> controller
 
 
+class MarkKind(enum.IntEnum):
+    """What a live tap knows about its bytes that the bytes do not say."""
+
+    FRAMING = 1  # the UART saw no stop bit (or, where the driver cannot tell, a parity error)
+    PARITY = 2
+    BREAK = 3  # the line was low for longer than a byte; it stands in the stream as 00
+    OVERRUN = 4  # bytes were lost on the tap's side: in the adapter, the driver or its buffer
+    LOST = 5  # the port went away
+    BACK = 6  # the port is back; ``count`` is how long it was away, in ns
+    REORDERED = 7  # put where causality wants it, against its stamp; ``count`` is by how much, in ns
+    SKIPPED = 8  # the recorder had no time to decode what stands before; ``count`` bytes
+
+
+class Mark(NamedTuple):
+    """One remark about a chunk.
+
+    ``start`` counts from the chunk's first byte and is negative where bytes before the chunk are
+    meant; ``length`` 0 stands for a place between two bytes. The bytes are a region of doubt: many
+    adapters tell that there was an error in a packet, not in which byte. ``count`` is how many
+    errors a driver's counter told, or as the kind says.
+    """
+
+    kind: MarkKind
+    start: int
+    length: int = 0
+    count: int = 1
+
+
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Bytes as one read delivered them; ``t_ns`` is the arrival time of the LAST byte."""
+    """Bytes as one read delivered them; ``t_ns`` is the arrival time of the LAST byte.
+
+    A chunk with marks may have no bytes.
+    """
 
     data: bytes
     t_ns: int | None = None
     clock: Clock = Clock.NONE
     bus: str = "bus0"
     direction: Direction = Direction.UNKNOWN
+    marks: tuple[Mark, ...] = ()
 
 
 REQUEST: Final = 0
