@@ -27,11 +27,13 @@ from sniffer.model import (
     Clock,
     Frames,
     Gap,
+    Remark,
     Samples,
     SnifferError,
     Transactions,
 )
 from sniffer.protocols import protocol_named
+from sniffer.remarks import Remarks
 from sniffer.samples import Scaling
 from sniffer.timing import Stamps
 
@@ -49,6 +51,7 @@ class Decoder:
         baud: bits per second; the protocol's default where None.
         models: servo id (None: all) -> model name, for register tables other than the default.
         latency_ns: how long the adapter may hold bytes back; by kind of clock where None.
+        base: offset in the stream of the first byte that it will be fed.
 
     Raises:
         SnifferError: unknown protocol or model.
@@ -61,6 +64,7 @@ class Decoder:
         baud: int | None = None,
         models: Mapping[int | None, str] | None = None,
         latency_ns: int | None = None,
+        base: int = 0,
     ) -> None:
         self.protocol = protocol_named(protocol) if isinstance(protocol, str) else protocol
         known = [m.model for m in self.protocol.models]
@@ -71,10 +75,11 @@ class Decoder:
                 )
         self.baud = baud or self.protocol.baud
         self._buffer = bytearray()
-        self._base = 0
+        self._base = base
         self._barriers: list[int] = []
+        self._remarks = Remarks()
         self._asked_until = -1  # end of the last frame, if it is a request that has an answer
-        self._stamps = Stamps(self.baud, self.protocol.tail_ns, latency_ns)
+        self._stamps = Stamps(self.baud, self.protocol.tail_ns, latency_ns, base)
         self._expectations = Expectations()
         self._scaling = Scaling(self.protocol, models)
         self._diagnostics = Diagnostics(self.protocol)
@@ -84,13 +89,15 @@ class Decoder:
 
         Plain bytes are a chunk without a time.
         """
-        told = (k if isinstance(k, Chunk) else Chunk(bytes(k)) for k in chunks)
+        told = [k if isinstance(k, Chunk) else Chunk(bytes(k)) for k in chunks]
         timed = tuple(k for k in told if k.data)
-        if not timed:
-            return self._nothing()
-        self._barriers += self._stamps.add(timed).tolist()
-        self._buffer += b"".join(k.data for k in timed)
-        return self._decode(final=False)
+        if any(k.marks for k in told):
+            torn = self._remarks.add(told, self.position + self.pending, self._stamps.last_ns)
+            self._barriers += (at for at in torn if at > self._base)
+        if timed:
+            self._barriers += self._stamps.add(timed).tolist()
+            self._buffer += b"".join(k.data for k in timed)
+        return self._decode(final=False) if timed else self._nothing()
 
     def idle(self, now_ns: int) -> Batch:
         """Declare what the clock says: after the tail time, what waits will not be completed."""
@@ -107,8 +114,15 @@ class Decoder:
         """Bytes held back because their fate is not decided."""
         return len(self._buffer)
 
+    @property
+    def position(self) -> int:
+        """Offset in the stream up to which everything is decided."""
+        return self._base
+
     def _nothing(self) -> Batch:
-        return _empty(self._base, self._stamps.clock)
+        """Return no bytes, with what has been remarked between those before and those to come."""
+        batch = _empty(self._base, self._stamps.clock, self._remarks.until(self._base))
+        return self._diagnostics.judge(batch) if batch.remarks else batch
 
     def _decode(self, *, final: bool) -> Batch:
         data = bytes(self._buffer)
@@ -116,7 +130,7 @@ class Decoder:
             return self._nothing()
         base = self._base
         barriers = np.array(
-            [b - base for b in self._barriers if 0 < b - base < len(data)], np.int64
+            sorted({b - base for b in self._barriers if 0 < b - base < len(data)}), np.int64
         )
         block = Block(np.frombuffer(data, np.uint8), barriers, final)
         spans, decided = self.protocol.frame(block)
@@ -137,6 +151,7 @@ class Decoder:
             gaps,
             Transactions.empty(),
             Samples.empty(),
+            remarks=self._remarks.until(base + cut),
         )
         batch = self._records(block, batch, until)
         del self._buffer[:cut]
@@ -194,6 +209,7 @@ class Decoder:
                     out += pieces
         ends = np.array([g.start + g.length for g in out], np.int64) + self._base
         times: I64 = self._stamps.at(ends)
+        out = self._remarks.explain(out, self._base)
         return tuple(Gap(*g[:-1], t) for g, t in zip(out, times.tolist(), strict=True))
 
 
@@ -214,5 +230,6 @@ def _mark_tail(pieces: list[Gap]) -> None:
         pieces[-1] = Gap(g.start, g.length, "idle_tail", g.detail)
 
 
-def _empty(base: int, clock: Clock) -> Batch:
-    return Batch(base, b"", clock, Frames.empty(), (), Transactions.empty(), Samples.empty())
+def _empty(base: int, clock: Clock, remarks: tuple[Remark, ...]) -> Batch:
+    none = Frames.empty(), (), Transactions.empty(), Samples.empty(), ()
+    return Batch(base, b"", clock, *none, remarks)

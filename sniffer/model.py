@@ -64,7 +64,9 @@ class MarkKind(enum.IntEnum):
     OVERRUN = 4  # bytes were lost on the tap's side: in the adapter, the driver or its buffer
     LOST = 5  # the port went away
     BACK = 6  # the port is back; ``count`` is how long it was away, in ns
-    REORDERED = 7  # put where causality wants it, against its stamp; ``count`` is by how much, in ns
+    REORDERED = (
+        7  # put where causality wants it, against its stamp; ``count`` is by how much, in ns
+    )
     SKIPPED = 8  # the recorder had no time to decode what stands before; ``count`` bytes
 
 
@@ -279,6 +281,21 @@ class Anomaly(NamedTuple):
         return max(self.evidence)[0]
 
 
+class Remark(NamedTuple):
+    """A ``Mark`` at its place in the stream: ``start`` is absolute, ``t_ns`` its chunk's time."""
+
+    kind: MarkKind
+    start: int
+    length: int
+    count: int
+    t_ns: int
+
+    @property
+    def end(self) -> int:
+        """Offset behind the region of doubt."""
+        return self.start + self.length
+
+
 @dataclass(frozen=True, slots=True)
 class Batch:
     """All that one pass decided: ``data`` is the bytes it accounts for."""
@@ -291,6 +308,7 @@ class Batch:
     transactions: Transactions
     values: Samples
     anomalies: tuple[Anomaly, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def samples(self) -> Samples:

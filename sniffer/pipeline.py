@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoder import Decoder
 from sniffer.detect import ENOUGH, SURE, Detection, UndecidedError, detect
-from sniffer.model import Batch, Chunk, OutputError
+from sniffer.model import Batch, Chunk, Mark, MarkKind, OutputError
 from sniffer.protocols import protocol_named
 from sniffer.summary import Summary
 
@@ -23,10 +23,13 @@ AUTO: Final = "auto"
 FIRST_LOOK: Final = 512
 """Bytes of a slow input after which its protocol is looked for the first time."""
 
+PATIENCE: Final = 1 << 20
+"""Bytes of a live bus that are kept for decoding while its protocol is not known."""
+
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How to decode: ``protocols`` and ``bauds`` by bus, the others for all buses."""
+    """How to decode: ``protocols``, ``bauds``, ``latencies`` by bus, the others for all buses."""
 
     protocol: str = AUTO
     protocols: Mapping[str, str] = field(default_factory=dict)
@@ -34,6 +37,7 @@ class Options:
     bauds: Mapping[str, int] = field(default_factory=dict)
     models: Mapping[int | None, str] = field(default_factory=dict)
     latency_ns: int | None = None
+    latencies: Mapping[str, int] = field(default_factory=dict)
 
     def with_facts(self, facts: Mapping[str, str]) -> Options:
         """Return the options with what a recording knows about itself, where nobody said more."""
@@ -47,6 +51,10 @@ class Options:
                 told,
                 bauds={**{k.partition(".")[2]: int(v) for k, v in bauds.items()}, **self.bauds},
             )
+        if self.latency_ns is None:
+            known = {k: v for k, v in facts.items() if k.startswith("latency_ns.")}
+            latencies = {k.partition(".")[2]: int(v) for k, v in known.items() if v.isdecimal()}
+            told = replace(told, latencies={**latencies, **self.latencies})
         if not self.models:
             models: dict[int | None, str] = {}
             for key, model in facts.items():
@@ -60,6 +68,12 @@ class Options:
 class Pipeline:
     """Takes groups of chunks, decodes them and hands records to the sinks.
 
+    Args:
+        options: how to decode.
+        sinks: what takes the records.
+        on_detection: is told which protocol a bus was found to speak.
+        live: more bytes may come for ever: a bus whose protocol cannot be told yet is waited for.
+
     Raises:
         UndecidedError: the protocol is to be found from the bytes and cannot be told.
     """
@@ -70,6 +84,7 @@ class Pipeline:
         sinks: Sequence[Sink],
         *,
         on_detection: Callable[[str, Detection], None] = lambda bus, found: None,
+        live: bool = False,
     ) -> None:
         if options.protocol != AUTO:
             protocol_named(options.protocol)
@@ -78,10 +93,16 @@ class Pipeline:
         self._sinks = list(sinks)
         self._failure: OutputError | None = None
         self._on_detection = on_detection
+        self._live = live
         self._decoders: dict[str, Decoder] = {}
         self._waiting: dict[str, list[Chunk]] = {}
         self._look_at: dict[str, int] = {}
         self._first: dict[str, list[Chunk]] = {}
+        self._begin: dict[str, int] = {}
+
+    def add(self, sink: Sink) -> None:
+        """Take another sink; it gets what comes from now on."""
+        self._sinks.append(sink)
 
     def feed(self, group: Iterable[Chunk]) -> None:
         """Decode a group; chunks of several buses may be mixed."""
@@ -89,14 +110,62 @@ class Pipeline:
         for chunk in group:
             by_bus.setdefault(chunk.bus, []).append(chunk)
         for bus, chunks in by_bus.items():
-            self._each(functools.partial(_raw, bus=bus, chunks=chunks))
-            if bus in self._decoders:
-                self._decode(bus, chunks)
-                continue
-            waiting = self._waiting.setdefault(bus, [])
-            waiting += chunks
-            if self._named(bus) != AUTO or self._enough(bus, waiting):
-                self._start(bus)
+            self.record(bus, chunks)
+            self.decode(bus, chunks)
+
+    def record(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Hand chunks to the sinks as they came, before they are decoded."""
+        self._each(functools.partial(_raw, bus=bus, chunks=chunks))
+
+    def decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Decode chunks of one bus that have been recorded."""
+        if bus in self._decoders:
+            self._decode(bus, chunks)
+            return
+        waiting = self._waiting.setdefault(bus, [])
+        waiting += chunks
+        if self._named(bus) != AUTO or self._enough(bus, waiting):
+            self._start(bus)
+
+    def idle(self, now_ns: int) -> None:
+        """Tell all decoders how late it is."""
+        for bus, decoder in self._decoders.items():
+            if decoder.pending:
+                self._deliver(bus, decoder, decoder.idle(now_ns))
+
+    def skip(self, bus: str, count: int, chunk: Chunk) -> None:
+        """Leave out ``count`` bytes that nobody had time to decode, and go on with ``chunk``.
+
+        What was begun before them is ended there.
+        """
+        decoder = self._decoders.get(bus)
+        if decoder is None:
+            count += sum(len(c.data) for c in self._waiting.pop(bus, ()))
+            self._begin[bus] = self._begin.get(bus, 0) + count
+        else:
+            self._deliver(bus, decoder, decoder.close())
+            self._begin[bus] = decoder.position + count
+            self._decoders[bus] = self._decoder(bus, decoder.protocol.name)
+        mark = Mark(MarkKind.SKIPPED, 0, count=count)
+        self.decode(bus, [replace(chunk, marks=(mark, *chunk.marks))])
+
+    def decided(self) -> dict[str, int]:
+        """Return the offset up to which each bus is decoded, for those that speak something."""
+        return {bus: decoder.position for bus, decoder in self._decoders.items()}
+
+    def speaks(self, bus: str) -> str | None:
+        """Return the protocol of a bus, None while it is not known."""
+        decoder = self._decoders.get(bus)
+        return None if decoder is None else decoder.protocol.name
+
+    def has(self, sink: Sink) -> bool:
+        """Tell whether a sink still takes records: one that fails is given up."""
+        return any(s is sink for s in self._sinks)
+
+    @property
+    def failure(self) -> OutputError | None:
+        """The first failure of a sink, if there was one."""
+        return self._failure
 
     def close(self) -> None:
         """Decode what waits and finish the decoders; the sinks are closed by ``finish``.
@@ -153,48 +222,82 @@ class Pipeline:
                 if not self._sinks:
                     raise
 
-    def _enough(self, bus: str, waiting: Sequence[Chunk]) -> bool:
+    def _enough(self, bus: str, waiting: list[Chunk]) -> bool:
         """Tell whether these bytes say which protocol it is; asked when they have doubled."""
         size = sum(len(c.data) for c in waiting)
-        if size >= ENOUGH:
+        if size >= ENOUGH and not self._live:
             return True
         if size < self._look_at.setdefault(bus, FIRST_LOOK):
             return False
         self._look_at[bus] = 2 * size
         try:
-            return detect(waiting).certainty == SURE
+            found = detect(_latest(waiting, ENOUGH))
         except UndecidedError:
+            if size > PATIENCE:
+                self._forget(bus, waiting)
             return False
+        return found.certainty == SURE or size >= ENOUGH
+
+    def _forget(self, bus: str, waiting: list[Chunk]) -> None:
+        """Keep the latest bytes only of a bus that says nothing we know."""
+        kept = _latest(waiting, ENOUGH)
+        left_out = sum(len(c.data) for c in waiting) - sum(len(c.data) for c in kept)
+        before = self._begin.get(bus, 0)
+        self._begin[bus] = before + left_out
+        # the mark of an earlier time stood on a chunk that is left out now
+        mark = Mark(MarkKind.SKIPPED, 0, count=self._begin[bus])
+        marks = tuple(m for m in kept[0].marks if m.kind != MarkKind.SKIPPED)
+        waiting[:] = [replace(kept[0], marks=(mark, *marks)), *kept[1:]]
+        self._look_at[bus] = 2 * ENOUGH
 
     def _named(self, bus: str) -> str:
         return self._options.protocols.get(bus, self._options.protocol)
 
     def _start(self, bus: str) -> None:
-        chunks = self._waiting.pop(bus)
+        chunks = self._waiting[bus]
         name = self._named(bus)
         if name == AUTO:
-            found = detect(chunks)
+            found = detect(_latest(chunks, ENOUGH) if self._live else chunks)
             self._on_detection(bus, found)
             name = found.protocol
         else:
-            self._first[bus] = chunks
-        self._decoders[bus] = Decoder(
-            name,
-            baud=self._options.bauds.get(bus, self._options.baud),
-            models=self._options.models,
-            latency_ns=self._options.latency_ns,
+            self._first[bus] = []
+        self._decoders[bus] = self._decoder(bus, name)
+        self._decode(bus, self._waiting.pop(bus))
+
+    def _decoder(self, bus: str, protocol: str) -> Decoder:
+        o = self._options
+        return Decoder(
+            protocol,
+            baud=o.bauds.get(bus, o.baud),
+            models=o.models,
+            latency_ns=o.latencies.get(bus) if o.latency_ns is None else o.latency_ns,
+            base=self._begin.get(bus, 0),
         )
-        self._decode(bus, chunks)
 
     def _decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        first = self._first.get(bus)
+        if first is not None and sum(len(c.data) for c in first) < ENOUGH:
+            first += chunks
         decoder = self._decoders[bus]
         self._deliver(bus, decoder, decoder.feed(*chunks))
 
     def _deliver(self, bus: str, decoder: Decoder, batch: Batch) -> None:
-        if not batch.data:
+        if not batch.data and not batch.remarks:
             return
+        if len(batch.frames):
+            self._first.pop(bus, None)
         self.summary.add(bus, decoder.protocol, batch)
         self._each(lambda sink: sink.write(bus, decoder.protocol, batch))
+
+
+def _latest(chunks: Sequence[Chunk], size: int) -> list[Chunk]:
+    """Return the last chunks, of about so many bytes."""
+    taken, held = 0, 0
+    while taken < len(chunks) and held < size:
+        taken += 1
+        held += len(chunks[-taken].data)
+    return list(chunks[len(chunks) - taken :])
 
 
 def _raw(sink: Sink, *, bus: str, chunks: Sequence[Chunk]) -> None:

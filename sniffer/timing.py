@@ -46,7 +46,9 @@ def _clock_of(chunk: Chunk) -> Clock:
 class Stamps:
     """One row a chunk that is still in the buffer: offset behind it, stamp, slack, direction."""
 
-    def __init__(self, baud: int, tail_ns: int, latency_ns: int | None = None) -> None:
+    def __init__(
+        self, baud: int, tail_ns: int, latency_ns: int | None = None, base: int = 0
+    ) -> None:
         self.byte_ns = byte_time_ns(baud)
         self.clock = Clock.NONE
         self._tail_ns = tail_ns
@@ -55,7 +57,7 @@ class Stamps:
         self._t = np.empty(0, np.int64)
         self._slack = np.empty(0, np.int64)
         self._direction = np.empty(0, np.uint8)
-        self._offset = 0
+        self._first = self._offset = base
         self._last: int | None = None
 
     def add(self, chunks: tuple[Chunk, ...]) -> I64:
@@ -85,7 +87,7 @@ class Stamps:
         directions = np.array([k.direction for k in chunks], np.uint8)
         self._direction = np.concatenate([self._direction, directions])
         self._offset = int(end[-1])
-        return barriers[barriers > 0]
+        return barriers[barriers > self._first]
 
     def _known(self, chunks: tuple[Chunk, ...], sizes: I64) -> I64:
         """Return the stamps; a chunk without one follows the chunk before it without a pause."""
@@ -95,6 +97,11 @@ class Stamps:
             last = chunk.t_ns if chunk.t_ns is not None else (last or 0) + size * self.byte_ns
             out.append(last)
         return np.array(out, np.int64)
+
+    @property
+    def last_ns(self) -> int:
+        """The latest stamp; 0 before the first."""
+        return self._last or 0
 
     def silent_since(self, now_ns: int) -> bool:
         """Tell whether the line has been silent for longer than the protocol's tail time."""

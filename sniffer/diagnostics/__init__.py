@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from sniffer.diagnostics.device import DeviceRules
 from sniffer.diagnostics.pairing import PairingRules
 from sniffer.diagnostics.rules import CaptureRules, gap_anomalies, protocol_anomalies
+from sniffer.diagnostics.tap import TapRules
 
 if TYPE_CHECKING:
     from sniffer.model import Anomaly, Batch
@@ -26,6 +27,7 @@ class Diagnostics:
         self._pairing = PairingRules(protocol)
         self._device = DeviceRules(protocol)
         self._capture = CaptureRules()
+        self._tap = TapRules()
 
     def judge(self, batch: Batch) -> Batch:
         """Return the batch with its anomalies."""
@@ -35,6 +37,7 @@ class Diagnostics:
             *self._pairing.judge(batch),
             *self._device.judge(batch),
             *self._capture.judge(batch),
+            *self._tap.judge(batch),
         ]
         found.sort(key=lambda a: (a.known_at, a.code))
         return replace(batch, anomalies=tuple(found))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
+from sniffer.diagnostics.tap import TAP_CODES
 from sniffer.model import Severity
 
 if TYPE_CHECKING:
@@ -312,6 +313,7 @@ _DEVICE: Final[Mapping[str, tuple[Severity, str, str, str]]] = MappingProxyType(
 
 CATALOGUE: Final[Mapping[str, Code]] = MappingProxyType(
     {c.code: c for c in _CODES}
+    | {name: Code(name, *told) for name, told in TAP_CODES.items()}
     | {f"device-{name}": Code(f"device-{name}", "device", *rest) for name, rest in _DEVICE.items()}
     | {
         "device-alarm": Code(

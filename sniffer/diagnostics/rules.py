@@ -59,13 +59,15 @@ def _gap_text(batch: Batch, gap: Gap) -> tuple[str, str]:
     d = gap.detail
     run = batch.data[gap.start : gap.start + gap.length]
     shown = run[:24].hex(" ").upper() + (" ..." if len(run) > 24 else "")
+    if "line_errors" in d:
+        shown += f" (the UART told {d['line_errors']} line errors here)"
     if gap.reason == "damaged":
         if "checksum_expected" in d:
             return "bad-checksum", (
                 f"checksum should be {_hex(d['checksum_expected'])} but is "
                 f"{_hex(d['checksum_got'])} in {shown}"
             )
-        why = ", ".join(f"{k} {v}" for k, v in d.items() if k != "fields")
+        why = ", ".join(f"{k} {v}" for k, v in d.items() if k not in ("fields", "line_errors"))
         return "damaged-frame", f"not a whole frame ({why}): {shown}"
     if gap.reason in ("truncated", "idle_tail"):
         code = "truncated-frame" if gap.reason == "truncated" else "idle-tail"

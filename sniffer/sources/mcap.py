@@ -15,9 +15,18 @@ import numpy as np
 from google.protobuf.message import DecodeError
 from mcap.records import Header, Metadata
 
-from sniffer.messages import BUS, SESSION, TOOL
+from sniffer.messages import BUS, OFFSET, RECOVERED, SESSION, TOOL
 from sniffer.messages.recording_pb2 import Frame, RawChunk
-from sniffer.model import KINDS, Chunk, Clock, DamagedInputError, Direction, InputError
+from sniffer.model import (
+    KINDS,
+    Chunk,
+    Clock,
+    DamagedInputError,
+    Direction,
+    InputError,
+    Mark,
+    MarkKind,
+)
 from sniffer.sources.mcap_records import BrokenError, NotMcapError, Piece, Records
 
 if TYPE_CHECKING:
@@ -37,11 +46,16 @@ HEAD: Final = 4 << 20
 
 _CLOCKS: Final[dict[int, Clock]] = {c.value: c for c in Clock}
 _DIRECTIONS: Final[dict[int, Direction]] = {d.value: d for d in Direction}
+_KINDS: Final[dict[int, MarkKind]] = {k.value: k for k in MarkKind}
 _Message = TypeVar("_Message", RawChunk, Frame)
 
 
 class RecordedFrame(NamedTuple):
-    """A frame as it was decoded while recording."""
+    """A frame as it was decoded while recording.
+
+    ``offset`` counts from the first byte of its bus in this file, as decoding it again does; it is
+    negative for a frame whose bytes stand in the file before.
+    """
 
     bus: str
     offset: int
@@ -100,23 +114,46 @@ def groups(source: Path | str | Stream) -> Iterator[list[Chunk]]:
 
 
 def recorded(source: Path | str | Stream) -> Iterator[RecordedFrame]:
-    """Yield the frames that were decoded while recording, in order; raises as :func:`groups`."""
+    """Yield the frames that were decoded while recording, in order.
+
+    Raises:
+        InputError: this is no recording of this tool.
+        DamagedInputError: it was cut off or is damaged, or it was before it was recovered: raw
+            bytes may go further than frames, all of which have been yielded.
+    """
     with _opened(source) as (stream, name, size):
         records = Records(stream)
+        starts: dict[str, int] = {}
+        recovered = False
         try:
             for record in records:
+                if isinstance(record, Metadata):
+                    recovered |= record.name == RECOVERED
+                    starts.update(_starts(record))
                 if not isinstance(record, Piece):
                     continue
-                buses = _channels(records, Frame)
-                for bus, data in _of(record, buses):
+                for bus, data in _of(record, _channels(records, RawChunk), first=True):
+                    starts.setdefault(bus, _decoded(RawChunk, data).offset)
+                for bus, data in _of(record, _channels(records, Frame)):
                     f = _decoded(Frame, data)
                     servo = f.servo_id if f.HasField("servo_id") else None
                     kind = KINDS[f.kind] if f.kind < len(KINDS) else str(f.kind)
-                    yield RecordedFrame(bus, f.offset, f.length, kind, servo, f.op, f.t_end_ns)
+                    at = f.offset - starts.get(bus, 0)
+                    yield RecordedFrame(bus, at, f.length, kind, servo, f.op, f.t_end_ns)
         except NotMcapError as error:
             raise InputError(f"{name}: {error}") from None
         except BrokenError as error:
             raise _damage(name, records, size, error) from None
+        if recovered:
+            raise DamagedInputError(f"{name}: it had been cut off before it was recovered")
+
+
+def _starts(record: Metadata) -> dict[str, int]:
+    """Return where in the stream a file begins, by bus, as far as a metadata record tells."""
+    if record.name != SESSION:
+        return {}
+    told = ((key.partition("."), value) for key, value in record.metadata.items())
+    return {bus: int(at) for (what, _, bus), at in told if what == OFFSET and at.isdecimal()}
 
 
 def session(source: Path | str | Stream) -> dict[str, str]:
@@ -173,9 +210,11 @@ def _channels(records: Records, message: type[RawChunk | Frame]) -> dict[int, st
     }
 
 
-def _of(piece: Piece, buses: dict[int, str]) -> Iterator[tuple[str, bytes]]:
-    """Yield the messages of some channels, each with its bus."""
+def _of(piece: Piece, buses: dict[int, str], *, first: bool = False) -> Iterator[tuple[str, bytes]]:
+    """Yield the messages of some channels, each with its bus; ``first``: one of each channel."""
     mine = np.flatnonzero(np.isin(piece.channel, list(buses)))
+    if first:
+        mine = mine[np.sort(np.unique(piece.channel[mine], return_index=True)[1])]
     channels = piece.channel[mine].tolist()
     for channel, data in zip(channels, piece.messages(piece.at[mine]), strict=True):
         yield buses[channel], data
@@ -192,7 +231,15 @@ def _raw(records: Records, piece: Piece, offsets: dict[str, int]) -> Iterator[Ch
         clock, direction = _CLOCKS.get(raw.clock), _DIRECTIONS.get(raw.direction)
         if clock is None or direction is None:
             raise BrokenError("a chunk has a clock or direction that is not known here")
-        yield Chunk(data, raw.t_ns if raw.HasField("t_ns") else None, clock, bus, direction)
+        t_ns = raw.t_ns if raw.HasField("t_ns") else None
+        yield Chunk(data, t_ns, clock, bus, direction, _marks(raw) if raw.marks else ())
+
+
+def _marks(raw: RawChunk) -> tuple[Mark, ...]:
+    """Return a chunk's marks; a kind that only later versions know tells nothing here."""
+    return tuple(
+        Mark(_KINDS[m.kind], m.start, m.length, m.count) for m in raw.marks if m.kind in _KINDS
+    )
 
 
 def _decoded(message: type[_Message], data: bytes) -> _Message:

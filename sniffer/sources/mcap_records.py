@@ -2,7 +2,8 @@
 
 The mcap library's readers want the summary at the end, or raise whatever the damage happens to
 cause. Here a file may break off or be damaged anywhere: what comes before is returned, checked
-against its checksums, then `BrokenError` tells where and why. One chunk is in memory at a time.
+against its checksums, then `BrokenError` tells where and why. Of a chunk that breaks off the
+messages that are whole are returned too, unchecked. One chunk is in memory at a time.
 """
 
 from __future__ import annotations
@@ -56,6 +57,14 @@ class BrokenError(Exception):
     """The file makes no sense from here on; ``str`` says why."""
 
 
+class _TornError(BrokenError):
+    """The file ends within a record; ``data`` is what there is of it."""
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__("it breaks off")
+        self.data = data
+
+
 class NotMcapError(BrokenError):
     """The file does not begin as an MCAP does."""
 
@@ -98,6 +107,7 @@ class Records:
         self._own = False
         self._crc = 0
         self._taken = 0
+        self._opcode = 0
 
     def __iter__(self) -> Iterator[Header | Metadata | Attachment | Schema | Channel | Piece]:
         """Read up to the end of the data.
@@ -121,11 +131,13 @@ class Records:
                     body[2:6], "little"
                 ) + 6 != len(body):
                     raise BrokenError("a message index makes no sense")
-            except BrokenError:
+            except BrokenError as error:
                 if chunk is not None:  # its index is torn, it is not
                     piece = self._piece(chunk, [])
                     self.position = behind
                     yield piece
+                if isinstance(error, _TornError) and self._opcode == Opcode.CHUNK:
+                    yield from self._torn(error.data)
                 raise
             if opcode == Opcode.MESSAGE_INDEX and chunk is not None:
                 index.append(body)
@@ -193,12 +205,14 @@ class Records:
         self._crc = zlib.crc32(data, self._crc)
         self._taken += len(data)
         if left and not partly:
-            raise BrokenError("it breaks off")
+            raise _TornError(data)
         return data
 
     def _record(self) -> tuple[int, bytes]:
         """Read a record; what nobody wants comes without its body."""
+        self._opcode = 0
         opcode, size = _HEAD.unpack(self._take(_HEAD.size))
+        self._opcode = opcode
         if not opcode:  # no record has it, but the tail of a file after a power failure
             raise BrokenError("there are zeros where a record should begin")
         wanted = opcode in _PARSED or opcode in (
@@ -214,15 +228,22 @@ class Records:
             size -= len(self._take(min(size, 1 << 20)))
         return opcode, b""
 
-    def _piece(self, body: bytes, index: list[bytes]) -> Piece:
+    def _torn(self, body: bytes) -> Iterator[Piece]:
+        """Yield, as a chunk of its own, the whole messages that a chunk begins with."""
         try:
-            _, _, size, crc, named = _CHUNK.unpack_from(body)
-            at = _CHUNK.size + named
-            compression = body[_CHUNK.size : at].decode()
-            (length,) = struct.unpack_from("<Q", body, at)
-        except (struct.error, UnicodeDecodeError):
-            raise BrokenError("the head of a chunk makes no sense") from None
-        packed = body[at + 8 :]
+            size, _, compression, length, packed = _chunk_head(body)
+            if compression == "zstd" and len(packed) < length:
+                begin = zstandard.ZstdDecompressor().decompressobj().decompress(packed)[:size]
+                data = begin[: _whole(begin)]
+                packed = zstandard.ZstdCompressor().compress(data)
+                piece = self._messages("zstd", packed, zlib.crc32(data), data, [])
+                if len(piece.at):
+                    yield piece
+        except (BrokenError, zstandard.ZstdError):
+            return  # nothing of it can be read
+
+    def _piece(self, body: bytes, index: list[bytes]) -> Piece:
+        size, crc, compression, length, packed = _chunk_head(body)
         if len(packed) != length or size > LONGEST:
             raise BrokenError("the head of a chunk makes no sense")
         data = _unpack(compression, packed, size)
@@ -261,6 +282,29 @@ class Records:
                 self._learn(_parse(opcode, data[start + _HEAD.size : end], own=self._own))
             start = end
         return found, start
+
+
+def _chunk_head(body: bytes) -> tuple[int, int, str, int, bytes]:
+    """Return a chunk's size, checksum, compression, length when packed, and what is packed."""
+    try:
+        _, _, size, crc, named = _CHUNK.unpack_from(body)
+        at = _CHUNK.size + named
+        compression = body[_CHUNK.size : at].decode()
+        (length,) = struct.unpack_from("<Q", body, at)
+    except (struct.error, UnicodeDecodeError):
+        raise BrokenError("the head of a chunk makes no sense") from None
+    return size, crc, compression, length, body[at + 8 :]
+
+
+def _whole(data: bytes) -> int:
+    """Return where the last record ends that is whole."""
+    end = 0
+    while len(data) - end >= _HEAD.size:
+        _, size = _HEAD.unpack_from(data, end)
+        if size > len(data) - end - _HEAD.size:
+            break
+        end += _HEAD.size + size
+    return end
 
 
 def _parse(opcode: int, body: bytes, *, own: bool) -> Any:

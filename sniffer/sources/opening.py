@@ -170,7 +170,7 @@ def find(path: str | Path | bytes) -> Origin:
             raise InputError(f"{_shown(path)} is a directory: give the file in it")
         if stat.S_ISCHR(mode) and path.resolve().name.startswith(("tty", "cu.")):
             raise InputError(
-                f"{_shown(path)} is a port: log it with a serial logger and give its file"
+                f"{_shown(path)} is a port: `sniffer record {_shown(path)}` listens to it"
             )
         if stat.S_ISREG(mode):
             return File(path)

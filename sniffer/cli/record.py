@@ -1,0 +1,144 @@
+"""``sniffer record``: listens to ports and records what is said, while it is said."""
+
+from __future__ import annotations
+
+import datetime
+import sys
+from pathlib import Path
+
+import click
+
+from sniffer.cli.amounts import Duration, Size, SizeOrDuration, port_specs
+from sniffer.cli.options import Finite, examples, models, pipeline_options
+from sniffer.cli.session import session_facts
+from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.pipeline import AUTO
+from sniffer.protocols import PROTOCOLS
+from sniffer.recording.stops import Stops
+from sniffer.recording.taps import PortSpec
+
+
+@click.command(
+    short_help="Listen to ports and record what is said.",
+    epilog=examples(
+        "sniffer record /dev/ttyUSB0",
+        "sniffer record /dev/ttyUSB0=mightyzap@57600 left=/dev/ttyUSB1=wck@115200 -o run.mcap",
+        "sniffer record /dev/ttyUSB0=lss --rerun --duration 10min",
+        "sniffer record tx=/dev/ttyUSB0=rs30x rx=/dev/ttyUSB1 --pair",
+        "sniffer record /dev/ttyUSB0 --quiet --rotate 512MB --keep 20 -o /var/log/bus.mcap",
+    ),
+)
+@click.argument(
+    "ports",
+    nargs=-1,
+    required=True,
+    callback=port_specs,
+    metavar="[NAME=]PORT[=PROTOCOL][@BAUD]...",
+)
+@click.option(
+    "--protocol",
+    type=click.Choice([AUTO, *PROTOCOLS]),
+    default=AUTO,
+    show_default=True,
+    help="What is spoken where a PORT does not say; auto tells it from the bytes.",
+)
+@click.option("--baud", type=click.IntRange(300, 10_000_000), help="Where a PORT does not say.")
+@click.option(
+    "--model", "chosen", multiple=True, callback=models, metavar="[ID=]MODEL",
+    help="Register table of a servo, or of all.",
+)  # fmt: skip
+@click.option("--latency", type=Finite(0, 1000), metavar="MS", help="What the adapter delays.")
+@click.option(
+    "--pair", is_flag=True,
+    help="The two PORTs are one full-duplex bus: the controller's wire, then the servos'.",
+)  # fmt: skip
+@click.option(
+    "--modem", type=click.Choice(["low", "keep"]), default="low", show_default=True,
+    help="RTS and DTR: put low at once, or left as opening the port made them.",
+)  # fmt: skip
+@click.option(
+    "-o", "--output", "outputs", multiple=True, type=click.Path(path_type=Path),
+    help="Where to: .mcap is the recording; .jsonl .csv .parquet .rrd as in decode. May be "
+    "repeated. Without it: sniffer-DATE-TIME.mcap.",
+)  # fmt: skip
+@click.option("--force", is_flag=True, help="Replace files that are there.")
+@click.option("--durable", is_flag=True, help="Wait for the disk ten times a second.")
+@click.option(
+    "--rotate", multiple=True, type=SizeOrDuration(), help="Begin a new file: 512MB, 10min."
+)
+@click.option("--keep", type=click.IntRange(1), metavar="N", help="Keep the last N files only.")
+@click.option("--duration", type=Duration(), help="Stop after this time.")
+@click.option("--max-size", type=Size(), help="Stop after this size, all files together.")
+@click.option("--frames", type=click.IntRange(1), metavar="N", help="Stop after N frames.")
+@click.option("--idle", type=Duration(), help="Stop when no byte has come for this time.")
+@click.option(
+    "--until", multiple=True, type=click.Choice(sorted(CATALOGUE)), metavar="CODE",
+    help="Stop at an anomaly of this code (docs/anomalies.md).",
+)  # fmt: skip
+@click.option("--log", is_flag=True, help="Print each frame on standard output.")
+@click.option("--quiet", is_flag=True, help="Say nothing but what went wrong.")
+@click.option("--rerun", "in_rerun", is_flag=True, help="Show it live in the Rerun viewer.")
+@click.option("--rerun-web", is_flag=True, help="Show it live in a browser.")
+@click.option("--rerun-connect", metavar="URL", help="Show it live in a Rerun viewer elsewhere.")
+@click.option(
+    "--window", type=Finite(1), default=20.0, show_default=True, metavar="S",
+    help="Seconds that the live plots show.",
+)  # fmt: skip
+def record(
+    ports: tuple[PortSpec, ...],
+    protocol: str,
+    baud: int | None,
+    chosen: dict[int | None, str],
+    latency: float | None,
+    pair: bool,
+    modem: str,
+    outputs: tuple[Path, ...],
+    force: bool,
+    durable: bool,
+    rotate: tuple[tuple[str, int], ...],
+    keep: int | None,
+    duration: int | None,
+    max_size: int | None,
+    frames: int | None,
+    idle: int | None,
+    until: tuple[str, ...],
+    log: bool,
+    quiet: bool,
+    in_rerun: bool,
+    rerun_web: bool,
+    rerun_connect: str | None,
+    window: float,
+) -> int:
+    """Listen to PORTs and record every byte, with all that can be made of it.
+
+    The ports are opened for reading only; nothing is ever sent. Ctrl-C (or SIGTERM) ends the
+    recording, SIGHUP begins a new file, SIGUSR1 prints statistics.
+    """
+    # What only this command needs is loaded only by it.
+    from sniffer.cli.recording import Limits, Shown, open_files, run_recording
+    from sniffer.cli.screen import LOG, usual_mode
+    from sniffer.cli.tapping import tap_ports
+
+    if log and quiet:
+        raise click.UsageError("--log prints, --quiet does not: choose one")
+    views = {"window": in_rerun, "web": rerun_web, "connect": rerun_connect is not None}
+    if sum(views.values()) > 1:
+        raise click.UsageError("choose one of --rerun, --rerun-web, --rerun-connect")
+    options = pipeline_options(protocol, baud, chosen, latency)
+    stops = Stops(duration, max_size, frames, idle, until)
+    limits = Limits(rotate, keep, durable=durable, force=force)
+    paths = outputs or (Path(f"sniffer-{datetime.datetime.now():%Y%m%d-%H%M%S}.mcap"),)
+    show = Shown(
+        None if quiet else LOG if log else usual_mode(sys.stderr),
+        next((mode for mode, wanted in views.items() if wanted), None),
+        rerun_connect,
+        window,
+    )
+    tapping = tap_ports(ports, options, modem=modem, pair=pair, quiet=quiet)
+    try:
+        facts = {**session_facts(", ".join(p.port for p in ports), options), **tapping.facts}
+        file, sinks = open_files(paths, limits, facts)
+    except BaseException:
+        tapping.listener.stop()
+        raise
+    return run_recording(tapping, file, sinks, stops, show)

@@ -1,0 +1,129 @@
+"""Opening the ports of a recording: which bus each is, how it is read, what is known about it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import click
+
+from sniffer.cli.session import say
+from sniffer.merging import Merger
+from sniffer.model import Direction
+from sniffer.pipeline import AUTO, Options
+from sniffer.protocols import PROTOCOLS
+from sniffer.recording.taps import PortSpec, Tap
+from sniffer.sources.listening import BREATH_NS, Anchor, Listener
+from sniffer.sources.ports import PortOptions, open_port
+from sniffer.timing import LATENCY_NS
+
+FALLBACK_BAUD: Final = 115200
+"""Where neither a baud rate nor a protocol is named: the usual rate of three of the protocols."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tapping:
+    """The opened ports, and all that the recorder and the file need to know about them."""
+
+    listener: Listener
+    taps: tuple[Tap, ...]
+    anchor: Anchor
+    options: Options
+    facts: Mapping[str, str]
+    mergers: Mapping[str, Merger]
+
+
+def tap_ports(
+    specs: Sequence[PortSpec], options: Options, *, modem: str, pair: bool, quiet: bool
+) -> Tapping:
+    """Open all ports, or none.
+
+    Raises:
+        InputError: a port cannot be opened; the message says what to do.
+    """
+    specs = _paired(specs) if pair else specs
+    wires = (Direction.TX, Direction.RX) if pair else (Direction.UNKNOWN,) * len(specs)
+    how = [PortOptions(_baud(spec, options, quiet=quiet), modem) for spec in specs]
+    taps: list[Tap] = []
+    with contextlib.ExitStack() as stack:
+        for spec, wire, port_options in zip(specs, wires, how, strict=True):
+            port = open_port(spec.port, port_options)
+            stack.callback(port.close)
+            taps.append(Tap(spec, port, wire))
+        stack.pop_all()
+    anchor = Anchor.take()
+    latencies = {tap.spec.bus: _latency(taps, tap.spec.bus, options) for tap in taps}
+    told = replace(
+        options,
+        protocols={spec.bus: spec.protocol for spec in specs if spec.protocol is not None},
+        bauds={tap.spec.bus: tap.port.baud for tap in taps},
+        latencies=latencies,
+    )
+    mergers: dict[str, Merger] = {}
+    if pair:
+        name = specs[0].protocol or (None if options.protocol == AUTO else options.protocol)
+        protocol = PROTOCOLS[name] if name is not None else None
+        bus, baud = specs[0].bus, how[0].baud
+        mergers[bus] = Merger(bus, latency_ns=latencies[bus], baud=baud, protocol=protocol)
+    listener = Listener([tap.port for tap in taps], how, anchor)
+    return Tapping(listener, tuple(taps), anchor, told, _facts(taps, told, anchor, pair), mergers)
+
+
+def _paired(specs: Sequence[PortSpec]) -> tuple[PortSpec, ...]:
+    """Return two ports as one bus: what is said of the first holds for the second."""
+    if len(specs) != 2:
+        raise click.UsageError("--pair takes two ports: the controller's wire, then the servos'")
+    tx, rx = specs
+    if rx.protocol not in (None, tx.protocol) and tx.protocol is not None:
+        raise click.UsageError("--pair is one bus: its two ports speak one protocol")
+    protocol, baud = tx.protocol or rx.protocol, tx.baud or rx.baud
+    return tuple(PortSpec(tx.bus, s.port, protocol, baud) for s in specs)
+
+
+def _baud(spec: PortSpec, options: Options, *, quiet: bool) -> int:
+    if (baud := spec.baud or options.baud) is not None:
+        return baud
+    name = spec.protocol or options.protocol
+    if name in PROTOCOLS:
+        return PROTOCOLS[name].baud
+    if not quiet:
+        say(f"{spec.bus}: listening at {FALLBACK_BAUD} bit/s; {spec.port}@BAUD says another rate")
+    return FALLBACK_BAUD
+
+
+def _latency(taps: Sequence[Tap], bus: str, options: Options) -> int:
+    """Return how long bytes may be held back between the wire and their stamp."""
+    if options.latency_ns is not None:
+        return options.latency_ns
+    held = []
+    for tap in taps:
+        if tap.spec.bus == bus:
+            known = tap.port.latency_ns
+            held.append(max(LATENCY_NS.values()) if known is None else known)
+    return max(held) + BREATH_NS
+
+
+def _facts(
+    taps: Sequence[Tap], options: Options, anchor: Anchor, pair: bool
+) -> dict[str, str]:
+    """Return what the recording's metadata says about ports and clock."""
+    facts = {
+        "clock": "monotonic, anchored to the wall clock at the start",
+        "clock_wall_ns": str(anchor.wall_ns),
+        "clock_monotonic_ns": str(anchor.monotonic_ns),
+    }
+    for tap in taps:
+        bus = tap.spec.bus
+        place = f"port.{bus}.{tap.direction.name.lower()}" if pair else f"port.{bus}"
+        facts[f"baud.{bus}"] = str(tap.port.baud)
+        facts[f"latency_ns.{bus}"] = str(options.latencies[bus])
+        if tap.spec.protocol is not None:
+            facts[f"protocol.{bus}"] = tap.spec.protocol
+        if pair:
+            facts[f"pair.{bus}"] = "two taps, merged by time and by cause and effect"
+        facts[place] = tap.spec.port
+        facts.update((f"{place}.{key}", value) for key, value in tap.port.facts().items())
+    return facts
+

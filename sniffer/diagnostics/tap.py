@@ -1,0 +1,135 @@
+"""What the tap itself met: line errors, lost bytes, a port that went away. Codes and their rule."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sniffer.model import NS, Anomaly, MarkKind, Remark, Severity
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from sniffer.model import Batch
+
+NOTE, WARN, ERROR = Severity.NOTE, Severity.WARN, Severity.ERROR
+
+TAP_CODES: Final[Mapping[str, tuple[str, Severity, str, str, str]]] = {
+    "line-error": (
+        "framing",
+        ERROR,
+        "The UART of the tap found no stop bit (or a wrong parity) where one should be: a byte of the region is not what was sent.",
+        "A wrong baud rate, two senders at once, noise, a bad ground, or a driver that lets the line go too early.",
+        "If it is everywhere, check the baud rate; if it stands at the turn from request to reply, the direction switching. USB adapters tell the packet, not the byte.",
+    ),
+    "line-break": (
+        "framing",
+        WARN,
+        "The line was held low for longer than a byte.",
+        "A bus without power or bias, a short circuit, a driver that is enabled while its input is low, a controller that restarts.",
+        "Look at the line with an oscilloscope; check power and bias resistors.",
+    ),
+    "bytes-lost": (
+        "capture",
+        ERROR,
+        "Bytes were lost on the tap's side, not on the bus: the adapter or its driver had no room.",
+        "An overloaded machine, a slow or shared USB port, or a UART without a buffer.",
+        "Do not blame the servos for what is missing here. Give the adapter a USB port of its own, or the recording more processor time.",
+    ),
+    "port-lost": (
+        "capture",
+        ERROR,
+        "The port went away while it was listened to.",
+        "The adapter was unplugged, lost its power or was reset; or the far end was closed.",
+        "Plug it in again: the recording goes on by itself, with the hole marked.",
+    ),
+    "port-back": (
+        "capture",
+        NOTE,
+        "The port is back; what was said meanwhile is not in the recording.",
+        "The adapter was plugged in again.",
+        "Nothing to do; frames and exchanges are not paired across the hole.",
+    ),
+    "not-decoded": (
+        "capture",
+        WARN,
+        "Bytes were recorded but not decoded while recording.",
+        "The machine was too slow for the traffic, or the protocol was not known yet.",
+        "Decode the recording again (`sniffer decode`, `sniffer replay --redecode`): every byte is in it.",
+    ),
+    "reordered": (
+        "capture",
+        NOTE,
+        "Of two taps on one bus, bytes were put in the order that cause and effect ask for, against their time stamps.",
+        "Each USB adapter delays its bytes by its own latency.",
+        "Lower the latency timers (`sniffer doctor`), or use one adapter with two channels.",
+    ),
+}
+"""Group, severity, meaning, causes, remedy of each code."""
+
+_CODE_OF: Final[Mapping[MarkKind, str]] = {
+    MarkKind.FRAMING: "line-error",
+    MarkKind.PARITY: "line-error",
+    MarkKind.BREAK: "line-break",
+    MarkKind.OVERRUN: "bytes-lost",
+    MarkKind.LOST: "port-lost",
+    MarkKind.BACK: "port-back",
+    MarkKind.SKIPPED: "not-decoded",
+    MarkKind.REORDERED: "reordered",
+}
+
+_OFTEN: Final = frozenset({MarkKind.FRAMING, MarkKind.PARITY, MarkKind.BREAK, MarkKind.REORDERED})
+"""Kinds that a bad line, or a slow adapter, gives with every read."""
+
+QUIET_NS: Final = NS
+"""Of these kinds the first is reported, and then one a second with the count of all since."""
+
+
+class TapRules:
+    """Reports what the tap remarked about its bytes."""
+
+    def __init__(self) -> None:
+        self._told: dict[MarkKind, int] = {}
+        self._since: dict[MarkKind, int] = {}
+
+    def judge(self, batch: Batch) -> Iterator[Anomaly]:
+        """Report remarks, the frequent ones not more often than once a second."""
+        for r in batch.remarks:
+            before = 0
+            if r.kind in _OFTEN:
+                told = self._told.get(r.kind)
+                if told is not None and r.t_ns - told < QUIET_NS:
+                    self._since[r.kind] = self._since.get(r.kind, 0) + _times(r)
+                    continue
+                self._told[r.kind] = r.t_ns
+                before = self._since.pop(r.kind, 0)
+            code = _CODE_OF[r.kind]
+            group, severity, *_ = TAP_CODES[code]
+            text = _told(r) + (f"; {before} more since the last report" if before else "")
+            at = (max(r.start, 0), r.length)
+            yield Anomaly(r.t_ns, severity, group, code, None, text, (at,))
+
+
+def _times(remark: Remark) -> int:
+    return 1 if remark.kind == MarkKind.REORDERED else remark.count
+
+
+def _told(r: Remark) -> str:
+    errors = "error" if r.count == 1 else "errors"
+    where = f"in {r.length} bytes" if r.length > 1 else "in one byte" if r.length else "hereabouts"
+    match r.kind:
+        case MarkKind.FRAMING:
+            return f"{r.count} framing {errors} {where}"
+        case MarkKind.PARITY:
+            return f"{r.count} parity {errors} {where}"
+        case MarkKind.BREAK:
+            return f"the line was held low ({r.count} x) {where}"
+        case MarkKind.OVERRUN:
+            return f"the driver counts {r.count} losses {where}: bytes are missing on our side"
+        case MarkKind.LOST:
+            return "the port went away: waiting for it to come back"
+        case MarkKind.BACK:
+            return f"the port is back after {r.count / NS:.1f} s; what was said then is missing"
+        case MarkKind.SKIPPED:
+            return f"{r.count} bytes before this place were recorded, but not decoded"
+        case _:
+            return f"{r.length} bytes moved by {r.count / 1e6:.2f} ms to where they belong"

@@ -1,0 +1,1 @@
+"""Recording from ports: the worker between the reader thread and the pipeline."""

@@ -1,0 +1,189 @@
+"""Live ports that are listened to and never spoken to: ``open_port(name, options)``.
+
+Linux' own ports are opened without pySerial (``tty.py``), because it clears the flags that tell of
+line errors, flushes, and opens for writing. Addresses on the network, and the ports of other
+systems, are opened with it (``remote.py``).
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Literal, Protocol
+
+from sniffer.model import InputError, SnifferError
+
+if TYPE_CHECKING:
+    from sniffer.model import Mark
+
+READ_MAX: Final = 1 << 16
+"""Bytes that one read returns at most."""
+
+BAUD_MAX: Final = 1 << 32
+"""A baud rate must be below this: the kernel and RFC 2217 have 32 bits for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class PortOptions:
+    """How to open a port; it is always 8N1 without flow control.
+
+    ``modem``: Linux raises DTR and RTS when a port is opened, and many RS-485 adapters send while
+    RTS is up. ``low`` lowers both at once; ``keep`` leaves them up, for adapters that are powered
+    by these lines or listen while they are up. ``low_latency`` asks driver and adapter not to
+    gather bytes.
+    """
+
+    baud: int
+    modem: Literal["low", "keep"] = "low"
+    low_latency: bool = True
+
+
+class PortLostError(SnifferError):
+    """The port is gone: the adapter was pulled out, or the far end closed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Counters:
+    """What a driver has counted since it was loaded.
+
+    ``overrun`` and ``buf_overrun`` are bytes lost on our side: in the UART, and in the driver.
+    """
+
+    frame: int = 0
+    parity: int = 0
+    overrun: int = 0
+    brk: int = 0
+    buf_overrun: int = 0
+
+    def since(self, before: Counters) -> Counters:
+        """Return what was counted after ``before``; the counters have 32 bits and wrap."""
+        pairs = ((getattr(self, f.name), getattr(before, f.name)) for f in fields(Counters))
+        return Counters(*((now - then) % (1 << 32) for now, then in pairs))
+
+
+class Port(Protocol):
+    """An open port.
+
+    ``name`` is as the user gave it, ``path`` a name that is still right when the adapter is
+    plugged in again. ``latency_ns`` is how long adapter and driver may hold bytes back, None where
+    it is not known. ``marks_errors`` tells whether line errors come in the byte stream,
+    ``pollable`` whether ``fileno()`` can be given to select.
+    """
+
+    name: str
+    path: str
+    baud: int
+    latency_ns: int | None
+    marks_errors: bool
+    usb: bool
+    pollable: bool
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait for; OSError where the port is not pollable."""
+
+    def read(self) -> bytes:
+        """Return what has come, up to ``READ_MAX`` bytes, still escaped.
+
+        A pollable port never waits and returns nothing where nothing is; another one waits up to
+        0.1 s.
+
+        Raises:
+            PortLostError: the port is gone.
+        """
+
+    def unmark(self, raw: bytes) -> tuple[bytes, tuple[Mark, ...]]:
+        """Take the reads in order; return the bytes of the line and what is known of them."""
+
+    def counters(self) -> Counters | None:
+        """Return the driver's counters; None where it has none."""
+
+    def facts(self) -> dict[str, str]:
+        """Return what a recording should say about the port."""
+
+    def close(self) -> None:
+        """Let go of the port, without a change on its lines."""
+
+
+def open_port(name: str, options: PortOptions) -> Port:
+    """Open a port for listening.
+
+    Args:
+        name: a device such as ``/dev/ttyUSB0``, or an address such as ``socket://host:4000`` (one
+            of pySerial's URLs).
+        options: baud rate, modem lines, latency.
+
+    Raises:
+        InputError: it cannot be opened; the message says what to do.
+    """
+    if not 0 < options.baud < BAUD_MAX:
+        raise InputError(f"{options.baud} is no baud rate: give one above 0, such as 115200")
+    if "://" not in name and os.name == "posix":
+        _refuse_what_is_no_port(name)
+        if sys.platform == "linux":
+            from sniffer.sources.ports import kernel, tty
+
+            if kernel.is_known():
+                return tty.TtyPort(name, options)
+    from sniffer.sources.ports.remote import SerialPort
+
+    return SerialPort(name, options)
+
+
+def shown(name: str) -> str:
+    """Return a name so that it fits in a message of one line."""
+    return name if name.isprintable() else ascii(name)
+
+
+def missing(name: str) -> InputError:
+    """Return the error for a port that is not there."""
+    return InputError(
+        f"{shown(name)}: there is no such port; `sniffer ports` lists those that are here"
+    )
+
+
+def no_port(name: str) -> InputError:
+    """Return the error for a thing that is no serial port."""
+    return InputError(f"{shown(name)} is no serial port; `sniffer ports` lists those that are here")
+
+
+def forbidden(name: str) -> InputError:
+    """Return the error for a port that we may not read."""
+    why = f"{shown(name)}: no permission to read it"
+    if group := _group_of(name):
+        return InputError(
+            f"{why}; join its group with `sudo usermod -aG {group} $USER`, and log in again"
+        )
+    return InputError(f"{why}; it is not open to your user")
+
+
+def _group_of(name: str) -> str:
+    """Return the group that may read a port, if one may that is not root's."""
+    import grp  # there is none on Windows, where nothing is forbidden this way
+
+    try:
+        found = Path(name).stat()
+        may_read = found.st_mode & stat.S_IRGRP and found.st_gid
+        return grp.getgrgid(found.st_gid).gr_name if may_read else ""
+    except (OSError, KeyError):
+        return ""
+
+
+def _refuse_what_is_no_port(name: str) -> None:
+    """Raise InputError for what is there and is no character device, or is not there."""
+    try:
+        mode = Path(name).stat().st_mode
+    except PermissionError:
+        raise forbidden(name) from None
+    except (OSError, ValueError):
+        raise missing(name) from None
+    if stat.S_ISDIR(mode):
+        advice = "give the port in it, or a capture to `sniffer decode`"
+        raise InputError(f"{shown(name)} is a directory: {advice}")
+    if stat.S_ISREG(mode) or stat.S_ISFIFO(mode):
+        kind = "pipe" if stat.S_ISFIFO(mode) else "file"
+        raise InputError(f"{shown(name)} is a {kind}, no port: `sniffer decode` reads it")
+    if not stat.S_ISCHR(mode):
+        raise no_port(name)

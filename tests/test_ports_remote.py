@@ -1,0 +1,159 @@
+"""Ports that pySerial opens: addresses on the network, and devices as other systems have them."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from sniffer.model import InputError
+from sniffer.sources.ports import PortLostError, PortOptions, open_port
+from sniffer.sources.ports.remote import SerialPort
+from tests.terminals import (
+    AT_115200,
+    EVERY_BYTE,
+    HEADERS,
+    LINUX_ONLY,
+    PATIENCE_S,
+    Terminal,
+    listen,
+    refusal,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+@pytest.fixture
+def line() -> Iterator[Terminal]:
+    with Terminal() as terminal:
+        yield terminal
+
+
+@pytest.fixture
+def server() -> Iterator[socket.socket]:
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        listening.settimeout(PATIENCE_S)
+        yield listening
+
+
+def address(server: socket.socket) -> str:
+    return f"socket://127.0.0.1:{server.getsockname()[1]}"
+
+
+def test_a_server_on_the_network_is_a_port(server: socket.socket) -> None:
+    port = open_port(address(server), AT_115200)
+    far, _ = server.accept()
+    assert port.pollable
+    assert port.read() == b""
+    assert port.latency_ns is None
+    assert not port.marks_errors
+    assert port.path == port.name == address(server)
+    data = HEADERS + EVERY_BYTE * 400
+    with far:
+        far.sendall(data)
+        assert listen(port, len(data)) == (data, [])
+        far.setblocking(False)
+        with pytest.raises(BlockingIOError):  # nothing was said to it
+            far.recv(1)
+    with pytest.raises(PortLostError, match="the port is gone"):
+        listen(port, 1)
+    assert port.facts()["line_errors"] == "not known"
+    assert port.counters() is None
+    port.close()
+
+
+def test_an_address_where_nobody_listens_is_told_in_one_line(server: socket.socket) -> None:
+    name = address(server)
+    server.close()
+    assert refusal(name).startswith(f"{name}: cannot be reached (")
+    assert "check host and port" in refusal(name)
+    assert "cannot be reached" in refusal("socket://127.0.0.1")
+    assert "no kind of address that is known" in refusal("gopher://127.0.0.1:70")
+
+
+def test_a_port_that_is_no_file_waits_a_little_for_bytes() -> None:
+    port = open_port("loop://", AT_115200)
+    assert isinstance(port, SerialPort)
+    assert not port.pollable
+    assert port.read() == b""
+    port._serial.write(HEADERS)  # what nothing but a test does
+    assert listen(port, len(HEADERS)) == (HEADERS, [])
+    with pytest.raises(OSError, match="fileno"):
+        port.fileno()
+    port.close()
+    with pytest.raises(PortLostError):
+        port.read()
+
+
+@LINUX_ONLY
+def test_a_device_is_heard_through_pyserial_too(line: Terminal) -> None:
+    port = SerialPort(line.path, PortOptions(250_000))
+    assert port.facts()["baud_got"] == "250000"
+    line.say(EVERY_BYTE)
+    assert listen(port, 256) == (EVERY_BYTE, [])
+    assert "is in use by" in refusal(line.path)
+    with pytest.raises(InputError, match="is in use by another program"):
+        SerialPort(line.path, AT_115200)
+    line.hang_up()
+    with pytest.raises(PortLostError, match="the port is gone"):
+        listen(port, 1)
+    port.close()
+    with pytest.raises(InputError, match="there is no such port"):
+        SerialPort(line.path, AT_115200)
+
+
+class _FarPort:
+    """A server as RFC 2217 has it, with pySerial's own end of the protocol; it answers once."""
+
+    def __init__(self) -> None:
+        import serial
+
+        self.port: Any = serial.serial_for_url("loop://", baudrate=9600, timeout=0.02)
+        self.told = b""  # what was meant for the line
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self._server.settimeout(PATIENCE_S)
+        self.url = f"rfc2217://127.0.0.1:{self._server.getsockname()[1]}"
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
+
+    def _serve(self) -> None:
+        from serial import rfc2217
+
+        far, _ = self._server.accept()
+        far.settimeout(0.02)
+        answers: Any = _Writer(far)
+        manager = rfc2217.PortManager(self.port, answers)
+        with far:
+            while True:
+                far.sendall(b"".join(manager.escape(self.port.read(self.port.in_waiting))))
+                try:
+                    asked = far.recv(1024)
+                except TimeoutError:
+                    continue
+                if not asked:
+                    return
+                self.told += b"".join(manager.filter(asked))
+
+    def close(self) -> None:
+        self._thread.join(PATIENCE_S)
+        self._server.close()
+
+
+class _Writer:
+    def __init__(self, far: socket.socket) -> None:
+        self.write = far.sendall
+
+
+@pytest.mark.filterwarnings("ignore:set(Daemon|Name)")  # pySerial 3.5 calls them
+def test_a_port_on_another_machine_is_set_up_there_and_its_lines_lowered() -> None:
+    far = _FarPort()
+    port = open_port(far.url, PortOptions(250_000))
+    assert (far.port.baudrate, far.port.dtr, far.port.rts) == (250_000, False, False)
+    far.port.write(HEADERS + EVERY_BYTE)
+    assert listen(port, len(HEADERS) + 256) == (HEADERS + EVERY_BYTE, [])
+    port.close()
+    far.close()
+    assert far.told == b""
