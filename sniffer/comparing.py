@@ -123,27 +123,32 @@ def compare(path: Path, options: Options, *, say: Callable[[str], None]) -> Repo
     except DamagedInputError as error:
         say(f"{error}: compared as far as it goes")
     pipeline.close()
+    cut = False
     try:
         for f in recorded(path):
+            if f.offset < 0:  # its bytes stand in the file before
+                continue
             servo = -1 if f.servo_id is None else f.servo_id
             kind = KINDS.index(f.kind) if f.kind in KINDS else -1
             then.setdefault(f.bus, _Frames()).add(
                 f.offset, f.length, kind, servo, names.number(f.op)
             )
     except DamagedInputError:
-        pass  # said above already: the raw bytes break off at the same place
+        cut = True  # that was said above already; a recovered file has nothing more to say
     if not then:
         raise InputError(f"{path} holds no decoded frames to compare with")
     none = _Frames()
     return Report(
         [
-            _difference(bus, then.get(bus, none).table(), now.buses.get(bus, none).table())
+            _difference(bus, then.get(bus, none).table(), now.buses.get(bus, none).table(), cut)
             for bus in dict.fromkeys([*then, *now.buses])
         ]
     )
 
 
-def _difference(bus: str, then: I64, now: I64) -> Difference:
+def _difference(bus: str, then: I64, now: I64, cut: bool) -> Difference:
+    if cut:  # raw bytes are written first: of the last ones no frame was recorded any more
+        now = now[now[:, 0] <= then[:, 0].max(initial=-1)]
     _, a, b = np.intersect1d(then[:, 0], now[:, 0], return_indices=True)
     alike = (then[a] == now[b]).all(axis=1)
     lost = np.delete(then[:, 0], a)

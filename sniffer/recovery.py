@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
+from sniffer.messages import RECOVERED
 from sniffer.model import InputError
 from sniffer.sinks.mcap_bulk import Container
 from sniffer.sources.mcap_records import BrokenError, NotMcapError, Piece, Records
@@ -38,7 +39,8 @@ class Report:
 def recover(path: Path, out: Path) -> Report:
     """Write what can be read of ``path`` to ``out``, which may be the same file.
 
-    Chunks are copied as they are, up to the first damage; ``out`` is replaced at the end.
+    Chunks are copied as they are, up to the first damage, and of one that breaks off the messages
+    that are whole; ``out`` is replaced at the end.
 
     Raises:
         InputError: there is nothing to recover.
@@ -66,6 +68,8 @@ def recover(path: Path, out: Path) -> Report:
                 why = str(error)
             if file is None:
                 raise InputError(f"{path}: nothing of it can be read ({why})")
+            if why:
+                file.metadata(RECOVERED, {"why": why})
             file.finish()
             with temporary.open("rb") as written:
                 os.fsync(written.fileno())

@@ -1,4 +1,4 @@
-"""Shows a .rrd file, or what is decoded just now, in the Rerun viewer: a window, or a browser.
+"""The Rerun viewer: shows a .rrd file, or takes what is decoded just now; a window, or a browser.
 
 The viewer is the program that comes with the rerun package, run as a child that ends with the call.
 Its usage statistics are switched off. Written for rerun-sdk 0.41.
@@ -18,6 +18,7 @@ import sys
 import threading
 import time
 import urllib.error
+import urllib.parse
 import urllib.request
 import uuid
 from pathlib import Path
@@ -28,6 +29,8 @@ from sniffer.model import OutputError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
+    import rerun as rr
+
     from sniffer.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
@@ -37,6 +40,9 @@ DATA_PORT: Final = 9876
 
 LOCAL: Final = ("--bind", "127.0.0.1")
 """The viewer, too, listens; by default to the whole network."""
+
+SCHEMES: Final = ("rerun", "rerun+http", "rerun+https")
+"""Of the addresses that the viewer takes data at; http and https stand for the latter two."""
 
 PATIENCE_S: Final = 20.0
 """How long the server may take to answer; it takes half a second on an idle machine."""
@@ -62,7 +68,7 @@ def show(
     """
     if not web:
         need_display(path)
-    with _signals():
+    with stoppable():
         if web:
             _serve(path, port, say)
         else:
@@ -101,23 +107,94 @@ def _open(path: Path) -> None:
 
 
 def _serve(path: Path, port: int | None, say: Callable[[str], None] | None) -> None:
-    web_port = _free_port(WEB_PORT) if port is None else port
-    data_port = _free_port(DATA_PORT)
-    page = f"http://127.0.0.1:{web_port}/"
-    server = _rerun(
-        *LOCAL,
-        *("--serve-web", "--web-viewer-port", str(web_port), "--port", str(data_port)),
-        *("--server-memory-limit", "75%"),  # the default drops what is old from large recordings
-        str(path),
-    )
-    with server as process, contextlib.suppress(KeyboardInterrupt):
-        if not _comes_up(process, lambda: _answers(page) and _listens(data_port)):
-            raise OutputError(f"the Rerun server does not start on {page}: is the port in use?")
+    # the default limit drops what is old from large recordings
+    with (
+        contextlib.suppress(KeyboardInterrupt),
+        server("--server-memory-limit", "75%", str(path), port=port) as (process, page, _),
+    ):
         if say is not None:
-            data = f"rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{data_port}%2Fproxy"
-            say(f"open {page}?url={data}  (Ctrl-C stops)")
+            say(f"open {page}  (Ctrl-C stops)")
         process.wait()
         raise OutputError(f"the Rerun server stopped with status {process.returncode}")
+
+
+@contextlib.contextmanager
+def server(
+    *arguments: str, port: int | None = None, own_group: bool = True
+) -> Iterator[tuple[subprocess.Popen[bytes], str, str]]:
+    """Serve data, and the viewer for the browser, on 127.0.0.1.
+
+    Yields the process, the page to open, and the address that takes data.
+
+    Raises:
+        OutputError: it does not start.
+    """
+    web_port = _free_port(WEB_PORT) if port is None else port
+    data_port = _free_port(DATA_PORT)
+    page, data = f"http://127.0.0.1:{web_port}/", _proxy(data_port)
+    ports = ("--serve-web", "--web-viewer-port", str(web_port), "--port", str(data_port))
+    with _rerun(*LOCAL, *ports, *arguments, own_group=own_group) as process:
+        if not _comes_up(process, lambda: _answers(page) and listens("127.0.0.1", data_port)):
+            raise OutputError(f"the Rerun server does not start on {page}: is the port in use?")
+        yield process, f"{page}?url={urllib.parse.quote(data, safe='')}", data
+
+
+@contextlib.contextmanager
+def window(
+    *arguments: str, own_group: bool = True
+) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+    """Open an empty window; yields its process, and the address that takes data.
+
+    Raises:
+        OutputError: it does not start.
+    """
+    port = _free_port(DATA_PORT)
+    live = ("--port", str(port), "--expect-data-soon")
+    with _rerun(*LOCAL, *live, *arguments, own_group=own_group) as process:
+        if not _comes_up(process, lambda: listens("127.0.0.1", port)):
+            raise OutputError(
+                "the Rerun viewer does not start: has this machine a graphics driver?"
+            )
+        yield process, _proxy(port)
+
+
+def stream(name: str, address: str) -> rr.RecordingStream:
+    """Return a recording that is sent to a viewer as it grows."""
+    import rerun as rr
+
+    # The viewer keeps one layout an application, so each recording is one.
+    recording = rr.RecordingStream(f"sniffer {name} {uuid.uuid4().hex[:6]}")
+    recording.connect_grpc(address)
+    recording.send_recording_name(name)
+    return recording
+
+
+def data_address(url: str) -> tuple[str, str, int]:
+    """Return the address of a viewer elsewhere as the SDK wants it, its host and its port.
+
+    Raises:
+        OutputError: it is none.
+    """
+    text = url if "://" in url else f"rerun+http://{url}"
+    try:
+        parts = urllib.parse.urlsplit(text)
+        host, port = parts.hostname, parts.port or DATA_PORT
+    except ValueError:  # a port that is no number, half an IPv6 address
+        parts, host, port = urllib.parse.urlsplit(""), None, 0
+    scheme = {"http": "rerun+http", "https": "rerun+https"}.get(parts.scheme, parts.scheme)
+    extra = parts.query or parts.fragment or parts.username
+    # what else a host may hold is the resolver's business, but a space is a slip of the keyboard
+    is_host = host and not any(c.isspace() for c in url)
+    if scheme not in SCHEMES or not is_host or extra or parts.path not in ("", "/", "/proxy"):
+        raise OutputError(
+            f"{url!r} is no address of a Rerun viewer: it looks like rerun+http://HOST:PORT/proxy"
+        )
+    named = f"[{host}]" if ":" in str(host) else host
+    return f"{scheme}://{named}:{port}/proxy", str(host), port
+
+
+def _proxy(port: int) -> str:
+    return f"rerun+http://127.0.0.1:{port}/proxy"
 
 
 class LiveSink:
@@ -131,19 +208,12 @@ class LiveSink:
 
     def __init__(self, name: str, *, window_s: float = 20.0) -> None:
         need_display("FILE")
-        import rerun as rr
-
         from sniffer.sinks.rerun import RerunSink
 
-        port = _free_port(DATA_PORT)
         with contextlib.ExitStack() as stack:
-            stack.enter_context(_signals())
-            arguments = (*LOCAL, "--port", str(port), "--expect-data-soon")
-            self._viewer = stack.enter_context(_rerun(*arguments))
-            if not _comes_up(self._viewer, lambda: _listens(port)):
-                raise OutputError(f"the Rerun viewer does not start: {_instead('FILE')}")
-            self._recording = rr.RecordingStream(f"sniffer {name} {uuid.uuid4().hex[:6]}")
-            self._recording.connect_grpc(f"rerun+http://127.0.0.1:{port}/proxy")
+            stack.enter_context(stoppable())
+            self._viewer, address = stack.enter_context(window())
+            self._recording = stream(name, address)
             self._sink = RerunSink(recording=self._recording, window_s=window_s)
             self._stack = stack.pop_all()
         atexit.register(self._stack.close)
@@ -183,30 +253,38 @@ def _comes_up(process: subprocess.Popen[bytes], is_up: Callable[[], bool]) -> bo
 
 
 @contextlib.contextmanager
-def _rerun(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Run the viewer's program in a process group of its own, and end all of it."""
+def _rerun(*arguments: str, own_group: bool = True) -> Iterator[subprocess.Popen[bytes]]:
+    """Run the viewer's program, out of reach of the terminal's Ctrl-C, and end it.
+
+    Args:
+        arguments: of the program.
+        own_group: in a process group of its own; else in that of the caller, who must have one
+            that no terminal speaks to.
+    """
     environment = {k: v for k, v in os.environ.items() if k != "FORCE_RERUN_ANALYTICS"}
     # CI: no usage statistics, no banner about them, no file in the user's home to say so.
     environment |= {"CI": "1", "RUST_LOG": os.environ.get("RUST_LOG", "error")}
     process = subprocess.Popen(
-        [_executable(), *arguments],
+        [executable(), *arguments],
         env=environment,
         stdin=subprocess.DEVNULL,
-        start_new_session=True,
+        start_new_session=own_group,
     )
     try:
         yield process
     finally:
-        _end(process)
+        _end(process, own_group=own_group)
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
+def _end(process: subprocess.Popen[bytes], *, own_group: bool) -> None:
     if process.poll() is not None:
         return
     for number in (signal.SIGTERM, signal.SIGTERM if sys.platform == "win32" else signal.SIGKILL):
         with contextlib.suppress(ProcessLookupError):
             if sys.platform == "win32":
                 process.terminate()
+            elif not own_group:
+                process.send_signal(number)
             else:
                 os.killpg(process.pid, number)
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -214,8 +292,12 @@ def _end(process: subprocess.Popen[bytes]) -> None:
             return
 
 
-def _executable() -> str:
-    """Return the viewer's program: the one in the package, else a ``rerun`` nearby."""
+def executable() -> str:
+    """Return the viewer's program: the one in the package, else a ``rerun`` nearby.
+
+    Raises:
+        OutputError: there is none.
+    """
     package = importlib.util.find_spec("rerun_cli")
     folders = [Path(p) for p in (package.submodule_search_locations or ())] if package else []
     suffix = ".exe" if sys.platform == "win32" else ""
@@ -232,7 +314,7 @@ def _executable() -> str:
 
 
 @contextlib.contextmanager
-def _signals() -> Iterator[None]:
+def stoppable() -> Iterator[None]:
     """Let a request to stop end the child too, as Ctrl-C does."""
 
     def stop(number: int, frame: Any) -> NoReturn:
@@ -261,9 +343,13 @@ def _free_port(wanted: int) -> int:
     raise OutputError("no port is free on 127.0.0.1")
 
 
-def _listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
+def listens(host: str, port: int, timeout_s: float = 1.0) -> bool:
+    """Tell whether somebody takes connections there."""
+    try:
+        socket.create_connection((host, port), timeout_s).close()
+    except (OSError, UnicodeError):  # the latter: a name that no resolver takes
+        return False
+    return True
 
 
 def _answers(page: str) -> bool:

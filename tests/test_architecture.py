@@ -19,22 +19,24 @@ FILES: Final = sorted(
 
 CORE: Final = (
     *("model", "registers", "checksums", "framing", "plan", "timing", "bus", "samples"),
-    *("decoder", "reference", "diagnostics", "protocols", "rows", "summary"),
+    *("decoder", "reference", "diagnostics", "protocols", "rows", "summary", "remarks"),
+    *("merging", "ordering"),
 )
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
 
 FLOORS: Final = (
     ("model",),
     ("registers", "checksums"),
-    ("plan", "framing", "timing"),
+    ("plan", "framing", "timing", "remarks"),
     ("protocols",),
     ("bus", "samples"),
     ("diagnostics",),
     ("decoder", "reference", "rows"),
-    ("summary", "detect", "messages", "simulation"),
+    ("summary", "detect", "messages", "simulation", "merging", "ordering", "status"),
     ("sources", "sinks"),
-    ("pipeline", "replaying", "explaining"),
-    ("api", "recovery", "comparing", "viewing"),
+    ("pipeline", "replaying", "explaining", "doctoring", "playing"),
+    ("api", "recovery", "comparing", "viewing", "recording", "parcels"),
+    ("watching", "watcher"),
     ("__init__",),
     ("cli", "__main__"),
 )
@@ -50,10 +52,10 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     "pyarrow": ("sinks/tables.py", "sinks/rerun", "api.py"),
     "pandas": (),
     "click": ("cli/",),
-    "rich": ("cli/", "sinks/text.py", "sinks/report.py"),
-    "threading": ("cli/", "sources/", "viewing.py", "sinks/rerun"),
+    "rich": ("cli/", "sinks/text.py", "sinks/report.py", "sinks/board"),
+    "threading": ("cli/", "sources/", "viewing.py", "sinks/rerun", "playing/"),
     "socket": ("viewing.py",),
-    "subprocess": ("viewing.py",),
+    "subprocess": ("viewing.py", "watching.py", "watcher.py"),
     "logging": (),
 }
 """What may be imported in few places only."""

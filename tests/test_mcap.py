@@ -37,8 +37,22 @@ from sniffer.messages.recording_pb2 import (
 from sniffer.messages.recording_pb2 import (
     Direction as DirectionMessage,
 )
+from sniffer.messages.recording_pb2 import (
+    Mark as MarkMessage,
+)
 from sniffer.messages.servo_state_pb2 import ServoState
-from sniffer.model import NS, OK, Batch, Chunk, Clock, Direction, InputError, OutputError
+from sniffer.model import (
+    NS,
+    OK,
+    Batch,
+    Chunk,
+    Clock,
+    Direction,
+    InputError,
+    Mark,
+    MarkKind,
+    OutputError,
+)
 from sniffer.protocols import PROTOCOLS
 from sniffer.registers import read_table, schema_path
 from sniffer.sinks.mcap import McapSink
@@ -53,6 +67,13 @@ if TYPE_CHECKING:
 RERUN = shutil.which("rerun", path=str(Path(sys.executable).parent))
 EVERY = pytest.mark.parametrize("name", PROTOCOLS)
 
+any_mark = st.builds(
+    Mark,
+    st.sampled_from(MarkKind),
+    st.integers(-(1 << 40), 1 << 40),
+    st.integers(0, 1 << 40),
+    st.integers(0, 1 << 50),
+)
 any_chunk = st.builds(
     Chunk,
     st.binary(max_size=40),
@@ -60,23 +81,28 @@ any_chunk = st.builds(
     st.sampled_from(Clock),
     st.sampled_from(["bus0", "arm/left", "Über bus"]),
     st.sampled_from(Direction),
+    st.just(()) | st.lists(any_mark, max_size=3).map(tuple),
 )
 
 
 @given(st.lists(st.lists(any_chunk, max_size=12), max_size=4), st.sampled_from([0, 10**9]))
-def test_chunks_of_every_clock_direction_and_bus_come_back_as_they_went_in(
+def test_chunks_of_every_clock_direction_and_bus_come_back_as_they_went_in_with_their_marks(
     parts: list[list[Chunk]], flush_ns: int
 ) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
         keep(path, parts, flush_ns=flush_ns)
         back = list(chunks(path))
-        log = [m.log_time for m in heads(path)]
+        found = heads(path)
+        log = [m.log_time for m in found]
     sent = [c for part in parts for c in part]
     for bus in {c.bus for c in sent}:
         assert [c for c in back if c.bus == bus] == [c for c in sent if c.bus == bus]
     assert len(back) == len(sent)
     assert log == sorted(log)
+    for channel in {m.channel_id for m in found}:
+        numbers = [m.sequence for m in found if m.channel_id == channel]
+        assert numbers == list(range(len(numbers)))
 
 
 @EVERY
@@ -352,6 +378,7 @@ def test_numbers_in_the_schemas_are_those_of_the_model() -> None:
     assert names(Kind) == {n: i for i, n in enumerate(model.KINDS)}
     assert names(Anomaly.Severity) == {s.name.lower(): s.value for s in model.Severity}
     assert names(ClockMessage, "CLOCK_") == {c.name.lower(): c.value for c in Clock}
+    assert names(MarkMessage.Kind) == {"unknown": 0, **{k.name.lower(): k.value for k in MarkKind}}
     assert names(DirectionMessage, "DIRECTION_") == {d.name.lower(): d.value for d in Direction}
 
 

@@ -19,6 +19,7 @@ from mcap_protobuf.schema import register_schema
 from sniffer.messages.recording_pb2 import RawChunk
 from sniffer.model import Chunk, Clock, DamagedInputError, InputError, SnifferError
 from sniffer.recovery import recover
+from sniffer.sinks.mcap import McapSink
 from sniffer.sources.mcap import chunks, recorded, session
 from tests.recordings import START_NS, heads, keep, messages, record, talk
 from tests.test_mcap import RERUN, rerun
@@ -170,6 +171,80 @@ def test_a_cut_recording_is_made_whole_again(
     if RERUN is not None:
         assert "Summary                  embedded" in rerun("info", str(path))
         assert "PROBLEM" not in rerun("check", "--full", str(path))
+
+
+@pytest.fixture(scope="module")
+def torn(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, int, list[Chunk]]:
+    """A recording with a large chunk at its end, where that begins, and what is in both."""
+    path = tmp_path_factory.mktemp("torn") / "run.mcap"
+    rng = random.Random(1)
+    sent = [
+        Chunk(rng.randbytes(9) * 30, START_NS + k, Clock.READ, "ab"[k % 2]) for k in range(2000)
+    ]
+    sink = McapSink(path, {"tool": "test"}, live=True)
+    for part in (sent[:10], sent[10:]):
+        for bus in "ab":
+            sink.raw(bus, [c for c in part if c.bus == bus])
+        sink.flush()
+    begin = path.stat().st_size
+    sink.close()
+    data = path.read_bytes()
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    last = max(summary.chunk_indexes, key=lambda c: c.chunk_start_offset)
+    assert begin == last.chunk_start_offset + last.chunk_length + last.message_index_length
+    return data, last.chunk_start_offset, list(chunks(path))
+
+
+def test_of_a_chunk_that_breaks_off_the_whole_messages_are_kept(
+    torn: tuple[bytes, int, list[Chunk]], tmp_path: Path
+) -> None:
+    data, begin, sent = torn
+    path = tmp_path / "run.mcap"
+    end = len(data)
+    before, steps = 0, set[int]()
+    for size in [*range(begin, begin + 80), *range(begin + 80, end, 499)]:
+        got, _ = read(data[:size])
+        assert got == sent[: len(got)]
+        assert len(got) >= max(before, 10)
+        before = len(got)
+        if before not in steps:
+            path.write_bytes(data[:size])
+            report = recover(path, path)
+            assert list(chunks(path)) == got
+            assert report.messages == len(got)
+            assert report.bytes_kept + report.bytes_lost == size
+        steps.add(before)
+    assert before == len(sent)
+    assert len(steps) > 4, "the compressed stream gives what it has in blocks"
+
+
+@pytest.mark.parametrize("which", ["small", "whole"])
+def test_a_recording_cut_at_any_place_of_its_chunks_is_recovered(
+    which: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    data, sent = request.getfixturevalue(which)
+    path = tmp_path / "run.mcap"
+    summary = make_reader(io.BytesIO(data)).get_summary()
+    assert summary is not None
+    last = max(summary.chunk_indexes, key=lambda c: c.chunk_start_offset)
+    begin, end = last.chunk_start_offset, last.chunk_start_offset + last.chunk_length
+    places = {*range(0, len(data), 97 if which == "small" else 997)}
+    places |= {*range(begin, end + 60, 1 if which == "small" else 97)}
+    found = 0
+    for size in sorted(places):
+        path.write_bytes(data[:size])
+        try:
+            recover(path, path)
+        except InputError:
+            assert not found
+            continue
+        got = list(chunks(path))
+        assert got == sent[: len(got)]
+        assert len(got) >= found
+        found = len(got)
+    assert found == len(sent)
 
 
 def test_what_is_no_recording_at_all_is_not_recovered(tmp_path: Path) -> None:

@@ -193,3 +193,13 @@ def test_what_is_skipped_is_told_and_offsets_stay_those_of_the_stream() -> None:
 def test_every_kind_of_mark_has_a_code_of_the_catalogue(kind: MarkKind) -> None:
     batches = decoded(chunk(REQUEST, 0), chunk(b"", 1, Mark(kind, 0)))
     assert [a for b in batches for a in b.anomalies]
+
+
+def test_an_answer_to_what_was_asked_before_the_tap_began_is_nobodys_fault() -> None:
+    began = decoded(chunk(REPLY, 0), chunk(REQUEST, 3), chunk(REPLY, 6), chunk(REPLY, 40))
+    assert codes(began) == ["capture-start", "duplicate-response"]
+
+
+def test_reads_that_came_late_are_no_step_of_the_recorders_clock() -> None:
+    late = [chunk(REQUEST + REPLY, 50), chunk(REQUEST + REPLY, 50.01)]
+    assert codes(decoded(*late)) == []

@@ -16,11 +16,15 @@ import click
 
 from sniffer import __version__
 from sniffer.cli.decode import decode
+from sniffer.cli.doctor import doctor
 from sniffer.cli.explain import explain
 from sniffer.cli.known import protocols, registers
+from sniffer.cli.ports import ports
+from sniffer.cli.record import record
 from sniffer.cli.recover import recover
 from sniffer.cli.replay import replay
 from sniffer.cli.session import say, silence_stdout
+from sniffer.cli.simulate import simulate
 from sniffer.cli.view import view
 from sniffer.model import DamagedInputError, SnifferError
 
@@ -60,7 +64,10 @@ def cli() -> None:
     """Listen in on robot-servo buses: decode, check, record and plot what is said there."""
 
 
-for _command in (decode, view, replay, recover, explain, protocols, registers):
+for _command in (
+    *(record, decode, view, replay, recover, explain),
+    *(ports, doctor, simulate, protocols, registers),
+):
     cli.add_command(_command)
 
 

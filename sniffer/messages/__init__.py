@@ -15,3 +15,9 @@ SESSION: Final = "servo_sniffer.session"
 
 BUS: Final = "servo_sniffer.bus"
 """Metadata records ``<BUS>.<bus>``: what one bus speaks."""
+
+OFFSET: Final = "offset"
+"""Facts ``<OFFSET>.<bus>`` of a session: where in the stream a file begins that goes on with it."""
+
+RECOVERED: Final = "servo_sniffer.recovered"
+"""Metadata record: the recorder did not finish the file; ``why`` says what was wrong with it."""

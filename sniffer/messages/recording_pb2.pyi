@@ -34,19 +34,53 @@ DIRECTION_RX: Direction
 REQUEST: Kind
 RESPONSE: Kind
 
+class Mark(_message.Message):
+    __slots__ = ("kind", "start", "length", "count")
+    class Kind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = ()
+        UNKNOWN: _ClassVar[Mark.Kind]
+        FRAMING: _ClassVar[Mark.Kind]
+        PARITY: _ClassVar[Mark.Kind]
+        BREAK: _ClassVar[Mark.Kind]
+        OVERRUN: _ClassVar[Mark.Kind]
+        LOST: _ClassVar[Mark.Kind]
+        BACK: _ClassVar[Mark.Kind]
+        REORDERED: _ClassVar[Mark.Kind]
+        SKIPPED: _ClassVar[Mark.Kind]
+    UNKNOWN: Mark.Kind
+    FRAMING: Mark.Kind
+    PARITY: Mark.Kind
+    BREAK: Mark.Kind
+    OVERRUN: Mark.Kind
+    LOST: Mark.Kind
+    BACK: Mark.Kind
+    REORDERED: Mark.Kind
+    SKIPPED: Mark.Kind
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    START_FIELD_NUMBER: _ClassVar[int]
+    LENGTH_FIELD_NUMBER: _ClassVar[int]
+    COUNT_FIELD_NUMBER: _ClassVar[int]
+    kind: Mark.Kind
+    start: int
+    length: int
+    count: int
+    def __init__(self, kind: _Optional[_Union[Mark.Kind, str]] = ..., start: _Optional[int] = ..., length: _Optional[int] = ..., count: _Optional[int] = ...) -> None: ...
+
 class RawChunk(_message.Message):
-    __slots__ = ("t_ns", "clock", "direction", "offset", "data")
+    __slots__ = ("t_ns", "clock", "direction", "offset", "data", "marks")
     T_NS_FIELD_NUMBER: _ClassVar[int]
     CLOCK_FIELD_NUMBER: _ClassVar[int]
     DIRECTION_FIELD_NUMBER: _ClassVar[int]
     OFFSET_FIELD_NUMBER: _ClassVar[int]
     DATA_FIELD_NUMBER: _ClassVar[int]
+    MARKS_FIELD_NUMBER: _ClassVar[int]
     t_ns: int
     clock: Clock
     direction: Direction
     offset: int
     data: bytes
-    def __init__(self, t_ns: _Optional[int] = ..., clock: _Optional[_Union[Clock, str]] = ..., direction: _Optional[_Union[Direction, str]] = ..., offset: _Optional[int] = ..., data: _Optional[bytes] = ...) -> None: ...
+    marks: _containers.RepeatedCompositeFieldContainer[Mark]
+    def __init__(self, t_ns: _Optional[int] = ..., clock: _Optional[_Union[Clock, str]] = ..., direction: _Optional[_Union[Direction, str]] = ..., offset: _Optional[int] = ..., data: _Optional[bytes] = ..., marks: _Optional[_Iterable[_Union[Mark, _Mapping]]] = ...) -> None: ...
 
 class Frame(_message.Message):
     __slots__ = ("t_start_ns", "t_end_ns", "uncertainty_ns", "offset", "length", "kind", "servo_id", "op", "op_code", "address", "status", "flags", "direction", "data")

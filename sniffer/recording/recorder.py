@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from sniffer.model import NS, Chunk, DamagedInputError
 from sniffer.protocols import PROTOCOLS
-from sniffer.recording.status import BusStatus, Status
+from sniffer.status import BusStatus, Status
 from sniffer.sinks.base import Sink
 
 if TYPE_CHECKING:

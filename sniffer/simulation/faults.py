@@ -6,14 +6,16 @@ without faults.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.model import NS, SnifferError
 
 if TYPE_CHECKING:
     import random
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
 DROP, FLIP, CUT, LATE = "drop", "flip", "cut", "late"
 NOISE, DUPLICATE, BROWNOUT = "noise", "duplicate", "brownout"
@@ -28,6 +30,21 @@ FAULTS: Final = {
     BROWNOUT: "the supply of a servo sags, it complains, then it restarts",
 }
 """The kinds of faults."""
+
+SPELLED: Final[Mapping[str, str]] = MappingProxyType(
+    {"drop-reply": DROP, "duplicate-id": DUPLICATE, **{kind: kind for kind in FAULTS}}
+)
+"""Names that people write, and the kinds they mean."""
+
+USUAL: Final[Mapping[str, float]] = MappingProxyType(
+    {DROP: 0.02, FLIP: 0.005, CUT: 0.01, LATE: 0.02, NOISE: 0.01, BROWNOUT: 0.003, DUPLICATE: 1.0}
+)
+"""How probable a fault is at each chance where nobody says it: enough to be seen within a minute.
+Of two servos with one id, both answer every time."""
+
+_FAULT: Final = re.compile(
+    r"(?P<kind>[a-z-]+)(?::(?P<servo>\d{1,3}))?(?::(?P<rate>\d+(?:\.\d+)?)%)?"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,16 +64,41 @@ class Fault:
             raise SnifferError(f"no fault {self.kind!r}: one of {', '.join(FAULTS)}")
 
 
+def spelled(kind: str) -> str:
+    """Return the name that people write for a kind."""
+    return next(name for name, meant in SPELLED.items() if meant == kind)
+
+
+def read_fault(text: str) -> Fault:
+    """Read ``KIND[:SERVO][:RATE%]``: ``drop-reply:3:5%``, ``flip:0.1%``, ``late:2``, ``brownout``.
+
+    Raises:
+        SnifferError: it is none of these.
+    """
+    match = _FAULT.fullmatch(text.strip().lower())
+    if match is None or match["kind"] not in SPELLED:
+        known = ", ".join(spelled(kind) for kind in FAULTS)
+        raise SnifferError(f"{text!r}: write KIND[:SERVO][:RATE%], KIND one of {known}")
+    kind = SPELLED[match["kind"]]
+    rate = USUAL[kind] if match["rate"] is None else float(match["rate"]) / 100
+    if not 0 < rate <= 1:
+        raise SnifferError(f"{text!r}: the rate is above 0 and at most 100%")
+    return Fault(kind, rate, None if match["servo"] is None else int(match["servo"]))
+
+
 class Mischief:
     """Draws which faults strike, and what they do to bytes."""
 
     def __init__(self, faults: Sequence[Fault], rng: random.Random) -> None:
-        self._faults = faults
+        self._faults = {kind: [f for f in faults if f.kind == kind] for kind in FAULTS}
         self.rng = rng
 
     def strikes(self, kind: str, servo_id: int) -> bool:
         """Draw whether a fault happens at this chance."""
-        mine = [f for f in self._faults if f.kind == kind and f.servo_id in (None, servo_id)]
+        faults = self._faults[kind]
+        if not faults:
+            return False
+        mine = [f for f in faults if f.servo_id in (None, servo_id)]
         return any(self.rng.random() < f.rate for f in mine)
 
     def flip(self, data: bytes) -> bytes:

@@ -6,15 +6,37 @@ are figures of the simulation, in the range of what client libraries wait.
 
 from __future__ import annotations
 
+import functools
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sniffer.protocols.lss.grammar import MODIFIERS, REGISTERS, WORDS, command, reply
-from sniffer.simulation.talk import MS, US, Ask, Bus, Exchange, Message, Servo, Talk, Value
+from sniffer.model import MALFORMED, UNKNOWN
+from sniffer.protocols.lss.grammar import (
+    BROADCAST,
+    MODIFIERS,
+    REGISTERS,
+    SERVO_IDS,
+    WORDS,
+    command,
+    reply,
+)
+from sniffer.simulation.talk import (
+    MS,
+    US,
+    Ask,
+    Bus,
+    Exchange,
+    Message,
+    Servo,
+    Talk,
+    Value,
+    unheeded,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from sniffer.protocols.base import SlowFrame
     from sniffer.simulation.motion import Joint, Rig
 
 TURNAROUND_NS: Final = 1 * MS
@@ -29,38 +51,71 @@ TURN: Final = ("QV", "QT", "QC", "Q", "QWD", "QDT")
 FACTS: Final = ("QMS", "QN", "QF", "QAR", "QO", "QLED")
 
 
+KEPT: Final = 1 << 14
+"""Lines that are not built anew: a bus repeats itself."""
+
+_reply = functools.lru_cache(KEPT)(reply)
+
+
+@functools.lru_cache(KEPT)
+def _command(
+    servo_id: int, word: str, value: int | None, modifiers: tuple[tuple[str, int], ...]
+) -> bytes:
+    return command(servo_id, word, value, dict(modifiers))
+
+
+DEFAULTS: Final[Mapping[str, int]] = MappingProxyType(
+    {r.name: r.default for r in REGISTERS if r.default is not None}
+)
+"""By register name."""
+
+
 class LssServo(Servo):
-    """What the servo answers, by word."""
+    """What the servo knows, by the register names of the table."""
 
     def __init__(self, servo_id: int, joint: Joint, rig: Rig) -> None:
-        self.facts: dict[str, int | str] = {
-            "QMS": "LSS-ST1",
-            "QN": 12345670 + servo_id,
-            "QF": 368,
-            "QAR": TRAVEL,
-            "QO": 0,
+        self.kept: dict[str, int | str] = {
+            "model_string": "LSS-ST1",
+            "serial_number": 12345670 + servo_id,
+            "firmware_version": 368,
+            "servo_id": servo_id,
         }
+        self.session: dict[str, int] = {}
         super().__init__(servo_id, joint, rig)
 
     def power_on(self) -> None:
         """The session ends: limp, LED as configured."""
         super().power_on()
-        self.facts["QLED"] = 7
+        self.session.clear()
+        self._id = int(self.kept["servo_id"])
+        for name, value in self.kept.items():
+            self._carry_over(name, value)
 
-    def reading(self, word: str) -> int | str:
-        """Return what stands behind the word in an answer."""
+    def reading(self, name: str) -> int | str:
+        """Return what stands behind the word in an answer that states a register."""
         joint = self.joint
-        speed = joint.speed * TRAVEL
-        readings = {
-            "QD": tenths(joint.position),
-            "QDT": tenths(joint.goal),
-            "QWD": round(speed),
-            "QV": round(self.voltage * 1000),
-            "QT": round(joint.temperature * 10),
-            "QC": round(joint.current_ma),
-            "Q": self._status(speed),
-        }
-        return readings.get(word, self.facts.get(word, 0))
+        match name:
+            case "present_position":
+                return tenths(joint.position)
+            case "target_position":
+                return tenths(joint.goal)
+            case "present_speed":
+                return round(joint.speed * TRAVEL)
+            case "present_voltage":
+                return round(self.voltage * 1000)
+            case "present_temperature":
+                return round(joint.temperature * 10)
+            case "present_current":
+                return round(joint.current_ma)
+            case "present_status":
+                return self._status(joint.speed * TRAVEL)
+            case "present_speed_in_rpm":
+                return round(joint.speed * TRAVEL / 60)
+            case "present_position_pulse":
+                return round(500 + 2000 * joint.position)
+        if name in self.session:
+            return self.session[name]
+        return self.kept.get(name, DEFAULTS.get(name, 0))
 
     def _status(self, speed: float) -> int:
         if self.low:
@@ -72,15 +127,45 @@ class LssServo(Servo):
         ahead = (self.joint.goal - self.joint.position) * speed
         return DECELERATING if ahead < 0 else TRAVELING if abs(speed) > 300 else ACCELERATING
 
-    def obey(self, word: str, value: int | None) -> None:
-        """Do what an action says."""
-        if word == "D" and value is not None:
-            self.joint.enabled = True
-            self.joint.goal = value / TRAVEL + 0.5
-        elif word == "L":
-            self.joint.enabled = False
-        elif word == "LED" and value is not None:
-            self.facts["QLED"] = value
+    def obey(self, word: str, values: tuple[Value, ...]) -> None:
+        """Do what an action or a configuration says."""
+        told = {name: value for _, name, value in values}
+        match word:
+            case "D" if "goal_position" in told:
+                self._go(told["goal_position"] / TRAVEL + 0.5)
+            case "MD" if "relative_move" in told:
+                self._go(self.joint.position + told["relative_move"] / TRAVEL)
+            case "P" if "goal_position_pulse" in told:
+                self._go((told["goal_position_pulse"] - 500) / 2000)
+            case "L":
+                self.joint.enabled = False
+            case "RESET":
+                self.power_on()
+            case _ if WORDS[word].kind == "configuration":
+                self.kept |= told
+                for name, value in told.items():
+                    self._carry_over(name, value)
+            case _:
+                self.session |= told
+
+    def halt(self) -> None:
+        """Stay where it is."""
+        self._go(self.joint.position)
+
+    @property
+    def new_id(self) -> int:
+        """The id since the last power-on."""
+        return self._id
+
+    def _go(self, goal: float) -> None:
+        self.joint.enabled = True
+        self.joint.goal = goal
+
+    def _carry_over(self, name: str, value: int | str) -> None:
+        """Let a value that is kept count for the session as well; a new id waits for the next."""
+        session = name.removeprefix("configured_")
+        if session != name and isinstance(value, int):
+            self.session[session] = value
 
 
 def tenths(position: float) -> int:
@@ -97,6 +182,8 @@ class LssBus(Bus):
     """See the module."""
 
     name = "lss"
+    ids = SERVO_IDS
+    most = len(SERVO_IDS)
     baud = 115200
     rate_hz = 50
     servo_ids = (1, 2, 5, 10)
@@ -142,14 +229,32 @@ class LssBus(Bus):
         elif cycle % 60 == 50:
             yield self._tell(servo_id, "H")
 
-    def _ask(self, servo_id: int, word: str) -> Exchange:
-        def act(servo: LssServo) -> Message:
-            value = servo.reading(word)
-            values = stated(servo_id, WORDS[word].selectors[0], value)
-            return Message(reply(servo_id, word, value), servo_id, word, values)
+    def heard(self, frame: SlowFrame, request: Message) -> Exchange:
+        """Obey any line that the page explains; a query to all is answered by one after another."""
+        everyone = frame.servo_id == BROADCAST
+        to = tuple(i for i in self.servos if everyone or i == frame.servo_id)
+        if frame.flags & (MALFORMED | UNKNOWN) or not to:
+            return unheeded(request)
+        word = WORDS[request.op]
+        if not word.is_query:
+            return Exchange(request, to, lambda s: _obey(s, request))
+        register = word.selectors.get(max(frame.address, 0))
+        if register is None:
+            return unheeded(request)
+        return Exchange(
+            request, to, lambda s: _answer(s, word.name, register), TURNAROUND_NS, chorus=everyone
+        )
 
-        request = Message(command(servo_id, word), servo_id, word)
-        return Exchange(request, (servo_id,), act, TURNAROUND_NS, PATIENCE_NS)
+    def _ask(self, servo_id: int, word: str) -> Exchange:
+        register = WORDS[word].selectors[0]
+        request = Message(_command(servo_id, word, None, ()), servo_id, word)
+        return Exchange(
+            request,
+            (servo_id,),
+            lambda servo: _answer(servo, word, register),
+            TURNAROUND_NS,
+            PATIENCE_NS,
+        )
 
     def _tell(
         self,
@@ -161,6 +266,21 @@ class LssBus(Bus):
         values = stated(servo_id, WORDS[word].register, value)
         for modifier, number in modifiers.items():
             values += stated(servo_id, MODIFIERS[modifier].register, number)
-        built = command(servo_id, word, value, modifiers)
+        built = _command(servo_id, word, value, tuple(modifiers.items()))
         request = Message(built, servo_id, word, values)
-        return Exchange(request, (servo_id,), lambda servo: servo.obey(word, value))
+        return Exchange(request, (servo_id,), lambda servo: servo.obey(word, values))
+
+
+def _answer(servo: LssServo, word: str, register: int) -> Message:
+    value = servo.reading(REGISTERS[register].name)
+    values = stated(servo.servo_id, register, value)
+    return Message(_reply(servo.servo_id, word, value), servo.servo_id, word, values)
+
+
+def _obey(servo: LssServo, request: Message) -> None:
+    # the controller of the simulation halts a servo until the goal of the next cycle, which the
+    # mechanics do not show; another one means it
+    if request.op == "H":
+        servo.halt()
+    else:
+        servo.obey(request.op, request.values)

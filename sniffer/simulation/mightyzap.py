@@ -6,8 +6,10 @@ controllers (e-Manual: 5 ms between writes, 10 ms around reads; clients give up 
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.model import MALFORMED, UNKNOWN
 from sniffer.protocols.mightyzap.block import MODELS
 from sniffer.protocols.mightyzap.grammar import (
     BROADCAST,
@@ -18,26 +20,29 @@ from sniffer.protocols.mightyzap.grammar import (
     LOAD,
     PACKET,
     SEND,
+    STAND_ALONE,
     STORE,
     SYMMETRIC_STORE,
 )
+from sniffer.simulation.memory import Memory, pack
 from sniffer.simulation.talk import (
     MS,
     US,
     Ask,
     Bus,
     Exchange,
-    Memory,
     Message,
     Servo,
     Talk,
     Value,
-    pack,
+    silently,
+    unheeded,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from sniffer.protocols.base import SlowFrame
     from sniffer.simulation.motion import Joint, Rig
 
 TABLE: Final = MODELS[0]
@@ -48,22 +53,56 @@ TOP: Final = 4095
 OVERLOAD: Final = 0.85
 """Part of the greatest load beyond which the simulated servo complains."""
 
+KEPT: Final = 1 << 14
+"""Packets that are not built anew: a bus repeats itself."""
+
 PRESENT: Final = ("present_position", "present_temperature")
 """First and last register of the block that the controller polls."""
 
 READS: Final = (COMMANDS[ECHO].name, COMMANDS[LOAD].name)
 
 
+LONGEST_LOAD: Final = 253
+"""Bytes that SIZE, which also counts error and checksum, has room for."""
+
+SHIPPED: Final = {
+    "model_number": 12,
+    "firmware_version": 14,
+    "lowest_limit_voltage": 70,
+    "highest_limit_voltage": 130,
+    "short_stroke_pulse_width": 900,
+    "d_gain": 40,
+    "i_gain": 5,
+    "p_gain": 60,
+}
+"""Registers for which the table has no default."""
+
+
+@functools.lru_cache(KEPT)
 def packet(servo_id: int, code: int, factors: bytes = b"") -> bytes:
     """Build a packet."""
     body = {"servo_id": servo_id, "size": len(factors) + 2, "code": code, "factors": factors}
     return bytes(PACKET.build({"body": {"value": body}}))
 
 
-def command(servo_id: int, code: int, values: tuple[Value, ...] = (), **factors: object) -> Message:
-    """Build a command from its factors by name."""
-    built = bytes(COMMANDS[code].factors.build(factors))
+@functools.lru_cache(KEPT)
+def _factors(code: int, factors: tuple[tuple[str, Any], ...]) -> bytes:
+    told = dict(factors)
+    if "targets" in told:
+        told["targets"] = [{"servo_id": i, "data": data} for i, data in told["targets"]]
+    return bytes(COMMANDS[code].factors.build(told))
+
+
+def command(servo_id: int, code: int, values: tuple[Value, ...] = (), **factors: Any) -> Message:
+    """Build a command from its factors by name; ``targets`` are pairs of servo and data."""
+    built = _factors(code, tuple(factors.items()))
     return Message(packet(servo_id, code, built), servo_id, COMMANDS[code].name, values)
+
+
+@functools.cache
+def error_byte(*errors: str) -> int:
+    """Return the error byte of a feedback that reports these."""
+    return int(FEEDBACK.build({"error": dict.fromkeys(errors, True), "data": b""})[0])
 
 
 class MightyZapServo(Servo):
@@ -72,17 +111,7 @@ class MightyZapServo(Servo):
     def __init__(self, servo_id: int, joint: Joint, rig: Rig) -> None:
         self.memory = Memory(TABLE)
         self.staged: list[tuple[str, int]] = []
-        self.memory.raw |= {
-            "model_number": 12,
-            "firmware_version": 14,
-            "servo_id": servo_id,
-            "lowest_limit_voltage": 70,
-            "highest_limit_voltage": 130,
-            "short_stroke_pulse_width": 900,
-            "d_gain": 40,
-            "i_gain": 5,
-            "p_gain": 60,
-        }
+        self.memory.raw |= SHIPPED | {"servo_id": servo_id}
         super().__init__(servo_id, joint, rig)
 
     def power_on(self) -> None:
@@ -103,26 +132,27 @@ class MightyZapServo(Servo):
         memory.put("present_temperature", joint.temperature)
         memory.raw["moving"] = int(abs(joint.speed) > 0.02)
 
-    def answer(
-        self,
-        op: str,
-        data: bytes = b"",
-        values: tuple[Value, ...] = (),
-        *,
-        instruction: bool = False,
-    ) -> Message:
-        """Build a feedback with the servo's errors of the moment."""
-        errors = {"input_voltage": self.low, "overload": abs(self.joint.load) > OVERLOAD}
-        errors["instruction"] = instruction
-        feedback = bytes(FEEDBACK.build({"error": errors, "data": data}))
-        built = packet(self.servo_id, feedback[0], feedback[1:])
-        return Message(built, self.servo_id, op, values)
+    @property
+    def new_id(self) -> int:
+        """The id register."""
+        return self.memory.raw["servo_id"]
 
-    def acknowledge(self, op: str, *, instruction: bool = False) -> Message | None:
+    def answer(
+        self, op: str, data: bytes = b"", values: tuple[Value, ...] = (), *, error: str = ""
+    ) -> Message:
+        """Build a feedback with the servo's errors of the moment, and that of the command."""
+        errors = ["input_voltage"] if self.low else []
+        if abs(self.joint.load) > OVERLOAD:
+            errors.append("overload")
+        if error:
+            errors.append(error)
+        return Message(packet(self.servo_id, error_byte(*errors), data), self.servo_id, op, values)
+
+    def acknowledge(self, op: str, *, error: str = "") -> Message | None:
         """Answer a command that is no read, in mode 2."""
         if self.memory.raw["feedback_return_mode"] != 2:
             return None
-        return self.answer(op, instruction=instruction)
+        return self.answer(op, error=error)
 
     def load(self, address: int, length: int) -> Message | None:
         """Answer a Load Data, in mode 1 and 2."""
@@ -144,7 +174,7 @@ class MightyZapServo(Servo):
             self.store(name, raw)
         self.staged.clear()
         self.memory.raw["received_data"] = 0
-        return self.acknowledge(COMMANDS[EXECUTE].name, instruction=nothing)
+        return self.acknowledge(COMMANDS[EXECUTE].name, error="instruction" if nothing else "")
 
     def store(self, name: str, raw: int) -> None:
         """Take a value; the motor follows."""
@@ -154,11 +184,40 @@ class MightyZapServo(Servo):
         elif name == "goal_position":
             self.joint.goal = raw / TOP
 
+    def store_own(self, values: tuple[Value, ...]) -> None:
+        """Take those values that are meant for it."""
+        for servo_id, name, raw in values:
+            if servo_id == self.servo_id:
+                self.store(name, raw)
+
+    def take(self, code: int, address: int, data: bytes) -> Message | None:
+        """Obey a write from an address on, unless a value is out of its range."""
+        op = COMMANDS[code].name
+        values = self.memory.written(address, data)
+        if not self.memory.allows(values):
+            return self.acknowledge(op, error="range")
+        answer = self.acknowledge(op)  # by the mode in force when the command came
+        for name, raw in values.items():
+            self.store(name, raw) if code == STORE else self.stage(name, raw)
+        return answer
+
+    def restart(self, op: str, *, shipped: bool) -> Message | None:
+        """Begin anew, as shipped but for id and baud rate."""
+        answer = self.acknowledge(op)
+        if shipped:
+            kept = {name: self.memory.raw[name] for name in ("servo_id", "baud_rate")}
+            self.memory.reset(volatile_only=False)
+            self.memory.raw |= SHIPPED | kept
+        self.power_on()
+        return answer
+
 
 class MightyZapBus(Bus):
     """See the module."""
 
     name = "mightyzap"
+    ids = range(1, 254)
+    most = 83
     baud = 57600
     rate_hz = 25
     servo_ids = (1, 2, 3)
@@ -191,7 +250,7 @@ class MightyZapBus(Bus):
         del cycle
         goals = {i: round(self.goal(i) * TOP) for i in self.servos}
         register = TABLE.registers[TABLE.index["goal_position"]]
-        targets = [{"servo_id": i, "data": pack(register.type, g)} for i, g in goals.items()]
+        targets = tuple((i, pack(register.type, g)) for i, g in goals.items())
         request = command(
             BROADCAST,
             SYMMETRIC_STORE,
@@ -224,6 +283,42 @@ class MightyZapBus(Bus):
             yield self._store(servo_id, "led", self.rng.choice((0, 2, 4, 8)))
         elif cycle % 50 == 47:
             yield self._load(servo_id, "goal_position", "force_limit")
+
+    def heard(self, frame: SlowFrame, request: Message) -> Exchange:
+        """Obey any command; all servos obey the ids 0 and 254, and none answers the latter."""
+        everyone = frame.servo_id in (STAND_ALONE, BROADCAST)
+        to = [i for i in self.servos if everyone or i == frame.servo_id]
+        act = self._obedience(frame, request)
+        if act is None or not to:
+            return unheeded(request)
+        if frame.servo_id == BROADCAST:
+            return Exchange(request, tuple(to), silently(act))
+        delay = self.servos[to[0]].memory.raw["return_delay_time"] * US
+        return Exchange(request, tuple(to), act, delay, chorus=everyone)
+
+    @staticmethod
+    def _obedience(
+        frame: SlowFrame, request: Message
+    ) -> Callable[[MightyZapServo], Message | None] | None:
+        """Return what a servo does about a command, None if it does not know it."""
+        if frame.flags & (MALFORMED | UNKNOWN):
+            return None
+        match request.op:
+            case "echo":
+                return lambda s: s.answer(request.op)
+            case "load_data" if frame.token <= LONGEST_LOAD:
+                return lambda s: s.load(frame.address, frame.token)
+            case "store_data" | "send_data":
+                return lambda s: s.take(frame.op, frame.address, frame.data)
+            case "execution":
+                return lambda s: s.execute()
+            case "restart":
+                return lambda s: s.restart(request.op, shipped=False)
+            case "factory_reset" | "mightyzap_factory_reset":
+                return lambda s: s.restart(request.op, shipped=True)
+            case "symmetric_store":
+                return lambda s: s.store_own(request.values)
+        return None
 
     def _exchange(self, request: Message, act: Callable[[Any], Message | None]) -> Exchange:
         memory = self.servos[request.servo_id].memory

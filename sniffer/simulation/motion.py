@@ -84,7 +84,8 @@ class Joint:
     def step(self, dt: float) -> None:
         """Move on by ``dt`` seconds."""
         if self.enabled:
-            pull = self._omega * self._omega * (self.goal - self.position)
+            goal = min(max(self.goal, 0.0), 1.0)  # it does not press against its end
+            pull = self._omega * self._omega * (goal - self.position)
             acceleration = pull - 2 * self._damping * self._omega * self.speed
             acceleration = min(max(acceleration, -30.0), 30.0)
         else:

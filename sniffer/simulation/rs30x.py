@@ -5,17 +5,22 @@ Source of times: RS305CR manual, 4.2 No. 7, return delay: 100 us + 50 us * n beh
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.model import MALFORMED, UNKNOWN
 from sniffer.protocols.rs30x.block import MODELS
 from sniffer.protocols.rs30x.grammar import (
     ACK,
     ACK_BYTE,
+    ACK_TOKEN,
     ASKS_ACK,
     ASKS_ADDRESS,
+    EVERYONE,
     FLAGS,
     LONG,
     LONG_WRITE,
+    NO_TOKEN,
     OPS,
     PACKET,
     READ,
@@ -24,23 +29,25 @@ from sniffer.protocols.rs30x.grammar import (
     WRITE,
     long_data,
 )
+from sniffer.simulation.memory import Memory, pack
 from sniffer.simulation.talk import (
     MS,
     US,
     Ask,
     Bus,
     Exchange,
-    Memory,
     Message,
     Servo,
     Talk,
     Value,
-    pack,
+    silently,
+    unheeded,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from sniffer.protocols.base import SlowFrame
     from sniffer.simulation.motion import Joint, Rig
 
 TABLE: Final = MODELS[0]
@@ -55,12 +62,21 @@ IDENTITY, PRESENT, GOALS = 0x3, 0x9, 0xB
 """Reply nibbles that the controller asks for. Source: RS305CR manual, table 4.2."""
 
 
+KEPT: Final = 1 << 14
+"""Packets that are not built anew: a bus repeats itself."""
+
+SHIPPED: Final = {"firmware_version": 3, "punch": 180}
+"""Registers for which the table has no default."""
+
+
+@functools.cache
 def flag_byte(reply: int = 0) -> int:
     """Return the FLAG byte of a request that asks for a reply and commands nothing else."""
     bits = {"unused": 0, "flash_write": 0, "reboot": 0, "factory_reset": 0, "reply": reply}
     return int(FLAGS.build(bits)[0])
 
 
+@functools.lru_cache(KEPT)
 def request(
     servo_id: int, flags: int, address: int, length: int, count: int, data: bytes = b""
 ) -> bytes:
@@ -70,12 +86,26 @@ def request(
     return bytes(PACKET.build({"body": {"value": {**body, "data": data}}}))
 
 
+@functools.lru_cache(KEPT)
+def returned(servo_id: int, address: int, data: bytes) -> bytes:
+    """Build a return packet."""
+    body = {"servo_id": servo_id, "flags": 0, "address": address, "length": len(data), "count": 1}
+    return bytes(RETURN.build({"body": {"value": {**body, "data": data}}}))
+
+
+@functools.lru_cache(KEPT)
+def joined(length: int, servos: tuple[tuple[int, bytes], ...]) -> bytes:
+    """Build the data of a long packet from pairs of servo and data."""
+    parts = [{"servo_id": i, "data": data} for i, data in servos]
+    return bytes(long_data(length).build({"servos": parts}))
+
+
 class Rs305Servo(Servo):
     """The memory map of the RS305CR."""
 
     def __init__(self, servo_id: int, joint: Joint, rig: Rig) -> None:
         self.memory = Memory(TABLE)
-        self.memory.raw |= {"servo_id": servo_id, "firmware_version": 3, "punch": 180}
+        self.memory.raw |= SHIPPED | {"servo_id": servo_id}
         super().__init__(servo_id, joint, rig)
 
     def power_on(self) -> None:
@@ -94,24 +124,51 @@ class Rs305Servo(Servo):
         memory.put("present_temperature", joint.temperature)
         memory.put("present_voltage", self.voltage)
 
-    def give(self, address: int, length: int) -> Message:
+    @property
+    def new_id(self) -> int:
+        """The id register."""
+        return self.memory.raw["servo_id"]
+
+    def give(self, address: int, length: int, op: str = OPS[READ]) -> Message:
         """Answer with a return packet."""
         self.measure()
-        body = {"servo_id": self.servo_id, "flags": 0, "address": address}
-        body |= {"length": length, "count": 1}
-        data = self.memory.read(address, length)
-        built = bytes(RETURN.build({"body": {"value": {**body, "data": data}}}))
+        built = returned(self.servo_id, address, self.memory.read(address, length))
         values = self.memory.values(self.servo_id, address, length)
-        return Message(built, self.servo_id, OPS[READ], values)
+        return Message(built, self.servo_id, op, values)
 
     def take(self, values: tuple[Value, ...]) -> None:
         """Store what is meant for this servo; the motor follows."""
         for servo_id, name, raw in values:
             if servo_id == self.servo_id:
                 self.memory.raw[name] = raw
+        self._follow()
+
+    def write(self, address: int, data: bytes) -> None:
+        """Store bytes from an address on; values out of their range are not taken."""
+        for name, raw in self.memory.written(address, data).items():
+            if self.memory.allows({name: raw}):
+                self.memory.raw[name] = raw
+        self._follow()
+
+    def restart(self, *, shipped: bool) -> None:
+        """Begin anew, as shipped but for id and baud rate."""
+        if shipped:
+            kept = {name: self.memory.raw[name] for name in ("servo_id", "baud_rate")}
+            self.memory.reset(volatile_only=False)
+            self.memory.raw |= SHIPPED | kept
+        self.power_on()
+
+    def acknowledge(self, op: str) -> Message:
+        """Answer with the bare byte."""
+        return Message(ACKNOWLEDGED, self.servo_id, op)
+
+    def _follow(self) -> None:
         self.joint.enabled = self.memory.raw["torque_enable"] == 1
         if self.joint.enabled:
             self.joint.goal = self.memory.raw["goal_position"] / TRAVEL + 0.5
+
+
+ACKNOWLEDGED: Final = bytes(ACK.build({"answer": ACK_BYTE}))
 
 
 def tenths(position: float) -> int:
@@ -123,6 +180,8 @@ class Rs30xBus(Bus):
     """See the module."""
 
     name = "rs30x"
+    ids = range(1, 128)
+    most = 50
     baud = 115200
     rate_hz = 50
     servo_ids = (1, 2, 5)
@@ -154,10 +213,9 @@ class Rs30xBus(Bus):
         time = 10 if not cycle else self.cycle_ns // (10 * MS)
         goals = {i: {"goal_position": tenths(self.goal(i)), "goal_time": time} for i in self.servos}
         address, _ = self._span(next(iter(goals.values())))
-        servos = [{"servo_id": i, "data": self._data(v)} for i, v in goals.items()]
-        length = 1 + len(self._data(next(iter(goals.values()))))
-        data = bytes(long_data(length).build({"servos": servos}))
-        built = request(LONG, flag_byte(), address, length, len(servos), data)
+        servos = tuple((i, self._data(v)) for i, v in goals.items())
+        length = 1 + len(servos[0][1])
+        built = request(LONG, flag_byte(), address, length, len(servos), joined(length, servos))
         values = tuple((i, name, raw) for i, v in goals.items() for name, raw in v.items())
         yield Exchange(
             Message(built, LONG, OPS[LONG_WRITE], values),
@@ -182,6 +240,43 @@ class Rs30xBus(Bus):
             torque = self.rng.randrange(60, 101, 5)
             reply = self.rng.choice((0, ASKS_ACK))
             yield self._write(servo_id, {"max_torque": torque}, reply)
+
+    def heard(self, frame: SlowFrame, request: Message) -> Exchange:
+        """Obey any packet; none answers one to all, or one that resets."""
+        long, everyone = frame.op == LONG_WRITE, frame.servo_id == EVERYONE
+        to = [i for i in self.servos if long or everyone or i == frame.servo_id]
+        act = self._obedience(frame, request)
+        if act is None or not to:
+            return unheeded(request)
+        if long or everyone:
+            return Exchange(request, tuple(to), silently(act))
+        return Exchange(request, tuple(to), act, self._delay(to[0]))
+
+    @staticmethod
+    def _obedience(
+        frame: SlowFrame, request: Message
+    ) -> Callable[[Rs305Servo], Message | None] | None:
+        """Return what a servo does about a packet, None if it does not know it."""
+        if frame.flags & (MALFORMED | UNKNOWN):
+            return None
+        answer = _answer(frame, request.op)
+
+        def write(servo: Rs305Servo) -> Message | None:
+            servo.write(frame.address, frame.data)
+            return answer(servo)
+
+        match request.op:
+            case "read":
+                return answer
+            case "write":
+                return write
+            case "long_write":
+                return lambda s: s.take(request.values)
+            case "reboot":
+                return lambda s: s.restart(shipped=False)
+            case "factory_reset":
+                return lambda s: s.restart(shipped=True)
+        return None  # the flash keeps what a simulated servo never forgets
 
     @staticmethod
     def _span(values: dict[str, int]) -> tuple[int, int]:
@@ -215,9 +310,7 @@ class Rs30xBus(Bus):
 
         def act(servo: Rs305Servo) -> Message | None:
             servo.take(told)
-            if not reply:
-                return None
-            return Message(bytes(ACK.build({"answer": ACK_BYTE})), servo_id, OPS[WRITE])
+            return servo.acknowledge(OPS[WRITE]) if reply else None
 
         message = Message(built, servo_id, OPS[WRITE], told)
         return self._exchange(message, act, PATIENCE_NS if reply else 0)
@@ -227,3 +320,13 @@ class Rs30xBus(Bus):
     ) -> Exchange:
         delay = self._delay(message.servo_id)
         return Exchange(message, (message.servo_id,), act, delay, patience_ns)
+
+
+def _answer(frame: SlowFrame, op: str) -> Callable[[Rs305Servo], Message | None]:
+    """Return what a servo says to the reply bits of a short packet."""
+    if frame.token == ACK_TOKEN:
+        return lambda s: s.acknowledge(op)
+    if frame.token == NO_TOKEN:
+        return lambda s: None
+    address, length = divmod(frame.token, 256)
+    return lambda s: s.give(address, length, op)

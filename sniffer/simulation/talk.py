@@ -9,12 +9,13 @@ from __future__ import annotations
 import abc
 import random
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
 from sniffer.model import KINDS, NS
-from sniffer.registers import TYPES, Register, RegisterMap
 from sniffer.simulation.motion import Joint, Rig, trajectory
+
+if TYPE_CHECKING:
+    from sniffer.protocols.base import SlowFrame
 
 REQUEST, RESPONSE = KINDS
 NOISE: Final = "noise"
@@ -25,8 +26,7 @@ Value = tuple[int, str, int]
 """What a frame states about a register: (servo id, register name, raw)."""
 
 
-@dataclass(frozen=True, slots=True)
-class TrueFrame:
+class TrueFrame(NamedTuple):
     """One frame as it was meant (``data``) and as it was seen on the line (``wire``).
 
     ``kind`` is request, response or noise; noise has no ``data``. A reply that never came has no
@@ -50,8 +50,7 @@ class TrueFrame:
         return self.wire != self.data
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
+class Message(NamedTuple):
     """A frame about to be said; the ``servo_id`` is the one a decoder can read from it."""
 
     data: bytes
@@ -77,6 +76,11 @@ class Servo:
         self.joint.sag = 0.0
 
     @property
+    def new_id(self) -> int:
+        """The id by which it goes from now on."""
+        return self.servo_id
+
+    @property
     def low(self) -> bool:
         """Tell whether the supply is below what the servo accepts."""
         return self.joint.sag > 0
@@ -87,12 +91,12 @@ class Servo:
         return self.rig.voltage_at(self.joint)
 
 
-@dataclass(frozen=True, slots=True)
-class Exchange:
+class Exchange(NamedTuple):
     """A request, who obeys it, and what each of them does and answers.
 
     ``act`` is called for every servo that hears the request; only where ``to`` is one servo does
-    its answer go on the line. ``patience_ns`` is how long the controller waits for the answer.
+    its answer go on the line, or in a ``chorus``, where each answers behind the other.
+    ``patience_ns`` is how long the controller waits for the answer.
     """
 
     request: Message
@@ -100,10 +104,24 @@ class Exchange:
     act: Callable[[Any], Message | None]
     turnaround_ns: int = 0
     patience_ns: int = 0
+    chorus: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Wait:
+def unheeded(request: Message) -> Exchange:
+    """Return the exchange of a request that no servo acts on."""
+    return Exchange(request, (), lambda servo: None)
+
+
+def silently(act: Callable[[Any], Message | None]) -> Callable[[Any], None]:
+    """Return what obeys in the same way and answers nothing."""
+
+    def obey(servo: Any) -> None:
+        act(servo)
+
+    return obey
+
+
+class Wait(NamedTuple):
     """The controller says nothing until then, in nanoseconds since the bus was switched on."""
 
     until_ns: int
@@ -117,6 +135,10 @@ class Bus(abc.ABC):
     """One controller and its servos; a protocol fills in the class variables and ``talk``."""
 
     name: ClassVar[str]
+    ids: ClassVar[range]
+    """Ids that a servo can have and a cycle of the controller can reach."""
+    most: ClassVar[int]
+    """Servos that fit the frame which sets the goals of all."""
     baud: ClassVar[int]
     rate_hz: ClassVar[int]
     servo_ids: ClassVar[tuple[int, ...]]
@@ -188,62 +210,23 @@ class Bus(abc.ABC):
         del cycle
         yield from ()
 
+    @abc.abstractmethod
+    def heard(self, frame: SlowFrame, request: Message) -> Exchange:
+        """Return what the servos do about a request that another controller sent.
+
+        ``request.values`` are those that the frame states, whole ones.
+        """
+
+    def renumber(self) -> None:
+        """Let servos that were given a new id go by it, unless that id is taken."""
+        for old, servo in list(self.servos.items()):
+            new = servo.new_id
+            if new != old and new in self.ids and new not in self.servos:
+                self.servos = {**{i: s for i, s in self.servos.items() if i != old}, new: servo}
+                twin = self.twins[old]
+                self.twins = {**{i: s for i, s in self.twins.items() if i != old}, new: twin}
+                servo.servo_id = twin.servo_id = new
+
     def goal(self, servo_id: int) -> float:
         """Return where a servo is to be now, 0..1."""
         return self.goals[servo_id](self.now_ns / NS)
-
-
-def pack(kind: str, raw: int) -> bytes:
-    """Return a register's bytes; ``kind`` as the register tables name it."""
-    dtype = TYPES[kind]
-    return raw.to_bytes(
-        dtype.itemsize, "big" if dtype.byteorder == ">" else "little", signed=dtype.kind == "i"
-    )
-
-
-class Memory:
-    """A servo's registers by name, read and written in spans of bytes by the model's table."""
-
-    def __init__(self, table: RegisterMap) -> None:
-        self.table = table
-        self.raw: dict[str, int] = {}
-        self.reset(volatile_only=False)
-
-    def reset(self, *, volatile_only: bool) -> None:
-        """Take the defaults of the table, zero where it has none."""
-        for register in self.table.registers:
-            if register.volatile or not volatile_only:
-                self.raw[register.name] = register.default or 0
-
-    def register(self, name: str) -> Register:
-        """Return a register's entry in the table."""
-        return self.table.registers[self.table.index[name] - self.table.first]
-
-    def put(self, name: str, value: float) -> None:
-        """Set a register to ``value`` in its unit, as its table codes it, within its range."""
-        r = self.register(name)
-        raw = round(value / r.scale)
-        if r.sign_bit is not None:
-            top = (1 << r.sign_bit) - 1
-            raw = min(abs(raw), top) | (raw > 0) << r.sign_bit
-        elif r.range is not None:
-            raw = min(max(raw, r.range[0]), r.range[1])
-        self.raw[name] = raw
-
-    def read(self, address: int, length: int) -> bytes:
-        """Return the bytes of a span; those of no register are zero."""
-        out = bytearray(length)
-        for e in self.table.span(address, length):
-            r = self.table.registers[e.register - self.table.first]
-            data = pack(r.type, self.raw[r.name])
-            if e.part:
-                at = address + e.at - r.address
-                data = data[at : at + 1]
-            out[e.at : e.at + len(data)] = data
-        return bytes(out)
-
-    def values(self, servo_id: int, address: int, length: int) -> tuple[Value, ...]:
-        """Return what a span of whole registers states."""
-        entries = self.table.span(address, length)
-        names = [self.table.registers[e.register - self.table.first].name for e in entries]
-        return tuple((servo_id, name, self.raw[name]) for name in names)

@@ -6,27 +6,37 @@ the time a module is deaf after power-on: the same section, Reset Time after Pow
 
 from __future__ import annotations
 
+import functools
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
-from sniffer.protocols.wck.grammar import INDEX, OPS, REPLIES, build
+from sniffer.model import UNKNOWN
+from sniffer.protocols.wck.grammar import (
+    COMMANDS,
+    INDEX,
+    OPS,
+    REPLIES,
+    build,
+)
 from sniffer.registers import RegisterMap, load_models
+from sniffer.simulation.memory import Memory
 from sniffer.simulation.talk import (
     MS,
     US,
     Ask,
     Bus,
     Exchange,
-    Memory,
     Message,
     Servo,
     Talk,
     Value,
+    unheeded,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from sniffer.protocols.base import SlowFrame
     from sniffer.simulation.motion import Joint, Rig
 
 TABLE: Final[RegisterMap] = load_models("wck")[0]
@@ -55,6 +65,28 @@ TORQUE: Final = 1
 """Torque level of the moves, 0 the greatest, 4 the least."""
 
 
+KEPT: Final = 1 << 14
+"""Commands and replies that are not built anew: a bus repeats itself."""
+
+Items = tuple[tuple[str, Any], ...]
+"""A mapping, also one of mappings, as a key of a cache."""
+
+
+def _items(fields: Mapping[str, Any]) -> Items:
+    return tuple((k, _items(v) if isinstance(v, dict) else v) for k, v in fields.items())
+
+
+@functools.lru_cache(KEPT)
+def _command(op: str, fields: Items) -> bytes:
+    told = {k: dict(v) if k in ("data1", "data2") else v for k, v in fields}
+    return build(op, **told)
+
+
+@functools.lru_cache(KEPT)
+def _reply(op: str, fields: Items) -> bytes:
+    return bytes(REPLIES[INDEX[op]].build(dict(fields)))
+
+
 class WckServo(Servo):
     """Settings and readings of a module by their register names."""
 
@@ -62,6 +94,11 @@ class WckServo(Servo):
         self.memory = Memory(TABLE)
         self.memory.raw["servo_id"] = servo_id
         super().__init__(servo_id, joint, rig)
+
+    @property
+    def new_id(self) -> int:
+        """The id register."""
+        return self.memory.raw["servo_id"]
 
     def measure(self) -> None:
         """Fill what is measured."""
@@ -75,6 +112,18 @@ class WckServo(Servo):
         """Go there."""
         self.joint.enabled = True
         self.joint.goal = goal
+
+    def obey(self, op: str, values: tuple[Value, ...]) -> None:
+        """Do what a command says."""
+        told = {name: raw for servo_id, name, raw in values if servo_id == self.servo_id}
+        if op in ("passive", "break"):
+            self.joint.enabled = False
+        elif "goal_position" in told:
+            self.move(told["goal_position"] / TOP)
+        elif "goal_position_10bit" in told:
+            self.move(told["goal_position_10bit"] / TOP_10BIT)
+        else:
+            self.memory.raw.update(told)
 
     def answer(self, op: str, *, echo: Mapping[str, int]) -> Message:
         """Answer with the two bytes of the command's reply; ``echo`` is what the command said."""
@@ -93,7 +142,7 @@ class WckServo(Servo):
                 fields[name] = raw[name] if name in raw else echo[name]
                 if name in raw:
                     values.append((self.servo_id, name, raw[name]))
-        return Message(bytes(REPLIES[INDEX[op]].build(fields)), self.servo_id, op, tuple(values))
+        return Message(_reply(op, tuple(fields.items())), self.servo_id, op, tuple(values))
 
 
 def split(position: int) -> dict[str, int]:
@@ -105,6 +154,8 @@ class WckBus(Bus):
     """See the module."""
 
     name = "wck"
+    ids = range(31)
+    most = 31
     baud = 115200
     rate_hz = 50
     servo_ids = (0, 1, 2, 3)
@@ -139,12 +190,8 @@ class WckBus(Bus):
         targets = [127] * count
         for servo_id in self.servos:
             targets[servo_id] = round(self.goal(servo_id) * TOP)
-        built = build(
-            "sync_position_move",
-            data1={"torque_level": TORQUE},
-            data2={"count": count},
-            targets=targets,
-        )
+        fields = {"data1": {"torque_level": TORQUE}, "data2": {"count": count}}
+        built = _command("sync_position_move", (*_items(fields), ("targets", tuple(targets))))
         values = tuple(
             value
             for i, target in enumerate(targets)
@@ -181,6 +228,30 @@ class WckBus(Bus):
                 "runtime_speed_set", servo_id, runtime_speed=speed, runtime_acceleration=60
             )
 
+    def heard(self, frame: SlowFrame, request: Message) -> Exchange:
+        """Obey any command of the manual; a break is answered by the lowest id."""
+        op = request.op
+        if frame.flags & UNKNOWN:
+            return unheeded(request)
+        known, fields = OPS[INDEX[op]], _fields(op, frame.raw)
+        everyone = frame.servo_id == ALL
+        to = [i for i in sorted(self.servos) if everyone or i == frame.servo_id]
+        if not to:
+            return unheeded(request)
+
+        def act(servo: WckServo) -> Message | None:
+            servo.obey(op, request.values)
+            if not known.reply or servo.servo_id != to[0]:
+                return None
+            return servo.answer(op, echo={**fields, "id": servo.servo_id})
+
+        return Exchange(request, tuple(to), act, self._delay(op), chorus=everyone)
+
+    def _delay(self, op: str) -> int:
+        if OPS[INDEX[op]].slow and not op.startswith("runtime"):
+            return EEPROM_NS
+        return TURNAROUND_NS.get(self.bits_per_s, TURNAROUND_NS[115200])
+
     def _exchange(
         self,
         op: str,
@@ -190,17 +261,15 @@ class WckBus(Bus):
         act: Callable[[WckServo], None] = lambda servo: None,
         echo: Mapping[str, int] = MappingProxyType({}),
     ) -> Exchange:
-        known = OPS[INDEX[op]]
-        delay, patience = TURNAROUND_NS.get(self.bits_per_s, TURNAROUND_NS[115200]), PATIENCE_NS
-        if known.slow and not op.startswith("runtime"):
-            delay, patience = EEPROM_NS, EEPROM_PATIENCE_NS
+        known, delay = OPS[INDEX[op]], self._delay(op)
+        patience = EEPROM_PATIENCE_NS if delay == EEPROM_NS else PATIENCE_NS
 
         def obey(servo: WckServo) -> Message | None:
             act(servo)
             return servo.answer(op, echo=echo) if known.reply else None
 
         told = tuple((servo_id, name, raw) for name, raw in values.items())
-        request = Message(build(op, **fields), servo_id, op, told)
+        request = Message(_command(op, _items(fields)), servo_id, op, told)
         return Exchange(request, (servo_id,), obey, delay, patience if known.reply else 0)
 
     def _plain(self, op: str, servo_id: int) -> Exchange:
@@ -247,5 +316,13 @@ class WckBus(Bus):
         def act(servo: WckServo) -> None:
             servo.joint.enabled = False
 
-        data2 = build("passive", **fields)[2]
+        data2 = _command("passive", _items(fields))[2]
         return self._exchange("passive", servo_id, fields, {}, act, {"data2": data2})
+
+
+def _fields(op: str, raw: bytes) -> dict[str, int]:
+    """Return the bytes of a command that its reply may repeat."""
+    if op == "position_read_10bit":  # two forms, and nothing is repeated
+        return {}
+    body = COMMANDS[INDEX[op]].parse(raw).body.value
+    return {"data2": raw[2], **{k: v for k, v in body.items() if isinstance(v, int)}}

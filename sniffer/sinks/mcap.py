@@ -4,13 +4,18 @@ Topics of each bus: ``raw`` (all bytes; a recording can be decoded again, better
 ``transactions``, ``servo/<id>/state``, ``gaps``, ``anomalies``, ``log`` (foxglove.Log), ``stats``.
 The messages are declared in ``schemas/messages``; the register tables are attached.
 
-``log_time`` is when the bytes arrived and never decreases within the file; ``publish_time`` is when
-they were on the wire, by the best estimate. Both count from the first byte where there is no clock.
+``log_time`` is when the bytes arrived; ``publish_time`` is when they were on the wire, by the best
+estimate. Both never decrease within a topic, and count from the first byte where there is no clock.
 
-What is handed over live is in the file within ``flush_ns``: it is written when the next call comes
-half of that later (call at least that often, ``flush`` included), so a killed recorder loses no
-more. Input whose clock runs far ahead of the wall clock is a conversion: there the records of all
-buses are put in order first, as far as all of them are decoded.
+There are two ways to use it. A live recorder calls ``flush`` often: the raw bytes are in the file
+then, so a killed recorder loses no more than what came since; what was decoded of them follows
+within ``flush_ns``, because encoding a little costs nearly as much as encoding a lot. Its records
+stand behind raw bytes that came later, with their own log times.
+
+Otherwise everything is written when the next call comes half of ``flush_ns`` after it was handed
+over, and ``log_time`` never decreases within the whole file. Input whose clock runs far ahead of
+the wall clock is a conversion: there the records of all buses are put in order first, as far as
+all of them are decoded.
 """
 
 from __future__ import annotations
@@ -22,11 +27,13 @@ from typing import TYPE_CHECKING, Final
 from mcap.records import Attachment
 
 from sniffer import __version__
-from sniffer.messages import BUS, SESSION, TOOL
+from sniffer.messages import BUS, OFFSET, SESSION, TOOL
 from sniffer.model import NS, OutputError
 from sniffer.registers import schema_path
-from sniffer.sinks.mcap_bulk import Container, Queue
+from sniffer.sinks.mcap_bulk import Container
 from sniffer.sinks.mcap_messages import BusWriter
+from sniffer.sinks.mcap_queue import Queue
+from sniffer.sinks.mcap_raw import RawEncoder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -36,9 +43,7 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
 
 LIBRARY: Final = f"{TOOL} {__version__}"
-"""Name of the metadata record with the facts of the recording."""
-
-"""Name of the metadata records that tell a bus's protocol and rate."""
+"""What the header names as the file's maker."""
 
 ROUND_NS: Final = 5 * NS
 """The longest time over which the input's clock is compared with the wall clock."""
@@ -61,6 +66,9 @@ class McapSink:
         session: facts of the recording; ``baud.<bus>`` or ``baud`` is the rate for the statistics.
         flush_ns: what is handed over is in the file so much later, in ns.
         overwrite: whether a file that is there may be replaced.
+        live: whether the caller flushes often, and nothing is written between.
+        durable: whether the disk is waited for with each flush, against a power failure.
+        starts: stream offset of the first byte by bus, where that is not 0.
 
     Raises:
         OutputError: the file cannot be written; what it holds so far stays readable.
@@ -73,15 +81,23 @@ class McapSink:
         *,
         flush_ns: int = 100_000_000,
         overwrite: bool = True,
+        live: bool = False,
+        durable: bool = False,
+        starts: Mapping[str, int] | None = None,
     ) -> None:
-        self._session = dict(session)
+        begin = {f"{OFFSET}.{bus}": str(at) for bus, at in (starts or {}).items()}
+        self._session = {**session, **begin}
         self._flush_ns = flush_ns
+        self._live = live
+        self._starts = dict(starts or {})
         self._queue = Queue()
+        self._raw = RawEncoder()
         self._buses: dict[str, BusWriter] = {}
         self._attached: set[str] = set()
         self._failure: str | None = None
-        self._file = Container(path, LIBRARY, overwrite=overwrite)
+        self._file = Container(path, LIBRARY, overwrite=overwrite, durable=durable)
         self._closed = False
+        self._encoded_at = time.monotonic_ns()
         self._since: int | None = None
         self._round_at = 0
         self._round_from = 0
@@ -89,6 +105,12 @@ class McapSink:
             self._file.metadata(SESSION, self._session)
             for proto in sorted(schema_path("messages").glob("*.proto")):
                 self._attach(f"messages/{proto.name}", "text/plain", proto.read_bytes())
+            self._file.sync()
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file."""
+        return self._file.size
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks as they came."""
@@ -112,9 +134,12 @@ class McapSink:
             self._settle(again=False)
 
     def flush(self) -> None:
-        """Write everything that waits; for callers that are idle for long."""
+        """Write what waits; of a live recording all raw bytes, and what was decoded when due."""
         with self._guard():
-            self._encode()
+            if not self._live or time.monotonic_ns() - self._encoded_at >= self._flush_ns:
+                self._encode()
+            else:
+                self._encode_raw()
             self._flush(None)
 
     def close(self) -> None:
@@ -145,8 +170,13 @@ class McapSink:
         writer = self._buses.get(name)
         if writer is None:
             baud = self._session.get(f"baud.{name}", self._session.get("baud", ""))
-            number = int(baud) if baud.isdecimal() else None
-            writer = self._buses[name] = BusWriter(name, number, self._queue, self._file.channel)
+            writer = self._buses[name] = BusWriter(
+                name,
+                int(baud) if baud.isdecimal() else None,
+                self._starts.get(name, 0),
+                self._queue,
+                self._file.channel,
+            )
         return writer
 
     def _introduce(self, bus: str, protocol: BusProtocol) -> None:
@@ -169,7 +199,7 @@ class McapSink:
 
     def _settle(self, *, again: bool) -> None:
         """Write what has waited long enough; ``again``: a new round of the buses begins."""
-        if self._since is None:
+        if self._since is None or self._live:
             return
         now = time.monotonic_ns()
         due = now - self._since >= self._flush_ns // 2
@@ -183,7 +213,13 @@ class McapSink:
         elif again and not live and self._queue.size >= FULL:
             self._flush(min(b.decoded for b in self._buses.values()))
 
+    def _encode_raw(self) -> None:
+        parts = (bus.heard() for bus in self._buses.values())
+        self._queue.add(*self._raw.encode([part for part in parts if part is not None]))
+
     def _encode(self, *, final: bool = False) -> None:
+        self._encode_raw()
+        self._encoded_at = time.monotonic_ns()
         for bus in self._buses.values():
             bus.encode(final=final)
 
@@ -194,8 +230,9 @@ class McapSink:
         return max((b.newest for b in self._buses.values()), default=0)
 
     def _flush(self, until: int | None) -> None:
-        rows = self._queue.take(until, self._file.last)
+        rows = self._queue.take(until, 0 if self._live else self._file.last)
         if rows is not None:
             for piece in rows.pieces():
                 self._file.write(piece)
+        self._file.sync()
         self._since = time.monotonic_ns() if self._queue.size else None

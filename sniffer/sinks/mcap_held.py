@@ -11,7 +11,7 @@ from sniffer.messages.recording_pb2 import Stats
 from sniffer.model import NS, Batch, Frames, Gap, Samples, Transactions
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     import numpy.typing as npt
 
@@ -21,10 +21,19 @@ FRAMES, GAPS, ANOMALIES = 1, 2, 3
 _NAMES: Final = ("bytes", "frames", "gaps", "anomalies")
 
 
-class Arrivals:
-    """When each byte of the stream arrived, as long as no batch has accounted for it."""
+MOST: Final = 1 << 17
+"""Chunks whose arrival is remembered: nobody may ever decode what a bus says."""
 
-    def __init__(self) -> None:
+
+class Arrivals:
+    """When each byte of the stream arrived, as long as no batch has accounted for it.
+
+    Args:
+        start: offset of the first byte.
+    """
+
+    def __init__(self, start: int = 0) -> None:
+        self._start = start
         self._end = np.empty(0, np.int64)
         self._log = np.empty(0, np.int64)
         self._timed = np.empty(0, bool)
@@ -34,17 +43,22 @@ class Arrivals:
         self._end = np.concatenate([self._end, end])
         self._log = np.concatenate([self._log, log])
         self._timed = np.concatenate([self._timed, timed])
+        if len(self._end) > MOST:
+            self.forget(int(self._end[-MOST // 2]))
 
     def of(self, end: I64, otherwise: I64) -> I64:
         """Return when the byte before each offset arrived, ``otherwise`` where nothing tells."""
         if not len(self._end):
             return otherwise
         k = np.minimum(np.searchsorted(self._end, end, "left"), len(self._end) - 1)
-        return np.where(self._timed[k] & (end <= self._end[-1]), self._log[k], otherwise)
+        known = self._timed[k] & (end <= self._end[-1]) & (end > self._start)
+        return np.where(known, self._log[k], otherwise)
 
     def forget(self, offset: int) -> None:
         """Drop what lies before ``offset``."""
         keep = int(np.searchsorted(self._end, offset, "right"))
+        if keep:
+            self._start = int(self._end[keep - 1])
         self._end, self._log = self._end[keep:], self._log[keep:]
         self._timed = self._timed[keep:]
 
@@ -81,6 +95,18 @@ class Seconds:
             out.append(Stats(t_ns=second * NS, **dict(row)))
             self._last = second
         return out
+
+
+def runs(batches: Sequence[Batch]) -> Iterator[list[Batch]]:
+    """Yield the batches that follow on each other, each lot a list."""
+    run: list[Batch] = []
+    for batch in batches:
+        if run and run[-1].base + len(run[-1].data) != batch.base:
+            yield run
+            run = []
+        run.append(batch)
+    if run:
+        yield run
 
 
 def joined(batches: Sequence[Batch]) -> Batch:

@@ -17,8 +17,9 @@ from sniffer.messages.log_pb2 import Log
 from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, RawChunk, Transaction
 from sniffer.messages.servo_state_pb2 import ServoState
 from sniffer.model import I64, NS, OK, Clock, Severity
-from sniffer.sinks.mcap_held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds, joined
-from sniffer.sinks.mcap_rows import RECORD, U16, Blob, Encoder, Heads, Loose
+from sniffer.sinks.mcap_held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds, joined, runs
+from sniffer.sinks.mcap_raw import Heard
+from sniffer.sinks.mcap_rows import U16, Blob, Encoder, Heads, Loose
 from sniffer.timing import byte_time_ns
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from sniffer.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
     from sniffer.registers import Register
-    from sniffer.sinks.mcap_bulk import Queue
+    from sniffer.sinks.mcap_queue import Queue
 
 UNITS: Final[Mapping[str, str]] = {
     "mm": "mm",
@@ -74,6 +75,7 @@ class BusWriter:
     Args:
         name: of the bus.
         baud: bits per second, None for the protocol's default.
+        start: offset of its first byte.
         queue: takes the records.
         open_channel: opens a channel (topic, message type, metadata) and returns its id.
     """
@@ -82,6 +84,7 @@ class BusWriter:
         self,
         name: str,
         baud: int | None,
+        start: int,
         queue: Queue,
         open_channel: Callable[[str, type[Message], Mapping[str, str]], int],
     ) -> None:
@@ -104,11 +107,10 @@ class BusWriter:
         self._sequences: dict[int, int] = {}
         self._times: dict[int, tuple[int, int]] = {}
         self._published = 0
-        self._arrivals = Arrivals()
-        self._offset = 0
+        self._arrivals = Arrivals(start)
+        self._offset = start
         self._seconds = Seconds()
         self._clock = Clock.NONE
-        self._raw = Encoder(RawChunk)
         self._frames = Encoder(Frame)
         self._transactions = Encoder(Transaction)
         self._states = Encoder(ServoState)
@@ -124,44 +126,38 @@ class BusWriter:
         """Take what a pass decided."""
         if self.protocol is None:
             self._start(protocol)
-        if self._batches and self._batches[-1].base + len(self._batches[-1].data) != batch.base:
-            self.encode()
         self._batches.append(batch)
         self.held += len(batch.data) + 1
 
-    def encode(self, *, final: bool = False) -> None:
-        """Queue messages for all that was taken, in one go; ``final``: nothing will follow."""
-        if self._chunks:
-            self._write_raw(self._chunks)
-        if self._batches:
-            self._write_batch(joined(self._batches))
-        if self._batches or final:
-            self._write_stats(final=final)
-        self._chunks, self._batches, self.held = [], [], 0
-
-    def _write_raw(self, chunks: Sequence[Chunk]) -> None:
+    def heard(self) -> Heard | None:
+        """Return the chunks that were taken, ready to be encoded."""
+        chunks, self._chunks = self._chunks, []
+        if not chunks:
+            return None
+        self.held = sum(len(b.data) + 1 for b in self._batches)
         timed = np.array([c.t_ns is not None for c in chunks])
         t = np.array([c.t_ns or 0 for c in chunks], np.int64)
         log = np.maximum.accumulate(np.where(timed, np.maximum(t, self.newest), self.newest))
         length = np.array([len(c.data) for c in chunks], np.int64)
-        start = np.cumsum(length) - length
-        self._arrivals.add(self._offset + start + length, log, timed)
-        self._queue.add(
-            *self._raw.encode(
-                self._heads(self._channel("raw", RawChunk), log, np.where(timed, t, log)),
-                {
-                    "clock": np.array([c.clock for c in chunks], np.int64),
-                    "direction": np.array([c.direction for c in chunks], np.int64),
-                    "offset": self._offset + start,
-                },
-                {"t_ns": (t, timed)},
-                blob=Blob("data", b"".join(c.data for c in chunks), start, length),
-            )
-        )
-        self._offset += int(length.sum())
+        end = self._offset + np.cumsum(length)
+        self._arrivals.add(end, log, timed)
+        self._offset = int(end[-1])
         self.newest = int(log[-1])
         if self.oldest is None:
             self.oldest = int(log[0])
+        heads = self._heads(self._channel("raw", RawChunk), log, np.where(timed, t, log))
+        return Heard(chunks, heads, t, timed, end - length, length)
+
+    def encode(self, *, final: bool = False) -> None:
+        """Queue messages for all that was decoded, in one go; ``final``: nothing will follow.
+
+        The chunks it was decoded from have been fetched by ``heard`` before.
+        """
+        batches, self._batches, self.held = self._batches, [], 0
+        for run in runs(batches):
+            self._write_batch(joined(run))
+        if batches or final:
+            self._write_stats(final=final)
 
     def _write_batch(self, batch: Batch) -> None:
         self._clock = batch.clock
@@ -342,12 +338,7 @@ class BusWriter:
         if not messages:
             return
         heads = self._heads(self._channel(topic, type(messages[0])), log, publish)
-        numbers = (c.tolist() for c in (heads.channel, heads.sequence, heads.publish))
-        records = []
-        for message, channel, sequence, at in zip(messages, *numbers, strict=True):
-            data = message.SerializeToString()
-            records.append(RECORD.pack(5, 22 + len(data), channel, sequence, 0, at) + data)
-        self._queue.add(Loose(records, heads))
+        self._queue.add(Loose.of(messages, heads))
 
     def _channel(self, topic: str, message: type[Message], **facts: str) -> int:
         """Return the channel of a topic, opened with its first message."""

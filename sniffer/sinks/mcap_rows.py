@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -19,7 +19,7 @@ from google.protobuf.descriptor import FieldDescriptor
 from mcap.opcode import Opcode
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from google.protobuf.message import Message
 
@@ -96,6 +96,12 @@ class Heads:
             self.rank[rows],
         )
 
+    @classmethod
+    def concat(cls, parts: Sequence[Heads]) -> Heads:
+        """Join heads."""
+        columns = ([getattr(p, f.name) for p in parts] for f in fields(cls))
+        return cls(*map(np.concatenate, columns))
+
 
 @dataclass(frozen=True, slots=True)
 class Rows:
@@ -125,6 +131,17 @@ class Loose:
 
     data: list[bytes]
     heads: Heads
+
+    @classmethod
+    def of(cls, messages: Iterable[Message], heads: Heads) -> Loose:
+        """Return records of messages that were built one by one."""
+        numbers = (c.tolist() for c in (heads.channel, heads.sequence, heads.publish))
+        records = []
+        for message, channel, sequence, publish in zip(messages, *numbers, strict=True):
+            data = message.SerializeToString()
+            head = RECORD.pack(Opcode.MESSAGE, 22 + len(data), channel, sequence, 0, publish)
+            records.append(head + data)
+        return cls(records, heads)
 
     @property
     def widths(self) -> I64:

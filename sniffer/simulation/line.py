@@ -1,0 +1,193 @@
+"""The wire of a simulated bus: one exchange after the other gets its times, faults and answers.
+
+The line is half-duplex: nothing overlaps, and every byte takes ten bits at the baud rate. Times
+count from when the bus was switched on.
+"""
+
+from __future__ import annotations
+
+import random
+from typing import TYPE_CHECKING, Final
+
+from sniffer.model import NS
+from sniffer.simulation import faults as f
+from sniffer.simulation.talk import (
+    NOISE,
+    REQUEST,
+    RESPONSE,
+    US,
+    Bus,
+    Exchange,
+    Message,
+    Servo,
+    TrueFrame,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Generator, Mapping
+
+    from sniffer.simulation.faults import Mischief
+
+NOBODY: Final = -2
+"""Stands for the servo of frames that address all, and of noise."""
+
+JITTER_NS: Final = 30 * US
+"""How much a servo's turnaround varies, a figure of the simulation."""
+
+
+class Line:
+    """Puts a bus on a wire; ``start_ns`` is added to the times of all frames.
+
+    ``packed``: servos and controller leave one bit between two frames instead of the times that the
+    protocol gives them.
+    """
+
+    def __init__(
+        self, bus: Bus, mischief: Mischief, seed: int, *, start_ns: int = 0, packed: bool = False
+    ) -> None:
+        self._bus = bus
+        self._mischief = mischief
+        self._start_ns = start_ns
+        self._rng = random.Random(f"{bus.name} timing {seed}")
+        self._bit_ns = -(-NS // bus.bits_per_s)
+        self._packed = packed
+        self._sagging: list[Servo] = []
+        self.free_ns = 0
+        """The line is free from then on."""
+
+    def wire_ns(self, size: int) -> int:
+        """Return how long so many bytes take."""
+        return -(-size * 10 * NS // self._bus.bits_per_s)
+
+    def pause(self) -> None:
+        """Let pass what the controller leaves between two exchanges."""
+        if self._packed:
+            self.free_ns += self._bit_ns
+        else:
+            self.free_ns += self._rng.randint(*self._bus.pause_ns)
+
+    def pass_time(self, now_ns: int) -> None:
+        """Move the mechanics on; power comes and goes."""
+        self._bus.now_ns = now_ns
+        self._bus.rig.advance(now_ns / NS)
+        for servo in list(self._sagging):
+            if now_ns >= servo.low_until_ns:
+                servo.low_until_ns = 0
+                servo.power_on()
+                self._sagging.remove(servo)
+
+    def exchange(self, exchange: Exchange) -> Generator[TrueFrame, None, bool]:
+        """Say a request and what comes back; return whether the controller is content."""
+        request, mischief = exchange.request, self._mischief
+        who = exchange.to[0] if len(exchange.to) == 1 else NOBODY
+        if mischief.strikes(f.NOISE, who):
+            yield self._noise()
+        if mischief.strikes(f.BROWNOUT, who):
+            self._brown_out(who)
+        wire, fault = request.data, None
+        if mischief.strikes(f.FLIP, who):
+            wire, fault = mischief.flip(wire), f.FLIP
+        yield self.say(request, REQUEST, self.free_ns, wire, fault)
+        asked_ns = self.free_ns
+        self.pass_time(asked_ns)
+        heard = False
+        if fault is None:
+            answers = self._act(exchange)
+            if exchange.chorus:
+                return (yield from self._chorus(exchange, answers))
+            if who not in answers and not exchange.patience_ns:
+                return True
+            heard = yield from self._answers(exchange, who, answers, asked_ns)
+        if not heard:
+            self.free_ns = max(self.free_ns, asked_ns + exchange.patience_ns)
+        return heard
+
+    def say(
+        self, message: Message, kind: str, at_ns: int, wire: bytes, fault: str | None
+    ) -> TrueFrame:
+        """Put a frame on the line; the next one cannot begin before it ends."""
+        start = max(at_ns, self.free_ns)
+        end = start + self.wire_ns(len(wire))
+        self.free_ns = end
+        data, servo_id, op, values = message
+        return TrueFrame(
+            self._start_ns + start,
+            self._start_ns + end,
+            data,
+            wire,
+            kind,
+            servo_id,
+            op,
+            fault,
+            values,
+        )
+
+    def _act(self, exchange: Exchange) -> dict[int, Message]:
+        """Let the servos obey; return the answers, that of a twin under its id's complement."""
+        out: dict[int, Message] = {}
+        bus, now_ns, act = self._bus, self.free_ns, exchange.act
+        for servo_id in exchange.to:
+            for key, servo in ((servo_id, bus.servos[servo_id]), (~servo_id, bus.twins[servo_id])):
+                if now_ns >= servo.deaf_until_ns or servo.low:
+                    answer = act(servo)
+                    if answer is not None:
+                        out[key] = answer
+        return out
+
+    def _chorus(
+        self, exchange: Exchange, answers: Mapping[int, Message]
+    ) -> Generator[TrueFrame, None, bool]:
+        """Let each servo answer behind the other."""
+        heard = False
+        for servo_id in exchange.to:
+            if servo_id in answers:
+                good = yield from self._answers(exchange, servo_id, answers, self.free_ns)
+                heard = heard or good
+        return heard
+
+    def _turnaround(self, exchange: Exchange) -> int:
+        if self._packed:
+            return self._bit_ns
+        return exchange.turnaround_ns + self._rng.randrange(JITTER_NS)
+
+    def _answers(
+        self, exchange: Exchange, who: int, answers: Mapping[int, Message], asked_ns: int
+    ) -> Generator[TrueFrame, None, bool]:
+        mischief = self._mischief
+        due = asked_ns + self._turnaround(exchange)
+        if who not in answers:
+            nothing = Message(b"", who, exchange.request.op)
+            yield self.say(nothing, RESPONSE, due, b"", f.BROWNOUT)
+            return False
+        answer = answers[who]
+        wire, fault = answer.data, f.BROWNOUT if self._bus.servos[who].low else None
+        if mischief.strikes(f.DROP, who):
+            wire, fault = b"", f.DROP
+        elif mischief.strikes(f.CUT, who) and len(wire) > 1:
+            wire, fault = mischief.cut(wire), f.CUT
+        elif mischief.strikes(f.FLIP, who):
+            wire, fault = mischief.flip(wire), f.FLIP
+        elif exchange.turnaround_ns < self._bus.late_ns[0] and mischief.strikes(f.LATE, who):
+            due, fault = asked_ns + self._rng.randint(*self._bus.late_ns), f.LATE
+        yield self.say(answer, RESPONSE, due, wire, fault)
+        if wire and ~who in answers and mischief.strikes(f.DUPLICATE, who):
+            # the second one waits until the line is free
+            after = self.free_ns + self._rng.randint(50 * US, 300 * US)
+            twin = answers[~who]
+            yield self.say(twin, RESPONSE, after, twin.data, f.DUPLICATE)
+        return wire == answer.data
+
+    def _noise(self) -> TrueFrame:
+        at = self.free_ns + self._rng.randint(20 * US, 200 * US)
+        noise = self.say(Message(b"", NOBODY, ""), NOISE, at, self._mischief.noise(), f.NOISE)
+        self.free_ns += self._rng.randint(20 * US, 200 * US)
+        return noise
+
+    def _brown_out(self, who: int) -> None:
+        servo: Servo | None = self._bus.servos.get(who)
+        if servo is None or servo.low_until_ns or self.free_ns < servo.deaf_until_ns:
+            return
+        servo.joint.sag, low_ns, deaf_ns = self._mischief.brownout()
+        servo.low_until_ns = self.free_ns + low_ns
+        servo.deaf_until_ns = servo.low_until_ns + deaf_ns
+        self._sagging.append(servo)

@@ -1,0 +1,137 @@
+"""The servos without their controller: bytes of a real one in, what is said on the line out.
+
+Requests are found and read with the protocol's own grammar, frame by frame. Pure: whoever owns the
+port tells the time, in nanoseconds since the bus was switched on, and says what is due.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from sniffer.framing import Block
+from sniffer.model import REQUEST as ASKS
+from sniffer.model import WHOLE
+from sniffer.protocols import protocol_named
+from sniffer.protocols.base import State
+from sniffer.simulation.buses import mischief, put_up
+from sniffer.simulation.line import NOBODY, Line
+from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, Message, TrueFrame
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.protocols.base import SlowFrame
+    from sniffer.simulation.faults import Fault
+
+_NO_BARRIERS = np.empty(0, np.int64)
+
+
+class Said(NamedTuple):
+    """A frame on the line, and whether it is one of ours: the others have been heard."""
+
+    frame: TrueFrame
+    ours: bool
+
+
+class Responder:
+    """Servos that hear requests and answer them; see ``buses.simulate`` for the arguments.
+
+    What comes while they answer has its turn when the line is free again: nothing collides.
+    ``carried``: bytes that are heard have already taken their time on a wire.
+    """
+
+    def __init__(
+        self,
+        protocol: str,
+        *,
+        seed: int = 0,
+        servo_ids: Sequence[int] | None = None,
+        baud: int | None = None,
+        faults: Sequence[Fault] = (),
+        carried: bool = False,
+    ) -> None:
+        self.bus = put_up(protocol, seed=seed, servo_ids=servo_ids, baud=baud)
+        self._line = Line(self.bus, mischief(protocol, faults, seed), seed)
+        self._protocol = protocol_named(protocol)
+        self._state = State(self._protocol)
+        self._carried = carried
+        self._held = bytearray()
+        self._heard_ns = 0
+        self._before: SlowFrame | None = None
+
+    def hear(self, data: bytes, now_ns: int) -> list[Said]:
+        """Take bytes that arrived just now; return all that is said because of them, in order.
+
+        Times of what is said lie ahead; requests that are not complete yet are waited for.
+        """
+        out = self.idle(now_ns)
+        self._held += data
+        self._heard_ns = now_ns
+        return out + self._take(now_ns, final=False)
+
+    def idle(self, now_ns: int) -> list[Said]:
+        """Let time pass; a beginning that is not continued for long is nobody's."""
+        self._line.pass_time(max(now_ns, self.bus.now_ns))
+        if self._held and now_ns - self._heard_ns > self._protocol.tail_ns:
+            return self._take(now_ns, final=True)
+        return []
+
+    def _take(self, now_ns: int, *, final: bool) -> list[Said]:
+        out: list[Said] = []
+        data = bytes(self._held)
+        at = behind = 0
+        while at < len(data):
+            found = self._protocol.slow_parse(data, at, len(data))
+            if found is None:
+                skipped = 1 if final else self._hopeless(data, at)
+                if not skipped:
+                    break
+                at += skipped
+                continue
+            # what may be its reply as well is judged on its own: servos answer here, not there
+            start, end, kind = found[0]
+            out += self._noise(data[behind:start], now_ns)
+            out += self._frame(data[start:end], kind, now_ns)
+            at = behind = end
+        out += self._noise(data[behind:at], now_ns)
+        del self._held[:at]
+        return out
+
+    def _hopeless(self, data: bytes, at: int) -> int:
+        """Return how many bytes from ``at`` on can be no frame's, whatever follows."""
+        block = Block(np.frombuffer(data, np.uint8)[at:], _NO_BARRIERS, False)
+        spans, decided = self._protocol.frame(block)
+        return min(int(spans.start[0]), decided) if len(spans) else decided
+
+    def _begin(self, size: int, now_ns: int) -> None:
+        """Let the line be free when these bytes began."""
+        began = now_ns - self._line.wire_ns(size) if self._carried else now_ns
+        self._line.free_ns = max(self._line.free_ns, began)
+
+    def _noise(self, data: bytes, now_ns: int) -> list[Said]:
+        if not data:
+            return []
+        self._begin(len(data), now_ns)
+        nobody = Message(b"", NOBODY, "")
+        return [Said(self._line.say(nobody, NOISE, self._line.free_ns, data, None), False)]
+
+    def _frame(self, raw: bytes, kind: int, now_ns: int) -> list[Said]:
+        protocol = self._protocol
+        frame = protocol.slow_describe(raw, kind, self._before)
+        self._before = frame
+        values = tuple(
+            (servo_id, protocol.registers[index].name, value)
+            for servo_id, index, value, part in protocol.slow_values(frame, self._state)
+            if part == WHOLE
+        )
+        message = Message(raw, frame.servo_id, protocol.op_name(frame.op), values)
+        self._begin(len(raw), now_ns)
+        if frame.kind != ASKS:
+            return [Said(self._line.say(message, RESPONSE, self._line.free_ns, raw, None), False)]
+        said = [
+            Said(f, f.kind != REQUEST) for f in self._line.exchange(self.bus.heard(frame, message))
+        ]
+        self.bus.renumber()
+        return said

@@ -1,0 +1,377 @@
+"""A recording as a row of files: each is whole in itself, and between them nothing is missing.
+
+When a new file is due, chunks are held back until the recorder tells how far each bus is decoded:
+there the stream is cut, in the middle of a chunk where need be. No frame, reply or gap crosses the
+cut, so each file decodes alone to what was decoded live. A bus that stays undecided at the wrong
+place is waited for, but not for ever: then its undecided bytes stand in both files.
+
+Offsets count through all files; a file's session tells its part, the file before it, and where
+each bus begins (``offset.<bus>``). Counts of the second in which the cut falls stand in both.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import time
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final
+
+from sniffer.model import NS, Chunk, Mark, OutputError
+from sniffer.sinks.files import writing
+from sniffer.timing import byte_time_ns
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    from sniffer.model import Batch
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.sinks.mcap import McapSink
+
+PATIENCE_NS: Final = NS
+"""How long a place is looked for at which no bus is undecided."""
+
+FLUSH_NS: Final = 250_000_000
+"""How long decoded records wait to be written: twice as long saves less than a tenth more."""
+
+Placed = tuple[int, Chunk]
+"""A chunk, and the offset of its first byte in the stream."""
+
+
+@dataclass(slots=True)
+class _Bus:
+    """One bus: how far it was handed in, how far it is in the current file.
+
+    ``kept`` are chunks in the file that may not be decided yet, ``held`` those not written.
+    """
+
+    end: int = 0
+    written: int = 0
+    kept: list[Placed] = field(default_factory=list)
+    held: list[Placed] = field(default_factory=list)
+
+
+class RotatingMcap:
+    """Writes a recording, in one file or in several.
+
+    Without limits the file is ``path``, and those that ``rotate`` asks for are ``path`` with -0002
+    and so on behind its stem; with limits the first is -0001. A name that is taken when a later
+    file begins is passed over. Call ``turn`` after each decoding pass, and then ``flush``.
+
+    Args:
+        path: of the file, or of all of them but for the number.
+        session: facts of the recording; ``baud.<bus>`` or ``baud`` tells how long a byte takes.
+        rotate_bytes: a new file is due when the current one has so many bytes.
+        rotate_ns: the same when its first byte came so long ago; a file without bytes is kept on.
+        keep: so many files are kept, the current one among them; older ones of this recording are
+            deleted, if they are still those that were written.
+        durable: whether the disk is waited for with each flush, against a power failure.
+        overwrite: whether files that are there may be replaced.
+        flush_ns: how long what was decoded may wait to be written; raw bytes never wait.
+        now: the time, for the limit.
+
+    Raises:
+        OutputError: a file cannot be written, or without ``overwrite`` one of that name is there;
+            what was written before stays readable.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        session: Mapping[str, str],
+        *,
+        rotate_bytes: int | None = None,
+        rotate_ns: int | None = None,
+        keep: int | None = None,
+        durable: bool = False,
+        overwrite: bool = False,
+        flush_ns: int = FLUSH_NS,
+        now: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._base = path
+        self._session = dict(session)
+        self._rotate_bytes = rotate_bytes
+        self._rotate_ns = rotate_ns
+        self._keep = keep
+        self._durable = durable
+        self._overwrite = overwrite
+        self._flush_ns = flush_ns
+        self._now = now
+        self._buses: dict[str, _Bus] = {}
+        self._protocols: dict[str, BusProtocol] = {}
+        self._batches: list[tuple[str, BusProtocol, Batch]] = []
+        self._files: list[tuple[Path, tuple[int, int]]] = []
+        self._part = 0
+        self._finished = 0
+        self._asked = False
+        self._due_since: int | None = None
+        self._began: int | None = None
+        self._failure: str | None = None
+        self._closed = False
+        numbered = rotate_bytes is not None or rotate_ns is not None
+        if numbered and not overwrite:
+            self._refuse_numbered()
+        self._number = 1
+        self.path = self._numbered(1) if numbered else path
+        """The file that is being written."""
+        self._sink = self._open(self.path, {})
+
+    @property
+    def size(self) -> int:
+        """Bytes written, all files together."""
+        return self._finished + self._sink.size
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files of this recording that are kept, the current one last."""
+        return tuple(path for path, _ in self._files)
+
+    def rotate(self) -> None:
+        """Ask for a new file; a signal handler may do so."""
+        self._asked = True
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take chunks as they came, before they are decoded."""
+        self._check()
+        state = self._buses.setdefault(bus, _Bus())
+        placed: list[Placed] = []
+        for chunk in chunks:
+            placed.append((state.end, chunk))
+            state.end += len(chunk.data)
+        if self._due_since is None:
+            self._pass_on(bus, placed)
+        else:
+            state.held += placed
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Take what one pass decided; the chunks it was decoded from were taken before."""
+        self._check()
+        self._protocols[bus] = protocol
+        if self._due_since is None:
+            self._sink.write(bus, protocol, batch)
+        else:
+            self._batches.append((bus, protocol, batch))
+
+    def turn(self, decided: Mapping[str, int]) -> None:
+        """Learn up to which offset each bus is decoded; here a new file may begin.
+
+        A bus that is not named counts as decided up to its last byte.
+        """
+        self._check()
+        places = {bus: min(decided.get(bus, b.end), b.end) for bus, b in self._buses.items()}
+        now = self._now()
+        if self._due_since is not None:
+            clean = all(places[bus] >= b.written for bus, b in self._buses.items())
+            if clean or now - self._due_since >= PATIENCE_NS:
+                self._change(places)
+            else:
+                self._release()
+        for bus, state in self._buses.items():
+            state.kept = [p for p in state.kept if _end(p) > places[bus]]
+        if not self._due(now):
+            self._due_since = None
+        elif self._due_since is None:
+            self._due_since = now
+
+    def flush(self) -> None:
+        """Write what waits: the raw bytes at once, what was decoded when enough of it waits."""
+        self._check()
+        self._release()
+        self._sink.flush()
+
+    def close(self) -> None:
+        """Finish the file; after a failure everything is left as it is."""
+        if self._closed:
+            return
+        self._closed = True
+        if self._failure is None:
+            try:
+                self._release()
+            finally:
+                self._sink.close()
+
+    def _check(self) -> None:
+        if self._failure is not None or self._closed:
+            raise OutputError(self._failure or f"{self.path} is closed")
+
+    def _due(self, now: int) -> bool:
+        """Tell whether the file has reached a limit; one without bytes never has."""
+        if self._asked or self._began is None:
+            return self._asked
+        full = self._rotate_bytes is not None and self._sink.size >= self._rotate_bytes
+        return full or (self._rotate_ns is not None and now - self._began >= self._rotate_ns)
+
+    def _pass_on(self, bus: str, placed: Iterable[Placed]) -> None:
+        """Hand chunks to the current file."""
+        placed = list(placed)
+        if not placed:
+            return
+        if self._began is None:
+            self._began = self._now()
+        state = self._buses[bus]
+        state.kept += placed
+        state.written = _end(placed[-1])
+        self._sink.raw(bus, [chunk for _, chunk in placed])
+
+    def _release(self) -> None:
+        """Hand what is held to the current file."""
+        for bus, state in self._buses.items():
+            held, state.held = state.held, []
+            self._pass_on(bus, held)
+        batches, self._batches = self._batches, []
+        for bus, protocol, batch in batches:
+            self._sink.write(bus, protocol, batch)
+
+    def _change(self, places: Mapping[str, int]) -> None:
+        """End the current file at ``places`` and go on in a new one."""
+        twice: dict[str, list[Placed]] = {}
+        behind: dict[str, list[Placed]] = {}
+        starts: dict[str, int] = {}
+        for bus, state in self._buses.items():
+            place, byte_ns = places[bus], self._byte_ns(bus)
+            state.held, behind[bus] = _split(state.held, place, byte_ns)
+            # undecided bytes that are in the old file already stand in both
+            twice[bus] = _split(state.kept, place, byte_ns)[1] if place < state.written else []
+            begin = twice[bus] + behind[bus]
+            starts[bus] = begin[0][0] if begin else state.end
+        self._release()
+        old = self._sink
+        try:
+            path = self._next_path()
+            self._sink = self._open(path, starts)
+        except OutputError as error:
+            with contextlib.suppress(OutputError):
+                for bus, placed in behind.items():
+                    self._pass_on(bus, placed)
+            self._fail(error)
+        self.path = path
+        self._asked, self._began = False, None
+        failure: OutputError | None = None
+        try:
+            old.close()
+        except OutputError as error:
+            failure = error
+        self._finished += old.size
+        for bus, placed in behind.items():
+            self._buses[bus].kept = []
+            self._pass_on(bus, twice[bus] + placed)
+        self._drop_oldest()
+        if failure is not None:
+            self._fail(failure)
+
+    def _fail(self, error: OutputError) -> None:
+        """Finish the current file and refuse everything else."""
+        self._failure = str(error)
+        with contextlib.suppress(OutputError):
+            self._sink.close()
+        raise OutputError(self._failure) from None
+
+    def _open(self, path: Path, starts: Mapping[str, int]) -> McapSink:
+        """Begin a file; where that fails, nothing of it is left."""
+        from sniffer.sinks.mcap import McapSink  # the mcap library is loaded when it is needed
+
+        facts = {**self._session, "part": str(self._part + 1)}
+        if self._files:
+            facts["previous"] = self._files[-1][0].name
+        facts.update((f"protocol.{bus}", p.name) for bus, p in self._protocols.items())
+        was_there = path.exists()
+        try:
+            sink = McapSink(
+                path,
+                facts,
+                flush_ns=self._flush_ns,
+                overwrite=self._overwrite,
+                live=True,
+                durable=self._durable,
+                starts=starts,
+            )
+        except OutputError:
+            if not was_there:
+                with contextlib.suppress(OSError):
+                    path.unlink()
+            raise
+        self._part += 1
+        self._files.append((path, _identity(path)))
+        return sink
+
+    def _byte_ns(self, bus: str) -> int:
+        """Return how long a byte of a bus takes, 0 where nobody knows."""
+        baud = self._session.get(f"baud.{bus}", self._session.get("baud", ""))
+        if baud.isdecimal() and int(baud):
+            return byte_time_ns(int(baud))
+        protocol = self._protocols.get(bus)
+        return 0 if protocol is None else byte_time_ns(protocol.baud)
+
+    def _numbered(self, number: int) -> Path:
+        return self._base.with_name(f"{self._base.stem}-{number:04d}{self._base.suffix}")
+
+    def _next_path(self) -> Path:
+        self._number += 1
+        while not self._overwrite and self._numbered(self._number).exists():
+            self._number += 1
+        return self._numbered(self._number)
+
+    def _refuse_numbered(self) -> None:
+        """Refuse to mix with the files of another recording."""
+        stem, suffix = re.escape(self._base.stem), re.escape(self._base.suffix)
+        name = re.compile(rf"{stem}-\d{{4,}}{suffix}")
+        with writing(self._base):
+            there = sorted(p for p in self._base.parent.iterdir() if name.fullmatch(p.name))
+        if there:
+            raise OutputError(f"{there[0]} is there already: choose another name")
+
+    def _drop_oldest(self) -> None:
+        """Delete files beyond those to keep; one that cannot be deleted stays."""
+        while self._keep is not None and len(self._files) > max(1, self._keep):
+            path, identity = self._files.pop(0)
+            with contextlib.suppress(OSError):
+                if _identity(path) == identity:
+                    path.unlink()
+
+
+def _identity(path: Path) -> tuple[int, int]:
+    status = path.stat()
+    return status.st_dev, status.st_ino
+
+
+def _end(placed: Placed) -> int:
+    return placed[0] + len(placed[1].data)
+
+
+def _split(placed: Iterable[Placed], place: int, byte_ns: int) -> tuple[list[Placed], list[Placed]]:
+    """Return the chunks before a place in the stream, and those behind it."""
+    before: list[Placed] = []
+    after: list[Placed] = []
+    for start, chunk in placed:
+        if start + len(chunk.data) <= place:
+            before.append((start, chunk))
+        elif start >= place:
+            after.append((start, chunk))
+        else:
+            first, second = cut(chunk, place - start, byte_ns)
+            before.append((start, first))
+            after.append((place, second))
+    return before, after
+
+
+def cut(chunk: Chunk, at: int, byte_ns: int) -> tuple[Chunk, Chunk]:
+    """Return a chunk as two, ``at`` bytes in the first one.
+
+    A mark over the cut stands on both, with its whole count: nobody knows on which side it was.
+    """
+    first, second = chunk.data[:at], chunk.data[at:]
+    t_ns = None if chunk.t_ns is None else chunk.t_ns - len(second) * byte_ns
+    left: list[Mark] = []
+    right: list[Mark] = []
+    for mark in chunk.marks:
+        end = mark.start + mark.length
+        if mark.start < at:
+            left.append(mark._replace(length=min(end, at) - mark.start))
+        if mark.start >= at or end > at:
+            start = max(mark.start, at)
+            right.append(mark._replace(start=start - at, length=end - start))
+    return (
+        replace(chunk, data=first, t_ns=t_ns, marks=tuple(left)),
+        replace(chunk, data=second, marks=tuple(right)),
+    )

@@ -1,0 +1,418 @@
+"""Two taps on one bus: what each adapter hears becomes one stream in causal order."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sniffer.decoder import Decoder
+from sniffer.merging import Merger
+from sniffer.model import NS, OK, Batch, Chunk, Clock, Direction, Mark, MarkKind
+from sniffer.protocols import PROTOCOLS
+from sniffer.simulation import BUSES, FAULTS, Fault, TrueFrame, simulate
+from sniffer.timing import byte_time_ns
+from tests.streams import chunked, stream
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+MS: Final = NS // 1000
+START_NS: Final = 1_795_215_306 * NS
+PACKET: Final = 62
+"""Bytes after which an adapter does not wait for its latency timer."""
+
+EVERY = pytest.mark.parametrize("name", PROTOCOLS)
+TX, RX = Direction.TX, Direction.RX
+
+
+def tap(
+    frames: Iterable[TrueFrame], wire: Direction, baud: int, latency_ns: int, phase_ns: int = 0
+) -> list[Chunk]:
+    """Return what an adapter with a latency timer that ticks by itself hears of one wire."""
+    out: list[Chunk] = []
+    held, due_ns = bytearray(), 0
+    for frame in frames:
+        if (frame.kind == "response") != (wire == RX):
+            continue
+        for k, byte in enumerate(frame.wire, 1):
+            t_ns = frame.t_start_ns - (-k * 10 * NS // baud)
+            if held and t_ns > due_ns:
+                out.append(Chunk(bytes(held), due_ns, Clock.READ, "tap", wire))
+                held.clear()
+            if not held:
+                due_ns = t_ns + (phase_ns - t_ns) % latency_ns
+            held.append(byte)
+            if len(held) == PACKET:
+                out.append(Chunk(bytes(held), t_ns, Clock.READ, "tap", wire))
+                held.clear()
+    if held:
+        out.append(Chunk(bytes(held), due_ns, Clock.READ, "tap", wire))
+    return out
+
+
+def by_stamp(*taps: Sequence[Chunk]) -> list[Chunk]:
+    """Return the reads of all taps as they lie in time, the controller's first on ties."""
+    return sorted(itertools.chain(*taps), key=lambda c: (c.t_ns or 0, c.direction))
+
+
+@dataclass(frozen=True, slots=True)
+class Bus:
+    """A simulated bus as two taps hear it."""
+
+    name: str
+    frames: list[TrueFrame]
+    tx: list[Chunk]
+    rx: list[Chunk]
+    latency_ns: int
+
+    @property
+    def reads(self) -> list[Chunk]:
+        return by_stamp(self.tx, self.rx)
+
+    def merger(self) -> Merger:
+        return Merger(
+            "pair",
+            latency_ns=self.latency_ns,
+            baud=BUSES[self.name].baud,
+            protocol=PROTOCOLS[self.name],
+        )
+
+    def merged(self) -> list[Chunk]:
+        merger = self.merger()
+        return [*merger.feed(self.reads), *merger.close()]
+
+
+def heard(
+    name: str,
+    latency: tuple[int, int],
+    *,
+    seed: int = 1,
+    seconds: float = 3.0,
+    faults: Sequence[Fault] = (),
+    servo_ids: Sequence[int] | None = None,
+) -> Bus:
+    """Let a bus talk, and two adapters of these latencies (in ns) listen."""
+    frames = list(
+        simulate(
+            name,
+            seed=seed,
+            start_ns=START_NS,
+            duration_s=seconds,
+            faults=faults,
+            servo_ids=servo_ids,
+        )
+    )
+    rng, baud = random.Random(seed), BUSES[name].baud
+    tx, rx = (
+        tap(frames, wire, baud, ns, rng.randrange(ns))
+        for wire, ns in zip((TX, RX), latency, strict=True)
+    )
+    return Bus(name, frames, tx, rx, max(latency))
+
+
+Pair = tuple[int, int]
+"""An exchange: where its request begins on one wire, and its answer on the other."""
+
+
+def true_pairs(frames: Iterable[TrueFrame], fault: str | None = None) -> set[Pair]:
+    """Return the exchanges of which both frames came whole; only those with a fault, if named."""
+    out: set[Pair] = set()
+    at, asked = [0, 0], -1
+    for frame in frames:
+        wire = frame.kind == "response"
+        whole = not frame.damaged and frame.fault != "duplicate"
+        if frame.kind == "request":
+            asked = at[0] if whole else -1
+        elif wire and whole and asked >= 0 and fault in (None, frame.fault):
+            out.add((asked, at[1]))
+        at[wire] += len(frame.wire)
+    return out
+
+
+def decode(name: str, chunks: Sequence[Chunk], latency_ns: int) -> list[Batch]:
+    decoder = Decoder(name, baud=BUSES[name].baud, latency_ns=latency_ns)
+    return [decoder.feed(*chunks), decoder.close()]
+
+
+def pairs(name: str, chunks: Sequence[Chunk], latency_ns: int) -> set[Pair]:
+    """Return the exchanges that the decoder finds in a stream of two wires."""
+    where: list[Pair] = []
+    at = {TX: 0, RX: 0}
+    for c in chunks:
+        where += [(c.direction, at[c.direction] + k) for k in range(len(c.data))]
+        at[c.direction] += len(c.data)
+    out: set[Pair] = set()
+    for b in decode(name, chunks, latency_ns):
+        t = b.transactions.take(b.transactions.outcome == OK)
+        for row, answer in zip(t.request.tolist(), t.response.tolist(), strict=True):
+            asked = where[b.base + int(b.frames.start[row])]
+            told = where[b.base + int(b.frames.start[answer])]
+            if (asked[0], told[0]) == (TX, RX):
+                out.add((asked[1], told[1]))
+    return out
+
+
+def shares(bus: Bus) -> tuple[float, float]:
+    """Return the share of exchanges paired right: merged, and with reads sorted by stamp."""
+    true = true_pairs(bus.frames)
+    assert len(true) > 50
+    found = (pairs(bus.name, chunks, bus.latency_ns) for chunks in (bus.merged(), bus.reads))
+    merged, sorted_ = (len(p & true) / len(true) for p in found)
+    return merged, sorted_
+
+
+LATENCIES: Final = ((1, 1), (4, 4), (16, 16), (1, 16), (16, 1))
+
+
+@EVERY
+@pytest.mark.parametrize("ms", LATENCIES, ids=str)
+def test_on_a_good_line_every_answer_stands_behind_its_request(
+    name: str, ms: tuple[int, int], record_property: Callable[[str, object], None]
+) -> None:
+    merged, sorted_ = shares(heard(name, (ms[0] * MS, ms[1] * MS)))
+    record_property("merged", merged)
+    record_property("sorted by stamp", sorted_)
+    # One servo of two that are written to answers once: stamps of 4 ms do not tell to which write.
+    assert merged == 1.0 or (name == "mightyzap" and max(ms) > 1 and merged > 0.99)
+    assert sorted_ < merged
+
+
+LEAST: Final = {"wck": {(1, 1): 0.97, (4, 4): 0.94, (16, 16): 0.8, (1, 16): 0.7, (16, 1): 0.5}}
+"""Answers without a header name nobody: if one is missing, slow stamps fit a wrong one as well."""
+
+
+@EVERY
+@pytest.mark.parametrize("ms", LATENCIES, ids=str)
+def test_on_a_bad_line_answers_that_name_their_servo_still_find_their_request(
+    name: str, ms: tuple[int, int], record_property: Callable[[str, object], None]
+) -> None:
+    faults = [Fault(kind, 0.02) for kind in ("drop", "flip", "cut", "late", "noise")]
+    merged, sorted_ = shares(heard(name, (ms[0] * MS, ms[1] * MS), faults=faults))
+    record_property("merged", merged)
+    record_property("sorted by stamp", sorted_)
+    assert merged >= LEAST.get(name, {}).get(ms, 0.98)
+    assert sorted_ < merged
+
+
+@pytest.mark.parametrize("name", [name for name in PROTOCOLS if name != "lss"])
+def test_a_late_answer_is_still_seen_as_late(name: str) -> None:
+    """Not of lss: its window is as long as the simulated controller waits."""
+    bus = heard(name, (MS, MS), faults=[Fault("late", 0.2)])
+    late = true_pairs(bus.frames, "late")
+    assert len(late) > 10
+    assert len(late & pairs(name, bus.merged(), bus.latency_ns)) >= 0.95 * len(late)
+    told = [a.code for b in decode(name, bus.merged(), bus.latency_ns) for a in b.anomalies]
+    assert told.count("late-response") >= 0.95 * len(late)
+
+
+def ping(servo_id: int) -> bytes:
+    body = bytes([servo_id, 2, 0xF1])
+    return b"\xff\xff\xff" + body + bytes([~sum(body) & 255])
+
+
+def pong(servo_id: int) -> bytes:
+    body = bytes([servo_id, 2, 0])
+    return b"\xff\xff\xff" + body + bytes([~sum(body) & 255])
+
+
+def read(data: bytes, ms: float, wire: Direction, *marks: Mark) -> Chunk:
+    return Chunk(data, START_NS + int(ms * MS), Clock.READ, "tap", wire, marks)
+
+
+def merge(*chunks: Chunk, protocol: str | None = "mightyzap", latency_ms: int = 4) -> list[Chunk]:
+    merger = Merger(
+        "pair",
+        latency_ns=latency_ms * MS,
+        baud=400_000,
+        protocol=PROTOCOLS[protocol] if protocol else None,
+    )
+    return [*merger.feed(chunks), *merger.close()]
+
+
+def test_reads_are_cut_so_that_each_answer_follows_its_request_and_its_stamp_goes_along() -> None:
+    out = merge(read(ping(1) + ping(2), 10, TX), read(pong(1) + pong(2), 11, RX))
+    assert [c.data for c in out] == [ping(1), pong(1), ping(2), pong(2)]
+    assert [c.direction for c in out] == [TX, RX, TX, RX]
+    assert {c.bus for c in out} == {"pair"}
+    assert {c.clock for c in out} == {Clock.READ}
+    frame_ns = 7 * byte_time_ns(400_000)
+    times = [(c.t_ns or 0) - START_NS for c in out]
+    assert times == [10 * MS - frame_ns, 10 * MS, 10 * MS, 11 * MS]
+    assert [c.marks for c in out] == [
+        (),
+        (Mark(MarkKind.REORDERED, 0, 7, MS - frame_ns),),
+        (),
+        (),
+    ]
+
+
+def test_an_answer_whose_stamp_lies_before_its_request_is_put_behind_it() -> None:
+    out = merge(read(pong(1), 9, RX), read(ping(1), 11, TX))
+    assert [c.data for c in out] == [ping(1), pong(1)]
+    assert [c.t_ns for c in out] == [START_NS + 9 * MS] * 2
+    assert out[0].marks == (Mark(MarkKind.REORDERED, 0, 7, 2 * MS),)
+
+
+def test_nothing_is_moved_beyond_the_latency() -> None:
+    early = merge(read(pong(1), 9, RX), read(ping(1), 14, TX))
+    assert [c.data for c in early] == [pong(1), ping(1)]
+    late = merge(read(ping(1), 10, TX), read(ping(2), 12, TX), read(pong(1), 17, RX))
+    assert [c.data for c in late] == [ping(1), ping(2), pong(1)]
+    assert not any(c.marks for c in early + late)
+
+
+def test_an_answer_that_fits_no_request_stays_where_its_stamp_is() -> None:
+    out = merge(read(ping(1), 10, TX), read(ping(2), 11, TX), read(pong(3), 12, RX))
+    assert [c.data for c in out] == [ping(1), ping(2), pong(3)]
+
+
+def test_a_damaged_answer_stands_behind_the_request_that_has_no_other() -> None:
+    torn = pong(1)[:-1] + b"\x00"
+    out = merge(read(ping(1) + ping(2), 10, TX), read(torn + pong(2), 11, RX))
+    assert [c.data for c in out] == [ping(1), torn, ping(2), pong(2)]
+
+
+def test_without_a_protocol_reads_stand_by_their_stamps_the_controller_first() -> None:
+    chunks = [read(b"bb", 10, RX), read(b"aa", 10, TX), read(b"cc", 9, RX), read(b"dd", 12, TX)]
+    out = merge(*chunks, protocol=None)
+    assert [c.data for c in out] == [b"cc", b"aa", b"bb", b"dd"]
+    assert not any(c.marks for c in out)
+
+
+def test_the_protocol_can_be_told_later() -> None:
+    merger = Merger("pair", latency_ns=4 * MS, baud=400_000, protocol=None)
+    assert merger.feed([read(pong(1), 9, RX), read(ping(1), 11, TX)]) == []
+    merger.protocol = PROTOCOLS["mightyzap"]
+    assert [c.data for c in merger.close()] == [ping(1), pong(1)]
+
+
+def test_marks_stay_with_their_bytes() -> None:
+    marks = [Mark(MarkKind.FRAMING, -3, 3), Mark(MarkKind.PARITY, 9, 1), Mark(MarkKind.BREAK, 14)]
+    lost = read(b"", 30, RX, Mark(MarkKind.LOST, 0))
+    out = merge(read(ping(1) + ping(2), 10, TX, *marks), read(pong(1) + pong(2), 10.2, RX), lost)
+    told = [tuple(m for m in c.marks if m.kind != MarkKind.REORDERED) for c in out]
+    assert told == [
+        (marks[0],),
+        (),
+        (Mark(MarkKind.PARITY, 2, 1), Mark(MarkKind.BREAK, 7)),
+        (),
+        (Mark(MarkKind.LOST, 0),),
+    ]
+
+
+def test_time_that_passes_settles_what_is_held() -> None:
+    merger = Merger("pair", latency_ns=4 * MS, baud=400_000, protocol=PROTOCOLS["mightyzap"])
+    assert merger.feed([read(ping(1), 10, TX)]) == []
+    assert merger.pending == 7
+    assert merger.idle(START_NS + 10 * MS + 4 * MS) == []
+    assert [c.data for c in merger.idle(START_NS + 10 * MS + merger.hold_ns + 1)] == [ping(1)]
+    assert merger.pending == 0
+    assert merger.close() == []
+
+
+@st.composite
+def two_taps(draw: st.DrawFn, name: str) -> Bus:
+    """Draw what two adapters hear: a bus with faults, or two streams of anything."""
+    latency_ns = draw(st.sampled_from([0, MS, 4 * MS, 16 * MS]))
+    if latency_ns and draw(st.booleans()):
+        faults = [Fault(kind, draw(st.sampled_from([0, 0.1, 0.4]))) for kind in FAULTS]
+        other_ns = draw(st.sampled_from([MS, latency_ns]))
+        seed = draw(st.integers(0, 1000))
+        seconds = draw(st.sampled_from([0.02, 0.08]))
+        bus = heard(name, (latency_ns, other_ns), seed=seed, seconds=seconds, faults=faults)
+    else:
+        byte_ns, tail_ns = byte_time_ns(BUSES[name].baud), PROTOCOLS[name].tail_ns
+        wires = [
+            [replace(c, direction=wire) for c in draw(chunked(s, byte_ns, tail_ns))]
+            for wire in (TX, RX)
+            for s in [draw(stream(name))]
+        ]
+        bus = Bus(name, [], wires[0], wires[1], latency_ns)
+    wires = [[_marked(draw, c) for c in wire] for wire in (bus.tx, bus.rx)]
+    return replace(bus, tx=wires[0], rx=wires[1])
+
+
+def _marked(draw: st.DrawFn, chunk: Chunk) -> Chunk:
+    """Draw marks for one read in eight; one in as many has marks and no bytes."""
+    number = draw(st.integers(0, 15))
+    if number > 1:
+        return chunk
+    marks = (Mark(MarkKind.FRAMING, draw(st.integers(-5, len(chunk.data))), 1, 7),)
+    return replace(chunk, marks=marks, data=chunk.data if number else b"")
+
+
+@EVERY
+@given(data=st.data())
+def test_every_byte_and_mark_comes_out_once_in_the_order_of_its_wire(
+    name: str, data: st.DataObject
+) -> None:
+    bus = data.draw(two_taps(name))
+    out = bus.merged()
+    for wire, fed in ((TX, bus.tx), (RX, bus.rx)):
+        mine = [c for c in out if c.direction == wire]
+        assert b"".join(c.data for c in mine) == b"".join(c.data for c in fed)
+        assert _marks(mine) == _marks(fed)
+
+
+def _marks(chunks: Iterable[Chunk]) -> list[tuple[int, Mark]]:
+    """Return the marks of the taps at their places in the stream."""
+    out: list[tuple[int, Mark]] = []
+    at = 0
+    for c in chunks:
+        told = [m for m in c.marks if m.kind != MarkKind.REORDERED]
+        out += [(at + m.start, m._replace(start=0)) for m in told]
+        at += len(c.data)
+    return out
+
+
+@EVERY
+@given(data=st.data())
+def test_stamps_never_decrease_and_no_piece_is_moved_far(name: str, data: st.DataObject) -> None:
+    bus = data.draw(two_taps(name))
+    out = bus.merged()
+    times = [c.t_ns or 0 for c in out]
+    assert times == sorted(times)
+    moved = [m.count for c in out for m in c.marks if m.kind == MarkKind.REORDERED]
+    most = bus.latency_ns if bus.frames else bus.merger().hold_ns
+    assert all(0 < ns <= most for ns in moved)
+
+
+@EVERY
+@given(data=st.data())
+def test_nothing_is_held_longer_than_promised(name: str, data: st.DataObject) -> None:
+    bus = data.draw(two_taps(name))
+    merger = bus.merger()
+    fed, settled = {TX: 0, RX: 0}, {TX: 0, RX: 0}
+    came: dict[Direction, list[tuple[int, int]]] = {TX: [], RX: []}
+    for c in bus.reads:
+        now_ns = c.t_ns or 0
+        for piece in [*merger.feed([c]), *merger.idle(now_ns)]:
+            settled[piece.direction] += len(piece.data)
+        fed[c.direction] += len(c.data)
+        came[c.direction].append((now_ns, fed[c.direction]))
+        for wire, reads in came.items():
+            due = [end for t_ns, end in reads if t_ns + merger.hold_ns < now_ns]
+            assert settled[wire] >= max(due, default=0)
+    assert merger.pending == sum(fed.values()) - sum(settled.values())
+
+
+@EVERY
+@given(data=st.data())
+def test_the_grouping_of_reads_into_calls_changes_nothing(name: str, data: st.DataObject) -> None:
+    bus = data.draw(two_taps(name))
+    merger, reads = bus.merger(), bus.reads
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(reads)), max_size=6)))
+    out: list[Chunk] = []
+    for a, b in itertools.pairwise([0, *cuts, len(reads)]):
+        group = sorted(reads[a:b], key=lambda c: c.direction)  # each tap's reads in a row
+        out += merger.feed(group)
+        if group and len(out) % 2:
+            out += merger.idle(max(c.t_ns or 0 for c in group))
+    out += merger.close()
+    assert out == bus.merged()

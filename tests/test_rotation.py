@@ -1,0 +1,330 @@
+"""A recording in several files: nothing is missing between them, and each is whole in itself."""
+
+from __future__ import annotations
+
+import itertools
+import random
+import re
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sniffer.comparing import compare
+from sniffer.model import NS, Chunk, Clock, Mark, MarkKind, OutputError
+from sniffer.pipeline import Options, Pipeline
+from sniffer.protocols import PROTOCOLS
+from sniffer.recovery import recover
+from sniffer.sinks.rotation import RotatingMcap, cut
+from sniffer.sources import open_source
+from sniffer.sources.mcap import chunks, session
+from tests.recordings import START_NS, heads, messages, talk
+from tests.test_mcap import RERUN, rerun
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+BUSES = {"arm": "mightyzap", "leg": "wck", "hand": "rs30x", "head": "lss"}
+FACTS = {"tool": "test", **{f"baud.{b}": str(PROTOCOLS[p].baud) for b, p in BUSES.items()}}
+ROUND_NS = 50_000_000
+
+
+class Wall:
+    """The time, as the traffic has it."""
+
+    def __init__(self) -> None:
+        self.ns = START_NS
+
+    def __call__(self) -> int:
+        return self.ns
+
+
+def spoken() -> list[list[Chunk]]:
+    """Return what four buses say in two seconds, in groups of 50 ms; some of it is remarked on."""
+    rng = random.Random(1)
+    sent = []
+    for seed, (bus, protocol) in enumerate(BUSES.items()):
+        for chunk in talk(protocol, 2.0, seed, bus=bus):
+            some = rng.random() < 0.1
+            marks = (Mark(MarkKind.FRAMING, 0, len(chunk.data), 2),) if some else ()
+            sent.append(Chunk(chunk.data, chunk.t_ns, Clock.READ, bus, marks=marks))
+    sent.sort(key=lambda c: c.t_ns or 0)
+    rounds = itertools.groupby(sent, lambda c: ((c.t_ns or 0) - START_NS) // ROUND_NS)
+    return [list(group) for _, group in rounds]
+
+
+@pytest.fixture(scope="module")
+def traffic() -> list[list[Chunk]]:
+    return spoken()
+
+
+def record(
+    path: Path,
+    traffic: Sequence[Sequence[Chunk]],
+    each: Callable[[RotatingMcap, int], None] = lambda file, number: None,
+    **limits: Any,
+) -> RotatingMcap:
+    """Record and decode as a live recorder does; ``each`` is called once a round."""
+    wall = Wall()
+    file = RotatingMcap(path, FACTS, now=wall, flush_ns=0, **limits)
+    pipeline = Pipeline(Options(protocols=BUSES), [file], live=True)
+    for number, group in enumerate(traffic):
+        wall.ns = max(c.t_ns or 0 for c in group)
+        pipeline.feed(group)
+        pipeline.idle(wall.ns)
+        each(file, number)
+        file.turn(pipeline.decided())
+        file.flush()
+    pipeline.close()
+    pipeline.finish()
+    return file
+
+
+def joined(files: Sequence[Path]) -> dict[str, list[Any]]:
+    """Return the messages of all files by topic."""
+    out: dict[str, list[Any]] = {}
+    for file in files:
+        for topic, found in messages(file).items():
+            out.setdefault(topic, []).extend(found)
+    return out
+
+
+def streams(files: Sequence[Path]) -> dict[str, tuple[bytes, list[tuple[int, ...]]]]:
+    """Return what the buses said, and where in it the marks stand, over all files."""
+    data: dict[str, bytearray] = {}
+    marks: dict[str, list[tuple[int, ...]]] = {}
+    for file in files:
+        for chunk in chunks(file):
+            at = len(data.setdefault(chunk.bus, bytearray()))
+            data[chunk.bus] += chunk.data
+            found = marks.setdefault(chunk.bus, [])
+            found += ((at + m.start, at + m.start + m.length) for m in chunk.marks)
+    return {bus: (bytes(said), _merged(marks[bus])) for bus, said in data.items()}
+
+
+def _merged(regions: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    out: list[tuple[int, ...]] = []
+    for start, end in regions:
+        if out and out[-1][1] == start:
+            out[-1] = (out[-1][0], end)
+        else:
+            out.append((start, end))
+    return out
+
+
+def ask(file: RotatingMcap, number: int) -> None:
+    if number in (5, 6, 20):
+        file.rotate()
+
+
+LIMITS: dict[str, dict[str, Any]] = {
+    "size": {"rotate_bytes": 60_000},
+    "time": {"rotate_ns": NS // 3},
+    "asked": {"each": ask},
+}
+
+
+@pytest.mark.parametrize("how", LIMITS)
+def test_the_files_joined_are_the_recording_in_one_file(
+    how: str, traffic: list[list[Chunk]], tmp_path: Path
+) -> None:
+    one = record(tmp_path / "one.mcap", traffic)
+    file = record(tmp_path / "run.mcap", traffic, **LIMITS[how])
+    assert one.files == (tmp_path / "one.mcap",)
+    assert len(file.files) >= 3
+    assert file.path == file.files[-1]
+    assert file.size == sum(path.stat().st_size for path in file.files)
+    assert streams(file.files) == streams(one.files)
+    for bus in BUSES:
+        said = b"".join(c.data for group in traffic for c in group if c.bus == bus)
+        assert streams(file.files)[bus][0] == said
+    wanted, found = joined(one.files), joined(file.files)
+    assert found.keys() == wanted.keys()
+    for topic in wanted:
+        name = topic.rpartition("/")[2]
+        if name in ("anomalies", "log"):  # of one time, they may stand in any order
+            assert sorted(found[topic], key=str) == sorted(wanted[topic], key=str), topic
+        elif name == "stats":
+            assert sum(s.bytes for s in found[topic]) == sum(s.bytes for s in wanted[topic])
+        elif name != "raw":
+            assert found[topic] == wanted[topic], topic
+
+
+@pytest.mark.parametrize("how", LIMITS)
+def test_each_file_decodes_alone_to_what_was_recorded_in_it(
+    how: str, traffic: list[list[Chunk]], tmp_path: Path
+) -> None:
+    file = record(tmp_path / "run.mcap", traffic, **LIMITS[how])
+    ends = dict.fromkeys(BUSES, 0)
+    for number, path in enumerate(file.files, 1):
+        report = compare(path, Options(), say=pytest.fail)
+        assert report.equal, f"{path.name}: {report}"
+        assert sum(b.same for b in report.buses) > 20
+        facts = session(path)
+        assert facts["part"] == str(number)
+        assert facts.get("previous") == (file.files[number - 2].name if number > 1 else None)
+        for bus, protocol in BUSES.items():
+            assert facts[f"protocol.{bus}"] == protocol
+            assert facts.get(f"offset.{bus}", "0") == str(ends[bus])
+            found = messages(path)[f"/{bus}/raw"]
+            assert found[0].offset == ends[bus]
+            ends[bus] = found[-1].offset + len(found[-1].data)
+        for topic, mine in itertools.groupby(
+            sorted(heads(path), key=lambda m: m.channel_id), lambda m: m.channel_id
+        ):
+            times = [m.log_time for m in mine]
+            assert times == sorted(times), topic
+        if RERUN is not None:
+            assert "PROBLEM" not in rerun("check", "--full", str(path))
+
+
+def test_a_new_file_is_asked_for_and_the_first_keeps_its_name(
+    traffic: list[list[Chunk]], tmp_path: Path
+) -> None:
+    (tmp_path / "run-0003.mcap").write_bytes(b"of somebody else")
+    file = record(tmp_path / "run.mcap", traffic, ask)
+    assert [p.name for p in file.files] == [*("run.mcap", "run-0002.mcap", "run-0004.mcap")], (
+        "a name that is taken is passed over, and who asks twice at once gets one file"
+    )
+    assert (tmp_path / "run-0003.mcap").read_bytes() == b"of somebody else"
+
+
+def test_files_that_are_there_are_replaced_only_where_allowed(
+    traffic: list[list[Chunk]], tmp_path: Path
+) -> None:
+    there = tmp_path / "run-0005.mcap"
+    there.write_bytes(b"precious")
+    with pytest.raises(OutputError, match=r"run-0005\.mcap is there already"):
+        RotatingMcap(tmp_path / "run.mcap", FACTS, rotate_bytes=1000)
+    assert [p.name for p in tmp_path.iterdir()] == ["run-0005.mcap"]
+    with pytest.raises(OutputError, match="no folder"):
+        RotatingMcap(tmp_path / "none" / "run.mcap", FACTS, rotate_bytes=1000)
+    (tmp_path / "run.mcap").write_bytes(b"precious")
+    with pytest.raises(OutputError, match=r"run\.mcap is there already"):
+        RotatingMcap(tmp_path / "run.mcap", FACTS)
+    file = record(tmp_path / "run.mcap", traffic, rotate_ns=NS // 5, overwrite=True)
+    assert there in file.files
+    assert list(chunks(there))
+
+
+def test_only_the_latest_files_are_kept_and_no_others_touched(
+    traffic: list[list[Chunk]], tmp_path: Path
+) -> None:
+    def put_aside(file: RotatingMcap, number: int) -> None:
+        first = tmp_path / "run-0001.mcap"
+        if number == 7:
+            first.rename(tmp_path / "first.mcap")
+            first.write_bytes(b"of somebody else")
+
+    file = record(tmp_path / "run.mcap", traffic, put_aside, rotate_ns=NS // 5, keep=2)
+    assert len(file.files) == 2
+    last = int(re.findall(r"\d+", file.path.name)[0])
+    assert last > 4
+    assert {p.name for p in tmp_path.iterdir()} == {
+        *("run-0001.mcap", "first.mcap"),
+        *(f"run-{n:04d}.mcap" for n in (last - 1, last)),
+    }
+    assert (tmp_path / "run-0001.mcap").read_bytes() == b"of somebody else"
+    assert session(tmp_path / "first.mcap")["part"] == "1"
+
+
+def test_bytes_that_stay_undecided_stand_in_both_files(tmp_path: Path) -> None:
+    wall = Wall()
+    file = RotatingMcap(tmp_path / "run.mcap", FACTS, now=wall)
+    sent = [bytes([k]) * 10 for k in range(60)]
+    for number, data in enumerate(sent):
+        if number == 10:
+            file.rotate()
+        wall.ns += ROUND_NS
+        file.raw("arm", [Chunk(data, wall.ns, Clock.READ, "arm")])
+        file.raw("leg", [Chunk(data, wall.ns, Clock.READ, "leg")])
+        file.turn({"arm": 25})
+        file.flush()
+    file.close()
+    first, second = file.files
+    whole = b"".join(sent)
+    before, after = streams([first]), streams([second])
+    cut_at = len(before["leg"][0])
+    assert 300 <= cut_at <= 330, "it is waited for a second"
+    assert before["arm"][0] == whole[: cut_at - 10], "what was held is in the new file only"
+    assert after["arm"][0] == whole[25:]
+    assert before["leg"][0] + after["leg"][0] == whole
+    assert messages(second)["/arm/raw"][0].offset == 25
+    assert next(chunks(second)).t_ns == START_NS + 3 * ROUND_NS
+
+
+def test_a_bus_that_is_understood_late_disturbs_no_file(tmp_path: Path) -> None:
+    wall = Wall()
+    file = RotatingMcap(tmp_path / "run.mcap", FACTS, now=wall)
+    pipeline = Pipeline(Options(), [file], live=True)
+    sent = talk("mightyzap", 3.0, rate=0, bus="arm")
+    for number, chunk in enumerate(sent):
+        wall.ns = chunk.t_ns or 0
+        pipeline.feed([chunk])
+        if number == 3:
+            file.rotate()
+        file.turn(pipeline.decided())
+        file.flush()
+    pipeline.close()
+    pipeline.finish()
+    assert streams(file.files)["arm"][0] == b"".join(c.data for c in sent)
+    assert "/arm/frames" not in messages(file.files[0])
+    assert messages(file.files[1])["/arm/frames"][0].offset == 0, "its bytes are in the file before"
+    report = compare(file.files[1], Options(), say=pytest.fail)
+    assert not report.buses[0].otherwise
+    assert not report.buses[0].only_recorded
+
+
+def test_every_part_is_an_input_like_any_other(traffic: list[list[Chunk]], tmp_path: Path) -> None:
+    file = record(tmp_path / "run.mcap", traffic, rotate_ns=NS // 2)
+    for path in file.files:
+        source = open_source(path)
+        pipeline = Pipeline(Options().with_facts(source.facts()), [])
+        for group in source:
+            pipeline.feed(group)
+        pipeline.close()
+        for bus, totals in pipeline.summary.buses.items():
+            assert sum(totals.kinds.values()) == len(messages(path)[f"/{bus}/frames"])
+
+
+def test_a_part_that_was_cut_off_is_compared_as_far_as_it_goes(
+    traffic: list[list[Chunk]], tmp_path: Path
+) -> None:
+    file = record(tmp_path / "run.mcap", traffic, rotate_ns=NS // 2)
+    path, said = file.files[1], list[str]()
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 3 // 4])
+    report = compare(path, Options(), say=said.append)
+    assert report.equal, report
+    assert "cut recording" in said[0]
+    assert recover(path, path).bytes_lost
+    again = compare(path, Options(), say=pytest.fail)
+    assert again.equal, "raw bytes are written first: the last ones have no frames yet"
+    assert again.buses == report.buses
+
+
+a_mark = st.builds(
+    Mark, st.sampled_from(MarkKind), st.integers(-5, 12), st.integers(0, 9), st.integers(1, 3)
+)
+
+
+@given(st.binary(min_size=2, max_size=10), st.lists(a_mark, max_size=3), st.data())
+def test_marks_go_with_their_bytes_where_a_chunk_is_cut(
+    data: bytes, marks: list[Mark], draw: st.DataObject
+) -> None:
+    at = draw.draw(st.integers(1, len(data) - 1))
+    chunk = Chunk(data, 1000, Clock.READ, marks=tuple(marks))
+    first, second = cut(chunk, at, 10)
+    assert first.data + second.data == data
+    assert (first.t_ns, second.t_ns) == (1000 - 10 * len(second.data), 1000)
+
+    def places(kept: Sequence[Mark], shift: int) -> list[tuple[MarkKind, int, int]]:
+        doubt = ((m, range(m.start, m.start + m.length)) for m in kept)
+        return sorted((m.kind, m.count, shift + i) for m, where in doubt for i in where)
+
+    assert sorted(places(first.marks, 0) + places(second.marks, at)) == places(marks, 0)
+    points = [m for m in marks if not m.length]
+    kept = [m for m in first.marks if not m.length]
+    kept += [m._replace(start=m.start + at) for m in second.marks if not m.length]
+    assert sorted(kept) == sorted(points)

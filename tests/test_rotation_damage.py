@@ -1,0 +1,125 @@
+"""A recording in several files whose recorder was killed, or whose disk filled up."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from sniffer.comparing import compare
+from sniffer.model import DamagedInputError, OutputError
+from sniffer.pipeline import Options
+from sniffer.recovery import recover
+from sniffer.sources.mcap import chunks
+from tests.recordings import talk
+from tests.test_rotation import record, spoken, streams
+
+if TYPE_CHECKING:
+    from sniffer.sinks.rotation import RotatingMcap
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+def test_where_the_next_file_cannot_be_begun_the_one_before_is_finished(
+    tmp_path: Path,
+) -> None:
+    traffic = spoken()
+    (tmp_path / "run-0002.mcap").symlink_to("/dev/full")
+    seen: list[RotatingMcap] = []
+
+    def note(file: RotatingMcap, number: int) -> None:
+        seen.append(file)
+        if number == 10:
+            file.rotate()
+
+    with pytest.raises(OutputError) as error:
+        record(tmp_path / "run.mcap", traffic, note, overwrite=True)
+    told, file = str(error.value), seen[0]
+    assert told.startswith(f"{tmp_path / 'run-0002.mcap'}: cannot be written (No space left")
+    for call in (file.flush, lambda: file.raw("arm", []), lambda: file.turn({})):
+        with pytest.raises(OutputError, match=re.escape(told)):
+            call()
+    file.close()
+    path = tmp_path / "run.mcap"
+    assert file.files == (path,)
+    for bus, (said, _) in streams([path]).items():
+        sent = b"".join(c.data for group in traffic[: len(seen)] for c in group if c.bus == bus)
+        assert said == sent, "what was held for the next file too"
+    assert compare(path, Options(), say=pytest.fail).buses
+
+
+RECORDER = """
+import resource, sys, time
+from pathlib import Path
+from sniffer.model import OutputError
+from sniffer.pipeline import Options, Pipeline
+from sniffer.sinks.rotation import RotatingMcap
+from tests.recordings import talk
+
+path, room, speed = Path(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
+if room:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
+reads = talk("mightyzap", 8.0, rate=0)
+file = RotatingMcap(path, {"tool": "test"}, rotate_bytes=48_000, flush_ns=100_000_000)
+pipeline = Pipeline(Options(protocol="mightyzap"), [file], live=True)
+began, first, sent = time.monotonic_ns(), reads[0].t_ns, 0
+try:
+    while reads:
+        time.sleep(0.02 / speed)
+        now = (time.monotonic_ns() - began) * speed
+        due = [c for c in reads if c.t_ns - first <= now]
+        reads = reads[len(due):]
+        sent += sum(len(c.data) for c in due)
+        pipeline.feed(due)
+        file.turn(pipeline.decided())
+        print(time.monotonic_ns(), sent, flush=True)
+        file.flush()
+except OutputError as error:
+    print(error)
+file.close()
+"""
+
+
+def parts(folder: Path) -> list[Path]:
+    return sorted(folder.glob("run-*.mcap"))
+
+
+def test_a_recorder_that_is_killed_between_files_loses_no_more_than_a_round(
+    tmp_path: Path,
+) -> None:
+    command = [sys.executable, "-c", RECORDER, str(tmp_path / "run.mcap"), "0", "1"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as recorder:
+        assert recorder.stdout is not None
+        told = [recorder.stdout.readline()]
+        deadline = time.monotonic() + 10
+        while len(parts(tmp_path)) < 3 and time.monotonic() < deadline:
+            time.sleep(0.01)
+        recorder.send_signal(signal.SIGKILL)
+        told += recorder.stdout.read().splitlines()
+    handed = [(int(t), int(sent)) for t, sent in (line.split() for line in told)]
+    must = max(sent for t, sent in handed if t <= handed[-1][0] - 50_000_000)
+    files = parts(tmp_path)
+    with pytest.raises(DamagedInputError):
+        list(chunks(files[-1]))
+    for path in files[1:]:  # the one before it may not have been finished
+        recover(path, path)
+    said = streams(files)["bus0"][0]
+    assert must <= len(said) <= handed[-1][1]
+    assert b"".join(c.data for c in talk("mightyzap", 8.0, rate=0)).startswith(said)
+    for path in files[:-1]:
+        assert compare(path, Options(), say=pytest.fail).equal
+
+
+def test_a_disk_that_fills_up_leaves_every_file_readable(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", RECORDER, str(tmp_path / "run.mcap"), "60000", "8"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    assert "cannot be written (File too large)" in done.stdout.splitlines()[-1]
+    assert "Traceback" not in done.stderr
+    said = b"".join(c.data for c in chunks(parts(tmp_path)[0]))
+    assert len(said) > 1000
+    assert b"".join(c.data for c in talk("mightyzap", 8.0, rate=0)).startswith(said)

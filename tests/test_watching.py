@@ -1,0 +1,520 @@
+"""A recording shown in Rerun while it is made, by real viewers: they look, hang, die and leave."""
+
+from __future__ import annotations
+
+import contextlib
+import http.server
+import os
+import re
+import resource
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import urllib.request
+import warnings
+from collections import defaultdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rerun.chunk import RrdReader
+from rerun.error_utils import RerunWarning
+from rerun.experimental import ViewerClient
+
+from sniffer import viewing
+from sniffer.decoder import Decoder
+from sniffer.model import Chunk, Clock, Direction, Mark, MarkKind, OutputError
+from sniffer.parcels import CONNECT, WEB, WINDOW, Parcel, Unpacker, packed
+from sniffer.pipeline import Options
+from sniffer.watching import CLOSE_S, LiveView
+from tests.streams.mightyzap import packet
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from tests.viewer import HeadlessViewer
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are looked up in /proc")
+
+LOAD: Final = 0xF2
+POSITION, VOLTAGE = 0x8C, 0x92
+START_NS: Final = 1_795_000_000_000_000_000
+OPTIONS: Final = Options(protocol="mightyzap", baud=1_000_000)
+MS: Final = 1_000_000
+
+
+def asked(servo: int, address: int, reply: bytes) -> bytes:
+    return packet(servo, LOAD, bytes([address, len(reply)])) + packet(servo, 0, reply)
+
+
+def talk(ms: int, servos: Sequence[int] = (1, 2), first_ms: int = 0) -> list[Chunk]:
+    """A millisecond a chunk: one servo asked for its position, and now and then for its voltage."""
+    out = []
+    for k in range(first_ms, first_ms + ms):
+        servo = servos[k % len(servos)]
+        data = asked(servo, POSITION, (1000 + k % 2000).to_bytes(2, "little"))
+        if k % 50 < len(servos):
+            data += asked(servo, VOLTAGE, b"\x78")
+        out.append(Chunk(data, START_NS + k * MS, Clock.READ))
+    return out
+
+
+def busy(ms: int) -> list[Chunk]:
+    """What 1 Mbit/s brings in a millisecond, time and again."""
+    data = b"".join(asked(1 + k % 3, POSITION, (k % 4096).to_bytes(2, "little")) for k in range(99))
+    pieces = [data[at : at + 92] for at in range(0, len(data) - 92, 92)]
+    return [Chunk(pieces[k % len(pieces)], START_NS + k * MS, Clock.READ) for k in range(ms)]
+
+
+def until(is_so: Callable[[], Any], seconds: float = 20.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def until_it_has(live: LiveView, is_so: Callable[[], Any]) -> None:
+    """Wait as a recorder does on silent buses."""
+
+    def look() -> Any:
+        live.idle(0)
+        return is_so()
+
+    until(look)
+
+
+class Said(list[str]):
+    """What the people at the recorder were told."""
+
+    def __call__(self, line: str) -> None:
+        assert "\n" not in line
+        self.append(line)
+
+
+@pytest.fixture
+def said() -> Said:
+    return Said()
+
+
+@pytest.fixture
+def view(
+    said: Said, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> Iterator[Callable[..., LiveView]]:
+    """Make views whose windows need no display; kill what a failing test leaves behind."""
+    monkeypatch.setenv("DISPLAY", ":0")
+    made: list[LiveView] = []
+
+    def make(mode: str, **more: Any) -> LiveView:
+        if mode == WINDOW:
+            more["arguments"] = ("--headless",)
+            request.getfixturevalue("headless_viewer")  # for its reason to skip
+        made.append(LiveView(mode, options=OPTIONS, name="test", say=said, **more))
+        return made[-1]
+
+    yield make
+    for each in made:
+        if not each._pipe.closed:
+            each.close()
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(each.pid, signal.SIGKILL)
+
+
+def group(leader: int) -> dict[int, list[str]]:
+    """Return the processes of a group with their command lines; the dead are not counted."""
+    out = {}
+    for place in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            stat = (place / "stat").read_text().rpartition(")")[2].split()
+            if int(stat[2]) == leader and stat[0] != "Z":
+                out[int(place.name)] = (place / "cmdline").read_text().split("\0")
+    return out
+
+
+def viewer_of(live: LiveView) -> tuple[int, str]:
+    """Return process id and address of the viewer that a view has started, once it answers."""
+    found: list[tuple[int, str]] = []
+
+    def is_there() -> bool:
+        for pid, arguments in group(live.pid).items():
+            if pid != live.pid and "--port" in arguments:
+                port = int(arguments[arguments.index("--port") + 1])
+                if viewing.listens("127.0.0.1", port):
+                    found.append((pid, f"rerun+http://127.0.0.1:{port}/proxy"))
+        return bool(found)
+
+    until(is_there)
+    return found[0]
+
+
+def looks(live: LiveView) -> int:
+    """Return the process id of the viewer once it shows something."""
+    pid, address = viewer_of(live)
+    client = ViewerClient.connect(address)
+    until_it_has(live, lambda: client.get_state().recordings)
+    return pid
+
+
+def fed(live: LiveView, chunks: Sequence[Chunk], step: int = 50, bus: str = "bus0") -> None:
+    """Feed chunks as the recorder does, in steps, but without waiting between them."""
+    for at in range(0, len(chunks), step):
+        live.raw(bus, chunks[at : at + step])
+        live.idle(chunks[min(at + step, len(chunks)) - 1].t_ns or 0)
+
+
+@contextlib.contextmanager
+def saver(path: Path) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+    """Run a viewer that draws nothing: it writes down what it is sent."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    arguments = ("--save", str(path), "--port", str(port), "--bind", "127.0.0.1")
+    with subprocess.Popen(
+        [viewing.executable(), *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "CI": "1"},
+    ) as process:
+        try:
+            until(lambda: viewing.listens("127.0.0.1", port))
+            yield process, f"http://127.0.0.1:{port}"
+        finally:
+            process.send_signal(signal.SIGCONT)
+            size = -1
+            while size != (size := path.stat().st_size if path.exists() else 0):
+                time.sleep(0.3)  # until it has written down what it has taken
+            process.send_signal(signal.SIGINT)
+
+
+def saved(path: Path) -> dict[str, list[tuple[int, Any]]]:
+    """Return the rows of a .rrd by entity: time and value."""
+    rows: dict[str, list[tuple[int, Any]]] = defaultdict(list)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RerunWarning)  # a saver that is stopped writes no footer
+        reader = RrdReader(str(path))
+    for chunk in reader.stream():
+        batch = chunk.to_record_batch()
+        if not chunk.is_static:
+            times = batch.column("time").cast("int64").to_pylist()
+            *_, name = (n for n in batch.schema.names if ":" in n)
+            rows[chunk.entity_path] += zip(
+                times, (v[0] for v in batch.column(name).to_pylist()), strict=True
+            )
+    return rows
+
+
+def decoded(chunks: Sequence[Chunk], servo: int = 1) -> list[tuple[int, float]]:
+    """Return the positions of a servo."""
+    decoder = Decoder("mightyzap", baud=1_000_000)
+    out: list[tuple[int, float]] = []
+    for batch in (decoder.feed(*chunks), decoder.close()):
+        s = batch.samples
+        names = [register.name for register in decoder.protocol.registers]
+        number = names.index("present_position")
+        mine = (s.servo_id == servo) & (s.register == number)
+        out += zip(s.t_ns[mine].tolist(), s.value[mine].tolist(), strict=True)
+    return out
+
+
+MARKS = st.builds(
+    Mark, st.sampled_from(MarkKind), st.integers(-9, 9), st.integers(0, 99), st.integers(0, 1 << 62)
+)
+CHUNKS = st.lists(
+    st.builds(
+        Chunk,
+        st.binary(max_size=9),
+        st.none() | st.integers(-(1 << 62), 1 << 62),
+        st.sampled_from(Clock),
+        st.just("left arm"),
+        st.sampled_from(Direction),
+        st.lists(MARKS, max_size=2).map(tuple),
+    ),
+    max_size=9,
+)
+
+
+@given(st.lists(st.tuples(CHUNKS, st.integers(0, 1 << 40))), st.integers(1, 99))
+def test_what_is_packed_comes_out_of_the_pipe_in_pieces_of_any_size(
+    groups: list[tuple[list[Chunk], int]], size: int
+) -> None:
+    data = b"".join(packed("left arm", chunks, missing, 7) for chunks, missing in groups)
+    unpacker, out = Unpacker(), list[Parcel]()
+    for at in range(0, len(data), size):
+        unpacker.feed(data[at : at + size])
+        out += unpacker.parcels()
+    assert out == [("left arm", missing, chunks, 7) for chunks, missing in groups]
+
+
+@pytest.mark.parametrize(
+    ("url", "address"),
+    [
+        ("rerun+http://10.0.0.7:9876/proxy", "rerun+http://10.0.0.7:9876/proxy"),
+        ("http://desk:1234", "rerun+http://desk:1234/proxy"),
+        ("https://desk/", "rerun+https://desk:9876/proxy"),
+        ("rerun://desk/proxy", "rerun://desk:9876/proxy"),
+        ("desk", "rerun+http://desk:9876/proxy"),
+        ("desk:99", "rerun+http://desk:99/proxy"),
+        ("http://[::1]:99", "rerun+http://[::1]:99/proxy"),
+    ],
+)
+def test_an_address_may_be_told_in_several_ways(url: str, address: str) -> None:
+    assert viewing.data_address(url)[0] == address
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "",
+        "ftp://desk",
+        "http://",
+        "http://desk:x",
+        "http://desk:99999",
+        "desk/app",
+        "a b",
+        "http://[",
+    ],
+)
+def test_what_is_no_address_is_refused_in_one_line(url: str, view: Any) -> None:
+    with pytest.raises(OutputError, match=r"looks like rerun\+http://HOST:PORT/proxy") as caught:
+        view(CONNECT, url=url)
+    assert "\n" not in str(caught.value)
+
+
+def test_without_a_display_it_says_what_to_do_instead(
+    view: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(OutputError, match=r"--rerun-web.*--rerun-connect"):
+        view(WINDOW)
+
+
+def test_what_is_shown_is_what_decoding_finds(view: Any, said: Said, tmp_path: Path) -> None:
+    chunks = talk(3000)
+    with saver(tmp_path / "a.rrd") as (_, url):
+        live = view(CONNECT, url=url)
+        fed(live, chunks)
+        live.close()  # before it has begun
+        assert said == []
+        assert (live.dropped_bytes, live.alive) == (0, False)
+        until(lambda: not group(live.pid))
+    rows = saved(tmp_path / "a.rrd")
+    assert rows["/bus0/servo/1/present_position"] == decoded(chunks)
+    assert len(decoded(chunks)) == 1500
+    assert len(rows["/bus0/servo/2/present_voltage"]) == 60
+    assert "/bus0/anomalies" not in rows
+
+
+def test_a_viewer_that_hangs_loses_groups_and_then_goes_on(
+    view: Any, said: Said, tmp_path: Path
+) -> None:
+    first, flood, rest = talk(500), busy(250_000), talk(500, first_ms=300_000)
+    with saver(tmp_path / "a.rrd") as (process, url):
+        live = view(CONNECT, url=url)
+        fed(live, first)
+        until_it_has(live, lambda: (tmp_path / "a.rrd").stat().st_size > 10_000)
+        process.send_signal(signal.SIGSTOP)
+        fed(live, flood, 500)
+        assert 8_000_000 < live.dropped_bytes < 92 * len(flood)
+        assert live.dropped_chunks == pytest.approx(live.dropped_bytes / 92)
+        process.send_signal(signal.SIGCONT)
+        until_it_has(live, lambda: not live._backlog)
+        fed(live, rest)
+        live.close()
+        assert said == []
+    rows = saved(tmp_path / "a.rrd")
+    shown = rows["/bus0/servo/1/present_position"]
+    assert set(decoded(first)[:-1]) <= set(shown)
+    assert set(decoded(rest)[1:]) <= set(shown)
+    assert set(shown) <= set(decoded([*first, *flood, *rest]))
+    lines = [text for _, text in rows["/bus0/anomalies"]]
+    assert any("not-decoded" in line for line in lines)
+    lost = [int(n) for line in lines for n in re.findall(r"not-decoded: (\d+) bytes", line)]
+    assert sum(lost) == live.dropped_bytes
+
+
+def test_a_viewer_that_hangs_does_not_hold_up_the_recorder(view: Any, said: Said) -> None:
+    live = view(WINDOW)
+    fed(live, talk(100))
+    os.kill(looks(live), signal.SIGSTOP)
+    groups = [(f"bus{bus}", busy(50)) for bus in range(8)]
+    before, worst = _resident(), 0.0
+    for _ in range(20 * 30):  # thirty seconds
+        for bus, chunks in groups:
+            taken, began = resource.getrusage(resource.RUSAGE_SELF), time.perf_counter()
+            live.raw(bus, chunks)
+            took = time.perf_counter() - began
+            # others may have had the processor meanwhile: that is no waiting of ours
+            if resource.getrusage(resource.RUSAGE_SELF).ru_nivcsw == taken.ru_nivcsw:
+                worst = max(worst, took)
+    assert live.alive
+    assert worst < 0.05
+    assert live.dropped_bytes > 10_000_000
+    assert _resident() - before < 16_000_000
+    began = time.monotonic()
+    live.close()
+    assert time.monotonic() - began < CLOSE_S + 1
+    until(lambda: not group(live.pid))
+    assert said == []
+
+
+def _resident() -> int:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+
+@pytest.mark.parametrize("whose", ["viewer", "watcher"])
+def test_a_viewer_that_dies_is_told_of_once_and_the_recording_goes_on(
+    whose: str, view: Any, said: Said
+) -> None:
+    live = view(WINDOW)
+    fed(live, talk(100))
+    viewer = looks(live)
+    os.kill(viewer if whose == "viewer" else live.pid, signal.SIGKILL)
+    until_it_has(live, lambda: not live.alive)
+    (line,) = said
+    assert line.endswith("; the recording goes on")
+    assert line.startswith(
+        "the Rerun viewer stopped with status -9" if whose == "viewer" else "the process that shows"
+    )
+    until(lambda: not group(live.pid))
+    fed(live, busy(5000))
+    assert live.dropped_bytes == 0
+    began = time.monotonic()
+    live.close()
+    assert time.monotonic() - began < 0.5
+    assert len(said) == 1
+
+
+def test_a_window_stays_open_behind_the_recording_until_it_is_closed(view: Any, said: Said) -> None:
+    live = view(WINDOW)
+    assert os.getsid(live.pid) == live.pid != os.getsid(0)  # no Ctrl-C reaches it
+    fed(live, talk(1000))
+    viewer, address = viewer_of(live)
+    live.close()
+    assert said == ["the Rerun window stays open until it is closed"]
+    assert {viewer, live.pid} <= group(live.pid).keys()
+    (recording,) = ViewerClient.connect(address).get_state().recordings
+    assert recording.timelines[0].end == talk(1000)[-1].t_ns
+    os.kill(viewer, signal.SIGTERM)
+    until(lambda: not group(live.pid))
+
+
+def test_a_window_that_has_shown_nothing_does_not_stay(view: Any, said: Said) -> None:
+    live = view(WINDOW)
+    live.close()
+    assert group(live.pid) == {}
+    assert said == []
+
+
+def test_a_browser_is_served_while_the_recording_lasts(view: Any, said: Said) -> None:
+    live = view(WEB)
+    until_it_has(live, lambda: said)
+    (line,) = said
+    page = line.split()[-1]
+    assert "url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A" in page
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    with opener.open(page, timeout=5) as answer:
+        assert b"rerun" in answer.read().lower()
+    fed(live, talk(200))
+    began = time.monotonic()
+    live.close()
+    assert time.monotonic() - began < CLOSE_S + 1
+    assert group(live.pid) == {}
+    assert len(said) == 1
+
+
+def test_a_viewer_that_is_not_there_is_told_of_and_the_recording_goes_on(
+    view: Any, said: Said
+) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # and nobody listens
+        live = view(CONNECT, url=f"127.0.0.1:{taken.getsockname()[1]}")
+        until_it_has(live, lambda: not live.alive)
+    (line,) = said
+    assert re.fullmatch(r"no Rerun viewer answers at .*; the recording goes on", line)
+    live.close()
+
+
+class Mute(http.server.BaseHTTPRequestHandler):
+    def log_message(self, *_: object) -> None: ...
+
+
+def test_what_is_no_viewer_is_told_of(view: Any, said: Said) -> None:
+    with http.server.HTTPServer(("127.0.0.1", 0), Mute) as other:
+        threading.Thread(target=other.serve_forever, daemon=True).start()
+        live = view(CONNECT, url=f"127.0.0.1:{other.server_port}")
+        until_it_has(live, lambda: not live.alive)
+        other.shutdown()
+    (line,) = said
+    assert re.fullmatch(r"what answers at .* is no Rerun viewer; the recording goes on", line)
+    live.close()
+
+
+@pytest.mark.parametrize("mode", [WEB, WINDOW])
+def test_a_recorder_that_is_killed_leaves_nothing_but_a_window_to_be_closed(
+    mode: str, headless_viewer: HeadlessViewer
+) -> None:
+    code = (
+        "import sys, time; from tests import test_watching as t\n"
+        "more = {'arguments': ('--headless',)} if sys.argv[1] == 'window' else {}\n"
+        "live = t.LiveView(sys.argv[1], options=t.OPTIONS, name='x', say=t.Said(), **more)\n"
+        "print(live.pid, flush=True)\n"
+        "while True: t.fed(live, t.talk(50)); time.sleep(0.05)"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code, mode],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "DISPLAY": ":0"},
+    ) as recorder:
+        assert recorder.stdout is not None
+        leader = int(recorder.stdout.readline())
+        until(lambda: len(group(leader)) == 2)
+        recorder.kill()
+    if mode == WINDOW:
+        time.sleep(1)
+        (viewer,) = group(leader).keys() - {leader}
+        os.kill(viewer, signal.SIGTERM)
+    until(lambda: not group(leader))
+
+
+def test_a_servo_that_appears_gets_its_place_by_itself_and_the_plots_follow(
+    view: Any, said: Said, headless_viewer: HeadlessViewer
+) -> None:
+    client = headless_viewer.client
+    if client.get_state().recordings:
+        client.close("all")
+    before = set(headless_viewer.complaints())
+    live = view(CONNECT, url=client.url, window_s=2.0)
+
+    def are_shown(*entities: str) -> bool:
+        client.take_screenshot(max_size=64)  # without a window it does nothing unasked
+        if not client.get_state().recordings:
+            return False
+        layout = str(client.get_blueprint().blueprint)
+        there = {e.entity_path for e in client.get_recording_schema().entities}
+        return all(entity in there and entity in layout for entity in entities)
+
+    def follows(last_ms: int) -> bool:
+        client.take_screenshot(max_size=64)
+        (recording,) = client.get_state().recordings
+        return recording.current_time == recording.timelines[0].end == START_NS + last_ms * MS
+
+    first, second = "/bus0/servo/1/present_position", "/bus0/servo/2/present_position"
+    fed(live, talk(1000, servos=[1]))
+    until_it_has(live, lambda: are_shown(first) and follows(999))
+    layout = client.get_blueprint()
+    assert second not in str(layout.blueprint)
+    fed(live, talk(3000, servos=[1], first_ms=1000))
+    until_it_has(live, lambda: follows(3999))
+    assert client.get_blueprint().blueprint_id == layout.blueprint_id  # nothing is laid out anew
+    fed(live, talk(3000, first_ms=4000))
+    until_it_has(live, lambda: are_shown(first, second) and follows(6999))
+    assert client.get_blueprint().blueprint_id != layout.blueprint_id
+    live.close()
+    assert not set(headless_viewer.complaints()) - before
+    assert (live.dropped_bytes, said) == (0, [])
