@@ -31,12 +31,14 @@ import numpy as np
 
 from sniffer.framing import Block
 from sniffer.model import (
+    I64,
     IF_READ,
     MANY,
     MUST,
     NEVER,
     REQUEST,
     RESPONSE,
+    U8,
     Chunk,
     Direction,
     Mark,
@@ -47,9 +49,13 @@ from sniffer.model import (
 from sniffer.ordering import (
     BARE,
     CELLS,
+    NEVER_NS,
     TRIALS,
     Bare,
     BareAnswers,
+    Framed,
+    Lane,
+    Piece,
     Place,
     Said,
     Step,
@@ -60,111 +66,17 @@ from sniffer.ordering import (
 from sniffer.timing import byte_time_ns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Sequence
 
     from sniffer.protocols.base import BusProtocol
 
 TX, RX = range(2)
 """The controller's wire and the servos'."""
 
-NEVER_NS: Final = 1 << 62
-"""Later than any stamp."""
+RETRIES: Final = 4
+"""How often framing goes on behind a false beginning in one pass; then frames inside it count."""
 
 _NONE: Final = np.empty(0, np.int64)
-
-Framed = list[tuple[int, int, Said | None]]
-"""Start, end and content of the frames on one wire."""
-
-Piece = tuple[Chunk, int, int, int]
-"""A part of a chunk, from byte to byte, and the latest moment of its last byte."""
-
-
-class _Lane:
-    """What one wire holds that is not handed on yet, with the latest moment of each byte."""
-
-    def __init__(self, byte_ns: int, latency_ns: int) -> None:
-        self.chunks: list[Chunk] = []
-        self.data = bytearray()
-        self.times: list[int] = []
-        self.soonest: list[int] = []
-        self._byte_ns = byte_ns
-        self._latency_ns = latency_ns
-        self._begun = 0  # bytes of the first chunk that were handed on
-        self._last = 0
-
-    def add(self, chunk: Chunk, t_ns: int) -> None:
-        n, before = len(chunk.data), self._last
-        self._last = t_ns = max(t_ns, before)
-        self.chunks.append(chunk if chunk.t_ns == t_ns else replace(chunk, t_ns=t_ns))
-        self.data += chunk.data
-        times = [max(t_ns - k * self._byte_ns, before) for k in range(n - 1, -1, -1)]
-        self.times += times
-        # The adapter held the first byte no longer than its latency, and the others came behind it;
-        # a read that holds more than comes in that time has been held up elsewhere.
-        spare = max(self._latency_ns - (n - 1) * self._byte_ns, 0) or self._latency_ns
-        self.soonest += [t_ns - k * self._byte_ns - spare for k in range(n - 1, -1, -1)]
-
-    def due_ns(self, hold_ns: int) -> int:
-        """Return when what has been held longest must be handed on."""
-        if not self.chunks:
-            return NEVER_NS
-        stamp = _stamp(self.chunks[0])
-        # A long read may be due before it came; then it is as soon as all of its time has come.
-        return max(self.times[0] + hold_ns, stamp) if self.chunks[0].data else stamp + hold_ns
-
-    def unit(self, start: int, end: int, *, framed: bool = False, said: Said | None = None) -> Unit:
-        first = self.times[start] - self._byte_ns
-        return Unit(start, end, first, self.times[end - 1], self.soonest[end - 1], framed, said)
-
-    def units(self, frames: Framed, until: int) -> list[Unit]:
-        """Return frames and what lies between them, up to offset ``until``."""
-        ends: list[int] = []
-        empty: list[tuple[int, int]] = []
-        at = -self._begun
-        for chunk in self.chunks:
-            at += len(chunk.data)
-            if chunk.data:
-                ends.append(at)
-            else:
-                empty.append((at, _stamp(chunk)))
-        empty.reverse()
-        out: list[Unit] = []
-        at = 0
-        for start, stop, said in [*frames, (until, until, None)]:
-            while True:
-                while empty and empty[-1][0] <= at:
-                    offset, t_ns = empty.pop()
-                    if offset == at:  # else a frame goes across it, and takes it along
-                        out.append(Unit(at, at, t_ns, t_ns, t_ns - self._latency_ns))
-                if at >= start:
-                    break
-                out.append(self.unit(at, min(start, ends[bisect_right(ends, at)])))
-                at = out[-1].end
-            if stop > start:
-                out.append(self.unit(start, stop, framed=True, said=said))
-                at = stop
-        return out
-
-    def take(self, unit: Unit) -> Iterator[Piece]:
-        """Yield the parts of chunks that a unit is made of; units are taken in order."""
-        at = unit.start
-        while True:
-            chunk = self.chunks[0]
-            size = len(chunk.data)
-            stop = min(self._begun + unit.end - at, size)
-            at += stop - self._begun
-            yield chunk, self._begun, stop, self.times[at - 1] if size else _stamp(chunk)
-            self._begun = stop
-            if stop == size:
-                del self.chunks[0]
-                self._begun = 0
-            if at == unit.end:
-                return
-
-    def forget(self, end: int) -> None:
-        del self.data[:end]
-        del self.times[:end]
-        del self.soonest[:end]
 
 
 class Merger:
@@ -188,7 +100,7 @@ class Merger:
         self._bus = bus
         self._latency_ns = latency_ns
         self._byte_ns = byte_time_ns(baud)
-        self._lanes = _Lane(self._byte_ns, latency_ns), _Lane(self._byte_ns, latency_ns)
+        self._lanes = Lane(self._byte_ns, latency_ns), Lane(self._byte_ns, latency_ns)
         self._place = Place()
         self._bare = BareAnswers()
         self._now = self._out = 0
@@ -261,42 +173,48 @@ class Merger:
         n = len(lane.data)
         if self.protocol is None or not n:
             return [], n
-        data = bytes(lane.data)
-        block = Block(np.frombuffer(data, np.uint8), _NONE, lane.times[-1] <= due)
-        spans, decided = self.protocol.frame(block)
-        if wire == TX and (bare := _bare(spans)).any():
-            # The answer is on the other wire: these bytes are the beginning of something else.
-            block = Block(block.data, spans.start[bare], block.final)
-            spans, decided = self.protocol.frame(block)
-        if decided < n:
-            late = int(bisect_right(lane.times, due))
-            more, _ = self.protocol.frame(Block(block.data[decided:], _NONE, True))
-            keep = np.ones(len(more), bool) if wire == RX else ~_bare(more)
+        data = np.frombuffer(bytes(lane.data), np.uint8)
+        spans, decided = self._framed(wire, data, 0, final=lane.times[-1] <= due)
+        late = bisect_right(lane.times, due)
+        for attempt in range(RETRIES):
+            # What waits for bytes may be a longer frame: only those in front of it are told.
+            more, _ = self._framed(wire, data, decided, final=True)
+            more = more.take(np.logical_and.accumulate(more.start == _shifted(more.end, decided)))
+            spans = Spans.concat([spans, more])
+            decided = int(more.end[-1]) if len(more) else decided
             if decided >= late:
-                # What still waits for bytes may be a frame: only those in front of it are told.
-                keep &= np.concatenate([[0], more.end])[:-1] == more.start
-                keep = np.logical_and.accumulate(keep)
-            more = more.take(keep)
-            if len(more):
-                more = Spans(more.start + decided, more.end + decided, more.kind)
-                spans = Spans.concat([spans, more])
-                decided = int(more.end[-1])
-            decided = max(decided, late)
+                break
+            # What has waited so long is no frame: framing goes on behind its first byte.
+            final = attempt == RETRIES - 1
+            more, end = self._framed(wire, data, decided + 1, final=final)
+            spans = Spans.concat([spans, more])
+            decided = max(int(more.end[-1]) if len(more) else 0, late) if final else end
         if not len(spans):
             return [], decided
-        f = self.protocol.describe(Block(block.data, block.barriers, True), spans)
+        f = self.protocol.describe(Block(data, _NONE, True), spans)
         speaks = (f.kind == REQUEST) & (f.reply != NEVER) if wire == TX else f.kind == RESPONSE
-        window = self.protocol.window_ns(f)
-        columns = f.start, f.end, speaks, f.servo_id, f.token, f.alt_id, f.reply, window
+        columns = f.start, f.end, speaks, f.servo_id, f.token, f.alt_id, f.reply
         out: Framed = []
-        for start, end, says, who, token, alt, reply, ns in zip(
+        for start, end, says, who, token, alt, reply in zip(
             *(c.tolist() for c in columns), strict=True
         ):
-            closes_ns = lane.times[end - 1] + ns
             must = reply in (IF_READ, MUST)
-            said = Said(who, token, alt, reply == MANY, must, closes_ns, data[start:end])
+            said = Said(who, token, alt, reply == MANY, must, data[start:end].tobytes())
             out.append((start, end, said if says else None))
         return out, decided
+
+    def _framed(self, wire: int, data: U8, start: int, *, final: bool) -> tuple[Spans, int]:
+        """Frame from an offset on; return the frames, and how far every byte has its fate."""
+        assert self.protocol is not None
+        if start == len(data):
+            return Spans.empty(), start
+        rest = data[start:]
+        spans, decided = self.protocol.frame(Block(rest, _NONE, final))
+        if wire == TX and (bare := _bare(spans)).any():
+            # The answer is on the other wire: these bytes are the beginning of something else.
+            spans, decided = self.protocol.frame(Block(rest, spans.start[bare], final))
+            spans = spans.take(~_bare(spans))
+        return Spans(spans.start + start, spans.end + start, spans.kind), decided + start
 
     def _order(self, asked: list[Unit], heard: list[Unit], known_ns: int) -> list[Step]:
         asks = self._place.ask is not None or any(u.said for u in asked)
@@ -381,9 +299,9 @@ class Merger:
         return replace(chunk, data=data, t_ns=t_ns, bus=self._bus, marks=marks)
 
 
-def _stamp(chunk: Chunk) -> int:
-    assert chunk.t_ns is not None  # the lane gave it one
-    return chunk.t_ns
+def _shifted(ends: I64, first: int) -> I64:
+    """Return where each frame begins if they stand end to end."""
+    return np.concatenate([[first], ends])[:-1]
 
 
 def _bare(spans: Spans) -> Mask:

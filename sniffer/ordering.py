@@ -5,7 +5,6 @@ its end against the latest moment of the other's beginning. What an order is wor
 
 - an answer that fits the request before it counts most, one of the right servo half as much, bytes
   no frame claims right behind a request a quarter: it may be the answer, damaged;
-- half of that is lost if the answer must then have taken longer than the protocol allows;
 - where all has come that could explain it, an answer to nothing costs as much as one that fits is
   worth, a request without the answer it must have a quarter.
 
@@ -15,12 +14,15 @@ Among orders of the same worth it is the one that moves pieces least, requests f
 from __future__ import annotations
 
 import itertools
+import math
+from bisect import bisect_right
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from sniffer.framing import Block
-from sniffer.model import ANY_ID, ECHO_DIFFERS, NO_ALT, RESPONSE
+from sniffer.model import ANY_ID, ECHO_DIFFERS, NO_ALT, RESPONSE, Chunk
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -32,11 +34,14 @@ FITS: Final = 4_000_000
 
 NEARLY: Final = FITS // 2
 DAMAGED: Final = FITS // 4
-import os
-W=float(os.environ.get('W','0'))*FITS or 1.0
-LATE=int(float(os.environ.get('LATE','0.5'))*FITS)
 UNASKED: Final = FITS
-MISSED = int(float(os.environ.get('MISSED','0.25'))*FITS)
+MISSED: Final = FITS // 4
+
+NEVER: Final = math.inf
+"""The cost of what the stamps forbid."""
+
+NEVER_NS: Final = 1 << 62
+"""Later than any stamp."""
 
 BARE: Final = 8
 """Bytes that are looked at for an answer without a header."""
@@ -65,7 +70,6 @@ class Said(NamedTuple):
     alt_id: int
     many: bool
     must: bool
-    closes_ns: int
     raw: bytes
 
     def worth(self, answer: Said) -> int:
@@ -93,6 +97,113 @@ class Unit(NamedTuple):
     said: Said | None = None
 
 
+Framed = list[tuple[int, int, Said | None]]
+"""Start, end and content of the frames on one wire."""
+
+Piece = tuple[Chunk, int, int, int]
+"""A part of a chunk, from byte to byte, and the latest moment of its last byte."""
+
+
+def stamp_of(chunk: Chunk) -> int:
+    """Return the stamp of a chunk that a lane holds."""
+    assert chunk.t_ns is not None  # the lane gave it one
+    return chunk.t_ns
+
+
+class Lane:
+    """What one wire holds that is not handed on yet.
+
+    ``times`` is the latest moment at which each byte can have come, ``soonest`` the earliest.
+    """
+
+    def __init__(self, byte_ns: int, latency_ns: int) -> None:
+        self.chunks: list[Chunk] = []
+        self.data = bytearray()
+        self.times: list[int] = []
+        self.soonest: list[int] = []
+        self._byte_ns = byte_ns
+        self._latency_ns = latency_ns
+        self._begun = 0  # bytes of the first chunk that were handed on
+        self._last = 0
+
+    def add(self, chunk: Chunk, t_ns: int) -> None:
+        """Take a chunk in; the stamp of one without is ``t_ns``."""
+        n, before = len(chunk.data), self._last
+        self._last = t_ns = max(t_ns, before)
+        self.chunks.append(chunk if chunk.t_ns == t_ns else replace(chunk, t_ns=t_ns))
+        self.data += chunk.data
+        times = [max(t_ns - k * self._byte_ns, before) for k in range(n - 1, -1, -1)]
+        self.times += times
+        # The adapter held the first byte no longer than its latency, and the others came behind it;
+        # a read that holds more than comes in that time has been held up elsewhere.
+        spare = max(self._latency_ns - (n - 1) * self._byte_ns, 0) or self._latency_ns
+        self.soonest += [t_ns - k * self._byte_ns - spare for k in range(n - 1, -1, -1)]
+
+    def due_ns(self, hold_ns: int) -> int:
+        """Return when what has been held longest must be handed on."""
+        if not self.chunks:
+            return NEVER_NS
+        stamp = stamp_of(self.chunks[0])
+        # A long read may be due before it came; then it is as soon as all of its time has come.
+        return max(self.times[0] + hold_ns, stamp) if self.chunks[0].data else stamp + hold_ns
+
+    def unit(self, start: int, end: int, *, framed: bool = False, said: Said | None = None) -> Unit:
+        """Return the bytes between two offsets as a unit."""
+        first = self.times[start] - self._byte_ns
+        return Unit(start, end, first, self.times[end - 1], self.soonest[end - 1], framed, said)
+
+    def units(self, frames: Framed, until: int) -> list[Unit]:
+        """Return frames and what lies between them, up to offset ``until``."""
+        ends: list[int] = []
+        empty: list[tuple[int, int]] = []
+        at = -self._begun
+        for chunk in self.chunks:
+            at += len(chunk.data)
+            if chunk.data:
+                ends.append(at)
+            else:
+                empty.append((at, stamp_of(chunk)))
+        empty.reverse()
+        out: list[Unit] = []
+        at = 0
+        for start, stop, said in [*frames, (until, until, None)]:
+            while True:
+                while empty and empty[-1][0] <= at:
+                    offset, t_ns = empty.pop()
+                    if offset == at:  # else a frame goes across it, and takes it along
+                        out.append(Unit(at, at, t_ns, t_ns, t_ns - self._latency_ns))
+                if at >= start:
+                    break
+                out.append(self.unit(at, min(start, ends[bisect_right(ends, at)])))
+                at = out[-1].end
+            if stop > start:
+                out.append(self.unit(start, stop, framed=True, said=said))
+                at = stop
+        return out
+
+    def take(self, unit: Unit) -> Iterator[Piece]:
+        """Yield the parts of chunks that a unit is made of; units are taken in order."""
+        at = unit.start
+        while True:
+            chunk = self.chunks[0]
+            size = len(chunk.data)
+            stop = min(self._begun + unit.end - at, size)
+            at += stop - self._begun
+            yield chunk, self._begun, stop, self.times[at - 1] if size else stamp_of(chunk)
+            self._begun = stop
+            if stop == size:
+                del self.chunks[0]
+                self._begun = 0
+            if at == unit.end:
+                return
+
+    def forget(self, end: int) -> None:
+        """Drop the bytes before an offset; their chunks have been taken."""
+        del self.data[:end]
+        del self.times[:end]
+        del self.soonest[:end]
+
+
 class Place(NamedTuple):
     """What the last request was, if it has an answer, and what stands since."""
 
@@ -112,18 +223,10 @@ class Place(NamedTuple):
         if not unit.framed:
             worth = DAMAGED if self.ask and self.since == DIRECT else 0
             return Place(self.ask, max(self.since, BEHIND)), worth
-        fresh = self.ask and unit.said and (self.ask.many or self.since != ANSWERED)
-        worth = self.ask.worth(unit.said) if fresh and self.ask and unit.said else 0
+        worth = 0
+        if self.ask and unit.said and (self.ask.many or self.since != ANSWERED):
+            worth = self.ask.worth(unit.said)
         return Place(self.ask, ANSWERED), worth
-
-    def judge(self, worth: int, first: Unit, last: Unit, known_ns: int) -> int:
-        """Return what an answer is worth, given when it came."""
-        began_ns = last.soonest_ns - (last.last_ns - first.first_ns)
-        if worth >= NEARLY and self.ask and began_ns > self.ask.closes_ns:
-            return worth - LATE
-        if not worth and last.last_ns <= known_ns and last.end > first.start:
-            return -UNASKED
-        return worth
 
 
 class Step(NamedTuple):
@@ -143,7 +246,10 @@ def by_time(asked: Sequence[Unit], heard: Sequence[Unit], place: Place) -> list[
     out: list[Step] = []
     i = j = 0
     while i < len(asked) or j < len(heard):
-        wire = int(i == len(asked) or (j < len(heard) and heard[j].last_ns < asked[i].last_ns))
+        a = asked[i] if i < len(asked) else None
+        b = heard[j] if j < len(heard) else None
+        costs = _cost(a, b, tie=True), _cost(b, a, tie=False)
+        wire = int(costs[1] < costs[0])
         unit = heard[j] if wire else asked[i]
         i, j = i + 1 - wire, j + wire
         place = place.behind_heard(unit)[0] if wire else place.behind_asked(unit)
@@ -192,7 +298,7 @@ def by_cause(
         score, here = came[state][0], Place(asks[i], since)
         a = asked[i] if i < n else None
         b = heard[j] if j < m else None
-        if a is not None and (cost := _cost(a, b, tie=True)) is not None:
+        if a is not None and (cost := _cost(a, b, tie=True)) < NEVER:
             if a.framed:
                 cost += missed[i] * OPEN[since]
             offer((i + 1, j, here.behind_asked(a).since), score - cost, state)
@@ -204,12 +310,13 @@ def by_cause(
             stop, worth = bare[i, j]
             answers.append((stop, ANSWERED, worth))
         for stop, after, worth in answers:
-            last = heard[stop - 1]
-            if (cost := _cost(last, a, tie=False)) is not None:
+            answer = heard[stop - 1]._replace(first_ns=b.first_ns)
+            if (cost := _cost(answer, a, tie=False)) < NEVER:
                 if after == ANSWERED and not worth:
                     cost += missed[i] * OPEN[since]
-                gain = here.judge(worth, b, last, known_ns)
-                offer((i, stop, after), score + gain - cost, state)
+                if not worth and b.last_ns <= known_ns and b.end > b.start:
+                    cost += UNASKED
+                offer((i, stop, after), score + worth - cost, state)
 
     ends = (s for s in came if s[:2] == (n, m))
     path: list[State] = [max(ends, key=lambda s: came[s][0] - missed[n] * OPEN[s[2]])]
@@ -222,19 +329,21 @@ def by_cause(
     ]
 
 
-def _cost(unit: Unit, other: Unit | None, *, tie: bool) -> float | None:
-    """Return what it costs to put a unit before the other wire's next one; None: it cannot be.
+def _cost(unit: Unit | None, other: Unit | None, *, tie: bool) -> float:
+    """Return what it costs to put a unit before the other wire's next one.
 
     It costs nothing where it ends first by its latest moment (or, with ``tie``, with the other).
+    Where by the stamps neither can have ended before the other began, that order is kept.
     """
+    if unit is None:
+        return NEVER
     if other is None:
         return 0.0
     moved = unit.last_ns - other.last_ns
-    if moved < 0 or (tie and not moved):
-        return 0.0
-    if unit.soonest_ns > other.first_ns:
-        return None
-    return W*moved / max(unit.last_ns - unit.soonest_ns, 1)
+    if unit.soonest_ns <= other.first_ns:
+        return max(moved, 0) / max(unit.last_ns - unit.soonest_ns, 1)
+    by_time = moved < 0 or (tie and not moved)
+    return 0.0 if by_time and other.soonest_ns > unit.first_ns else NEVER
 
 
 class BareAnswers:

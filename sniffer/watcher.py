@@ -249,8 +249,9 @@ def main() -> NoReturn:
         tell(GONE, str(error))
     except Exception as error:
         tell(GONE, f"what shows it in Rerun failed: {type(error).__name__}: {error}")
-    # Not the usual way: the SDK would wait there for a viewer that hangs.
-    os._exit(0)
+    finally:
+        # Not the usual way: the SDK would wait there for a viewer that hangs.
+        os._exit(0)
 
 
 if __name__ == "__main__":

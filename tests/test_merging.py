@@ -334,17 +334,22 @@ def two_taps(draw: st.DrawFn, name: str) -> Bus:
             for s in [draw(stream(name))]
         ]
         bus = Bus(name, [], wires[0], wires[1], latency_ns)
-    wires = [[_marked(draw, c) for c in wire] for wire in (bus.tx, bus.rx)]
+    wires = [_marked(draw, wire) for wire in (bus.tx, bus.rx)]
     return replace(bus, tx=wires[0], rx=wires[1])
 
 
-def _marked(draw: st.DrawFn, chunk: Chunk) -> Chunk:
-    """Draw marks for one read in eight; one in as many has marks and no bytes."""
-    number = draw(st.integers(0, 15))
-    if number > 1:
-        return chunk
-    marks = (Mark(MarkKind.FRAMING, draw(st.integers(-5, len(chunk.data))), 1, 7),)
-    return replace(chunk, marks=marks, data=chunk.data if number else b"")
+def _marked(draw: st.DrawFn, chunks: Sequence[Chunk]) -> list[Chunk]:
+    """Draw marks for one read in sixteen, and for as many a chunk of marks alone behind it."""
+    out: list[Chunk] = []
+    for chunk in chunks:
+        number = draw(st.integers(0, 15))
+        start = draw(st.integers(-5, len(chunk.data))) if number < 2 else 0
+        marks = (Mark(MarkKind.FRAMING, start, 1, 7),) if number < 2 else ()
+        if number == 1:
+            out += [chunk, replace(chunk, data=b"", marks=marks)]
+        else:
+            out.append(replace(chunk, marks=marks))
+    return out
 
 
 @EVERY
