@@ -58,6 +58,18 @@ class Settings:
         shape = self.cflag & (termios.CSIZE | termios.PARENB | termios.CSTOPB)
         return shape == termios.CS8
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether bytes come as they were on the line: nothing altered, echoed, held or marked."""
+        altering = termios.ISTRIP | termios.INLCR | termios.IGNCR | termios.ICRNL | termios.IXON
+        local = termios.ICANON | termios.ECHO | termios.ISIG | termios.IEXTEN
+        return not (self.iflag & (altering | termios.PARMRK) or self.lflag & local) and self.is_8n1
+
+    @property
+    def is_listening(self) -> bool:
+        """Whether line errors are marked, and nothing else is done to the bytes."""
+        return self.iflag == termios.PARMRK | termios.INPCK and not self.lflag and self.is_8n1
+
     def listening(self, baud: int, *, hangs_up: bool | None = None) -> Settings:
         """Return settings for 8N1 at ``baud`` that echo nothing and mark line errors.
 

@@ -5,14 +5,15 @@ What opening a port does to a bus, and what is done about it, in this order:
 - The kernel raises DTR and RTS before ``open`` returns, and an adapter whose driver is switched by
   RTS then holds the bus. So a port that is locked is not opened at all, and otherwise both are
   lowered at once.
-- A port that nobody has set up echoes what it hears. The settings are put in place next, and what
-  was heard before them is dropped: it came unescaped.
+- A port that nobody has set up echoes what it hears. The settings are put in place next. What was
+  heard before them is kept where the settings then let bytes pass as they are, else dropped.
 - Closing lowers DTR and RTS where ``HUPCL`` says so. They are low already; where they are to be
   kept, ``HUPCL`` is cleared.
 """
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import os
@@ -60,6 +61,10 @@ _CONSOLES: Final = (4, range(64))  # /dev/tty0 to /dev/tty63, the same file
 _GONE: Final = (errno.ENXIO, errno.EIO, errno.ENODEV)
 
 
+EARLY_MAX: Final = 1 << 20
+"""What may have been waiting in the port before it was opened, in bytes; a pty holds the most."""
+
+
 class TtyPort:
     """A serial port, or a pseudo terminal that stands for one; see ``Port``."""
 
@@ -75,6 +80,7 @@ class TtyPort:
         self.usb = info.usb
         self.path = _lasting(name, info)
         self._unmarker = Unmarker(widen=self.usb)
+        self._early = b""
         if (pid := locked_by(found)) is not None:
             raise _busy(name, program(pid))
         try:
@@ -96,6 +102,9 @@ class TtyPort:
 
     def read(self) -> bytes:
         """Return what has come, still escaped; nothing where nothing is there."""
+        if self._early:
+            early, self._early = self._early, b""
+            return early
         try:
             data = os.read(self._fd, READ_MAX)
         except BlockingIOError:
@@ -162,11 +171,11 @@ class TtyPort:
             kernel.lower_lines(fd)
         before = kernel.settings(fd)
         keeps = options.modem == "keep"
+        early = _rest(fd) if before.is_plain else b""
         kernel.set_settings(fd, before.listening(options.baud, hangs_up=False if keeps else None))
-        try:
-            unescaped = len(os.read(fd, READ_MAX))
-        except BlockingIOError:
-            unescaped = 0
+        # these came between the two: whether they are escaped cannot be told
+        unescaped = b"" if before.is_listening else _rest(fd)
+        self._early = early.replace(b"\xff", b"\xff\xff")
         lines = kernel.modem_lines(fd)
         if options.modem == "low" and lines and lines & (kernel.DTR | kernel.RTS):
             # leaving a baud rate of 0 raises them again
@@ -194,7 +203,7 @@ class TtyPort:
             )
             or ("none" if info.all_seen else "not known"),
             "line_errors": self._line_errors(),
-            "dropped_at_open": str(unescaped),
+            "dropped_at_open": str(len(unescaped)),
         }
 
     def _lost(self, why: str | None) -> PortLostError:
@@ -208,6 +217,15 @@ class TtyPort:
             return "none: a pseudo terminal has no line"
         where = "marked, for each packet of the adapter" if self.usb else "marked"
         return where if self.counters() is None else f"{where}; counted"
+
+
+def _rest(fd: int) -> bytes:
+    """Return what is there to be read."""
+    out = b""
+    with contextlib.suppress(BlockingIOError):
+        while len(out) < EARLY_MAX and (data := os.read(fd, READ_MAX)):
+            out += data
+    return out
 
 
 def refuse_other(name: str, baud: int, got: kernel.Settings) -> None:
