@@ -15,8 +15,9 @@ one is missing and the stamps allow two places, the one that moves bytes less is
 
 The stamps of the merged stream never decrease. What stands before a piece came before it, so its
 stamp is lowered to the earliest one behind it, which is still the latest moment it can have come:
-never by more than the latency. Only a chunk that is fed too late, after its place has been handed
-on, has its stamp raised, to the one before it. Pieces whose stamp was changed are marked
+never by more than the latency. A stamp is raised, to the one before it, only where bytes are placed
+too late: a chunk that is fed after its place was handed on, or both wires speaking at once while
+one of them begins what turns out to be no frame. Pieces whose stamp was changed are marked
 ``REORDERED``, with how far.
 """
 
@@ -232,7 +233,8 @@ class Merger:
         requests = [(0, self._place.ask, 0)]
         requests += [(i, u.said, u.soonest_ns) for i, u in enumerate(asked, 1) if u.framed]
         protocol = self.protocol
-        if not offsets or protocol is None:
+        # Many more bytes than so many requests can have as answers are no answers.
+        if not 0 < len(offsets) <= BARE * (BARE + len(requests)) or protocol is None:
             return heard, {}
         pairs: list[tuple[int, int]] = []
         tries: list[tuple[bytes, bytes]] = []
@@ -240,13 +242,13 @@ class Merger:
             if ask is None:
                 continue
             until = asked[i].last_ns if i < len(asked) else NEVER_NS
+            if len(tries) + len(offsets) > TRIALS:
+                return heard, {}
             for at, stop in zip(offsets, stops, strict=True):
                 t = lane.times[at]
                 if soonest <= t - self._byte_ns and lane.soonest[at] <= until:
                     pairs.append((i, at))
                     tries.append((ask.raw, bytes(lane.data[at : min(stop, at + BARE)])))
-        if len(tries) > TRIALS:
-            return heard, {}
         found = self._bare.find(protocol, tries)
         hits = [(p, told) for p, told in zip(pairs, found, strict=True) if told[0]]
         cuts = {at for (_, at), _ in hits} | {at + length for (_, at), (length, _) in hits}

@@ -46,13 +46,13 @@ NEVER_NS: Final = 1 << 62
 BARE: Final = 8
 """Bytes that are looked at for an answer without a header."""
 
-TRIALS: Final = 1024
+TRIALS: Final = 800
 """The most bytes that one pass tries as such answers, else pieces stay by their time."""
 
 REMEMBERED: Final = 4096
 """Trials whose result is kept: passes overlap, and short answers are soon all known."""
 
-CELLS: Final = 4000
+CELLS: Final = 640
 """Pairs of places on both wires that one pass weighs, else pieces stay by their time."""
 
 DIRECT, BEHIND, ANSWERED = range(3)
@@ -310,8 +310,7 @@ def by_cause(
             stop, worth = bare[i, j]
             answers.append((stop, ANSWERED, worth))
         for stop, after, worth in answers:
-            answer = heard[stop - 1]._replace(first_ns=b.first_ns)
-            if (cost := _cost(answer, a, tie=False)) < NEVER:
+            if (cost := _cost(heard[stop - 1], a, b, tie=False)) < NEVER:
                 if after == ANSWERED and not worth:
                     cost += missed[i] * OPEN[since]
                 if not worth and b.last_ns <= known_ns and b.end > b.start:
@@ -329,8 +328,8 @@ def by_cause(
     ]
 
 
-def _cost(unit: Unit | None, other: Unit | None, *, tie: bool) -> float:
-    """Return what it costs to put a unit before the other wire's next one.
+def _cost(unit: Unit | None, other: Unit | None, first: Unit | None = None, *, tie: bool) -> float:
+    """Return what it costs to put a unit (from ``first`` on) before the other wire's next one.
 
     It costs nothing where it ends first by its latest moment (or, with ``tie``, with the other).
     Where by the stamps neither can have ended before the other began, that order is kept.
@@ -343,7 +342,7 @@ def _cost(unit: Unit | None, other: Unit | None, *, tie: bool) -> float:
     if unit.soonest_ns <= other.first_ns:
         return max(moved, 0) / max(unit.last_ns - unit.soonest_ns, 1)
     by_time = moved < 0 or (tie and not moved)
-    return 0.0 if by_time and other.soonest_ns > unit.first_ns else NEVER
+    return 0.0 if by_time and other.soonest_ns > (first or unit).first_ns else NEVER
 
 
 class BareAnswers:

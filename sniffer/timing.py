@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.model import I64, NS, U8, Chunk, Clock, Frames
+from sniffer.model import I64, NS, U8, Chunk, Clock, Direction, Frames
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -79,6 +79,9 @@ class Stamps:
             slack = np.clip(lull, 0, latency)
             if self._last is None:
                 slack[0] = latency
+            # Of two taps the pause on the wire is not known: each stamp may be late by all of it.
+            merged = [k.clock == Clock.READ and k.direction != Direction.UNKNOWN for k in chunks]
+            slack[np.array(merged, bool)] = latency
             barriers = (end - sizes)[lull > self._tail_ns]
             self._last = int(t[-1])
         self._end = np.concatenate([self._end, end])
