@@ -7,7 +7,12 @@ read the diff before committing it. What counts as a transcript:
   shows below it: both streams, 80 columns wide, no blanks at line ends. Pipes, several commands in
   a line and files written before work as in a shell: all commands of a page run in order, in one
   folder with the sample captures. A line ``...`` stands for lines left out, once a command;
+- among them a line that ends in ``&``: it goes on until the page is done, and where the page shows
+  what it prints, that is what comes first. ``wait %2`` waits for the second one of the page to end
+  and shows the rest. A block that does either happens now: any number passes for any other;
 - a fenced ``python`` block, and the ``text`` block right behind it if there is one: what it prints.
+
+Commands that need hardware stand in ``sh`` blocks, which are not run.
 """
 
 from __future__ import annotations
@@ -18,22 +23,31 @@ import os
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+    from typing import Self
 
 ROOT: Final = Path(__file__).parent.parent
-PAGES: Final = ("README.md", "docs/api.md")
+PAGES: Final = ("README.md", "docs/api.md", "docs/recording.md", "docs/simulating.md")
 LEFT_OUT: Final = "..."
+
+OVER_S: Final = 60.0
+"""How long a command in the background may take to say something, or to end."""
 
 _FENCE: Final = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _TOOL: Final = re.compile(r"(?:^|[|;&]\s*)([\w.-]+)")
+_WAIT: Final = re.compile(r"wait %(\d+)")
+_NUMBER: Final = re.compile(r"<?\d[\d.:]*")
+_BLANKS: Final = re.compile(r" +")
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,13 +62,17 @@ class Fence:
 
 @dataclass(slots=True)
 class Shown:
-    """One thing to run, and what comes of it if the page says so (``told``; ``at``: where)."""
+    """One thing to run, and what comes of it if the page says so (``told``; ``at``: where).
+
+    ``live``: it happens now, so its numbers are others each time.
+    """
 
     language: str
     source: str
     output: list[str]
     at: tuple[int, int]
     told: bool = True
+    live: bool = False
 
 
 def fences(text: str) -> list[Fence]:
@@ -68,7 +86,11 @@ def shown(text: str) -> list[Shown]:
     blocks = fences(text)
     for i, fence in enumerate(blocks):
         if fence.language == "console":
-            out += _commands(fence)
+            block = list(_commands(fence))
+            live = any(one.source.endswith("&") or _WAIT.match(one.source) for one in block)
+            for one in block:
+                one.live = live
+            out += block
         elif fence.language == "python":
             one = Shown("python", fence.text, [], (fence.end, fence.end), told=False)
             if i + 1 < len(blocks) and _is_right_behind(fence, blocks[i + 1], text):
@@ -104,7 +126,9 @@ def _commands(fence: Fence) -> Iterator[Shown]:
 
 def is_run(one: Shown) -> bool:
     """Tell whether a transcript is run: Python always, of command lines those with ours."""
-    return one.language == "python" or "sniffer" in _TOOL.findall(one.source)
+    if one.language == "python" or _WAIT.match(one.source):
+        return True
+    return "sniffer" in _TOOL.findall(one.source)
 
 
 def missing_tools(one: Shown) -> list[str]:
@@ -113,7 +137,44 @@ def missing_tools(one: Shown) -> list[str]:
         return []
     words = shlex.split(one.source, posix=False)  # quoted text stays quoted, so it names no tool
     line = " ".join(w for w in words if w[:1] not in "'\"")
-    return [t for t in _TOOL.findall(line) if t != "sniffer" and shutil.which(t) is None]
+    ours = ("sniffer", "wait")
+    return [t for t in _TOOL.findall(line) if t not in ours and shutil.which(t) is None]
+
+
+@dataclass(slots=True)
+class Job:
+    """A command in the background; ``shown`` of its lines are on the page already."""
+
+    process: subprocess.Popen[bytes]
+    output: Path
+    shown: int = 0
+
+    def first(self) -> list[str]:
+        """Return what it prints first."""
+        deadline = time.monotonic() + OVER_S
+        while not self._lines() and self.process.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.02)
+        lines = self._lines()
+        self.shown = len(lines)
+        return lines
+
+    def rest(self) -> list[str]:
+        """Return what it prints behind that, once it has ended."""
+        self.process.wait(OVER_S)
+        return self._lines()[self.shown :]
+
+    def end(self) -> None:
+        """End it, and all that it has started."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGTERM)
+        try:
+            self.process.wait(OVER_S)
+        except subprocess.TimeoutExpired:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.wait()
+
+    def _lines(self) -> list[str]:
+        return _lines(self.output.read_text(encoding="utf-8"))
 
 
 @dataclass(slots=True)
@@ -122,6 +183,7 @@ class Stage:
 
     folder: Path
     names: dict[str, Any] = field(default_factory=lambda: {"__name__": "__page__"})
+    jobs: list[Job] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         shutil.copytree(ROOT / "sample_captures", self.folder / "sample_captures")
@@ -132,9 +194,38 @@ class Stage:
         )
         command.chmod(0o755)
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for job in self.jobs:
+            job.end()
+
     def run(self, one: Shown) -> list[str]:
         """Return the lines that come of it."""
-        return self._python(one.source) if one.language == "python" else self._shell(one.source)
+        if one.language == "python":
+            return self._python(one.source)
+        if one.source.endswith("&"):
+            job = self._start(one.source.removesuffix("&"))
+            return job.first() if one.output else []
+        if (awaited := _WAIT.fullmatch(one.source)) is not None:
+            return self.jobs[int(awaited[1]) - 1].rest()
+        return self._shell(one.source)
+
+    def _start(self, line: str) -> Job:
+        output = self.folder / ".bin" / f"job{len(self.jobs) + 1}"
+        with output.open("wb") as file:
+            process = subprocess.Popen(
+                ["sh", "-c", line],
+                cwd=self.folder,
+                env=self._environment(),
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                process_group=0,
+            )
+        self.jobs.append(Job(process, output))
+        return self.jobs[-1]
 
     def _shell(self, line: str) -> list[str]:
         done = subprocess.run(
@@ -169,14 +260,23 @@ def _lines(text: str) -> list[str]:
     return [line.rstrip() for line in text.rstrip().splitlines()]
 
 
-def agrees(said: list[str], got: list[str]) -> bool:
-    """Tell whether the output is what a page says, where ``...`` stands for lines left out."""
+def agrees(said: list[str], got: list[str], *, live: bool = False) -> bool:
+    """Tell whether the output is what a page says, where ``...`` stands for lines left out.
+
+    ``live``: any number passes for any other, in columns of any width.
+    """
+    if live:
+        said, got = [_numberless(line) for line in said], [_numberless(line) for line in got]
     if LEFT_OUT not in said:
         return said == got
     k = said.index(LEFT_OUT)
     head, tail = said[:k], said[k + 1 :]
     enough = len(head) + len(tail) <= len(got)
     return enough and got[:k] == head and got[len(got) - len(tail) :] == tail
+
+
+def _numberless(line: str) -> str:
+    return _BLANKS.sub(" ", _NUMBER.sub("0", line))
 
 
 def abridged(got: list[str], said: list[str]) -> list[str]:
@@ -191,21 +291,21 @@ def abridged(got: list[str], said: list[str]) -> list[str]:
 
 
 def renewed(text: str, folder: Path) -> str:
-    """Return a page with all its transcripts as they are now."""
-    stage = Stage(folder)
+    """Return a page with those of its transcripts rewritten that are no longer true."""
     out, done = [], 0
-    for one in shown(text):
-        if not is_run(one):
-            continue
-        if lacking := missing_tools(one):
-            raise SystemExit(f"{one.source}: install {', '.join(lacking)} first")
-        got = stage.run(one)
-        if not one.told:
-            continue
-        start, end = one.at
-        new = abridged(got, one.output)
-        out += [text[done:start], "".join(f"{line}\n" for line in new)]
-        done = end
+    with Stage(folder) as stage:
+        for one in shown(text):
+            if not is_run(one):
+                continue
+            if lacking := missing_tools(one):
+                raise SystemExit(f"{one.source}: install {', '.join(lacking)} first")
+            got = stage.run(one)
+            if not one.told or agrees(one.output, got, live=one.live):
+                continue
+            start, end = one.at
+            new = abridged(got, one.output)
+            out += [text[done:start], "".join(f"{line}\n" for line in new)]
+            done = end
     return "".join([*out, text[done:]])
 
 
