@@ -76,6 +76,7 @@ class Decoder:
         self.baud = baud or self.protocol.baud
         self._buffer = bytearray()
         self._base = base
+        self._now_ns = 0
         self._barriers: list[int] = []
         self._remarks = Remarks()
         self._asked_until = -1  # end of the last frame, if it is a request that has an answer
@@ -92,6 +93,7 @@ class Decoder:
         told = [k if isinstance(k, Chunk) else Chunk(bytes(k)) for k in chunks]
         timed = tuple(k for k in told if k.data)
         if any(k.marks for k in told):
+            self._now_ns = max(self._now_ns, *(k.t_ns or 0 for k in told))
             torn = self._remarks.add(told, self.position + self.pending, self._stamps.last_ns)
             self._barriers += (at for at in torn if at > self._base)
         if timed:
@@ -101,13 +103,16 @@ class Decoder:
 
     def idle(self, now_ns: int) -> Batch:
         """Declare what the clock says: after the tail time, what waits will not be completed."""
+        self._now_ns = max(self._now_ns, now_ns)
         if not self._buffer or not self._stamps.silent_since(now_ns):
             return self._nothing()
         return self._decode(final=True)
 
     def close(self) -> Batch:
         """Decode what is left; the decoder may be fed again afterwards."""
-        return self._decode(final=True)
+        is_live = self._stamps.clock == Clock.READ
+        cut = is_live and not self._stamps.silent_since(self._now_ns)
+        return self._decode(final=True, is_cut=cut)
 
     @property
     def pending(self) -> int:
@@ -124,7 +129,7 @@ class Decoder:
         batch = _empty(self._base, self._stamps.clock, self._remarks.until(self._base))
         return self._diagnostics.judge(batch) if batch.remarks else batch
 
-    def _decode(self, *, final: bool) -> Batch:
+    def _decode(self, *, final: bool, is_cut: bool = False) -> Batch:
         data = bytes(self._buffer)
         if not data:
             return self._nothing()
@@ -152,6 +157,7 @@ class Decoder:
             Transactions.empty(),
             Samples.empty(),
             remarks=self._remarks.until(base + cut),
+            is_cut=is_cut,
         )
         batch = self._records(block, batch, until)
         del self._buffer[:cut]

@@ -68,6 +68,7 @@ class MarkKind(enum.IntEnum):
         7  # put where causality wants it, against its stamp; ``count`` is by how much, in ns
     )
     SKIPPED = 8  # the recorder had no time to decode what stands before; ``count`` bytes
+    ENDED = 9  # the recording was stopped here: what is open was not waited for
 
 
 class Mark(NamedTuple):
@@ -309,6 +310,8 @@ class Batch:
     values: Samples
     anomalies: tuple[Anomaly, ...] = ()
     remarks: tuple[Remark, ...] = ()
+    is_cut: bool = False
+    """Whether a live tap ended so soon behind the last byte that what is open may just be cut."""
 
     @property
     def samples(self) -> Samples:

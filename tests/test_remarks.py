@@ -189,7 +189,7 @@ def test_what_is_skipped_is_told_and_offsets_stay_those_of_the_stream() -> None:
     assert kept.batches[-1].base + len(kept.batches[-1].data) == len(data)
 
 
-@pytest.mark.parametrize("kind", MarkKind)
+@pytest.mark.parametrize("kind", [kind for kind in MarkKind if kind != MarkKind.ENDED])
 def test_every_kind_of_mark_has_a_code_of_the_catalogue(kind: MarkKind) -> None:
     batches = decoded(chunk(REQUEST, 0), chunk(b"", 1, Mark(kind, 0)))
     assert [a for b in batches for a in b.anomalies]
@@ -203,3 +203,19 @@ def test_an_answer_to_what_was_asked_before_the_tap_began_is_nobodys_fault() -> 
 def test_reads_that_came_late_are_no_step_of_the_recorders_clock() -> None:
     late = [chunk(REQUEST + REPLY, 50), chunk(REQUEST + REPLY, 50.01)]
     assert codes(decoded(*late)) == []
+
+
+def ended(ms: float, *chunks: Chunk) -> list[str]:
+    return codes(decoded(*chunks, chunk(b"", ms, Mark(MarkKind.ENDED, 0))))
+
+
+def test_what_is_open_when_the_tap_is_stopped_is_nobodys_fault() -> None:
+    assert ended(5, chunk(REQUEST, 0)) == ["capture-end"]
+    assert ended(5, chunk(REQUEST, 0), chunk(REPLY[:5], 3)) == ["capture-end"]
+    assert ended(5, chunk(REQUEST + REPLY, 0), chunk(REQUEST[:4], 3)) == ["capture-end"]
+    assert ended(5, chunk(REQUEST + REPLY, 0)) == []
+
+
+def test_who_had_time_enough_to_answer_before_the_tap_was_stopped_did_not_answer() -> None:
+    assert ended(500, chunk(REQUEST, 0)) == ["no-response"]
+    assert ended(5, chunk(REQUEST, 0), chunk(REQUEST + REPLY, 40)) == ["no-response"]

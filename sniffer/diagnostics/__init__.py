@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from sniffer.diagnostics.device import DeviceRules
 from sniffer.diagnostics.pairing import PairingRules
 from sniffer.diagnostics.rules import CaptureRules, gap_anomalies, protocol_anomalies
-from sniffer.diagnostics.tap import TapRules
+from sniffer.diagnostics.tap import TapRules, without_the_cut
 
 if TYPE_CHECKING:
     from sniffer.model import Anomaly, Batch
@@ -39,5 +39,6 @@ class Diagnostics:
             *self._capture.judge(batch),
             *self._tap.judge(batch),
         ]
+        found = without_the_cut(batch, found)
         found.sort(key=lambda a: (a.known_at, a.code))
         return replace(batch, anomalies=tuple(found))

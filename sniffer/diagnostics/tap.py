@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sniffer.model import NS, Anomaly, MarkKind, Remark, Severity
+from sniffer.model import NEVER, NS, REQUEST, Anomaly, MarkKind, Remark, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -56,6 +56,13 @@ TAP_CODES: Final[Mapping[str, tuple[str, Severity, str, str, str]]] = {
         "The machine was too slow for the traffic, or the protocol was not known yet.",
         "Decode the recording again (`sniffer decode`, `sniffer replay --redecode`): every byte is in it.",
     ),
+    "capture-end": (
+        "capture",
+        NOTE,
+        "The recording was stopped in the middle of a frame, or between a request and its answer.",
+        "The tap was stopped while the bus was talking.",
+        "Nothing to do.",
+    ),
     "reordered": (
         "capture",
         NOTE,
@@ -94,6 +101,8 @@ class TapRules:
     def judge(self, batch: Batch) -> Iterator[Anomaly]:
         """Report remarks, the frequent ones not more often than once a second."""
         for r in batch.remarks:
+            if r.kind not in _CODE_OF:
+                continue
             before = 0
             if r.kind in _OFTEN:
                 told = self._told.get(r.kind)
@@ -107,6 +116,31 @@ class TapRules:
             text = _told(r) + (f"; {before} more since the last report" if before else "")
             at = (max(r.start, 0), r.length)
             yield Anomaly(r.t_ns, severity, group, code, None, text, (at,))
+
+
+_OPEN: Final = frozenset(
+    {"no-response", "damaged-response", "idle-tail", "truncated-frame", "damaged-frame", "noise"}
+)
+"""Codes that say no more than that the tap was stopped, where they stand at its very end."""
+
+
+def without_the_cut(batch: Batch, found: list[Anomaly]) -> list[Anomaly]:
+    """Return the anomalies of a batch; of what the end of the tap cut only that it was cut."""
+    if not batch.is_cut:
+        return found
+    f = batch.frames
+    begins = batch.base
+    if len(f):
+        asks = f.kind[-1] == REQUEST and f.reply[-1] != NEVER
+        begins += int(f.start[-1] if asks else f.end[-1])
+    cut = [a for a in found if a.code in _OPEN and min(a.evidence)[0] >= begins]
+    if not cut:
+        return found
+    at = (begins, batch.base + len(batch.data) - begins)
+    group, severity, *_ = TAP_CODES["capture-end"]
+    text = f"the tap was stopped before this was over: {cut[0].detail}"
+    note = Anomaly(cut[0].t_ns, severity, group, "capture-end", cut[0].servo_id, text, (at,))
+    return [*(a for a in found if a not in cut), note]
 
 
 def _times(remark: Remark) -> int:

@@ -47,6 +47,7 @@ class Mark(_message.Message):
         BACK: _ClassVar[Mark.Kind]
         REORDERED: _ClassVar[Mark.Kind]
         SKIPPED: _ClassVar[Mark.Kind]
+        ENDED: _ClassVar[Mark.Kind]
     UNKNOWN: Mark.Kind
     FRAMING: Mark.Kind
     PARITY: Mark.Kind
@@ -56,6 +57,7 @@ class Mark(_message.Message):
     BACK: Mark.Kind
     REORDERED: Mark.Kind
     SKIPPED: Mark.Kind
+    ENDED: Mark.Kind
     KIND_FIELD_NUMBER: _ClassVar[int]
     START_FIELD_NUMBER: _ClassVar[int]
     LENGTH_FIELD_NUMBER: _ClassVar[int]
