@@ -12,10 +12,10 @@ PROTOS := $(sort $(shell find schemas/messages -name '*.proto' 2>/dev/null))
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint format bench fuzz schemas golden clean
+.PHONY: help demo test lint format bench bench-live soak fuzz schemas golden clean
 
 help: ## list the targets
-	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-16s %s\n", $$1, $$2 }'
+	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-16s %s\n", $$1, $$2 }'
 
 demo: $(VENV)/.run ## decode, record and plot a simulated bus; no hardware needed
 	$(BIN)/python -m sniffer.cli.demo
@@ -34,6 +34,12 @@ format: $(VENV)/.dev ## format, and mend what ruff can mend
 
 bench: $(VENV)/.dev ## measure the throughput
 	$(BIN)/python -m bench
+
+bench-live: $(VENV)/.dev ## measure recording live: its cost, how late stamps are (6 min)
+	$(BIN)/python -m bench.live --results
+
+soak: $(VENV)/.dev ## kill 50 recorders, record a minute beside its truth, an hour's memory (5 min)
+	$(BIN)/python -m bench.soak
 
 fuzz: $(VENV)/.dev ## the laws, with thousands of examples each
 	HYPOTHESIS_PROFILE=long $(PYTEST) -m hypothesis $(PYTEST_ARGS)

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench.one_by_one import one_by_one
+from bench.results import NOTES, RESULTS, live
 from bench.streams import STREAMS, hostile
 from sniffer.decoder import Decoder
 from sniffer.model import Batch, Chunk
@@ -34,7 +35,6 @@ BLOCK = 1 << 18
 SIZES = {"mightyzap": 20_000_000, "wck": 5_000_000, "rs30x": 5_000_000, "lss": 5_000_000}
 SLOW = 150_000
 ROUNDS = 5
-RESULTS = Path(__file__).parent / "RESULTS.md"
 
 
 class FramesOnly(Decoder):
@@ -240,9 +240,9 @@ def main() -> None:
     hostile_rows(lines)
     file_rows(lines)
     import_rows(lines)
-    notes = RESULTS.parent / "NOTES.md"
-    text = "\n".join([*lines, ""]) + (notes.read_text(encoding="utf-8") if notes.exists() else "")
-    RESULTS.write_text(text, encoding="utf-8")
+    # what is measured on live recordings has programs of its own, and stays
+    parts = ["\n".join(lines).rstrip() + "\n", *live(), NOTES.read_text(encoding="utf-8")]
+    RESULTS.write_text("\n".join(parts), encoding="utf-8")
 
 
 if __name__ == "__main__":

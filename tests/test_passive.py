@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import pytest
 
+from tests.commands import talk
 from tests.terminals import LINUX_ONLY, PATIENCE_S, Terminal
 
 if TYPE_CHECKING:
@@ -44,8 +45,14 @@ os.write(os.dup(port), b"hello")
 """
 """A program that does all a tap must not."""
 
-COMMAND: Final = (sys.executable, "-c", RECORDER)
-"""What is watched; the port's name is added to it."""
+RECORD: Final = (sys.executable, "-m", "sniffer", "record", "--quiet", "--protocol", "mightyzap")
+
+COMMANDS: Final = {
+    "port": (sys.executable, "-c", RECORDER),
+    "duration": (*RECORD, "--duration", "1s", "-o", "{}/run.mcap"),
+    "frames": (*RECORD, "--frames", "10", "-o", "{}/run.mcap", "-o", "{}/run.jsonl"),
+}
+"""What is watched; the port's name is added to it, and a folder is put in place of ``{}``."""
 
 ASKS: Final = {
     "TCGETS": "is it a terminal",
@@ -116,7 +123,7 @@ def watch(command: Sequence[str], path: Path) -> Watched:
         )
         try:
             _wait_for_tap(line, process)
-            line.say((bytes(range(256)) + b"\xff\xff\xff\x01\x05\xf3\xff\x00" * 10) * 3)
+            line.say((bytes(range(256)) + b"\xff\xff\xff\x01\x05\xf3\xff\x00" * 10 + talk(3)) * 3)
             _, complaints = process.communicate(timeout=PATIENCE_S)
         finally:
             process.kill()
@@ -138,9 +145,11 @@ def _wait_for_tap(line: Terminal, process: subprocess.Popen[str]) -> None:
         raise AssertionError(complaints) from None
 
 
-@pytest.fixture(scope="module")
-def tap(tmp_path_factory: pytest.TempPathFactory) -> Watched:
-    return watch(COMMAND, tmp_path_factory.mktemp("strace") / "trace")
+@pytest.fixture(scope="module", params=COMMANDS)
+def tap(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Watched:
+    folder = tmp_path_factory.mktemp("strace")
+    command = [word.replace("{}", str(folder)) for word in COMMANDS[request.param]]
+    return watch(command, folder / "trace")
 
 
 @LINUX_ONLY

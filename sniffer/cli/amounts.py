@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import math
+import os
 import re
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from sniffer.model import NS
+from sniffer.pipeline import AUTO
 from sniffer.protocols import PROTOCOLS
 from sniffer.recording.taps import PortSpec
 
-_UNITS_NS: Final = {
-    "": NS,
+if TYPE_CHECKING:
+    _Number = click.ParamType[int]
+else:
+    _Number = click.ParamType  # click 8.1 has no other name for it
+
+_NS: Final = {
     "ms": NS // 1000,
     "s": NS,
     "sec": NS,
@@ -22,73 +28,85 @@ _UNITS_NS: Final = {
     "h": 3600 * NS,
     "d": 86400 * NS,
 }
-_UNITS_BYTES: Final = {
+_BYTES: Final = {
     "b": 1,
     **{prefix + "b": 1000**n for n, prefix in enumerate("kmgt", 1)},
     **{prefix + "ib": 1024**n for n, prefix in enumerate("kmgt", 1)},
 }
+_LETTERS: Final = {letter: 1000**n for n, letter in enumerate("KMGT", 1)}
+"""As many tools write them; a small m is a minute."""
+
 _AMOUNT: Final = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*([a-zA-Z]*)")
 
 
-def _read(text: str, units: dict[str, int]) -> int | None:
-    match = _AMOUNT.fullmatch(text.strip())
-    if match is None or match[2].lower() not in units:
-        return None
-    amount = float(match[1]) * units[match[2].lower()]
-    return int(amount) if math.isfinite(amount) and amount >= 1 else None
-
-
-class Duration(click.ParamType):
+class Duration(_Number):
     """A time like ``90``, ``90s``, ``10min``, ``2h``; in ns."""
 
     name = "time"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
         """Read a time."""
-        ns = value if isinstance(value, int) else _read(value, _UNITS_NS)
+        ns = value if isinstance(value, int) else _time(value, bare=True)
         if ns is None:
             self.fail(f"{value!r} is no time: write it like 90s, 10min or 2h", param, ctx)
         return ns
 
 
-class Size(click.ParamType):
+class Size(_Number):
     """A size like ``512MB``, ``1GiB``; in bytes."""
 
     name = "size"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
         """Read a size."""
-        size = value if isinstance(value, int) else _read(value, {**_UNITS_BYTES, "": 1})
+        size = value if isinstance(value, int) else _size(value, bare=True)
         if size is None:
             self.fail(f"{value!r} is no size: write it like 512MB or 2GiB", param, ctx)
         return size
 
 
-class SizeOrDuration(click.ParamType):
-    """Either of both, by its unit: ``("bytes", n)`` or ``("ns", n)``."""
-
-    name = "size|time"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, int]:
-        """Read a size or a time."""
-        if isinstance(value, tuple):
-            return value
-        size = _read(value, _UNITS_BYTES)
-        if size is not None:
-            return "bytes", size
-        times = {unit: ns for unit, ns in _UNITS_NS.items() if unit}
-        ns = _read(value, times)
-        if ns is None:
-            self.fail(f"{value!r} is no size or time: write it like 512MB or 10min", param, ctx)
-        return "ns", ns
+def sizes_and_times(
+    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
+) -> dict[str, int]:
+    """Read either of both, or one of each: ``bytes`` and ``ns`` by their units."""
+    out: dict[str, int] = {}
+    for text in given:
+        read = {"bytes": _size(text, bare=False), "ns": _time(text, bare=False)}
+        told = {kind: amount for kind, amount in read.items() if amount is not None}
+        if not told:
+            raise click.BadParameter(f"{text!r} is no size or time: write it like 512MB or 10min")
+        if told.keys() & out.keys():
+            raise click.BadParameter(f"{text!r}: one size and one time at most")
+        out |= told
+    return out
 
 
-_PORT: Final = re.compile(
-    r"(?:(?P<bus>[A-Za-z0-9_.-]+)=)?(?P<port>.+?)(?:=(?P<protocol>[A-Za-z0-9_-]*))?(?:@(?P<baud>\d+))?"
-)
+def _time(text: str, *, bare: bool) -> int | None:
+    """Return ns; ``bare``: a number alone is one in seconds."""
+    amount, unit = _parts(text)
+    return _product(amount, _NS.get(unit, NS if bare and not unit else None))
+
+
+def _size(text: str, *, bare: bool) -> int | None:
+    """Return bytes; ``bare``: a number alone is one in bytes."""
+    amount, unit = _parts(text)
+    known = _LETTERS.get(unit) or _BYTES.get(unit.lower())
+    return _product(amount, known or (1 if bare and not unit else None))
+
+
+def _parts(text: str) -> tuple[float, str]:
+    match = _AMOUNT.fullmatch(text.strip())
+    return (float(match[1]), match[2]) if match is not None else (0.0, "")
+
+
+def _product(amount: float, unit: int | None) -> int | None:
+    total = amount * unit if unit is not None else 0.0
+    return int(total) if math.isfinite(total) and total >= 1 else None
+
+
 BAUDS: Final = (300, 10_000_000)
+FORM: Final = "[NAME=]PORT[=PROTOCOL][@BAUD]"
+_NAME: Final = re.compile(r"[A-Za-z0-9_.-]+")
 
 
 def port_spec(text: str, bus: str) -> PortSpec:
@@ -97,21 +115,38 @@ def port_spec(text: str, bus: str) -> PortSpec:
     Raises:
         click.BadParameter: it is none of these.
     """
-    match = _PORT.fullmatch(text)
-    if match is None:
-        raise click.BadParameter(f"{text!r}: write [NAME=]PORT[=PROTOCOL][@BAUD]")
-    name, port, protocol, baud = match["bus"], match["port"], match["protocol"], match["baud"]
-    if name is not None and protocol is None and (port in PROTOCOLS or port == "auto"):
-        name, port, protocol = None, name, port  # COM3=wck: what looked like a name is the port
-    if name is not None and "://" in f"{name}:" and port.startswith("//"):
-        name, port = None, f"{name}={port}"
-    if protocol not in (None, "", "auto", *PROTOCOLS):
-        known = ", ".join(("auto", *PROTOCOLS))
-        raise click.BadParameter(f"{text!r}: no protocol {protocol!r}: one of {known}")
-    rate = int(baud) if baud is not None else None
-    if rate is not None and not BAUDS[0] <= rate <= BAUDS[1]:
-        raise click.BadParameter(f"{text!r}: {rate} is no baud rate ({BAUDS[0]}..{BAUDS[1]})")
-    return PortSpec(name or bus, port, None if protocol in ("", "auto") else protocol, rate)
+    rest, at, number = text.rpartition("@")
+    rate: int | None = None
+    if at and number.isdecimal():
+        rate = int(number)
+        if not BAUDS[0] <= rate <= BAUDS[1]:
+            raise _mistake(text, f"{number} is no baud rate ({BAUDS[0]}..{BAUDS[1]})")
+    else:
+        rest = text
+    rest, protocol = _protocol(text, rest)
+    name, equals, port = rest.partition("=")
+    if not equals or not _NAME.fullmatch(name) or port.startswith("//"):
+        name, port = "", rest
+    if not port:
+        raise _mistake(text, f"there is no port in it: write {FORM}")
+    return PortSpec(name or bus, port, protocol, rate)
+
+
+def _protocol(text: str, rest: str) -> tuple[str, str | None]:
+    """Take the protocol off the end of ``NAME=PORT=PROTOCOL``, if there is one."""
+    before, equals, last = rest.rpartition("=")
+    if not equals or "?" in before:  # an address may have options behind a question mark
+        return rest, None
+    if last in PROTOCOLS or last == AUTO:
+        return before, last
+    if _NAME.fullmatch(before) and last:
+        return rest, None  # left=/dev/ttyUSB0
+    known = ", ".join((AUTO, *PROTOCOLS))
+    raise _mistake(text, f"no protocol {last!r}: one of {known}" if last else f"write {FORM}")
+
+
+def _mistake(text: str, why: str) -> click.BadParameter:
+    return click.BadParameter(f"{text!r}: {why}")
 
 
 def port_specs(
@@ -120,8 +155,15 @@ def port_specs(
     """Read all ports of a command line; those without a name are bus0, bus1 ..."""
     specs = tuple(port_spec(text, f"bus{i}") for i, text in enumerate(given))
     for i, spec in enumerate(specs):
-        if spec.port in {s.port for s in specs[:i]}:
-            raise click.BadParameter(f"{spec.port} is named twice")
         if spec.bus in {s.bus for s in specs[:i]}:
             raise click.BadParameter(f"two ports are called {spec.bus}: name them apart")
+        for other in specs[:i]:
+            if _real(spec.port) == _real(other.port):
+                same = "" if spec.port == other.port else f", as {other.port} too"
+                raise click.BadParameter(f"{spec.port} is named twice{same}")
     return specs
+
+
+def _real(port: str) -> str:
+    """Return the one name of a port that has several."""
+    return port if "://" in port else os.path.realpath(port)

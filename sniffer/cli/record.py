@@ -5,10 +5,11 @@ from __future__ import annotations
 import datetime
 import sys
 from pathlib import Path
+from typing import Literal
 
 import click
 
-from sniffer.cli.amounts import Duration, Size, SizeOrDuration, port_specs
+from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times
 from sniffer.cli.options import Finite, examples, models, pipeline_options
 from sniffer.cli.session import session_facts
 from sniffer.diagnostics.catalogue import CATALOGUE
@@ -64,8 +65,9 @@ from sniffer.recording.taps import PortSpec
 @click.option("--force", is_flag=True, help="Replace files that are there.")
 @click.option("--durable", is_flag=True, help="Wait for the disk ten times a second.")
 @click.option(
-    "--rotate", multiple=True, type=SizeOrDuration(), help="Begin a new file: 512MB, 10min."
-)
+    "--rotate", multiple=True, callback=sizes_and_times, metavar="SIZE|TIME",
+    help="Begin a new file: 512MB, 10min.",
+)  # fmt: skip
 @click.option("--keep", type=click.IntRange(1), metavar="N", help="Keep the last N files only.")
 @click.option("--duration", type=Duration(), help="Stop after this time.")
 @click.option("--max-size", type=Size(), help="Stop after this size, all files together.")
@@ -91,11 +93,11 @@ def record(
     chosen: dict[int | None, str],
     latency: float | None,
     pair: bool,
-    modem: str,
+    modem: Literal["low", "keep"],
     outputs: tuple[Path, ...],
     force: bool,
     durable: bool,
-    rotate: tuple[tuple[str, int], ...],
+    rotate: dict[str, int],
     keep: int | None,
     duration: int | None,
     max_size: int | None,
@@ -114,10 +116,12 @@ def record(
     The ports are opened for reading only; nothing is ever sent. Ctrl-C (or SIGTERM) ends the
     recording, SIGHUP begins a new file, SIGUSR1 prints statistics.
     """
-    # What only this command needs is loaded only by it.
-    from sniffer.cli.recording import Limits, Shown, open_files, run_recording
+    # What only this command needs is loaded only by it, and before a port is opened.
+    from sniffer.cli import recording
     from sniffer.cli.screen import LOG, usual_mode
     from sniffer.cli.tapping import tap_ports
+    from sniffer.cli.telling import Teller
+    from sniffer.recording.recorder import Wishes
 
     if log and quiet:
         raise click.UsageError("--log prints, --quiet does not: choose one")
@@ -126,19 +130,29 @@ def record(
         raise click.UsageError("choose one of --rerun, --rerun-web, --rerun-connect")
     options = pipeline_options(protocol, baud, chosen, latency)
     stops = Stops(duration, max_size, frames, idle, until)
-    limits = Limits(rotate, keep, durable=durable, force=force)
     paths = outputs or (Path(f"sniffer-{datetime.datetime.now():%Y%m%d-%H%M%S}.mcap"),)
-    show = Shown(
+    files = recording.Files(paths, rotate, keep, durable=durable, force=force)
+    recording.check_files(files)
+    show = recording.Shown(
         None if quiet else LOG if log else usual_mode(sys.stderr),
         next((mode for mode, wanted in views.items() if wanted), None),
         rerun_connect,
         window,
     )
-    tapping = tap_ports(ports, options, modem=modem, pair=pair, quiet=quiet)
-    try:
-        facts = {**session_facts(", ".join(p.port for p in ports), options), **tapping.facts}
-        file, sinks = open_files(paths, limits, facts)
-    except BaseException:
-        tapping.listener.stop()
-        raise
-    return run_recording(tapping, file, sinks, stops, show)
+    wishes, tell = Wishes(), Teller(quiet=quiet)
+    with recording.signals(wishes):
+        tapping = tap_ports(ports, options, modem=modem, pair=pair)
+        view = None
+        try:
+            view = recording.live_view(show, tapping, paths[0].stem, tell.talk)
+            source = ", ".join(spec.port for spec in ports)
+            facts = {**session_facts(source, options), **tapping.facts}
+            file, sinks = recording.open_files(files, facts)
+        except BaseException:
+            tapping.listener.stop()
+            if view is not None:
+                view.close()
+            raise
+        return recording.run_recording(
+            tapping, file, sinks, stops, tell=tell, mode=show.mode, wishes=wishes, view=view
+        )

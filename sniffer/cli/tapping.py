@@ -5,11 +5,10 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Literal
 
 import click
 
-from sniffer.cli.session import say
 from sniffer.merging import Merger
 from sniffer.model import Direction
 from sniffer.pipeline import AUTO, Options
@@ -23,9 +22,15 @@ FALLBACK_BAUD: Final = 115200
 """Where neither a baud rate nor a protocol is named: the usual rate of three of the protocols."""
 
 
+Modem = Literal["low", "keep"]
+
+
 @dataclass(frozen=True, slots=True)
 class Tapping:
-    """The opened ports, and all that the recorder and the file need to know about them."""
+    """Ports that are listened to, and all that the recorder and the file need to know about them.
+
+    ``notes`` are for the user; ``warnings`` too, also where quiet was asked for.
+    """
 
     listener: Listener
     taps: tuple[Tap, ...]
@@ -33,19 +38,19 @@ class Tapping:
     options: Options
     facts: Mapping[str, str]
     mergers: Mapping[str, Merger]
+    notes: Sequence[str] = ()
+    warnings: Sequence[str] = ()
 
 
-def tap_ports(
-    specs: Sequence[PortSpec], options: Options, *, modem: str, pair: bool, quiet: bool
-) -> Tapping:
-    """Open all ports, or none.
+def tap_ports(specs: Sequence[PortSpec], options: Options, *, modem: Modem, pair: bool) -> Tapping:
+    """Open all ports, or none, and begin to listen.
 
     Raises:
         InputError: a port cannot be opened; the message says what to do.
     """
     specs = _paired(specs) if pair else specs
     wires = (Direction.TX, Direction.RX) if pair else (Direction.UNKNOWN,) * len(specs)
-    how = [PortOptions(_baud(spec, options, quiet=quiet), modem) for spec in specs]
+    how = [PortOptions(_baud(spec, options) or FALLBACK_BAUD, modem) for spec in specs]
     taps: list[Tap] = []
     with contextlib.ExitStack() as stack:
         for spec, wire, port_options in zip(specs, wires, how, strict=True):
@@ -64,11 +69,34 @@ def tap_ports(
     mergers: dict[str, Merger] = {}
     if pair:
         name = specs[0].protocol or (None if options.protocol == AUTO else options.protocol)
-        protocol = PROTOCOLS[name] if name is not None else None
+        protocol = PROTOCOLS.get(name or "")
         bus, baud = specs[0].bus, how[0].baud
         mergers[bus] = Merger(bus, latency_ns=latencies[bus], baud=baud, protocol=protocol)
+    facts = _facts(taps, told, anchor, pair)
     listener = Listener([tap.port for tap in taps], how, anchor)
-    return Tapping(listener, tuple(taps), anchor, told, _facts(taps, told, anchor, pair), mergers)
+    listener.start()
+    notes = _assumed(specs, options)
+    return Tapping(listener, tuple(taps), anchor, told, facts, mergers, notes, shared(taps))
+
+
+def _assumed(specs: Sequence[PortSpec], options: Options) -> list[str]:
+    """Tell where nobody has said how fast the line is."""
+    said = {spec.bus: spec.port for spec in specs if _baud(spec, options) is None}
+    return [
+        f"{bus}: listening at {FALLBACK_BAUD} bit/s; {port}@BAUD says another rate"
+        for bus, port in said.items()
+    ]
+
+
+def shared(taps: Sequence[Tap]) -> list[str]:
+    """Tell of ports that another program has open without a lock."""
+    others = [(tap.spec, tap.port.facts().get("also_open_in", "none")) for tap in taps]
+    return [
+        f"{spec.bus}: {spec.port} is also open in {who}: of what is said there each of us gets a "
+        "part only; end the other one"
+        for spec, who in others
+        if who not in ("none", "not known")
+    ]
 
 
 def _paired(specs: Sequence[PortSpec]) -> tuple[PortSpec, ...]:
@@ -76,21 +104,21 @@ def _paired(specs: Sequence[PortSpec]) -> tuple[PortSpec, ...]:
     if len(specs) != 2:
         raise click.UsageError("--pair takes two ports: the controller's wire, then the servos'")
     tx, rx = specs
-    if rx.protocol not in (None, tx.protocol) and tx.protocol is not None:
-        raise click.UsageError("--pair is one bus: its two ports speak one protocol")
+    for what, one, other in (
+        ("protocol", tx.protocol, rx.protocol),
+        ("baud rate", tx.baud, rx.baud),
+    ):
+        if None not in (one, other) and one != other:
+            raise click.UsageError(f"--pair is one bus: its two ports have one {what}")
     protocol, baud = tx.protocol or rx.protocol, tx.baud or rx.baud
     return tuple(PortSpec(tx.bus, s.port, protocol, baud) for s in specs)
 
 
-def _baud(spec: PortSpec, options: Options, *, quiet: bool) -> int:
+def _baud(spec: PortSpec, options: Options) -> int | None:
     if (baud := spec.baud or options.baud) is not None:
         return baud
-    name = spec.protocol or options.protocol
-    if name in PROTOCOLS:
-        return PROTOCOLS[name].baud
-    if not quiet:
-        say(f"{spec.bus}: listening at {FALLBACK_BAUD} bit/s; {spec.port}@BAUD says another rate")
-    return FALLBACK_BAUD
+    protocol = PROTOCOLS.get(spec.protocol or options.protocol)
+    return None if protocol is None else protocol.baud
 
 
 def _latency(taps: Sequence[Tap], bus: str, options: Options) -> int:
@@ -105,9 +133,7 @@ def _latency(taps: Sequence[Tap], bus: str, options: Options) -> int:
     return max(held) + BREATH_NS
 
 
-def _facts(
-    taps: Sequence[Tap], options: Options, anchor: Anchor, pair: bool
-) -> dict[str, str]:
+def _facts(taps: Sequence[Tap], options: Options, anchor: Anchor, pair: bool) -> dict[str, str]:
     """Return what the recording's metadata says about ports and clock."""
     facts = {
         "clock": "monotonic, anchored to the wall clock at the start",
@@ -119,11 +145,10 @@ def _facts(
         place = f"port.{bus}.{tap.direction.name.lower()}" if pair else f"port.{bus}"
         facts[f"baud.{bus}"] = str(tap.port.baud)
         facts[f"latency_ns.{bus}"] = str(options.latencies[bus])
-        if tap.spec.protocol is not None:
-            facts[f"protocol.{bus}"] = tap.spec.protocol
+        if (name := tap.spec.protocol) is not None and name != AUTO:
+            facts[f"protocol.{bus}"] = name
         if pair:
             facts[f"pair.{bus}"] = "two taps, merged by time and by cause and effect"
         facts[place] = tap.spec.port
         facts.update((f"{place}.{key}", value) for key, value in tap.port.facts().items())
     return facts
-

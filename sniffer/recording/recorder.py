@@ -2,7 +2,7 @@
 
 One round every ``TICK_S``. What the ports delivered is handed to the recording before anything is
 decoded, and is in the file when the round ends: a recorder that is killed loses no more than a
-round. Decoding that takes long is interrupted for it; if it falls too far behind, bytes are
+round. Decoding that takes long goes on in the next round; if it falls too far behind, bytes are
 recorded without being decoded, and marked so.
 """
 
@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, Protocol
 
-from sniffer.model import NS, Chunk, DamagedInputError
+from sniffer.model import NS, Chunk, DamagedInputError, Mark, MarkKind, OutputError
 from sniffer.protocols import PROTOCOLS
-from sniffer.status import BusStatus, Status
 from sniffer.sinks.base import Sink
+from sniffer.status import BusStatus, Status
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -41,11 +41,15 @@ whatever it holds, so fewer of them for many busy buses are cheaper."""
 PASS: Final = 1 << 16
 """Bytes of one bus that are decoded in one go: 30 ms at the worst that a line can say."""
 
-OVERDUE_NS: Final = 70_000_000
-"""When a decoding pass has kept the recording waiting so long, that comes first again."""
+OVERDUE_S: Final = 0.07
+"""When decoding has kept the recording waiting so long, that comes first again."""
 
 BACKLOG: Final = 16 << 20
 """Bytes waiting to be decoded from which on they are only recorded."""
+
+
+_TOLD: Final = (MarkKind.LOST, MarkKind.BACK)
+"""What is told of bytes that are not decoded."""
 
 
 class RecordingFile(Sink, Protocol):
@@ -73,9 +77,13 @@ class RecordingFile(Sink, Protocol):
 
 @dataclass(slots=True)
 class Wishes:
-    """What signals ask for, taken up in the next round."""
+    """What signals ask for, taken up in the next round.
+
+    ``hurry``: what waits to be decoded at the end is only recorded.
+    """
 
     stop: str | None = None
+    hurry: bool = False
     rotate: bool = False
     statistics: bool = False
 
@@ -91,13 +99,16 @@ class _Waiting:
         self.chunks.extend(chunks)
         self.size += sum(len(c.data) for c in chunks)
 
+    def next(self) -> Chunk:
+        chunk = self.chunks.popleft()
+        self.size -= len(chunk.data)
+        return chunk
+
     def take(self, size: int) -> list[Chunk]:
         taken: list[Chunk] = []
-        held = 0
-        while self.chunks and held < size:
-            taken.append(self.chunks.popleft())
-            held += len(taken[-1].data)
-        self.size -= held
+        left = self.size - size
+        while self.chunks and (self.size > left or not taken):
+            taken.append(self.next())
         return taken
 
 
@@ -105,7 +116,7 @@ class Recorder:
     """Runs a recording.
 
     Args:
-        listener: the reader, not started yet.
+        listener: the reader, which runs already; it is stopped at the end.
         taps: one for each port, in the listener's order.
         anchor: the clock of the recording.
         pipeline: live; its sinks take everything, ``file`` among them.
@@ -114,6 +125,8 @@ class Recorder:
         mergers: by bus, where two taps hear one.
         wishes: what signals ask for.
         on_round: is called once a round, with the recorder.
+        latency_ns: by how much a stamp may lag behind its bytes, the greatest of all buses.
+        backlog: bytes of a bus waiting to be decoded from which on they are only recorded.
     """
 
     def __init__(
@@ -128,6 +141,8 @@ class Recorder:
         mergers: Mapping[str, Merger] | None = None,
         wishes: Wishes | None = None,
         on_round: Callable[[Recorder], None] = lambda recorder: None,
+        latency_ns: int = 0,
+        backlog: int = BACKLOG,
     ) -> None:
         self.taps = taps
         self.pipeline = pipeline
@@ -140,11 +155,14 @@ class Recorder:
         self._stops = stops
         self._mergers = dict(mergers or {})
         self._on_round = on_round
+        self._latency_ns = latency_ns
+        self._backlog = backlog
         self._waiting: dict[str, _Waiting] = {tap.spec.bus: _Waiting() for tap in taps}
+        self._turns = deque(self._waiting)
         self._began_ns = anchor.now()
         self._last_ns = self._began_ns
-        self._flushed_ns = time.monotonic_ns()
         self._decode_at = 0.0
+        self._failure: OutputError | None = None
 
     def run(self) -> str:
         """Record until something ends it; return in words what did.
@@ -153,7 +171,6 @@ class Recorder:
             DamagedInputError: the reader died; what it had read is recorded.
             OutputError: the recording cannot be written any more.
         """
-        self._listener.start()
         try:
             ended = self._rounds_until_over()
         finally:
@@ -184,24 +201,32 @@ class Recorder:
                 return over
 
     def _round(self) -> None:
-        self._record(self._listener.drain())
+        heard_ns = self._take()
         began = time.monotonic()
         if began >= self._decode_at:
-            self._decode()
-            self.pipeline.idle(self._anchor.now())
+            done = self._decode(began + OVERDUE_S)
+            if done:
+                # The next bytes may have been on the line for as long before they are stamped.
+                self.pipeline.idle(heard_ns - self._latency_ns)
             self._tell_mergers()
             if self._file is not None:
                 if self.wishes.rotate:
                     self._file.rotate()
                 self._file.turn(self.pipeline.decided())
             self.wishes.rotate = False
-            took = time.monotonic() - began
+            pause = min(max((time.monotonic() - began) / DUTY, DECODE_S[0]), DECODE_S[1])
             # half a round early, so that rounds that come a little late are not missed
-            self._decode_at = began + min(max(took / DUTY, DECODE_S[0]), DECODE_S[1]) - TICK_S / 2
-        self._flush()
+            self._decode_at = began + pause - TICK_S / 2 if done else 0.0
+        if self._file is not None:
+            self._file.flush()
 
-    def _record(self, events: Sequence[Event]) -> None:
-        """Hand what came to the recording, all buses."""
+    def _take(self) -> int:
+        """Hand what came to the recording; return up to which time that is all there is."""
+        heard_ns = self._listener.heard_ns
+        self._record(self._listener.drain(), heard_ns)
+        return heard_ns
+
+    def _record(self, events: Sequence[Event], heard_ns: int) -> None:
         by_bus: dict[str, list[Chunk]] = {}
         for event in events:
             for chunk in self.taps[event.port].chunks(event):
@@ -209,7 +234,7 @@ class Recorder:
                 if chunk.data:
                     self._last_ns = max(self._last_ns, chunk.t_ns or 0)
         for bus, merger in self._mergers.items():
-            settled = merger.feed(by_bus.pop(bus, [])) + merger.idle(self._anchor.now())
+            settled = merger.feed(by_bus.pop(bus, [])) + merger.idle(heard_ns)
             if settled:
                 by_bus[bus] = settled
         for bus, chunks in by_bus.items():
@@ -217,42 +242,44 @@ class Recorder:
             self._check()
             self._waiting[bus].add(chunks)
 
-    def _decode(self) -> None:
-        """Decode what waits, pass by pass; recording comes first whenever it is due."""
-        buses = [bus for bus, waiting in self._waiting.items() if waiting.chunks]
-        while buses:
-            for bus in list(buses):
-                waiting = self._waiting[bus]
-                if waiting.size > BACKLOG:
-                    self._skip(bus, waiting)
+    def _decode(self, until: float) -> bool:
+        """Decode what waits, the buses in turn, until it is time to record; tell if that is all."""
+        while any(waiting.chunks for waiting in self._waiting.values()):
+            bus = self._turns[0]
+            self._turns.rotate(-1)
+            waiting = self._waiting[bus]
+            if not waiting.chunks:
+                continue
+            if waiting.size > self._backlog:
+                self._skip(bus, waiting)
+            else:
                 self.pipeline.decode(bus, waiting.take(PASS))
-                self._check()
-                if not waiting.chunks:
-                    buses.remove(bus)
-                if time.monotonic_ns() - self._flushed_ns > OVERDUE_NS:
-                    self._record(self._listener.drain())
-                    self._flush()
-                    self._on_round(self)
-            if self.wishes.stop is not None:
-                return
+            self._check()
+            if time.monotonic() >= until:
+                break
+        return not any(waiting.chunks for waiting in self._waiting.values())
 
     def _skip(self, bus: str, waiting: _Waiting) -> None:
         """Give up decoding what waits, but for the latest of it."""
         left_out = 0
-        while waiting.size > PASS:
-            left_out += sum(len(c.data) for c in waiting.take(PASS))
+        torn: list[Mark] = []
+        while waiting.size > PASS and len(waiting.chunks) > 1:
+            chunk = waiting.next()
+            left_out += len(chunk.data)
+            torn += (m._replace(start=0) for m in chunk.marks if m.kind in _TOLD)
         self.skipped += left_out
-        self.pipeline.skip(bus, left_out, waiting.chunks.popleft())
-
-    def _flush(self) -> None:
-        if self._file is not None:
-            self._file.flush()
-        self._flushed_ns = time.monotonic_ns()
+        first = waiting.next()
+        self.pipeline.skip(bus, left_out, replace(first, marks=(*torn, *first.marks)))
 
     def _check(self) -> None:
         """Stop when the recording itself has failed; other outputs may fail alone."""
-        if self._has_failed() and self.pipeline.failure is not None:
-            raise self.pipeline.failure
+        failure = self.pipeline.failure
+        if self._has_failed():
+            assert self._file is not None
+            if failure is None or failure is self._failure:  # that was another output
+                failure = OutputError(f"{self._file.path}: cannot be written any more")
+            raise failure
+        self._failure = failure
 
     def _has_failed(self) -> bool:
         return self._file is not None and not self.pipeline.has(self._file)
@@ -267,14 +294,15 @@ class Recorder:
         """Record and decode the rest, unless the recording itself has failed."""
         if self._has_failed():
             return
-        self._record(self._listener.drain())
+        self._take()
         for bus, merger in self._mergers.items():
             if rest := merger.close():
                 self.pipeline.record(bus, rest)
+                self._check()
                 self._waiting[bus].add(rest)
-        for bus, waiting in self._waiting.items():
-            while waiting.chunks:
-                self.pipeline.decode(bus, waiting.take(PASS))
+        while not (self.wishes.hurry or self._decode(0.0)):
+            pass
+        self.skipped += sum(waiting.size for waiting in self._waiting.values())
 
     def status(self) -> Status:
         """Return how it is going."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import collections
 import contextlib
+import functools
 import os
 import selectors
 import threading
@@ -21,6 +22,9 @@ from sniffer.sources.ports import Counters, Port, PortLostError, PortOptions, op
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+NEVER_NS: Final = 1 << 62
+"""Later than any stamp."""
+
 BREATH_NS: Final = 1_000_000
 """Pause between two rounds of reading on a busy line: a full-speed USB frame, so nothing is lost by
 it; reading every byte as it comes would take a core for eight busy buses."""
@@ -28,6 +32,12 @@ it; reading every byte as it comes would take a core for eight busy buses."""
 WINDOW_NS: Final = 50_000_000
 BUSY: Final = 40
 """Reads within ``WINDOW_NS`` from which on the reader takes a breath between rounds."""
+
+LOOK_S: Final = 0.05
+"""How long a silent line is waited for at most before it is said that nothing came."""
+
+REST_S: Final = 0.1
+"""How long is read after the end was asked for, where a line never falls silent."""
 
 RETRY_S: Final = 0.25
 """How often a port that is away is looked for."""
@@ -95,6 +105,9 @@ Event = Read | Lost | Back | Counted
 class Listener:
     """Reads ports until it is stopped; ``drain`` hands over what came since.
 
+    All ports that can be polled are read by one thread, each other one by a thread of its own. What
+    may take long, closing and opening ports that went away, is done beside them.
+
     Args:
         ports: opened ports; they are closed by ``stop``.
         options: how each is opened again.
@@ -104,21 +117,31 @@ class Listener:
     def __init__(
         self, ports: Sequence[Port], options: Sequence[PortOptions], anchor: Anchor
     ) -> None:
-        self._events: collections.deque[Event] = collections.deque()
-        self._anchor = anchor
-        self._stop = threading.Event()
         self.died: BaseException | None = None
         """What ended a reader thread that nobody asked to end."""
+        self._events: collections.deque[Event] = collections.deque()
+        self._found: collections.deque[tuple[_Line, Port]] = collections.deque()
+        self._anchor = anchor
+        self._stop = threading.Event()
+        self._stopping = threading.Lock()
         self._waker, self._wakes = os.pipe()
         lines = [_Line(i, p, o) for i, (p, o) in enumerate(zip(ports, options, strict=True))]
         self._lines = lines
         polled = [line for line in lines if line.pollable]
-        jobs: list[Callable[[], None]] = [lambda: self._poll(polled)] if polled else []
-        jobs += [self._waiting_for(line) for line in lines if not line.pollable]
-        self._threads = [
-            threading.Thread(target=self._guarded, args=(job,), name="reader", daemon=True)
-            for job in jobs
-        ]
+        jobs: list[Callable[[int], None]] = []
+        if polled:
+            jobs.append(functools.partial(self._poll, polled))
+        jobs += [functools.partial(self._wait_for, line) for line in lines if not line.pollable]
+        self._heard = [anchor.now()] * len(jobs)
+        self._threads = [self._thread(functools.partial(job, n)) for n, job in enumerate(jobs)]
+
+    @property
+    def heard_ns(self) -> int:
+        """The time up to which all is in the queue: a stamp that comes later is not earlier.
+
+        It is to be asked for before ``drain``.
+        """
+        return min(self._anchor.now(), *self._heard)
 
     def start(self) -> None:
         """Begin to read."""
@@ -130,18 +153,24 @@ class Listener:
         return [self._events.popleft() for _ in range(len(self._events))]
 
     def stop(self) -> None:
-        """Stop reading and close the ports; what was read can still be drained."""
-        if self._stop.is_set():
-            return
-        self._stop.set()
-        os.write(self._wakes, b".")
+        """Read what is there, stop and close the ports; what was read can still be drained."""
+        with self._stopping:  # from now on nobody wakes anybody
+            if self._stop.is_set():
+                return
+            self._stop.set()
+            os.write(self._wakes, b".")
         for thread in self._threads:
             if thread.is_alive():
                 thread.join(2.0)
         for line in self._lines:
             line.close()
+        for _, port in self._found:
+            port.close()
         os.close(self._wakes)
         os.close(self._waker)
+
+    def _thread(self, job: Callable[[], None]) -> threading.Thread:
+        return threading.Thread(target=self._guarded, args=(job,), name="reader", daemon=True)
 
     def _guarded(self, job: Callable[[], None]) -> None:
         try:
@@ -149,73 +178,95 @@ class Listener:
         except BaseException as error:
             self.died = error
 
-    def _waiting_for(self, line: _Line) -> Callable[[], None]:
-        """Return the job for a port that cannot be polled: a thread waits for it."""
+    def _wait_for(self, line: _Line, number: int) -> None:
+        """Read a port that cannot be polled."""
+        while not self._stop.is_set():
+            if line.port is not None:
+                self._heard[number] = self._anchor.now()
+                if self._read(line) is None:
+                    line.close()
+                self._count(line)
+                continue
+            self._heard[number] = NEVER_NS
+            port = _opened(line)
+            self._heard[number] = self._anchor.now()
+            if port is not None:
+                self._take_back(line, port)
+            else:
+                self._stop.wait(RETRY_S)
+        self._read_rest(line)
 
-        def job() -> None:
-            while not self._stop.is_set():
-                if line.port is None:
-                    if not self._open(line):
-                        self._stop.wait(RETRY_S)
-                else:
-                    self._read(line)
-                    self._count(line)
-
-        return job
-
-    def _poll(self, lines: Sequence[_Line]) -> None:
-        """Read all ports that can be polled, in one thread."""
+    def _poll(self, lines: Sequence[_Line], number: int) -> None:
+        """Read all ports that can be polled."""
         with selectors.DefaultSelector() as selector:
             selector.register(self._waker, selectors.EVENT_READ, None)
             for line in lines:
                 selector.register(line.fileno(), selectors.EVENT_READ, line)
-            retry_at = 0.0
-            window, reads, breathes = 0, 0, False
+            window, reads, breathes, is_new = 0, 0, False, True
             while not self._stop.is_set():
-                ready = selector.select(COUNTERS_S / 4)
-                began = time.monotonic_ns()
+                self._heard[number] = self._anchor.now()
+                ready = selector.select(0 if is_new else LOOK_S)
+                if is_new:  # a port may hold bytes that came before it was set up
+                    ready = [(k, 0) for k in selector.get_map().values() if k.data is not None]
+                    is_new = False
                 for key, _ in ready:
-                    if key.data is not None and not self._read(key.data):
+                    if key.data is None:
+                        os.read(self._waker, len(lines))
+                    elif self._read(key.data) is None:
                         selector.unregister(key.fileobj)
-                        key.data.close()
+                        gone, key.data.port = key.data.port, None
+                        self._thread(functools.partial(self._look_for, key.data, gone)).start()
+                while self._found:
+                    line, port = self._found.popleft()
+                    self._take_back(line, port)
+                    selector.register(line.fileno(), selectors.EVENT_READ, line)
+                    is_new = True
                 for line in lines:
-                    if line.port is not None:
-                        self._count(line)
-                    elif began >= retry_at * NS and self._open(line):
-                        selector.register(line.fileno(), selectors.EVENT_READ, line)
-                if any(line.port is None for line in lines) and began >= retry_at * NS:
-                    retry_at = began / NS + RETRY_S
+                    self._count(line)
                 reads += len(ready)
+                began = time.monotonic_ns()
                 if began - window > WINDOW_NS:
                     window, reads, breathes = began, 0, reads >= BUSY
                 if breathes:
                     time.sleep(BREATH_NS / NS)
+        for line in lines:
+            self._read_rest(line)
 
-    def _read(self, line: _Line) -> bool:
-        """Read what is there; tell whether the port is still there, too."""
+    def _look_for(self, line: _Line, gone: Port) -> None:
+        """Close a port that went away, open it as soon as it is back, hand it to its reader."""
+        _close(gone)
+        while (port := _opened(line)) is None:
+            if self._stop.wait(RETRY_S):
+                return
+        with self._stopping:
+            if self._stop.is_set():
+                port.close()
+                return
+            self._found.append((line, port))
+            os.write(self._wakes, b".")
+
+    def _read_rest(self, line: _Line) -> None:
+        """Read what came before the end and was not read, but not what comes for ever."""
+        until = time.monotonic() + REST_S
+        while line.port is not None and time.monotonic() < until and self._read(line):
+            pass
+
+    def _read(self, line: _Line) -> bytes | None:
+        """Read what is there; return None when the port is no longer there."""
         port = line.port
         assert port is not None
         try:
             data = port.read()
         except PortLostError:
-            line.lost_ns = self._anchor.now()
-            self._events.append(Lost(line.number, line.lost_ns))
-            if not line.pollable:
-                line.close()
-            return False
+            self._events.append(Lost(line.number, self._anchor.now()))
+            return None
         if data:
             self._events.append(Read(line.number, self._anchor.now(), data))
-        return True
+        return data
 
-    def _open(self, line: _Line) -> bool:
-        """Try to open a port that was away."""
-        try:
-            port = open_port(line.path, line.options)
-        except SnifferError:
-            return False
+    def _take_back(self, line: _Line, port: Port) -> None:
         line.port, line.counters = port, None
         self._events.append(Back(line.number, self._anchor.now(), port))
-        return True
 
     def _count(self, line: _Line) -> None:
         """Read the driver's counters once a second; tell when they have risen."""
@@ -238,7 +289,6 @@ class _Line:
         self.path = port.path
         self.pollable = port.pollable
         self.options = options
-        self.lost_ns = 0
         self.counters = port.counters()
         self.count_at = time.monotonic() + COUNTERS_S
 
@@ -248,6 +298,18 @@ class _Line:
 
     def close(self) -> None:
         if self.port is not None:
-            with contextlib.suppress(OSError, PortLostError):
-                self.port.close()
+            _close(self.port)
             self.port = None
+
+
+def _opened(line: _Line) -> Port | None:
+    """Open a port that was away; None: it still is, or somebody else has it."""
+    try:
+        return open_port(line.path, line.options)
+    except SnifferError:
+        return None
+
+
+def _close(port: Port) -> None:
+    with contextlib.suppress(OSError, PortLostError):
+        port.close()

@@ -1,0 +1,129 @@
+"""What a recording tells its user: while it runs, and at its end."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import TYPE_CHECKING, Final
+
+from sniffer.cli.outlet import write_within
+from sniffer.model import NS
+from sniffer.sinks.text import plain
+
+if TYPE_CHECKING:
+    from sniffer.cli.screen import Screen
+    from sniffer.detect import Detection
+    from sniffer.recording.recorder import Recorder
+    from sniffer.sinks.rotation import RotatingMcap
+    from sniffer.sources.listening import Anchor
+
+MISTAKES_S: Final = 5.0
+"""How often it is looked whether a bus speaks another protocol than was said."""
+
+STEP_NS: Final = NS // 10
+"""A step of the system clock that is worth a word."""
+
+WORD_S: Final = 0.5
+"""How long a line on standard error may take before it is left out."""
+
+
+class Teller:
+    """What is told while it runs; once a screen is there, above it.
+
+    A terminal that stands still, or is gone, keeps nothing from going on.
+    """
+
+    def __init__(self, *, quiet: bool) -> None:
+        self.screen: Screen | None = None
+        self._quiet = quiet
+        self._told: set[str] = set()
+        self._look_at = time.monotonic() + MISTAKES_S
+
+    def talk(self, message: str) -> None:
+        """Tell something, unless quiet was asked for."""
+        if not self._quiet:
+            self.warn(message)
+
+    def warn(self, message: str) -> None:
+        """Tell what the user must know."""
+        if self.screen is not None:
+            self.screen.say(message)
+        else:
+            write_within(sys.stderr, f"sniffer: {plain(' '.join(message.split()))}\n", WORD_S)
+
+    def once(self, message: str) -> None:
+        """Tell what the user must know, but not again and again."""
+        if message not in self._told:
+            self._told.add(message)
+            self.warn(message)
+
+    def found(self, bus: str, detection: Detection) -> None:
+        """Tell which protocol a bus was found to speak."""
+        self.talk(f"{bus}: {detection}")
+
+    def mistaken(self, recorder: Recorder) -> None:
+        """Tell of buses that speak something else than was said."""
+        for bus, other in recorder.pipeline.mistaken():
+            named = recorder.pipeline.speaks(bus)
+            if bus not in self._told:
+                self._told.add(bus)
+                self.warn(f"{bus}: no frame of {named} so far, it looks like {other}")
+
+    def look(self, recorder: Recorder) -> None:
+        """Tell what has gone wrong, once each."""
+        if recorder.pipeline.failure is not None:
+            self.once(str(recorder.pipeline.failure))
+        if time.monotonic() >= self._look_at:
+            self._look_at = time.monotonic() + MISTAKES_S
+            self.mistaken(recorder)
+
+
+def result(
+    recorder: Recorder, ended: str, file: RotatingMcap | None, anchor: Anchor, tell: Teller
+) -> None:
+    """Say what there is now; what went wrong is said also where quiet was asked for."""
+    if ended:
+        tell.talk(f"stopped: {ended}")
+    taps = recorder.taps
+    size = sum(tap.bytes for tap in taps)
+    if not size:
+        tell.warn(f"no byte was heard; `sniffer doctor {taps[0].spec.port}` tells more")
+        return
+    totals = recorder.pipeline.summary.buses.values()
+    frames = sum(sum(b.kinds.values()) for b in totals)
+    gaps = sum(b.bytes_in_gaps for b in totals)
+    anomalies = sum(sum(b.codes.values()) for b in totals)
+    tell.talk(
+        f"{size} bytes recorded, {frames} frames, {gaps} bytes in no frame, {anomalies} anomalies"
+        f"{_where(file)}"
+    )
+    by_bus: dict[str, int] = {}
+    for tap in taps:
+        by_bus[tap.spec.bus] = by_bus.get(tap.spec.bus, 0) + tap.bytes
+        if not tap.bytes:
+            port = tap.spec.port
+            tell.talk(f"{tap.spec.bus}: no byte was heard; `sniffer doctor {port}` tells more")
+    for bus, heard in by_bus.items():
+        if heard and recorder.pipeline.speaks(bus) is None:
+            tell.warn(
+                f"{bus}: its protocol could not be told from {heard} bytes: they are recorded; "
+                "decode them with --protocol, or see `sniffer doctor`"
+            )
+    tell.mistaken(recorder)
+    if recorder.skipped:
+        tell.warn(
+            f"{recorder.skipped} bytes were recorded but not decoded: decode the recording again"
+        )
+    step = anchor.step_ns()
+    if abs(step) > STEP_NS:
+        tell.talk(
+            f"the system clock moved by {step / NS:+.1f} s meanwhile; the stamps did not follow"
+        )
+
+
+def _where(file: RotatingMcap | None) -> str:
+    """Return which files there are now."""
+    if file is None:
+        return ""
+    last = ", ".join(str(path) for path in file.files[-3:])
+    return f": {len(file.files)} files, the last {last}" if len(file.files) > 3 else f": {last}"

@@ -1,0 +1,395 @@
+"""How a recording ends, and begins a new file: conditions, signals, a full disk, a dead reader."""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import signal
+import subprocess
+import time
+from typing import TYPE_CHECKING, Final
+
+import pytest
+
+from sniffer.recovery import recover
+from tests.commands import Ran, conserved, damaged, sniffer, talk
+from tests.recorder import (
+    Patient,
+    Recorder,
+    assert_true_to_itself,
+    codes,
+    facts,
+    raw,
+    say_slowly,
+    so_far,
+)
+from tests.recordings import messages
+from tests.terminals import LINUX_ONLY, Terminal, wait
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+
+pytestmark = LINUX_ONLY
+
+TALK: Final = talk(60)
+LITTLE: Final = talk(10)
+
+
+@pytest.fixture
+def line() -> Iterator[Patient]:
+    with Patient() as terminal:
+        yield terminal
+
+
+def frames(path: Path) -> int:
+    return len(messages(path).get("/bus0/frames", []))
+
+
+def says_until_it_ends(line: Patient, run: Recorder) -> bytes:
+    """Speak until the recorder has ended by itself."""
+    said = b""
+    while run.process.poll() is None:
+        if line.takes_more():
+            line.say(LITTLE)
+            said += LITTLE
+        time.sleep(0.01)
+    return said
+
+
+# --- conditions ----------------------------------------------------------------------------------
+
+
+def test_a_recording_ends_when_its_time_is_over(tmp_path: Path, line: Patient) -> None:
+    began = time.monotonic()
+    with Recorder(tmp_path, "{}=mightyzap", "--duration", "0.6s", lines=[line]) as run:
+        line.say(TALK)
+        ran = run.ended()
+    assert time.monotonic() - began > 0.6
+    assert ran.status == 0
+    assert "sniffer: stopped: 0.6 s are over\n" in ran.err
+    assert raw(run.path) == {"bus0": TALK}
+    assert_true_to_itself(run.path)
+
+
+def test_a_recording_ends_when_it_has_the_size_that_was_asked_for(
+    tmp_path: Path, line: Patient
+) -> None:
+    with Recorder(tmp_path, "{}=mightyzap", "--max-size", "100kB", lines=[line]) as run:
+        said = says_until_it_ends(line, run)
+        ran = run.ended()
+    assert ran.status == 0
+    assert "bytes are written" in ran.err
+    assert 100_000 <= run.path.stat().st_size < 500_000
+    assert said.startswith(raw(run.path)["bus0"])
+    assert_true_to_itself(run.path)
+
+
+def test_a_recording_ends_when_it_has_enough_frames(tmp_path: Path, line: Patient) -> None:
+    with Recorder(tmp_path, "{}=mightyzap", "--frames", "420", "--quiet", lines=[line]) as run:
+        half = talk(30)
+        line.say(half)
+        run.wait_for(len(half))
+        time.sleep(0.3)
+        assert run.process.poll() is None
+        line.say(TALK.removeprefix(half))
+        assert run.ended() == Ran(0, "", "")
+    assert raw(run.path) == {"bus0": TALK}
+    assert frames(run.path) == 420
+
+
+def test_a_recording_ends_when_nothing_is_said_any_more(tmp_path: Path, line: Patient) -> None:
+    with Recorder(tmp_path, "{}=mightyzap", "--idle", "500ms", lines=[line]) as run:
+        for _ in range(4):
+            line.say(TALK)
+            time.sleep(0.2)
+        ran = run.ended()
+    assert ran.status == 0
+    assert "sniffer: stopped: no byte for 0.5 s" in ran.err
+    assert raw(run.path) == {"bus0": TALK * 4}
+
+
+def test_a_recording_ends_at_an_anomaly_that_was_waited_for(tmp_path: Path, line: Patient) -> None:
+    said = damaged(TALK)
+    told = ("--until", "bad-checksum", "--until", "port-lost")
+    with Recorder(tmp_path, "{}=mightyzap", *told, lines=[line]) as run:
+        line.say(TALK)
+        run.wait_for(len(TALK))
+        time.sleep(0.3)
+        assert run.process.poll() is None
+        line.say(said)
+        ran = run.ended()
+    assert ran.status == 0
+    assert "sniffer: stopped: bad-checksum on bus0: " in ran.err
+    assert raw(run.path) == {"bus0": TALK + said}
+    assert "bad-checksum" in codes(run.path)
+
+
+# --- signals -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_what_was_said_before_the_signal_is_in_the_recording(
+    tmp_path: Path, line: Patient, number: signal.Signals
+) -> None:
+    with Recorder(tmp_path, "{}=mightyzap", "--quiet", lines=[line]) as run:
+        for _ in range(20):
+            line.say(TALK)
+        assert run.stop(number) == Ran(0, "", "")
+    assert raw(run.path) == {"bus0": TALK * 20}
+    assert frames(run.path) == 420 * 20
+    assert_true_to_itself(run.path)
+
+
+def test_the_second_ctrl_c_leaves_a_whole_recording_too(tmp_path: Path, line: Patient) -> None:
+    with Recorder(tmp_path, "{}=mightyzap", "--quiet", lines=[line]) as run:
+        line.say(TALK)
+        run.wait_for(len(TALK))
+        run.tell(signal.SIGTERM)
+        run.tell(signal.SIGINT)
+        assert run.ended().status in (0, 130)  # 0 where it had ended by then
+    assert raw(run.path) == {"bus0": TALK}
+
+
+def test_a_signal_while_it_begins_ends_it_in_order(tmp_path: Path, line: Patient) -> None:
+    import termios
+
+    run = Recorder(tmp_path, f"{line.path}=mightyzap", "--quiet")
+    wait(lambda: bool(line.settings()[0] & termios.PARMRK), "nobody listens")
+    ran = run.stop()
+    assert ran.status == 0
+    assert ran.complaint == f"no byte was heard; `sniffer doctor {line.path}` tells more"
+    assert raw(run.path) == {}
+
+
+@pytest.mark.parametrize("rotates", [False, True])
+def test_a_hangup_signal_begins_a_new_file(tmp_path: Path, line: Patient, rotates: bool) -> None:
+    told = ["--rotate", "1GB"] if rotates else []
+    first = "run-0001.mcap" if rotates else "run.mcap"
+    names = [first, "run-0002.mcap", "run-0003.mcap"]
+    paths = [tmp_path / name for name in names]
+    with Recorder(tmp_path, "{}=mightyzap", *told, lines=[line]) as run:
+        for nth, path in enumerate(paths):
+            line.say(TALK)
+            run.wait_for(len(TALK), path=path)
+            time.sleep(0.25)  # what was asked last may still be answered
+            if nth < 2:
+                run.tell(signal.SIGHUP)
+                run.wait_until(paths[nth + 1].exists, "no new file")
+        ran = run.stop()
+    assert ran.status == 0
+    assert ran.err.splitlines()[-1].endswith(", ".join(map(str, paths)))
+    assert sorted(path.name for path in tmp_path.glob("*.mcap")) == sorted(names)
+    assert [raw(path)["bus0"] for path in paths] == [TALK] * 3
+    for nth, path in enumerate(paths):
+        assert_true_to_itself(path, alone=not nth)
+        assert facts(path)["part"] == str(nth + 1)
+
+
+def test_files_of_a_size_joined_are_all_that_was_said(tmp_path: Path, line: Patient) -> None:
+    with Recorder(tmp_path, "{}=mightyzap", "--rotate", "40kB", "--quiet", lines=[line]) as run:
+        for _ in range(10):
+            say_slowly(line, TALK, 45)
+        assert run.stop() == Ran(0, "", "")
+    paths = sorted(tmp_path.glob("*.mcap"))
+    assert len(paths) >= 3
+    assert raw(*paths) == {"bus0": TALK * 10}  # nothing is missing, nothing stands in two files
+    assert sum(map(frames, paths)) == 4200
+    for path in paths:
+        assert_true_to_itself(path, alone=path == paths[0])
+
+
+def test_of_a_row_of_files_the_last_ones_are_kept(tmp_path: Path, line: Patient) -> None:
+    told = ("--rotate", "60kB", "--rotate", "1h", "--keep", "2")
+    with Recorder(tmp_path, "{}=mightyzap", *told, lines=[line]) as run:
+        for _ in range(10):
+            say_slowly(line, TALK, 90)
+        ran = run.stop()
+    paths = sorted(tmp_path.glob("*.mcap"))
+    assert len(paths) == 2
+    assert ran.err.splitlines()[-1].endswith(", ".join(map(str, paths)))
+    kept = raw(*paths)["bus0"]
+    assert len(kept) > 500
+    assert (TALK * 10).endswith(kept)
+
+
+# --- what goes wrong -----------------------------------------------------------------------------
+
+
+def assert_usable(path: Path, said: bytes, tmp_path: Path) -> None:
+    """What was written before the disk was full can be read, replayed and recovered."""
+    kept = so_far(path)["bus0"]
+    assert len(kept) > 10_000
+    assert said.startswith(kept)
+    decoded = sniffer("decode", path, "--format", "jsonl")
+    assert decoded.status == 0
+    assert conserved(decoded.out) == kept
+    again = sniffer("replay", path, "--redecode")  # of the last bytes no frame was recorded
+    assert " frames the same" in again.out
+    assert again.status == 0 or " 0 read otherwise, 0 only in the recording, " in again.out
+    whole = tmp_path / "whole.mcap"
+    recover(path, whole)
+    assert raw(whole)["bus0"] == kept
+
+
+def test_a_file_that_may_not_grow_ends_the_recording_with_one_line(
+    tmp_path: Path, line: Patient
+) -> None:
+    def limit() -> None:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
+
+    with Recorder(tmp_path, "{}=mightyzap", "--quiet", lines=[line], preexec_fn=limit) as run:
+        said = says_until_it_ends(line, run)
+        ran = run.ended()
+    assert ran.status == 2
+    assert ran.complaint == (
+        f"{run.path}: cannot be written (File too large); what was recorded before is kept"
+    )
+    assert_usable(run.path, said, tmp_path)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mount, umount = shutil.which("mount"), shutil.which("umount")
+    if mount is None or umount is None:
+        pytest.skip("mount is not here")
+    command = [mount, "-t", "tmpfs", "-o", "size=320k", "tmpfs", str(folder)]
+    if subprocess.run(command, check=False, capture_output=True).returncode:
+        pytest.skip("file systems may not be mounted here")
+    yield folder
+    subprocess.run([umount, "-l", str(folder)], check=True)
+
+
+def test_a_full_disk_ends_the_recording_with_one_line(
+    tmp_path: Path, line: Patient, small_disk: Path
+) -> None:
+    path = small_disk / "run.mcap"
+    with Recorder(tmp_path, "{}=mightyzap", "--quiet", "-o", path, lines=[line]) as run:
+        said = says_until_it_ends(line, run)
+        ran = run.ended()
+    assert ran.status == 2
+    assert ran.complaint == (
+        f"{path}: cannot be written (No space left on device); what was recorded before is kept"
+    )
+    assert_usable(path, said, tmp_path)
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_another_output_that_fails_is_told_and_the_recording_goes_on(
+    tmp_path: Path, line: Patient, quiet: bool
+) -> None:
+    full = tmp_path / "run.jsonl"
+    full.symlink_to("/dev/full")
+    told = ["-o", str(tmp_path / "run.mcap"), "-o", str(full), *(["--quiet"] if quiet else [])]
+    with Recorder(tmp_path, "{}=mightyzap", *told, lines=[line]) as run:
+        complaint = f"sniffer: {full}: cannot be written (No space left on device)"
+        for _ in range(8):
+            line.say(TALK)
+            time.sleep(0.03)
+        run.wait_until(lambda: complaint in run.said, "not told")
+        line.say(TALK)
+        ran = run.stop()
+    assert ran.status == 2
+    assert ran.err.count(complaint) == 1
+    if quiet:
+        assert ran.complaint
+    assert raw(run.path) == {"bus0": TALK * 9}
+    assert_true_to_itself(run.path)
+
+
+def test_where_no_output_is_left_the_recording_ends(tmp_path: Path, line: Patient) -> None:
+    full = tmp_path / "run.jsonl"
+    full.symlink_to("/dev/full")
+    with Recorder(tmp_path, "{}=mightyzap", "-o", full, lines=[line]) as run:
+        says_until_it_ends(line, run)
+        ran = run.ended()
+    assert ran.status == 2
+    assert "cannot be written (No space left on device)" in ran.err.splitlines()[-1]
+
+
+# --- what nobody understands ---------------------------------------------------------------------
+
+
+def test_what_speaks_no_known_protocol_is_recorded_and_told_in_one_line(
+    tmp_path: Path, line: Patient
+) -> None:
+    said = random.Random(3).randbytes(6000)
+    with Recorder(tmp_path, "arm={}", "--quiet", lines=[line]) as run:
+        say_slowly(line, said, 100)
+        ran = run.stop()
+    assert ran.status == 0
+    assert ran.complaint == (
+        "arm: its protocol could not be told from 6000 bytes: they are recorded; "
+        "decode them with --protocol, or see `sniffer doctor`"
+    )
+    assert raw(run.path) == {"arm": said}
+
+
+def test_what_speaks_another_protocol_than_was_said_is_told_in_one_line(
+    tmp_path: Path, line: Patient
+) -> None:
+    with Recorder(tmp_path, "{}=rs30x", "--quiet", lines=[line]) as run:
+        say_slowly(line, TALK, 100)
+        ran = run.stop()
+    assert ran.status == 0
+    assert ran.complaint.startswith(
+        "bus0: no frame of rs30x so far, it looks like mightyzap (sure: "
+    )
+    assert raw(run.path) == {"bus0": TALK}
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_where_nothing_is_heard_the_doctor_is_recommended(
+    tmp_path: Path, line: Patient, quiet: bool
+) -> None:
+    told = ["--duration", "0.3", *(["--quiet"] if quiet else [])]
+    with Recorder(tmp_path, "{}=wck", *told, lines=[line]) as run:
+        ran = run.ended()
+    assert ran.status == 0
+    advice = f"sniffer: no byte was heard; `sniffer doctor {line.path}` tells more"
+    stopped = [] if quiet else ["sniffer: stopped: 0.3 s are over"]
+    lines = [told for told in ran.err.splitlines() if not told.startswith("elapsed=")]
+    assert lines == [*stopped, advice]
+
+
+# --- who looks on --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_a_terminal_that_goes_away_ends_nothing_and_spoils_nothing(
+    tmp_path: Path, line: Patient, quiet: bool
+) -> None:
+    with Terminal() as window:
+        slave = os.open(window.path, os.O_RDWR | os.O_NOCTTY)
+        told = ["--quiet"] if quiet else []
+        with Recorder(tmp_path, "{}", *told, lines=[line], into=slave) as run:
+            os.close(slave)
+            say_slowly(line, TALK[:2700], 90)
+            window.hang_up()
+            say_slowly(line, TALK[2700:], 90)
+            run.tell(signal.SIGUSR1)
+            assert run.stop().status == 0
+    assert raw(run.path) == {"bus0": TALK}
+    assert_true_to_itself(run.path)
+
+
+def test_a_terminal_that_stands_still_stops_nothing(tmp_path: Path, line: Patient) -> None:
+    import termios
+
+    with Terminal() as window:
+        slave = os.open(window.path, os.O_RDWR | os.O_NOCTTY)
+        with Recorder(tmp_path, "{}=mightyzap", lines=[line], into=slave) as run:
+            termios.tcflow(slave, termios.TCOOFF)  # what Ctrl-S does
+            for _ in range(3):
+                line.say(TALK)
+                time.sleep(0.2)
+            run.wait_for(3 * len(TALK))
+            assert run.stop().status == 0
+        os.close(slave)
+    assert raw(run.path) == {"bus0": TALK * 3}

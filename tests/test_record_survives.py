@@ -1,0 +1,29 @@
+"""``sniffer record`` killed in full flight: its file holds all but the last moment, and opens."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from bench.survives import ALLOWED_NS, KINDS, complaints, kill
+from tests.terminals import LINUX_ONLY
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SEED = 57
+
+pytestmark = LINUX_ONLY
+
+
+def test_killed_at_any_moment_it_loses_less_than_a_tenth_of_a_second_and_every_file_opens(
+    tmp_path: Path,
+) -> None:
+    kinds = KINDS[1:2] + KINDS[4:7]  # named and found, waiting for the disk, several files
+    found = kill(tmp_path, kinds, SEED)
+    assert len(found) == 4
+    for left in found:
+        # a machine that keeps the writer from running keeps the recorder from it, too
+        assert left.lost_ns <= ALLOWED_NS + 2 * left.held_up_ns, left
+        assert left.kept, left
+        assert complaints(left, allowed_ns=ALLOWED_NS + 2 * left.held_up_ns) == []
+    assert any(len(left.files) > 1 for left in found)
