@@ -141,9 +141,7 @@ def measure(load: Load) -> Figures:
             writer_blocked_ms=said.blocked_s * 1e3,
             writer_late=said.late_ms,
             load=average,
-            others=(work.machine - work.recorder - work.beside - work.writer)
-            * 100
-            / (said.seconds + TAIL_S),
+            others=max(0.0, work.others) * 100 / (said.seconds + TAIL_S),
         )
 
 
@@ -208,6 +206,11 @@ class Work:
     writer: float
     machine: float
 
+    @property
+    def others(self) -> float:
+        """What nobody did who belongs to the measurement."""
+        return self.machine - self.recorder - self.beside - self.writer
+
     @classmethod
     def of(cls, recorder: int, writer: int) -> Work:
         """Return what was done so far."""
@@ -215,14 +218,18 @@ class Work:
         # a thread's name does not reach the system; the main thread has the number of the process
         reader = sum(_ran_s(thread) for thread in threads if thread.name != str(recorder))
         beside = sum(_used_s(pid) for pid in descendants(recorder))
-        fields = Path("/proc/stat").read_text(encoding="ascii").split("\n", 1)[0].split()[1:]
-        busy = sum(int(fields[n]) for n in (0, 1, 2, 5, 6)) / os.sysconf("SC_CLK_TCK")
-        return cls(_used_s(recorder), reader, beside, _used_s(writer), busy)
+        return cls(_used_s(recorder), reader, beside, _used_s(writer), busy_s())
 
     def since(self, before: Work) -> Work:
         """Return what was done meanwhile."""
         pairs = zip(dataclasses.astuple(self), dataclasses.astuple(before), strict=True)
         return Work(*(now - then for now, then in pairs))
+
+
+def busy_s() -> float:
+    """Return how long all processors have worked, in seconds."""
+    fields = Path("/proc/stat").read_text(encoding="ascii").split("\n", 1)[0].split()[1:]
+    return sum(int(fields[n]) for n in (0, 1, 2, 5, 6)) / os.sysconf("SC_CLK_TCK")
 
 
 def _ran_s(thread: Path) -> float:

@@ -13,13 +13,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from bench.lines import WAIT_S, Writer
-from bench.live import SETTLES_S, Figures, Load, Work, measure, until
+from bench.live import SETTLES_S, Figures, Load, Work, busy_s, measure, until
 from bench.results import LIVE, put
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 ROUNDS: Final = 3
+QUIET: Final = 0.2
+"""What others may take of a core before a measurement begins."""
+
+LOOK_S: Final = 1.0
+PATIENCE_S: Final = 45.0
 SECONDS: Final = 8.0
 
 LOADS: Final = (
@@ -40,6 +45,17 @@ SHOWN: Final = {
     "log": "a line a frame, to /dev/null",
     "dead viewer": "Rerun, at an address where no viewer is",
 }
+
+
+def wait_for_quiet() -> bool:
+    """Wait, but not for ever, until the machine has nothing else to do; tell whether it has."""
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        before = busy_s()
+        time.sleep(LOOK_S)
+        if busy_s() - before < QUIET * LOOK_S:
+            return True
+    return False
 
 
 def naive() -> float:
@@ -81,6 +97,7 @@ def write() -> None:
     loops: list[float] = []
     for _ in range(ROUNDS):
         for load, figures in found.items():
+            wait_for_quiet()
             figures.append(measure(load))
             sys.stderr.write(f"{_row(load, figures[-1:])}\n")
         loops.append(naive())
@@ -93,7 +110,7 @@ def _lines(found: dict[Load, list[Figures]], loops: Sequence[float]) -> list[str
     fast = statistics.median(loops)
     beside = [f.others for figures in found.values() for f in figures]
     loads = [f.load for figures in found.values() for f in figures]
-    held = max(f.writer_late[0] for figures in found.values() for f in figures)
+    held = statistics.median(f.writer_late[0] for figures in found.values() for f in figures)
     cores = len(os.sched_getaffinity(0))
     blocked = max(f.writer_blocked_ms for figures in found.values() for f in figures)
     return [
@@ -116,15 +133,16 @@ def _lines(found: dict[Load, list[Figures]], loops: Sequence[float]) -> list[str
         "",
         (
             f"pySerial's `read(1)` in a loop that stamps each byte and does nothing else takes "
-            f"{fast:.0f} % for one line at 921600: {fast / _median(one, 'cpu'):.0f} times what "
+            f"{fast:.0f} % for one line at 921600: {fast / _median(one, 'cpu'):.1f} times what "
             "recording and decoding it takes."
         ),
         "",
         (
             f"Beside this, other programs took {min(beside):.0f} to {max(beside):.0f} % of a core "
-            f"(load average {min(loads):.1f} to {max(loads):.1f}, {cores} cores). The recorder never "
-            f"held the writer up by more than {blocked:.0f} ms; a slice was written "
-            f"late by {held:.1f} ms (p99 of the worst run) because the machine was busy."
+            f"(load average {min(loads):.1f} to {max(loads):.1f}, {cores} cores). The recorder "
+            f"held the writer up by {blocked:.0f} ms at most; of the slices 99 % were written no "
+            f"later than {held:.1f} ms after their time (median of the runs: what is late here "
+            "comes in larger lumps)."
         ),
         "",
     ]

@@ -69,6 +69,7 @@ class MarkKind(enum.IntEnum):
     )
     SKIPPED = 8  # the recorder had no time to decode what stands before; ``count`` bytes
     ENDED = 9  # the recording was stopped here: what is open was not waited for
+    HELD = 10  # the tap itself came late: these bytes may be older than stamped by ``count`` ns
 
 
 class Mark(NamedTuple):
@@ -83,7 +84,7 @@ class Mark(NamedTuple):
     kind: MarkKind
     start: int
     length: int = 0
-    count: int = 1
+    count: int = 1  # type: ignore[assignment]  # hides tuple.count, which nobody asks a mark for
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,7 +289,7 @@ class Remark(NamedTuple):
     kind: MarkKind
     start: int
     length: int
-    count: int
+    count: int  # type: ignore[assignment]  # as in Mark
     t_ns: int
 
     @property

@@ -139,15 +139,18 @@ class Pipeline:
         What was begun before them is ended there.
         """
         decoder = self._decoders.get(bus)
-        if decoder is None:
-            count += sum(len(c.data) for c in self._waiting.pop(bus, ()))
-            self._begin[bus] = self._begin.get(bus, 0) + count
-        else:
-            self._deliver(bus, decoder, decoder.close())
+        mark = Mark(MarkKind.SKIPPED, 0, count=count)
+        if decoder is not None:
+            torn = replace(chunk, data=b"", marks=(mark,))
+            for batch in (decoder.feed(torn), decoder.close()):
+                self._deliver(bus, decoder, batch)
             self._begin[bus] = decoder.position + count
             self._decoders[bus] = self._decoder(bus, decoder.protocol.name)
-        mark = Mark(MarkKind.SKIPPED, 0, count=count)
-        self.decode(bus, [replace(chunk, marks=(mark, *chunk.marks))])
+        else:
+            count += sum(len(c.data) for c in self._waiting.pop(bus, ()))
+            self._begin[bus] = self._begin.get(bus, 0) + count
+            chunk = replace(chunk, marks=(mark._replace(count=count), *chunk.marks))
+        self.decode(bus, [chunk])
 
     def decided(self) -> dict[str, int]:
         """Return the offset up to which each bus is decoded, for those that speak something."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.model import I64, NS, U8, Chunk, Clock, Direction, Frames
+from sniffer.model import I64, NS, U8, Chunk, Clock, Direction, Frames, MarkKind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -34,6 +34,16 @@ LATENCY_NS: Final[Mapping[Clock, int]] = MappingProxyType(
 def byte_time_ns(baud: int) -> int:
     """Return the wire time of one byte, 8N1: ten bits."""
     return 10 * NS // baud
+
+
+def _held(chunks: tuple[Chunk, ...]) -> I64:
+    """Return by how much each chunk may be older than stamped because the tap came late, in ns."""
+    out = np.zeros(len(chunks), np.int64)
+    for i, chunk in enumerate(chunks):
+        for mark in chunk.marks:
+            if mark.kind == MarkKind.HELD:
+                out[i] = max(mark.count, out[i])
+    return out
 
 
 def _clock_of(chunk: Chunk) -> Clock:
@@ -75,14 +85,17 @@ class Stamps:
             before = t[0] - sizes[0] * self.byte_ns if self._last is None else self._last
             previous = np.concatenate([[before], t[:-1]])
             lull = t - sizes * self.byte_ns - previous
-            latency = LATENCY_NS[self.clock] if self._latency_ns is None else self._latency_ns
+            usual = LATENCY_NS[self.clock] if self._latency_ns is None else self._latency_ns
+            held = _held(chunks)
+            latency = np.maximum(usual, held)
             slack = np.clip(lull, 0, latency)
             if self._last is None:
-                slack[0] = latency
+                slack[0] = latency[0]
             # Of two taps the pause on the wire is not known: each stamp may be late by all of it.
             merged = [k.clock == Clock.READ and k.direction != Direction.UNKNOWN for k in chunks]
-            slack[np.array(merged, bool)] = latency
-            barriers = (end - sizes)[lull > self._tail_ns]
+            slack = np.where(np.array(merged, bool), latency, slack)
+            # The bytes of a tap that came late may follow those before without a pause.
+            barriers = (end - sizes)[lull - held > self._tail_ns]
             self._last = int(t[-1])
         self._end = np.concatenate([self._end, end])
         self._t = np.concatenate([self._t, t])

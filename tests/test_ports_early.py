@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -10,11 +11,10 @@ import pytest
 from sniffer.sources.ports import open_port
 from tests.commands import sniffer, talk
 from tests.recorder import raw
-from tests.terminals import AT_115200, EVERY_BYTE, HEADERS, LINUX_ONLY, Terminal, listen
+from tests.terminals import AT_115200, EVERY_BYTE, HEADERS, LINUX_ONLY, Terminal, listen, wait
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 
 @pytest.fixture
@@ -59,3 +59,23 @@ def test_what_was_said_just_before_a_recording_is_in_it(line: Terminal, tmp_path
     os.close(slave)
     assert ran.status == 0, ran.err
     assert raw(tmp_path / "x.mcap") == {"bus0": talk(20)}
+
+
+@LINUX_ONLY
+def test_a_terminal_that_a_shell_runs_in_is_left_alone(tmp_path: Path) -> None:
+    import pty
+
+    pid, master = pty.fork()
+    if not pid:
+        os.execvp("sleep", ["sleep", "60"])
+    try:
+        wait(lambda: Path(f"/proc/{pid}/comm").read_text() == "sleep\n", "it does not start")
+        path = str(Path(f"/proc/{pid}/fd/0").readlink())
+        ran = sniffer("record", path, "--duration", "1", "-o", tmp_path / "x.mcap")
+        assert ran.status == 2
+        assert ran.complaint.startswith(f"{path} is a terminal that somebody types in")
+        assert not (tmp_path / "x.mcap").exists()
+    finally:
+        os.kill(pid, 9)
+        os.waitpid(pid, 0)
+        os.close(master)

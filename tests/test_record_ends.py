@@ -196,23 +196,29 @@ def test_files_of_a_size_joined_are_all_that_was_said(tmp_path: Path, line: Pati
     paths = sorted(tmp_path.glob("*.mcap"))
     assert len(paths) >= 3
     assert raw(*paths) == {"bus0": TALK * 10}  # nothing is missing, nothing stands in two files
-    assert sum(map(frames, paths)) == 4200
-    for path in paths:
+    whole = Collected()
+    pipeline = Pipeline(Options(protocol="mightyzap").with_facts(facts(paths[0])), [whole])
+    pipeline.feed([chunk for path in paths for chunk in chunks(path)])
+    pipeline.close()
+    assert sum(map(frames, paths)) == len(list(whole.frames())) > 4000
+    for path in filter(frames, paths):
         assert_true_to_itself(path, alone=path == paths[0])
 
 
 def test_of_a_row_of_files_the_last_ones_are_kept(tmp_path: Path, line: Patient) -> None:
     told = ("--rotate", "60kB", "--rotate", "1h", "--keep", "2")
     with Recorder(tmp_path, "{}=mightyzap", *told, lines=[line]) as run:
-        for _ in range(10):
+        said = 0
+        while not (tmp_path / "run-0004.mcap").exists():
             say_slowly(line, TALK, 90)
+            said += 1
         ran = run.stop()
     paths = sorted(tmp_path.glob("*.mcap"))
     assert len(paths) == 2
     assert ran.err.splitlines()[-1].endswith(", ".join(map(str, paths)))
     kept = raw(*paths)["bus0"]
     assert len(kept) > 500
-    assert (TALK * 10).endswith(kept)
+    assert (TALK * said).endswith(kept)
 
 
 # --- what goes wrong -----------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from sniffer.cli.tapping import shared
-from sniffer.model import Direction, MarkKind
+from sniffer.model import OK, Direction, MarkKind
 from sniffer.recording.taps import PortSpec, Tap
 from sniffer.sources.mcap import chunks
 from sniffer.sources.ports.tty import TtyPort
@@ -224,7 +224,8 @@ def test_two_wires_are_one_bus_with_every_answer_behind_its_request(
     tmp_path: Path, line: Terminal, protocol: str
 ) -> None:
     with Terminal() as other:
-        told = (f"arm={{}}={protocol}@57600", "{}", "--pair", "--quiet")
+        # so late may we be run on a busy machine, and cause and effect still tell the order
+        told = (f"arm={{}}={protocol}@57600", "{}", "--pair", "--quiet", "--latency", "40")
         with Recorder(tmp_path, *told, lines=[line, other]) as run:
             for asked, answered in exchanges(150):
                 line.say(asked)
@@ -241,9 +242,9 @@ def test_two_wires_are_one_bus_with_every_answer_behind_its_request(
     assert {topic.split("/")[1] for topic in found} == {"arm"}
     # RESPONSE has the number 1, TX 1 and RX 2
     assert all(f.direction == f.kind + 1 for f in found["/arm/frames"])
-    outcomes = [t.outcome for t in found["/arm/transactions"]]
-    assert len(outcomes) == 150
-    assert outcomes.count(outcomes[0]) == (150 if protocol == "mightyzap" else len(outcomes))
+    ok = [t.outcome for t in found["/arm/transactions"]].count(OK)
+    # until the protocol is known, times alone tell what belongs together
+    assert ok == 150 if protocol == "mightyzap" else ok > 75
     told_of = facts(run.path)
     assert told_of["pair.arm"] == "two taps, merged by time and by cause and effect"
     assert (told_of["port.arm.tx"], told_of["port.arm.rx"]) == (line.path, other.path)

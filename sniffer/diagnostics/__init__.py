@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from sniffer.diagnostics.device import DeviceRules
 from sniffer.diagnostics.pairing import PairingRules
 from sniffer.diagnostics.rules import CaptureRules, gap_anomalies, protocol_anomalies
-from sniffer.diagnostics.tap import TapRules, without_the_cut
+from sniffer.diagnostics.tap import TapRules, without_our_fault
 
 if TYPE_CHECKING:
     from sniffer.model import Anomaly, Batch
@@ -39,6 +39,6 @@ class Diagnostics:
             *self._capture.judge(batch),
             *self._tap.judge(batch),
         ]
-        found = without_the_cut(batch, found)
-        found.sort(key=lambda a: (a.known_at, a.code))
+        found = without_our_fault(batch, found, self._protocol.tail_ns)
+        found.sort(key=lambda a: (a.known_at, a.t_ns, a.code))
         return replace(batch, anomalies=tuple(found))

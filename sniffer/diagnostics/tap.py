@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from sniffer.model import NEVER, NS, REQUEST, Anomaly, MarkKind, Remark, Severity
 
 if TYPE_CHECKING:
@@ -63,6 +65,13 @@ TAP_CODES: Final[Mapping[str, tuple[str, Severity, str, str, str]]] = {
         "The tap was stopped while the bus was talking.",
         "Nothing to do.",
     ),
+    "late-read": (
+        "capture",
+        NOTE,
+        "The tap came late to the port: the bytes were there for a while before they were read and stamped.",
+        "A machine that was busy, suspended or stopped; no byte is missing.",
+        "The uncertainty of the times says so; give the recording more processor time.",
+    ),
     "reordered": (
         "capture",
         NOTE,
@@ -82,10 +91,16 @@ _CODE_OF: Final[Mapping[MarkKind, str]] = {
     MarkKind.BACK: "port-back",
     MarkKind.SKIPPED: "not-decoded",
     MarkKind.REORDERED: "reordered",
+    MarkKind.HELD: "late-read",
 }
 
-_OFTEN: Final = frozenset({MarkKind.FRAMING, MarkKind.PARITY, MarkKind.BREAK, MarkKind.REORDERED})
-"""Kinds that a bad line, or a slow adapter, gives with every read."""
+_OFTEN: Final = frozenset(
+    {MarkKind.FRAMING, MarkKind.PARITY, MarkKind.BREAK, MarkKind.REORDERED, MarkKind.HELD}
+)
+"""Kinds that a bad line, a slow adapter or a busy machine gives with every read."""
+
+HELD_NS: Final = NS // 20
+"""A tap that came less late is not worth a word: uncertainties tell."""
 
 QUIET_NS: Final = NS
 """Of these kinds the first is reported, and then one a second with the count of all since."""
@@ -101,7 +116,7 @@ class TapRules:
     def judge(self, batch: Batch) -> Iterator[Anomaly]:
         """Report remarks, the frequent ones not more often than once a second."""
         for r in batch.remarks:
-            if r.kind not in _CODE_OF:
+            if r.kind not in _CODE_OF or (r.kind == MarkKind.HELD and r.count < HELD_NS):
                 continue
             before = 0
             if r.kind in _OFTEN:
@@ -124,27 +139,59 @@ _OPEN: Final = frozenset(
 """Codes that say no more than that the tap was stopped, where they stand at its very end."""
 
 
-def without_the_cut(batch: Batch, found: list[Anomaly]) -> list[Anomaly]:
-    """Return the anomalies of a batch; of what the end of the tap cut only that it was cut."""
+def without_our_fault(batch: Batch, found: list[Anomaly], tail_ns: int) -> list[Anomaly]:
+    """Return the anomalies of a batch without those that only the tap is to blame for.
+
+    Where the tap was torn off within ``tail_ns`` of the last byte, an unanswered request and half a
+    frame say nothing about the bus; of what the end of the tap cut it is said once that it was cut.
+    """
+    for r in batch.remarks:
+        if r.kind == MarkKind.SKIPPED or (
+            r.kind == MarkKind.LOST and r.t_ns - _heard_ns(batch, r.start) <= tail_ns
+        ):
+            begins = _open_before(batch, r.start)
+            found = [a for a in found if not _is_open(a, begins, r.start)]
     if not batch.is_cut:
         return found
-    f = batch.frames
-    begins = batch.base
-    if len(f):
-        asks = f.kind[-1] == REQUEST and f.reply[-1] != NEVER
-        begins += int(f.start[-1] if asks else f.end[-1])
-    cut = [a for a in found if a.code in _OPEN and min(a.evidence)[0] >= begins]
+    end = batch.base + len(batch.data)
+    begins = _open_before(batch, end)
+    cut = [a for a in found if _is_open(a, begins, end)]
     if not cut:
         return found
-    at = (begins, batch.base + len(batch.data) - begins)
     group, severity, *_ = TAP_CODES["capture-end"]
     text = f"the tap was stopped before this was over: {cut[0].detail}"
+    at = (begins, end - begins)
     note = Anomaly(cut[0].t_ns, severity, group, "capture-end", cut[0].servo_id, text, (at,))
     return [*(a for a in found if a not in cut), note]
 
 
+def _heard_ns(batch: Batch, place: int) -> int:
+    """Return when the last byte before an offset of the stream came."""
+    place -= batch.base
+    ends = [(g.start + g.length, g.t_ns) for g in batch.gaps if g.start + g.length <= place]
+    f = batch.frames
+    before = int(np.searchsorted(f.end, place, "right")) - 1
+    if before >= 0:
+        ends.append((int(f.end[before]), int(f.t_end[before])))
+    return max(ends)[1] if ends else 0
+
+
+def _open_before(batch: Batch, place: int) -> int:
+    """Return where that begins what may have been open at an offset of the stream."""
+    f = batch.frames
+    before = int(np.searchsorted(f.start, place - batch.base)) - 1
+    if before < 0:
+        return batch.base
+    asks = f.kind[before] == REQUEST and f.reply[before] != NEVER
+    return batch.base + int(f.start[before] if asks else f.end[before])
+
+
+def _is_open(anomaly: Anomaly, begins: int, end: int) -> bool:
+    return anomaly.code in _OPEN and begins <= min(anomaly.evidence)[0] < end
+
+
 def _times(remark: Remark) -> int:
-    return 1 if remark.kind == MarkKind.REORDERED else remark.count
+    return 1 if remark.kind in (MarkKind.REORDERED, MarkKind.HELD) else remark.count
 
 
 def _told(r: Remark) -> str:
@@ -165,5 +212,7 @@ def _told(r: Remark) -> str:
             return f"the port is back after {r.count / NS:.1f} s; what was said then is missing"
         case MarkKind.SKIPPED:
             return f"{r.count} bytes before this place were recorded, but not decoded"
+        case MarkKind.HELD:
+            return f"{r.length} bytes were read up to {r.count / 1e6:.0f} ms after they came"
         case _:
             return f"{r.length} bytes moved by {r.count / 1e6:.2f} ms to where they belong"

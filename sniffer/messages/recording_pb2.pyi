@@ -48,6 +48,7 @@ class Mark(_message.Message):
         REORDERED: _ClassVar[Mark.Kind]
         SKIPPED: _ClassVar[Mark.Kind]
         ENDED: _ClassVar[Mark.Kind]
+        HELD: _ClassVar[Mark.Kind]
     UNKNOWN: Mark.Kind
     FRAMING: Mark.Kind
     PARITY: Mark.Kind
@@ -58,6 +59,7 @@ class Mark(_message.Message):
     REORDERED: Mark.Kind
     SKIPPED: Mark.Kind
     ENDED: Mark.Kind
+    HELD: Mark.Kind
     KIND_FIELD_NUMBER: _ClassVar[int]
     START_FIELD_NUMBER: _ClassVar[int]
     LENGTH_FIELD_NUMBER: _ClassVar[int]

@@ -74,11 +74,14 @@ class TtyPort:
     def __init__(self, name: str, options: PortOptions) -> None:
         self.name = name
         self.baud = options.baud
-        found = _refuse_terminals(name)
+        try:
+            found = _refuse_terminals(name)
+            self._info = info = port_at(name) or PortInfo(os.path.realpath(name))
+            self.path = _lasting(name, info)
+        except OSError as error:  # it went away while it was looked at
+            raise _explained(name, error, PortInfo(name)) from None
         self._is_pty = os.major(found.st_rdev) in _PTY_MAJORS
-        self._info = info = port_at(name) or PortInfo(os.path.realpath(name))
         self.usb = info.usb
-        self.path = _lasting(name, info)
         self._unmarker = Unmarker(widen=self.usb)
         self._early = b""
         if (pid := locked_by(found)) is not None:
@@ -283,12 +286,25 @@ def _refuse_terminals(name: str) -> os.stat_result:
         raise no_port(name)
     is_console = major == _CONSOLES[0] and minor in _CONSOLES[1]
     is_ours = any(os.fstat(fd).st_rdev == found.st_rdev for fd in range(3) if _is_terminal(fd))
-    if major == _TERMINALS_MAJOR or is_console or is_ours:
+    is_used = major in _PTY_MAJORS and _has_a_session(major, minor)
+    if major == _TERMINALS_MAJOR or is_console or is_ours or is_used:
         what = "the terminal you type in" if is_ours else "a terminal"
+        what += " that somebody types in" if is_used and not is_ours else ""
         raise InputError(
             f"{shown(name)} is {what}, no serial port; `sniffer ports` lists those that are here"
         )
     return found
+
+
+def _has_a_session(major: int, minor: int) -> bool:
+    """Tell whether a terminal controls processes: a shell runs in it. Source: proc_pid_stat(5)."""
+    number = str((minor & 0xFF) | (major << 8) | ((minor & ~0xFF) << 12))
+    for stat_file in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):  # that process has ended
+            fields = stat_file.read_text(errors="replace").rpartition(")")[2].split()
+            if fields[4:5] == [number]:
+                return True
+    return False
 
 
 def _is_terminal(fd: int) -> bool:
