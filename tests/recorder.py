@@ -154,8 +154,12 @@ def raw(*paths: Path) -> dict[str, bytes]:
 
 
 def marks(path: Path, bus: str = "bus0") -> list[MarkKind]:
-    """Return the kinds of all marks of a bus, in order, as far as the file goes."""
-    return [mark.kind for chunk in heard(path) if chunk.bus == bus for mark in chunk.marks]
+    """Return the kinds of all marks of a bus, in order, as far as the file goes.
+
+    Those of reads that were late are left out: on a busy machine some are.
+    """
+    found = (mark.kind for chunk in heard(path) if chunk.bus == bus for mark in chunk.marks)
+    return [kind for kind in found if kind != MarkKind.HELD]
 
 
 def frames_recorded(path: Path) -> dict[str, list[FrameRow]]:
@@ -173,11 +177,11 @@ def frames_recorded(path: Path) -> dict[str, list[FrameRow]]:
     return out
 
 
-def frames_again(path: Path) -> dict[str, list[FrameRow]]:
+def frames_again(*paths: Path) -> dict[str, list[FrameRow]]:
     """Return the frames of the recorded bytes, decoded now by what the recording knows."""
     collected = Collected()
-    pipeline = Pipeline(Options().with_facts(session(path)), [collected])
-    pipeline.feed(list(chunks(path)))
+    pipeline = Pipeline(Options().with_facts(session(paths[0])), [collected])
+    pipeline.feed([chunk for path in paths for chunk in chunks(path)])
     pipeline.close()
     out = {bus: list(collected.frames(bus)) for bus in collected.batches}
     return {bus: rows for bus, rows in out.items() if rows}

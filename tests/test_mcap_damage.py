@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import random
 import signal
 import subprocess
@@ -345,3 +346,60 @@ def test_a_full_disk_is_told_once_and_what_was_written_stays_readable(
     assert len(got) > 20
     recover(path, path)
     assert list(chunks(path)) == got
+
+
+STOPPED = """
+import random, resource, signal, sys
+from pathlib import Path
+from sniffer.model import Chunk, Clock, OutputError
+from sniffer.sinks.mcap import McapSink
+
+def stop(*_):
+    raise KeyboardInterrupt
+
+# the system writes a part, and then a signal comes
+signal.signal(signal.SIGXFSZ, stop)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, resource.RLIM_INFINITY))
+rng = random.Random(1)
+sink = McapSink(Path(sys.argv[1]), {}, live=True)
+try:
+    for k in range(1000):
+        sink.raw("bus0", [Chunk(rng.randbytes(1000), k * 10_000_000, Clock.READ)])
+        sink.flush()
+except KeyboardInterrupt:
+    print("stopped")
+resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+try:
+    sink.raw("bus0", [Chunk(b"more", 0, Clock.READ)])
+except OutputError as error:
+    print(error)
+sink.close()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits are the system's")
+def test_ctrl_c_within_a_write_leaves_no_part_of_a_record(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    command = [sys.executable, "-c", STOPPED, str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    assert done.stdout.splitlines() == [
+        "stopped",
+        f"{path}: interrupted; what was recorded before is kept",
+    ]
+    got, error = read(path.read_bytes())
+    assert isinstance(error, DamagedInputError)
+    rng = random.Random(1)
+    assert [c.data for c in got] == [rng.randbytes(1000) for _ in got]
+    assert len(got) > 20
+    assert recover(path, path).bytes_lost == 0
+    assert list(chunks(path)) == got
+
+
+def test_names_that_are_no_utf_8_are_told_as_far_as_they_can_be(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    name = os.fsdecode(b"caf\xe9.bin")
+    McapSink(path, {"source": name, name: "x", "previous": "caf\u00e9"}).close()
+    facts = session(path)
+    assert (facts["source"], facts["previous"]) == ("caf\\udce9.bin", "caf\u00e9")
+    assert facts["caf\\udce9.bin"] == "x"

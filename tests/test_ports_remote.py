@@ -7,9 +7,12 @@ import threading
 from typing import TYPE_CHECKING, Any
 
 import pytest
+import serial
+from serial import rfc2217
+from serial.urlhandler import protocol_loop
 
 from sniffer.model import InputError
-from sniffer.sources.ports import PortLostError, PortOptions, open_port
+from sniffer.sources.ports import READ_MAX, PortLostError, PortOptions, open_port
 from sniffer.sources.ports.remote import SerialPort
 from tests.terminals import (
     AT_115200,
@@ -65,6 +68,23 @@ def test_a_server_on_the_network_is_a_port(server: socket.socket) -> None:
     port.close()
 
 
+def test_what_a_server_says_at_once_is_heard(server: socket.socket) -> None:
+    def greet() -> None:
+        far, _ = server.accept()
+        with far:
+            far.sendall(HEADERS)
+            assert far.recv(1) == b""
+
+    # it speaks within the opening or right behind it: a few tries meet both
+    for _ in range(5):
+        greeting = threading.Thread(target=greet)
+        greeting.start()
+        port = open_port(address(server), AT_115200)
+        assert listen(port, len(HEADERS)) == (HEADERS, [])
+        port.close()
+        greeting.join(PATIENCE_S)
+
+
 def test_an_address_where_nobody_listens_is_told_in_one_line(server: socket.socket) -> None:
     name = address(server)
     server.close()
@@ -88,6 +108,25 @@ def test_a_port_that_is_no_file_waits_a_little_for_bytes() -> None:
         port.read()
 
 
+class _Unplugged(protocol_loop.Serial):  # type: ignore[misc]  # pySerial has no types
+    """A port that goes away between two looks at it."""
+
+    @property
+    def in_waiting(self) -> int:
+        raise serial.SerialException("unplugged")
+
+
+def test_a_byte_that_was_read_when_a_port_goes_away_is_kept() -> None:
+    port = open_port("loop://", AT_115200)
+    assert isinstance(port, SerialPort)
+    port._serial.write(b"x")
+    port._serial.__class__ = _Unplugged
+    assert port.read() == b"x"
+    with pytest.raises(PortLostError, match="unplugged"):
+        port.read()
+    port.close()
+
+
 @LINUX_ONLY
 def test_a_device_is_heard_through_pyserial_too(line: Terminal) -> None:
     port = SerialPort(line.path, PortOptions(250_000))
@@ -105,14 +144,17 @@ def test_a_device_is_heard_through_pyserial_too(line: Terminal) -> None:
         SerialPort(line.path, AT_115200)
 
 
+OLD_CALLS = pytest.mark.filterwarnings("ignore:set(Daemon|Name)")  # pySerial 3.5 makes them
+
+
 class _FarPort:
     """A server as RFC 2217 has it, with pySerial's own end of the protocol; it answers once."""
 
     def __init__(self) -> None:
-        import serial
-
         self.port: Any = serial.serial_for_url("loop://", baudrate=9600, timeout=0.02)
         self.told = b""  # what was meant for the line
+        self.asked = b""  # all that was heard
+        self.last = b""
         self._server = socket.create_server(("127.0.0.1", 0))
         self._server.settimeout(PATIENCE_S)
         self.url = f"rfc2217://127.0.0.1:{self._server.getsockname()[1]}"
@@ -120,8 +162,6 @@ class _FarPort:
         self._thread.start()
 
     def _serve(self) -> None:
-        from serial import rfc2217
-
         far, _ = self._server.accept()
         far.settimeout(0.02)
         answers: Any = _Writer(far)
@@ -132,10 +172,21 @@ class _FarPort:
                 try:
                     asked = far.recv(1024)
                 except TimeoutError:
-                    continue
+                    asked = b""
+                    if not self.last:
+                        continue
+                if self.last:
+                    far.sendall(b"".join(manager.escape(self.last)))
+                    return
                 if not asked:
                     return
+                self.asked += asked
                 self.told += b"".join(manager.filter(asked))
+
+    def hang_up(self, last: bytes) -> None:
+        """Say something and hang up."""
+        self.last = last
+        self._thread.join(PATIENCE_S)
 
     def close(self) -> None:
         self._thread.join(PATIENCE_S)
@@ -147,7 +198,7 @@ class _Writer:
         self.write = far.sendall
 
 
-@pytest.mark.filterwarnings("ignore:set(Daemon|Name)")  # pySerial 3.5 calls them
+@OLD_CALLS
 def test_a_port_on_another_machine_is_set_up_there_and_its_lines_lowered() -> None:
     far = _FarPort()
     port = open_port(far.url, PortOptions(250_000))
@@ -157,3 +208,37 @@ def test_a_port_on_another_machine_is_set_up_there_and_its_lines_lowered() -> No
     port.close()
     far.close()
     assert far.told == b""
+
+
+@OLD_CALLS
+def test_what_waits_when_a_far_server_hangs_up_is_read_before_the_loss_is_told() -> None:
+    far = _FarPort()
+    port = open_port(far.url, AT_115200)
+    assert isinstance(port, SerialPort)
+    sent = EVERY_BYTE * 300  # more than one read returns
+    far.hang_up(sent)
+    port._serial._thread.join(PATIENCE_S)  # by now pySerial knows that the connection is gone
+    heard = b""
+    with pytest.raises(PortLostError, match="the port is gone"):
+        while True:
+            data = port.read()
+            assert 0 < len(data) <= READ_MAX
+            heard += data
+    assert heard == sent
+    with pytest.raises(PortLostError):
+        port.read()
+    port.close()
+    far.close()
+
+
+@OLD_CALLS
+def test_what_waits_at_the_far_end_is_not_thrown_away() -> None:
+    far = _FarPort()
+    far.port.write(HEADERS)
+    port = open_port(far.url, PortOptions(9600))
+    assert listen(port, len(HEADERS)) == (HEADERS, [])
+    port.close()
+    far.close()
+    purge = rfc2217.IAC + rfc2217.SB + rfc2217.COM_PORT_OPTION + rfc2217.PURGE_DATA
+    assert purge[:-1] in far.asked
+    assert purge not in far.asked

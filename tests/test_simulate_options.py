@@ -62,6 +62,7 @@ def test_every_kind_of_fault_has_a_name_and_a_usual_rate() -> None:
         (("wck", "--servos", "32"), "room for 1..31"),
         (("wck", "--servos", "one"), "write ids as 1,2,5"),
         (("lss", "--rate", "0"), "write a number of 1..100000, or max"),
+        (("lss", "--rate", "9" * 5000), r"'9{30}\.\.\.': write a number of 1..100000, or max"),
         (("lss", "--respond", "--full"), "plays no controller"),
         (("lss", "--tap-link", "x"), "needs --respond"),
         (("lss", "--respond", "--no-tap", "--tap-link", "x"), "leave --no-tap out"),
@@ -79,6 +80,16 @@ def test_a_wish_that_cannot_be_is_told_in_one_line(
     assert ran.status == 2
     assert ran.out == ""
     assert re.search(complaint, ran.complaint)
+
+
+def test_a_folder_that_is_there_is_not_said_to_be_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth = tmp_path / "truth.jsonl"
+    truth.symlink_to(tmp_path / "nowhere" / "truth.jsonl")
+    ran = within(capsys, "simulate", "lss", "--truth", str(truth))
+    assert (ran.status, ran.out) == (2, "")
+    assert f"{truth}: cannot be written (No such file or directory)" in ran.complaint
 
 
 @pytest.mark.parametrize(

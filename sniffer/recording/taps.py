@@ -67,7 +67,7 @@ class Tap:
     def chunks(self, event: Event) -> Iterator[Chunk]:
         """Yield what an event of the listener adds to the stream."""
         match event:
-            case Read(t_ns=t_ns, data=raw):
+            case Read(t_ns=t_ns, data=raw, held_ns=held_ns):
                 data, marks = self.port.unmark(raw)
                 self.bytes += len(data)
                 self._since += len(data)
@@ -75,6 +75,8 @@ class Tap:
                 for mark in marks:
                     self._marked += mark.count
                     self.errors += mark.count
+                if held_ns and data:
+                    marks = (Mark(MarkKind.HELD, 0, len(data), held_ns), *marks)
                 if data or marks:
                     yield self._chunk(data, t_ns, marks)
             case Lost(t_ns=t_ns):

@@ -36,6 +36,22 @@ BUSY: Final = 40
 LOOK_S: Final = 0.05
 """How long a silent line is waited for at most before it is said that nothing came."""
 
+LATE_NS: Final = 3_000_000
+"""Bytes that may have been there for longer than this are said to be held: beyond what a breath and
+the worker's turns cost."""
+
+WOKEN_NS: Final = 10_000_000
+"""The kernel was waited for, not the other threads, where it took longer than this."""
+
+FULL: Final = 4095
+"""What the kernel hands out of a terminal at most in one read: there may be more of it."""
+
+HELD_PASSES: Final = 4
+"""How often more is looked for where bytes were held: they come in several pieces."""
+
+JOINED_MAX: Final = 1 << 20
+"""Bytes that are taken as one read when they were waiting together."""
+
 REST_S: Final = 0.1
 """How long is read after the end was asked for, where a line never falls silent."""
 
@@ -68,11 +84,16 @@ class Anchor:
 
 
 class Read(NamedTuple):
-    """Raw bytes of one read, at the time of its end."""
+    """Raw bytes of one read, at the time of its end.
+
+    ``held_ns`` is how long they may have been there already because nobody looked; 0: not worth a
+    word.
+    """
 
     port: int
     t_ns: int
     data: bytes
+    held_ns: int = 0
 
 
 class Lost(NamedTuple):
@@ -203,19 +224,23 @@ class Listener:
             for line in lines:
                 selector.register(line.fileno(), selectors.EVENT_READ, line)
             window, reads, breathes, is_new = 0, 0, False, True
+            came = self._anchor.now()
             while not self._stop.is_set():
-                self._heard[number] = self._anchor.now()
+                before, looked = came, self._anchor.now()
                 ready = selector.select(0 if is_new else LOOK_S)
+                came = self._anchor.now()
+                held_ns = _held_ns(before, looked, came)
                 if is_new:  # a port may hold bytes that came before it was set up
                     ready = [(k, 0) for k in selector.get_map().values() if k.data is not None]
                     is_new = False
                 for key, _ in ready:
                     if key.data is None:
                         os.read(self._waker, len(lines))
-                    elif self._read(key.data) is None:
+                    elif self._read(key.data, held_ns, came) is None:
                         selector.unregister(key.fileobj)
                         gone, key.data.port = key.data.port, None
                         self._thread(functools.partial(self._look_for, key.data, gone)).start()
+                self._heard[number] = looked
                 while self._found:
                     line, port = self._found.popleft()
                     self._take_back(line, port)
@@ -251,21 +276,39 @@ class Listener:
         while line.port is not None and time.monotonic() < until and self._read(line):
             pass
 
-    def _read(self, line: _Line) -> bytes | None:
-        """Read what is there; return None when the port is no longer there."""
+    def _read(self, line: _Line, held_ns: int = 0, came: int | None = None) -> bytes | None:
+        """Read what is there; return None when the port is no longer there.
+
+        ``held_ns`` is how long it may have waited until ``came``.
+        """
         port = line.port
         assert port is not None
+        data, is_gone = b"", False
+        passes = HELD_PASSES if held_ns else 0
         try:
-            data = port.read()
+            more = data = port.read()
+            while more and port.pollable and len(data) < JOINED_MAX:
+                if passes > 0:  # the kernel moves up what did not fit
+                    passes -= 1
+                    time.sleep(BREATH_NS / NS)
+                elif len(more) < FULL:
+                    break
+                more = port.read()
+                data += more
         except PortLostError:
+            is_gone = True
+        now = self._anchor.now()
+        if data:
+            late = now - came if came is not None else 0
+            held_ns = held_ns + late if held_ns or late > LATE_NS else 0
+            self._events.append(Read(line.number, now, data, held_ns))
+        if is_gone:
             self._events.append(Lost(line.number, self._anchor.now()))
             return None
-        if data:
-            self._events.append(Read(line.number, self._anchor.now(), data))
         return data
 
     def _take_back(self, line: _Line, port: Port) -> None:
-        line.port, line.counters = port, None
+        line.port, line.counters = port, port.counters()
         self._events.append(Back(line.number, self._anchor.now(), port))
 
     def _count(self, line: _Line) -> None:
@@ -302,11 +345,25 @@ class _Line:
             self.port = None
 
 
+def _held_ns(before: int, looked: int, came: int) -> int:
+    """Return how long bytes may have waited to be read.
+
+    Nobody looked from ``before``, when the last round saw what there was, until ``looked``; from
+    then on the kernel was waited for, until ``came``.
+    """
+    waited = came - looked
+    if waited > LOOK_S * NS + LATE_NS:
+        return came - before  # it should have come back sooner: the whole program stood still
+    if waited > WOKEN_NS or came - before <= LATE_NS:
+        return 0  # nothing was there when it was asked, and it came as soon as something was
+    return came - before
+
+
 def _opened(line: _Line) -> Port | None:
     """Open a port that was away; None: it still is, or somebody else has it."""
     try:
         return open_port(line.path, line.options)
-    except SnifferError:
+    except (SnifferError, OSError):  # it may go away again in the midst of it
         return None
 
 
