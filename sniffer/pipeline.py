@@ -161,6 +161,11 @@ class Pipeline:
         decoder = self._decoders.get(bus)
         return None if decoder is None else decoder.protocol.name
 
+    def baud_of(self, bus: str) -> int | None:
+        """Return the rate by which a bus is decoded, None while its protocol is not known."""
+        decoder = self._decoders.get(bus)
+        return None if decoder is None else decoder.baud
+
     def has(self, sink: Sink) -> bool:
         """Tell whether a sink still takes records: one that fails is given up."""
         return any(s is sink for s in self._sinks)
@@ -177,6 +182,8 @@ class Pipeline:
         """
         undecided: UndecidedError | None = None
         for bus in list(self._waiting):
+            if not any(chunk.data for chunk in self._waiting[bus]):
+                continue  # a bus on which nothing was said
             try:
                 self._start(bus)
             except UndecidedError as error:

@@ -16,12 +16,12 @@ from sniffer.cli.screen import LINE, Screen
 from sniffer.decoder import Decoder
 from sniffer.model import NO_RESPONSE, NS, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
-from sniffer.status import BusStatus
 from sniffer.simulation import BUSES
 from sniffer.sinks.board import Board
 from sniffer.sinks.board_cells import told_value
 from sniffer.sinks.board_line import line, statistics
 from sniffer.sinks.board_state import QUANTITIES
+from sniffer.status import BusStatus
 from tests.streams.mightyzap import packet
 from tests.wires import START_NS, feed, lines_of, shown_by, status_of, wire
 

@@ -14,10 +14,10 @@ from rich.console import Console
 from sniffer.decoder import Decoder
 from sniffer.model import NS, Batch, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
-from sniffer.status import BusStatus, Status
 from sniffer.simulation import BUSES, Fault, simulate
 from sniffer.simulation.render import usb_reads
 from sniffer.sinks.board import Board
+from sniffer.status import BusStatus, Status
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -115,9 +116,11 @@ def port_spec(text: str, bus: str) -> PortSpec:
     Raises:
         click.BadParameter: it is none of these.
     """
+    if Path(text).exists():
+        return PortSpec(bus, text)  # whatever stands in its name
     rest, at, number = text.rpartition("@")
     rate: int | None = None
-    if at and number.isdecimal():
+    if at and number.isdecimal() and len(number) <= len(str(10 * BAUDS[1])):
         rate = int(number)
         if not BAUDS[0] <= rate <= BAUDS[1]:
             raise _mistake(text, f"{number} is no baud rate ({BAUDS[0]}..{BAUDS[1]})")

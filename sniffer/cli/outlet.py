@@ -111,7 +111,10 @@ class Outlet:
 
 def write_within(stream: TextIO, text: str, timeout_s: float) -> bool:
     """Write a text, and tell whether somebody took all of it in time."""
-    out = Outlet(stream)
+    try:
+        out = Outlet(stream)
+    except OSError:
+        return False
     try:
         out.deadline = time.monotonic() + timeout_s
         out.write(text)

@@ -146,6 +146,8 @@ def signals(wishes: Wishes) -> Iterator[None]:
     """
 
     def stop(number: int, frame: object) -> None:
+        if not wishes.is_heard:
+            raise KeyboardInterrupt  # ports are being opened, which may take long
         again, wishes.stop = wishes.stop, wishes.stop or signal.Signals(number).name
         if again is not None and number == signal.SIGINT:
             if wishes.hurry:

@@ -24,10 +24,10 @@ from rich.console import Console
 from sniffer.cli.outlet import Outlet, StalledError
 from sniffer.model import Batch, Chunk
 from sniffer.protocols.base import BusProtocol
-from sniffer.status import Status
 from sniffer.sinks.board import Board
 from sniffer.sinks.board_line import line, statistics
 from sniffer.sinks.text import TextSink, plain
+from sniffer.status import Status
 
 BOARD: Final = "board"
 LOG: Final = "log"

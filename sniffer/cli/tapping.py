@@ -63,7 +63,7 @@ def tap_ports(specs: Sequence[PortSpec], options: Options, *, modem: Modem, pair
     told = replace(
         options,
         protocols={spec.bus: spec.protocol for spec in specs if spec.protocol is not None},
-        bauds={tap.spec.bus: tap.port.baud for tap in taps},
+        bauds={tap.spec.bus: tap.port.baud for tap in taps if _has_a_rate(tap, options)},
         latencies=latencies,
     )
     mergers: dict[str, Merger] = {}
@@ -75,13 +75,13 @@ def tap_ports(specs: Sequence[PortSpec], options: Options, *, modem: Modem, pair
     facts = _facts(taps, told, anchor, pair)
     listener = Listener([tap.port for tap in taps], how, anchor)
     listener.start()
-    notes = _assumed(specs, options)
+    notes = _assumed([tap for tap in taps if _has_a_rate(tap, options)], options)
     return Tapping(listener, tuple(taps), anchor, told, facts, mergers, notes, shared(taps))
 
 
-def _assumed(specs: Sequence[PortSpec], options: Options) -> list[str]:
+def _assumed(taps: Sequence[Tap], options: Options) -> list[str]:
     """Tell where nobody has said how fast the line is."""
-    said = {spec.bus: spec.port for spec in specs if _baud(spec, options) is None}
+    said = {tap.spec.bus: tap.spec.port for tap in taps if _baud(tap.spec, options) is None}
     return [
         f"{bus}: listening at {FALLBACK_BAUD} bit/s; {port}@BAUD says another rate"
         for bus, port in said.items()
@@ -121,6 +121,11 @@ def _baud(spec: PortSpec, options: Options) -> int | None:
     return None if protocol is None else protocol.baud
 
 
+def _has_a_rate(tap: Tap, options: Options) -> bool:
+    """Tell whether a rate was named, or is that of a line; else it follows from the protocol."""
+    return _baud(tap.spec, options) is not None or not tap.port.is_virtual
+
+
 def _latency(taps: Sequence[Tap], bus: str, options: Options) -> int:
     """Return how long bytes may be held back between the wire and their stamp."""
     if options.latency_ns is not None:
@@ -143,7 +148,8 @@ def _facts(taps: Sequence[Tap], options: Options, anchor: Anchor, pair: bool) ->
     for tap in taps:
         bus = tap.spec.bus
         place = f"port.{bus}.{tap.direction.name.lower()}" if pair else f"port.{bus}"
-        facts[f"baud.{bus}"] = str(tap.port.baud)
+        if bus in options.bauds:
+            facts[f"baud.{bus}"] = str(tap.port.baud)
         facts[f"latency_ns.{bus}"] = str(options.latencies[bus])
         if (name := tap.spec.protocol) is not None and name != AUTO:
             facts[f"protocol.{bus}"] = name

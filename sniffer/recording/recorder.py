@@ -13,7 +13,7 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, Protocol
 
-from sniffer.model import NS, Chunk, DamagedInputError, Mark, MarkKind, OutputError
+from sniffer.model import NS, Chunk, Clock, DamagedInputError, Mark, MarkKind, OutputError
 from sniffer.protocols import PROTOCOLS
 from sniffer.sinks.base import Sink
 from sniffer.status import BusStatus, Status
@@ -79,10 +79,12 @@ class RecordingFile(Sink, Protocol):
 class Wishes:
     """What signals ask for, taken up in the next round.
 
-    ``hurry``: what waits to be decoded at the end is only recorded.
+    ``hurry``: what waits to be decoded at the end is only recorded. ``is_heard``: the recorder runs
+    and looks at them.
     """
 
     stop: str | None = None
+    is_heard: bool = False
     hurry: bool = False
     rotate: bool = False
     statistics: bool = False
@@ -171,6 +173,7 @@ class Recorder:
             DamagedInputError: the reader died; what it had read is recorded.
             OutputError: the recording cannot be written any more.
         """
+        self.wishes.is_heard = True
         try:
             ended = self._rounds_until_over()
         finally:
@@ -206,14 +209,16 @@ class Recorder:
         if began >= self._decode_at:
             done = self._decode(began + OVERDUE_S)
             if done:
-                # The next bytes may have been on the line for as long before they are stamped.
-                self.pipeline.idle(heard_ns - self._latency_ns)
+                # The next bytes may have been on the line for as long before they are stamped, and
+                # mergers may hold older ones.
+                held_ns = max((m.hold_ns for m in self._mergers.values()), default=0)
+                self.pipeline.idle(heard_ns - max(self._latency_ns, held_ns))
             self._tell_mergers()
             if self._file is not None:
                 if self.wishes.rotate:
+                    self.wishes.rotate = False
                     self._file.rotate()
                 self._file.turn(self.pipeline.decided())
-            self.wishes.rotate = False
             pause = min(max((time.monotonic() - began) / DUTY, DECODE_S[0]), DECODE_S[1])
             # half a round early, so that rounds that come a little late are not missed
             self._decode_at = began + pause - TICK_S / 2 if done else 0.0
@@ -238,9 +243,12 @@ class Recorder:
             if settled:
                 by_bus[bus] = settled
         for bus, chunks in by_bus.items():
-            self.pipeline.record(bus, chunks)
-            self._check()
-            self._waiting[bus].add(chunks)
+            self._hand_over(bus, chunks)
+
+    def _hand_over(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        self.pipeline.record(bus, chunks)
+        self._check()
+        self._waiting[bus].add(chunks)
 
     def _decode(self, until: float) -> bool:
         """Decode what waits, the buses in turn, until it is time to record; tell if that is all."""
@@ -297,9 +305,11 @@ class Recorder:
         self._take()
         for bus, merger in self._mergers.items():
             if rest := merger.close():
-                self.pipeline.record(bus, rest)
-                self._check()
-                self._waiting[bus].add(rest)
+                self._hand_over(bus, rest)
+        now_ns = self._anchor.now()
+        for bus in {tap.spec.bus: None for tap in self.taps if tap.bytes}:
+            end = Chunk(b"", now_ns, Clock.READ, bus, marks=(Mark(MarkKind.ENDED, 0),))
+            self._hand_over(bus, [end])
         while not (self.wishes.hurry or self._decode(0.0)):
             pass
         self.skipped += sum(waiting.size for waiting in self._waiting.values())
@@ -320,7 +330,7 @@ class Recorder:
         return BusStatus(
             bus=tap.spec.bus,
             port=tap.spec.port,
-            baud=tap.port.baud,
+            baud=self.pipeline.baud_of(tap.spec.bus) or tap.port.baud,
             protocol=self.pipeline.speaks(tap.spec.bus),
             state=tap.state(now),
             bytes=tap.bytes,

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from sniffer.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
-    from sniffer.status import BusStatus, Status
     from sniffer.sinks.board_picture import Line
+    from sniffer.status import BusStatus, Status
 
 STYLES: Final = {
     "": Style.null(),

@@ -9,8 +9,8 @@ from sniffer.sinks.board_picture import Picture
 from sniffer.sinks.text import plain
 
 if TYPE_CHECKING:
-    from sniffer.status import Status
     from sniffer.sinks.board import Board
+    from sniffer.status import Status
 
 WIDTH: Final = 160
 HEIGHT: Final = 1 << 16

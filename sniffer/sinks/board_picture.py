@@ -27,10 +27,10 @@ from sniffer.sinks.text import plain
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.status import BusStatus, Status
     from sniffer.sinks.board import Board
     from sniffer.sinks.board_cells import Column
     from sniffer.sinks.board_state import Trouble
+    from sniffer.status import BusStatus, Status
 
 Line = list[Cell]
 

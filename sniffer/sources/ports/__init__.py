@@ -70,7 +70,8 @@ class Port(Protocol):
     ``name`` is as the user gave it, ``path`` a name that is still right when the adapter is
     plugged in again. ``latency_ns`` is how long adapter and driver may hold bytes back, None where
     it is not known. ``marks_errors`` tells whether line errors come in the byte stream,
-    ``pollable`` whether ``fileno()`` can be given to select.
+    ``pollable`` whether ``fileno()`` can be given to select, ``is_virtual`` that there is no line
+    behind it whose rate must be right.
     """
 
     name: str
@@ -80,6 +81,7 @@ class Port(Protocol):
     marks_errors: bool
     usb: bool
     pollable: bool
+    is_virtual: bool
 
     def fileno(self) -> int:
         """Return the descriptor to wait for; OSError where the port is not pollable."""

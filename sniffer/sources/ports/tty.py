@@ -80,7 +80,7 @@ class TtyPort:
             self.path = _lasting(name, info)
         except OSError as error:  # it went away while it was looked at
             raise _explained(name, error, PortInfo(name)) from None
-        self._is_pty = os.major(found.st_rdev) in _PTY_MAJORS
+        self.is_virtual = os.major(found.st_rdev) in _PTY_MAJORS
         self.usb = info.usb
         self._unmarker = Unmarker(widen=self.usb)
         self._early = b""
@@ -213,10 +213,10 @@ class TtyPort:
         return PortLostError(f"{shown(self.name)}: the port is gone ({why})")
 
     def _latency_ns(self) -> int | None:
-        return PTY_NS if self._is_pty else latency_ns(self._info, self._timer_ms, self.baud)
+        return PTY_NS if self.is_virtual else latency_ns(self._info, self._timer_ms, self.baud)
 
     def _line_errors(self) -> str:
-        if self._is_pty:
+        if self.is_virtual:
             return "none: a pseudo terminal has no line"
         where = "marked, for each packet of the adapter" if self.usb else "marked"
         return where if self.counters() is None else f"{where}; counted"
