@@ -156,10 +156,10 @@ def raw(*paths: Path) -> dict[str, bytes]:
 def marks(path: Path, bus: str = "bus0") -> list[MarkKind]:
     """Return the kinds of all marks of a bus, in order, as far as the file goes.
 
-    Those of reads that were late are left out: on a busy machine some are.
+    Those of reads that were late are left out (on a busy machine some are), and the one of the end.
     """
     found = (mark.kind for chunk in heard(path) if chunk.bus == bus for mark in chunk.marks)
-    return [kind for kind in found if kind != MarkKind.HELD]
+    return [kind for kind in found if kind not in (MarkKind.HELD, MarkKind.ENDED)]
 
 
 def frames_recorded(path: Path) -> dict[str, list[FrameRow]]:

@@ -273,7 +273,8 @@ def test_bytes_that_nobody_has_time_to_decode_are_recorded_and_counted(line: Ter
     assert sink.heard() == said
     assert it.worker.skipped > 100_000
     remarks = [r for b in sink.batches["bus0"] for r in b.remarks]
-    assert {r.kind for r in remarks} == {MarkKind.SKIPPED}
+    kinds = {r.kind for r in remarks} - {MarkKind.HELD}  # a busy machine comes late
+    assert kinds == {MarkKind.SKIPPED, MarkKind.ENDED}
     assert sum(r.count for r in remarks) == it.worker.skipped
     assert "not-decoded" in sink.anomalies()
     decoded = sum(len(b.data) for b in sink.batches["bus0"])

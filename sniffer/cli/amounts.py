@@ -116,14 +116,14 @@ def port_spec(text: str, bus: str) -> PortSpec:
     Raises:
         click.BadParameter: it is none of these.
     """
-    if Path(text).exists():
+    if text and Path(text).exists():
         return PortSpec(bus, text)  # whatever stands in its name
     rest, at, number = text.rpartition("@")
     rate: int | None = None
-    if at and number.isdecimal() and len(number) <= len(str(10 * BAUDS[1])):
-        rate = int(number)
+    if at and number.isdecimal():
+        rate = int(number[:12])  # more digits make no more sense, and int() refuses thousands
         if not BAUDS[0] <= rate <= BAUDS[1]:
-            raise _mistake(text, f"{number} is no baud rate ({BAUDS[0]}..{BAUDS[1]})")
+            raise _mistake(text, f"{number[:12]} is no baud rate ({BAUDS[0]}..{BAUDS[1]})")
     else:
         rest = text
     rest, protocol = _protocol(text, rest)

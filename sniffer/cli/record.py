@@ -139,7 +139,9 @@ def record(
         rerun_connect,
         window,
     )
-    wishes, tell = Wishes(), Teller(quiet=quiet)
+    # An address may take long to be connected to: until then a signal ends everything.
+    wishes = Wishes(is_heard=not any("://" in spec.port for spec in ports))
+    tell = Teller(quiet=quiet)
     with recording.signals(wishes):
         tapping = tap_ports(ports, options, modem=modem, pair=pair)
         view = None

@@ -70,8 +70,10 @@ def _rate(
     """Read cycles per second, or ``max``."""
     if given is None or given == MAX:
         return given
-    if not given.isdecimal() or not 1 <= int(given) <= RATE_MOST:
-        raise click.BadParameter(f"{given!r}: write a number of 1..{RATE_MOST}, or {MAX}")
+    short = given.isdecimal() and len(given) <= 9  # int() refuses long ones
+    if not short or not 1 <= int(given) <= RATE_MOST:
+        told = repr(given if len(given) < 30 else f"{given[:30]}...")
+        raise click.BadParameter(f"{told}: write a number of 1..{RATE_MOST}, or {MAX}")
     return int(given)
 
 

@@ -80,7 +80,7 @@ class Wishes:
     """What signals ask for, taken up in the next round.
 
     ``hurry``: what waits to be decoded at the end is only recorded. ``is_heard``: the recorder runs
-    and looks at them.
+    and looks at them, or soon will.
     """
 
     stop: str | None = None
@@ -307,8 +307,9 @@ class Recorder:
             if rest := merger.close():
                 self._hand_over(bus, rest)
         now_ns = self._anchor.now()
-        for bus in {tap.spec.bus: None for tap in self.taps if tap.bytes}:
-            end = Chunk(b"", now_ns, Clock.READ, bus, marks=(Mark(MarkKind.ENDED, 0),))
+        for bus, tap in {tap.spec.bus: tap for tap in self.taps if tap.bytes}.items():
+            ended = (Mark(MarkKind.ENDED, 0, count=0),)
+            end = Chunk(b"", now_ns, Clock.READ, bus, tap.direction, ended)
             self._hand_over(bus, [end])
         while not (self.wishes.hurry or self._decode(0.0)):
             pass

@@ -20,8 +20,11 @@ def writing(path: Path) -> Iterator[None]:
     """Turn the system's refusals while ``path`` is written into OutputError."""
     try:
         yield
-    except FileNotFoundError:
-        raise OutputError(f"{path}: there is no folder {path.parent}: make it first") from None
+    except FileNotFoundError as error:
+        why = f"there is no folder {path.parent}: make it first"
+        if path.parent.is_dir():  # a link that leads nowhere, a system's folder that takes no files
+            why = f"cannot be written ({error.strerror})"
+        raise OutputError(f"{path}: {why}") from None
     except IsADirectoryError:
         raise OutputError(f"{path} is a directory: give a file name") from None
     except PermissionError:

@@ -86,7 +86,7 @@ class McapSink:
         starts: Mapping[str, int] | None = None,
     ) -> None:
         begin = {f"{OFFSET}.{bus}": str(at) for bus, at in (starts or {}).items()}
-        self._session = {**session, **begin}
+        self._session = {_told(k): _told(v) for k, v in {**session, **begin}.items()}
         self._flush_ns = flush_ns
         self._live = live
         self._starts = dict(starts or {})
@@ -165,6 +165,11 @@ class McapSink:
             with contextlib.suppress(OutputError):
                 self._file.finish()
             raise OutputError(self._failure) from None
+        except BaseException:
+            # what was half done may be in the file and not in its index: it gets none
+            self._failure = f"{self._file.path}: interrupted; what was recorded before is kept"
+            self._file.abandon()
+            raise
 
     def _bus(self, name: str) -> BusWriter:
         writer = self._buses.get(name)
@@ -236,3 +241,8 @@ class McapSink:
                 self._file.write(piece)
         self._file.sync()
         self._since = time.monotonic_ns() if self._queue.size else None
+
+
+def _told(text: str) -> str:
+    """Return a text as UTF-8 has it: a file's name may be any bytes."""
+    return text.encode("utf-8", "backslashreplace").decode()

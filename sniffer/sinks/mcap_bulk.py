@@ -215,7 +215,7 @@ class Container:
             try:
                 for piece in self._summary.pieces(here):
                     self._put(piece, checked=False)
-            except OutputError:
+            except BaseException:
                 self._cut(here)
                 raise
             self.sync()
@@ -228,13 +228,13 @@ class Container:
             self._file.close()
 
     def _put(self, data: bytes, *, checked: bool = True) -> None:
-        """Write all of ``data`` or, where the system refuses, nothing of it."""
+        """Write all of ``data`` or, where the system refuses or Ctrl-C comes, nothing of it."""
         try:
             with writing(self.path):
                 rest = memoryview(data)
                 while rest:
                     rest = rest[self._file.write(rest) :]
-        except OutputError:
+        except BaseException:
             self._cut(self.size)
             raise
         if checked:

@@ -2,8 +2,10 @@
 
 When a new file is due, chunks are held back until the recorder tells how far each bus is decoded:
 there the stream is cut, in the middle of a chunk where need be. No frame, reply or gap crosses the
-cut, so each file decodes alone to what was decoded live. A bus that stays undecided at the wrong
-place is waited for, but not for ever: then its undecided bytes stand in both files.
+cut, so each file decodes alone to the frames and gaps that were decoded live. Remarks whose rule
+remembers the exchanges before may differ at a file's begin: nothing of that memory crosses the cut.
+A bus that stays undecided at the wrong place is waited for, but not for ever: then its undecided
+bytes stand in both files.
 
 Offsets count through all files; a file's session tells its part, the file before it, and where
 each bus begins (``offset.<bus>``). Counts of the second in which the cut falls stand in both.

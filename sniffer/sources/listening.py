@@ -58,6 +58,9 @@ REST_S: Final = 0.1
 RETRY_S: Final = 0.25
 """How often a port that is away is looked for."""
 
+NUMBERED: Final = "/dev/pts/"
+"""Names that are given to others when they are free: a terminal of that name is another one."""
+
 COUNTERS_S: Final = 1.0
 """How often the driver's error counters are read."""
 
@@ -361,6 +364,8 @@ def _held_ns(before: int, looked: int, came: int) -> int:
 
 def _opened(line: _Line) -> Port | None:
     """Open a port that was away; None: it still is, or somebody else has it."""
+    if line.path.startswith(NUMBERED):
+        return None
     try:
         return open_port(line.path, line.options)
     except (SnifferError, OSError):  # it may go away again in the midst of it

@@ -6,8 +6,10 @@ device for writing too; nothing is ever written to it from here.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
+import queue
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.model import InputError
@@ -40,7 +42,9 @@ class SerialPort:
         self.name = self.path = name
         self.baud = options.baud
         self._is_address = "://" in name
+        self._lost: str | None = None
         self.is_virtual = self._is_address and not name.lower().startswith("rfc2217://")
+        self._is_rfc2217 = name.lower().startswith("rfc2217://")
         # A connection can be polled; of the other kinds some run a thread, or are no file at all.
         self.pollable = name.lower().startswith("socket://")
         if not self._is_address and os.name == "posix":
@@ -57,6 +61,10 @@ class SerialPort:
                 # raised by the system for a moment all the same, but not by pySerial
                 self._serial.dtr = self._serial.rts = False
             self._modem = options.modem
+            if self._is_address:
+                # opening ends with throwing away what has come, with RFC 2217 at the far end too
+                opened: Any = self._serial
+                opened.reset_input_buffer = opened.reset_output_buffer = _leave
             self._serial.open()
         except Exception as error:  # each kind of address has its own, of any class
             raise self._explained(error) from None
@@ -66,15 +74,24 @@ class SerialPort:
         return int(self._serial.fileno())
 
     def read(self) -> bytes:
-        """Return what has come; where it cannot be polled, wait a little for the first byte."""
+        """Return what has come; where it cannot be polled, wait a little for the first byte.
+
+        What came before the port was lost is returned first.
+        """
+        data = b""
         try:
-            if self.pollable:
-                return bytes(self._serial.read(READ_MAX))
-            data = bytes(self._serial.read(1))
-            more = min(self._serial.in_waiting, READ_MAX - 1) if data else 0
-            return data + bytes(self._serial.read(more)) if more else data
+            if self._lost is None:
+                data += self._serial.read(READ_MAX if self.pollable else 1)
+                if data and not self.pollable:
+                    more = min(self._serial.in_waiting, READ_MAX - 1)
+                    data += self._serial.read(more) if more else b""
         except _LOST as error:
-            raise PortLostError(f"{shown(self.name)}: the port is gone ({error})") from None
+            self._lost = f"{shown(self.name)}: the port is gone ({error})"
+        if self._lost is not None:
+            data += self._left(READ_MAX - len(data))
+            if not data:
+                raise PortLostError(self._lost)
+        return data
 
     def unmark(self, raw: bytes) -> tuple[bytes, tuple[Mark, ...]]:
         """Return the bytes as they are: there is nothing in between."""
@@ -99,6 +116,16 @@ class SerialPort:
         """Let go of the port."""
         self._serial.close()
 
+    def _left(self, most: int) -> bytes:
+        """Return what an RFC 2217 connection that is lost holds: its ``read`` looks no more."""
+        held = getattr(self._serial, "_read_buffer", None)
+        out = bytearray()
+        if self._is_rfc2217 and isinstance(held, queue.Queue):
+            with contextlib.suppress(queue.Empty):
+                while len(out) < most:
+                    out += held.get_nowait() or b""  # None: its end
+        return bytes(out)
+
     def _explained(self, error: Exception) -> InputError:
         """Turn what pySerial says into an InputError."""
         number = error.errno if isinstance(error, OSError) else None
@@ -117,3 +144,7 @@ class SerialPort:
             return InputError(f"{shown(self.name)}: cannot be reached ({why}); {advice}")
         advice = "`sniffer ports` lists those that are here"
         return InputError(f"{shown(self.name)}: cannot be opened ({why}); {advice}")
+
+
+def _leave() -> None:
+    """Throw nothing away."""
