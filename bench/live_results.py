@@ -24,7 +24,7 @@ QUIET: Final = 0.2
 """What others may take of a core before a measurement begins."""
 
 LOOK_S: Final = 1.0
-PATIENCE_S: Final = 45.0
+PATIENCE_S: Final = 15.0
 SECONDS: Final = 8.0
 
 LOADS: Final = (

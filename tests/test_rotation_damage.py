@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from sniffer.comparing import compare
-from sniffer.model import DamagedInputError, OutputError
+from sniffer.model import Chunk, Clock, DamagedInputError, OutputError
 from sniffer.pipeline import Options
 from sniffer.recovery import recover
-from sniffer.sources.mcap import chunks
+from sniffer.sinks.rotation import RotatingMcap
+from sniffer.sources.mcap import chunks, session
 from tests.recordings import talk
 from tests.test_rotation import record, spoken, streams
-
-if TYPE_CHECKING:
-    from sniffer.sinks.rotation import RotatingMcap
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
@@ -123,3 +121,19 @@ def test_a_disk_that_fills_up_leaves_every_file_readable(tmp_path: Path) -> None
     said = b"".join(c.data for c in chunks(parts(tmp_path)[0]))
     assert len(said) > 1000
     assert b"".join(c.data for c in talk("mightyzap", 8.0, rate=0)).startswith(said)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere names are UTF-8")
+def test_names_that_are_no_utf_8_are_told_as_far_as_they_can_be(tmp_path: Path) -> None:
+    path = tmp_path / os.fsdecode(b"caf\xe9.mcap")
+    file = RotatingMcap(path, {"source": os.fsdecode(b"/dev/tty\xe9"), "tool": "caf\u00e9"})
+    file.raw("arm", [Chunk(b"1234", 1, Clock.READ, "arm")])
+    file.rotate()
+    file.turn({})
+    file.turn({})
+    file.close()
+    assert file.files == (path, tmp_path / os.fsdecode(b"caf\xe9-0002.mcap"))
+    facts = session(file.path)
+    assert facts["previous"] == r"caf\udce9.mcap"
+    assert facts["source"] == r"/dev/tty\udce9"
+    assert facts["tool"] == "caf\u00e9"

@@ -63,7 +63,7 @@ from sniffer.recording.taps import PortSpec
     "repeated. Without it: sniffer-DATE-TIME.mcap.",
 )  # fmt: skip
 @click.option("--force", is_flag=True, help="Replace files that are there.")
-@click.option("--durable", is_flag=True, help="Wait for the disk ten times a second.")
+@click.option("--durable", is_flag=True, help="Wait for the disk after each round, 50 ms.")
 @click.option(
     "--rotate", multiple=True, callback=sizes_and_times, metavar="SIZE|TIME",
     help="Begin a new file: 512MB, 10min.",

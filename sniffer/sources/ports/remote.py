@@ -42,9 +42,9 @@ class SerialPort:
         self.name = self.path = name
         self.baud = options.baud
         self._is_address = "://" in name
-        self._lost: str | None = None
-        self.is_virtual = self._is_address and not name.lower().startswith("rfc2217://")
         self._is_rfc2217 = name.lower().startswith("rfc2217://")
+        self._lost: str | None = None
+        self.is_virtual = self._is_address and not self._is_rfc2217
         # A connection can be polled; of the other kinds some run a thread, or are no file at all.
         self.pollable = name.lower().startswith("socket://")
         if not self._is_address and os.name == "posix":
