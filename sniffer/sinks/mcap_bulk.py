@@ -79,10 +79,14 @@ class Container:
         self._new: list[McapRecord] = []
         self._summary = Summary()
         self._compress = zstandard.ZstdCompressor(level=LEVEL).compress
-        self._put(MAGIC + as_bytes(Header("", library)))
-        if durable:
-            with writing(path):
-                _sync_folder(path.parent)
+        try:
+            self._put(MAGIC + as_bytes(Header("", library)))
+            if durable:
+                with writing(path):
+                    _sync_folder(path.parent)
+        except BaseException:
+            self.abandon()
+            raise
 
     @property
     def last(self) -> int:
