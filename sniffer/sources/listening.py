@@ -233,6 +233,8 @@ class Listener:
                 ready = selector.select(0 if is_new else LOOK_S)
                 came = self._anchor.now()
                 held_ns = _held_ns(before, looked, came)
+                if held_ns:  # the kernel moves up what did not fit, once for all ports
+                    time.sleep(BREATH_NS / NS)
                 if is_new:  # a port may hold bytes that came before it was set up
                     ready = [(k, 0) for k in selector.get_map().values() if k.data is not None]
                     is_new = False
@@ -291,11 +293,9 @@ class Listener:
         try:
             more = data = port.read()
             while more and port.pollable and len(data) < JOINED_MAX:
-                if passes > 0:  # the kernel moves up what did not fit
-                    passes -= 1
-                    time.sleep(BREATH_NS / NS)
-                elif len(more) < FULL:
+                if len(more) < FULL and not passes:
                     break
+                passes = max(passes - 1, 0)
                 more = port.read()
                 data += more
         except PortLostError:
