@@ -277,10 +277,14 @@ class Pipeline:
 
     def _decoder(self, bus: str, protocol: str) -> Decoder:
         o = self._options
+        models = o.models
+        if self._live:  # they were named for all buses, which may speak different protocols
+            known = {m.model for m in protocol_named(protocol).models}
+            models = {servo: model for servo, model in models.items() if model in known}
         return Decoder(
             protocol,
             baud=o.bauds.get(bus, o.baud),
-            models=o.models,
+            models=models,
             latency_ns=o.latencies.get(bus) if o.latency_ns is None else o.latency_ns,
             base=self._begin.get(bus, 0),
         )

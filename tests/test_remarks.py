@@ -176,6 +176,13 @@ def test_of_an_endless_unknown_bus_only_the_latest_bytes_are_kept_and_the_rest_i
     assert skipped[0].count + decoded_bytes == kept.recorded == 40 * len(garbage) + len(told)
 
 
+def test_models_are_taken_by_the_buses_that_have_them() -> None:
+    options = Options(protocols={"a": "mightyzap", "b": "wck"}, models={1: "mightyzap-12lf"})
+    pipeline = Pipeline(options, [_Kept()], live=True)
+    pipeline.feed([replace(chunk(talk(2), 0), bus=bus) for bus in ("a", "b")])
+    assert pipeline.decided().keys() == {"a", "b"}
+
+
 def test_what_is_skipped_is_told_and_offsets_stay_those_of_the_stream() -> None:
     kept = _Kept()
     pipeline = Pipeline(Options("mightyzap"), [kept], live=True)

@@ -34,7 +34,7 @@ TICK_S: Final = 0.05
 DECODE_S: Final = (0.1, 0.5)
 """Time between two decoding passes, at least and at most, in seconds."""
 
-DUTY: Final = 0.1
+DUTY: Final = 0.05
 """Share of the time that decoding takes before the passes become rarer: a pass has a fixed cost,
 whatever it holds, so fewer of them for many busy buses are cheaper."""
 

@@ -34,7 +34,7 @@ from sniffer.simulation.talk import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from sniffer.protocols.base import SlowFrame
     from sniffer.simulation.motion import Joint, Rig
@@ -192,6 +192,12 @@ class LssBus(Bus):
     pause_ns = (100 * US, 400 * US)
     servo_type = LssServo
     servos: Mapping[int, LssServo]
+    twins: Mapping[int, LssServo]
+
+    def __init__(self, seed: int, *, baud: int, rate_hz: int, servo_ids: Sequence[int]) -> None:
+        super().__init__(seed, baud=baud, rate_hz=rate_hz, servo_ids=servo_ids)
+        for servo in (*self.servos.values(), *self.twins.values()):
+            servo.kept["baud_rate"] = baud  # else nobody would hear it
 
     def start(self) -> Talk:
         """Ask who they are, then switch on."""
