@@ -25,7 +25,7 @@ from sniffer.recording.taps import PortSpec
         "sniffer record /dev/ttyUSB0",
         "sniffer record /dev/ttyUSB0=mightyzap@57600 left=/dev/ttyUSB1=wck@115200 -o run.mcap",
         "sniffer record /dev/ttyUSB0=lss --rerun --duration 10min",
-        "sniffer record tx=/dev/ttyUSB0=rs30x rx=/dev/ttyUSB1 --pair",
+        "sniffer record arm=/dev/ttyUSB0=rs30x /dev/ttyUSB1 --pair",
         "sniffer record /dev/ttyUSB0 --quiet --rotate 512MB --keep 20 -o /var/log/bus.mcap",
     ),
 )
@@ -113,8 +113,8 @@ def record(
 ) -> int:
     """Listen to PORTs and record every byte, with all that can be made of it.
 
-    The ports are opened for reading only; nothing is ever sent. Ctrl-C (or SIGTERM) ends the
-    recording, SIGHUP begins a new file, SIGUSR1 prints statistics.
+    Nothing is ever sent on a bus; Linux ports are opened for reading only. Ctrl-C (or SIGTERM) ends
+    the recording, SIGHUP begins a new file, SIGUSR1 prints statistics.
     """
     # What only this command needs is loaded only by it, and before a port is opened.
     from sniffer.cli import recording

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import gc
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -221,8 +222,12 @@ def run_recording(
             pipeline.add(screen)
         beside.append(functools.partial(_statistics, screen, tell))
         sys.setswitchinterval(SWITCH_S)
+        # What is there by now stays: looking through all of it again would keep the reader waiting.
+        gc.collect()
+        gc.freeze()
         ended, failure = _recorded(recorder, pipeline, file)
     finally:
+        gc.unfreeze()
         sys.setswitchinterval(before)
         tapping.listener.stop()
         if screen is not None:
