@@ -15,7 +15,7 @@ PROTOS := $(sort $(shell find schemas/messages -name '*.proto' 2>/dev/null))
 .PHONY: help demo test lint format bench bench-live soak fuzz schemas golden clean
 
 help: ## list the targets
-	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-16s %s\n", $$1, $$2 }'
+	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
 
 demo: $(VENV)/.run ## decode, record and plot a simulated bus; no hardware needed
 	$(BIN)/python -m sniffer.cli.demo
