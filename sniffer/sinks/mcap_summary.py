@@ -97,7 +97,8 @@ class ChunkIndexes:
                 np.concatenate(self._channels).astype("<u2").tobytes(),
                 np.concatenate(self._counts).astype("<u4").tobytes(),
             ))  # fmt: skip
-            packed = zstandard.ZstdCompressor(level=LEVEL).compress(data)
+            # a copy, because what the compressor returns keeps the room for the worst case
+            packed = bytes(memoryview(zstandard.ZstdCompressor(level=LEVEL).compress(data)))
             self._pieces.append((len(self._rows), packed))
             self._rows, self._channels, self._counts = [], [], []
 
