@@ -37,6 +37,7 @@ from sniffer.model import (
     MANY,
     MUST,
     NEVER,
+    NEVER_NS,
     REQUEST,
     RESPONSE,
     U8,
@@ -50,7 +51,6 @@ from sniffer.model import (
 from sniffer.ordering import (
     BARE,
     CELLS,
-    NEVER_NS,
     TRIALS,
     Bare,
     BareAnswers,

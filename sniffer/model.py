@@ -34,6 +34,9 @@ _DTYPES: Final[Mapping[str, type[np.generic]]] = {
 }
 
 NS: Final = 1_000_000_000
+NEVER_NS: Final = 1 << 62
+"""Later than any stamp."""
+
 GAP_MAX: Final = 1024
 """Longest run of unclaimed bytes explained in one go, in bytes: it bounds memory and latency."""
 

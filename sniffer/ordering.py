@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.framing import Block
-from sniffer.model import ANY_ID, ECHO_DIFFERS, NO_ALT, RESPONSE, Chunk
+from sniffer.model import ANY_ID, ECHO_DIFFERS, NEVER_NS, NO_ALT, RESPONSE, Chunk
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -39,9 +39,6 @@ MISSED: Final = FITS // 4
 
 NEVER: Final = math.inf
 """The cost of what the stamps forbid."""
-
-NEVER_NS: Final = 1 << 62
-"""Later than any stamp."""
 
 BARE: Final = 8
 """Bytes that are looked at for an answer without a header."""

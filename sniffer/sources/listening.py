@@ -16,14 +16,11 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sniffer.model import NS, SnifferError
+from sniffer.model import NEVER_NS, NS, SnifferError
 from sniffer.sources.ports import Counters, Port, PortLostError, PortOptions, open_port
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-NEVER_NS: Final = 1 << 62
-"""Later than any stamp."""
 
 BREATH_NS: Final = 1_000_000
 """Pause between two rounds of reading on a busy line: a full-speed USB frame, so nothing is lost by
