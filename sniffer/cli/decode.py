@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options
+from sniffer.cli.options import decoding, examples, pipeline_options, printed
 from sniffer.cli.session import Standard, open_outputs, run_source, session_facts
 from sniffer.model import Severity
 from sniffer.sinks.base import Sink
@@ -28,14 +28,7 @@ from sniffer.sources import open_source
 )
 @click.argument("file")
 @decoding
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "jsonl"]),
-    default="text",
-    show_default=True,
-    help="What is printed.",
-)
+@printed
 @click.option(
     "-o",
     "--output",

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.text import Text
 
 from sniffer.cli.amounts import port_spec
-from sniffer.cli.options import Finite, examples
+from sniffer.cli.options import FALLBACK_BAUD, Finite, examples, printed
 from sniffer.cli.session import say
 from sniffer.doctoring import (
     Heard,
@@ -34,9 +34,6 @@ from sniffer.pipeline import AUTO
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources.ports import Port, PortLostError, PortOptions, open_port
 from sniffer.sources.ports.listing import port_at
-
-FIRST_BAUD: Final = 115200
-"""Where nothing is said about the baud: three of the four protocols have it as their default."""
 
 TRIAL_S: Final = 1.0
 """How long another baud is listened at."""
@@ -90,14 +87,7 @@ class Tunable(Port, Protocol):
     show_default=True,
     help="What becomes of RTS and DTR, which the system raises.",
 )
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "jsonl"]),
-    default="text",
-    show_default=True,
-    help="What is printed.",
-)
+@printed
 def doctor(
     port: str,
     seconds: float,
@@ -144,7 +134,7 @@ def examine(
         InputError: the port cannot be opened.
     """
     info = port_at(name)
-    first = baud or (PROTOCOLS[protocol].baud if protocol != AUTO else FIRST_BAUD)
+    first = baud or (PROTOCOLS[protocol].baud if protocol != AUTO else FALLBACK_BAUD)
     with contextlib.closing(open_port(name, PortOptions(first, modem))) as port:
         about = Heard(
             path=name,

@@ -4,13 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 import click
 
 from sniffer.pipeline import AUTO, Options
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import SOURCES
+
+FALLBACK_BAUD: Final = 115200
+"""Where neither a baud rate nor a protocol is named: the default of three of the protocols."""
+
+printed = click.option(
+    "--format",
+    "output_format",
+    type=click.Choice(["text", "jsonl"]),
+    default="text",
+    show_default=True,
+    help="What is printed.",
+)
+"""For people, or for scripts."""
 
 
 class Finite(click.FloatRange):

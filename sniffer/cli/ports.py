@@ -11,7 +11,7 @@ from typing import Any, Final
 import click
 from rich.console import Console
 
-from sniffer.cli.options import examples
+from sniffer.cli.options import examples, printed
 from sniffer.cli.session import say
 from sniffer.sources.ports.listing import READY, REFUSED, PortInfo
 from sniffer.sources.ports.listing import ports as listed
@@ -34,14 +34,7 @@ _INDENT: Final = " " * 4
     short_help="List the serial ports.",
     epilog=examples("sniffer ports", "sniffer ports --format jsonl"),
 )
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "jsonl"]),
-    default="text",
-    show_default=True,
-    help="What is printed.",
-)
+@printed
 def ports(output_format: str) -> None:
     """List the serial ports: adapter, driver, latency timer, who has it open, lasting name.
 

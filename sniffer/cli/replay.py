@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import Finite, decoding, examples, pipeline_options
+from sniffer.cli.options import FALLBACK_BAUD, Finite, decoding, examples, pipeline_options
 from sniffer.cli.session import Standard, run_source, say
 from sniffer.detect import ENOUGH, UndecidedError, detect
 from sniffer.model import Chunk
@@ -123,4 +123,4 @@ def _told(head: Iterable[Chunk]) -> dict[str, str]:
 
 def _baud(options: Options) -> int:
     name = next(iter(options.protocols.values()), options.protocol)
-    return options.baud or (PROTOCOLS[name].baud if name in PROTOCOLS else 115200)
+    return options.baud or (PROTOCOLS[name].baud if name in PROTOCOLS else FALLBACK_BAUD)

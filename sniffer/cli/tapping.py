@@ -5,10 +5,11 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Literal
 
 import click
 
+from sniffer.cli.options import FALLBACK_BAUD
 from sniffer.merging import Merger
 from sniffer.model import Direction
 from sniffer.pipeline import AUTO, Options
@@ -17,10 +18,6 @@ from sniffer.recording.taps import PortSpec, Tap
 from sniffer.sources.listening import BREATH_NS, Anchor, Listener
 from sniffer.sources.ports import PortOptions, open_port
 from sniffer.timing import LATENCY_NS
-
-FALLBACK_BAUD: Final = 115200
-"""Where neither a baud rate nor a protocol is named: the usual rate of three of the protocols."""
-
 
 Modem = Literal["low", "keep"]
 

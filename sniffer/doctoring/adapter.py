@@ -19,7 +19,7 @@ frame, and some chips take nothing below 2."""
 RULE: Final = 'ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_timer}="1"'
 """What udev does with every FTDI adapter that is plugged in, if this stands in a rules file."""
 
-RULES_FILE: Final = "/etc/udev/rules.d/99-serial-latency.rules"
+RULES_FILE: Final = "/etc/udev/rules.d/60-servo-tap.rules"
 
 
 def about_adapter(heard: Heard) -> Iterator[Verdict]:
