@@ -238,6 +238,8 @@ def run_recording(
     result(recorder, ended, file, tapping.anchor, tell)
     if screen is not None and screen.dropped:
         tell.talk(f"the screen left out {screen.dropped} frames; the recording has them")
+    if screen is not None and screen.failure is not None:
+        tell.warn(f"the screen stopped by itself: {screen.failure!r}; the recording went on")
     if view is not None and view.dropped_bytes:
         tell.talk(f"Rerun was too slow for {view.dropped_bytes} bytes; the recording has them")
     if failure is not None:
