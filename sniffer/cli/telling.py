@@ -94,8 +94,8 @@ def result(
     gaps = sum(b.bytes_in_gaps for b in totals)
     anomalies = sum(sum(b.codes.values()) for b in totals)
     tell.talk(
-        f"{size} bytes recorded, {frames} frames, {gaps} bytes in no frame, "
-        f"{anomalies} {'anomaly' if anomalies == 1 else 'anomalies'}{_where(file)}"
+        f"{size} bytes recorded, {frames} frames, {gaps} bytes in no frame, {anomalies} anomalies"
+        f"{_where(file)}"
     )
     by_bus: dict[str, int] = {}
     for tap in taps:
