@@ -1,32 +1,35 @@
-"""Requests and their responses, by neighbour comparison; no protocol is named here.
+"""Requests and their responses, in columns; no protocol is named here.
 
-The decoder cuts its blocks so that an open request and its answer always lie in one block. What a
-request expects stands in the Frames columns (``reply``, ``token``, ``alt_id``).
+Which request an answer belongs to, ``matching`` finds; several may be open at once. The decoder
+cuts its blocks in front of the first request that bytes to come may still answer. If an exchange
+leads across that place, the block is cut before it; where one exchange leads into the next without
+end, answers stand behind the cut, and the requests they belong to are carried along (``Pairing``).
+What a request expects stands in the Frames columns (``reply``, ``token``, ``alt_id``).
 """
 
 from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.matching import match, match_in_order, outcomes
 from sniffer.model import (
-    ANY_ID,
     DAMAGED,
     I64,
     IF_ALL,
     IF_READ,
     MANY,
-    MISMATCHED,
     MUST,
     NEVER,
-    NO_ALT,
     NO_RESPONSE,
     NOT_EXPECTED,
     OK,
+    REQUEST,
     RESPONSE,
+    U8,
     UNSOLICITED,
     Frames,
     Mask,
@@ -37,126 +40,269 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.framing import Block
+    from sniffer.protocols.base import BusProtocol
+
+CHAIN: Final = 4096
+"""Bytes within which a place is looked for that no exchange leads across. A controller that always
+has another request under way never leaves one; holding more back would delay the screen (4096 bytes
+take 0.36 s at 115200 baud) and bounds no memory."""
 
 
-def open_request(frames: Frames, decided: int, reach: int) -> int | None:
-    """Return the start of the last request if a reply to it may still come."""
-    if not len(frames):
-        return None
-    asked = np.flatnonzero(frames.kind != RESPONSE)
-    if not len(asked):
-        return None
-    row = int(asked[-1])
-    expects = int(frames.reply[row])
-    if expects == NEVER or (row != len(frames) - 1 and expects != MANY):
-        return None
-    end = int(frames.start[row] + frames.length[row])
-    return int(frames.start[row]) if decided - end <= reach else None
+@dataclass(frozen=True, slots=True)
+class Paired:
+    """What follows from which request each answer belongs to, for the frames before a cut."""
+
+    frames: Frames
+    transactions: Transactions
+    """One a request or unasked response, in order; ``place`` is where each stands in the frames."""
+    place: I64
+    torn: Mask
+    """For each transaction whether unclaimed bytes stand where its answer should."""
+    readable: Mask
+    """For each frame whether its values can be read."""
+    accepted: Mask
+    """For each frame whether they became true: false for a request that was refused."""
+    before: Frames
+    """Requests of earlier blocks that are answered here: ``-2 - row`` in the transactions."""
+
+    def told(self, transactions: Transactions) -> Transactions:
+        """Return the transactions without those whose answer a later block holds."""
+        inside = transactions.response < len(self.frames)
+        return transactions if inside.all() else transactions.take(inside)
 
 
-def pair(
-    frames: Frames, block: Block, until: int, reach: int, blank: bytes = b""
-) -> tuple[Frames, Transactions, Mask]:
-    """Give each response the request it answers.
+class Pairing:
+    """Gives each response of a bus the request it answers, block after block."""
 
-    It takes over the request's op, and its address and servo id where it states none itself.
+    def __init__(self, protocol: BusProtocol) -> None:
+        self._protocol = protocol
+        self._longest = protocol.longest
+        # Requests told already, whose answers are known but stand in bytes that are not.
+        self._owing = Frames.empty()  # starts count from the beginning of the stream
+        self._owed = np.empty(0, np.int64)  # the start of each answer, likewise
+        self._how = np.empty(0, np.int64)
 
-    Args:
-        frames: rows in wire order.
-        block: for its barriers, which no pair crosses.
-        until: where the first thing left to a later batch begins.
-        reach: bytes after which a request is closed.
-        blank: byte values that mean nothing between frames.
+    def match(self, frames: Frames, block: Block, base: int) -> I64:
+        """Return the partner of each row, as ``matching.match`` does."""
+        if self._protocol.ordered:
+            return match_in_order(frames)
+        segment = block.segment(frames.start) if len(block.barriers) else None
+        claimed = np.isin(frames.start + base, self._owed) if len(self._owed) else None
+        return match(frames, segment, self._protocol.reach, claimed)
 
-    Returns:
-        The frames, one transaction a request or unasked response (in order), and for each
-        transaction whether unclaimed bytes stand right behind its request.
-    """
-    n = len(frames)
-    none = np.empty(0, np.int64)
-    if not n:
-        empty = Transactions(none, none, np.empty(0, np.uint8), none, none)
-        return frames, empty, np.empty(0, bool)
-    rows = np.arange(n)
-    is_response = frames.kind == RESPONSE
-    end = frames.end
-    answer, asked = _answers(frames, is_response, end, block, reach)
-    alt = frames.alt_id[asked]
-    fits = (frames.servo_id[answer] == frames.servo_id[asked]) | (alt == ANY_ID)
-    fits |= (alt != NO_ALT) & (alt == frames.servo_id[answer])
-    token = frames.token[answer]
-    fits &= (token == frames.token[asked]) | (token == -1)
-    op, address = frames.op.copy(), frames.address.copy()
-    op[answer] = op[asked]
-    # A response that states an address of its own keeps it.
-    address[answer] = np.where(address[answer] >= 0, address[answer], address[asked])
+    def cut(self, frames: Frames, partner: I64, decided: int, block: Block) -> int | None:
+        """Return the row of a block's cut: nothing before it is open. None: behind all frames."""
+        first = self._first_open(frames, partner, decided, block)
+        return None if first is None else _clear(frames, partner, first)
+
+    def _first_open(self, frames: Frames, partner: I64, decided: int, block: Block) -> int | None:
+        """Return the first request that bytes from ``decided`` on may still answer.
+
+        That others have closed it does not count: torn bytes may still be its answer.
+        """
+        near = int(np.searchsorted(frames.start, decided - self._protocol.reach - self._longest))
+        last = int(block.barriers[-1]) if len(block.barriers) else 0
+        near = max(near, int(np.searchsorted(frames.start, last)))
+        tail = frames.take(slice(near, None))
+        asks = (tail.kind == REQUEST) & (tail.reply != NEVER)
+        asks &= decided - tail.end <= self._protocol.reach
+        if not asks.any():
+            return None
+        behind = partner[near:]
+        answered = np.zeros(len(tail), bool)
+        answered[behind[behind >= near] - near] = True
+        alone = np.flatnonzero(asks & (~answered | (tail.reply == MANY)))
+        return near + int(alone[0]) if len(alone) else None
+
+    def pair(
+        self, frames: Frames, whole: Frames, partner: I64, block: Block, decided: int, base: int
+    ) -> Paired:
+        """Give each response the request it answers.
+
+        It takes over the request's op, and its address and servo id where it states none itself;
+        but a response that says itself what it states keeps its own where it does not fit.
+
+        Args:
+            frames: rows before the cut, with times.
+            whole: the same rows and those behind the cut.
+            partner: what ``match`` returned for those.
+            block: for its barriers, which no pair crosses.
+            decided: how far every byte of the block has its fate.
+            base: offset in the stream of the block's first byte.
+        """
+        n = len(frames)
+        protocol = self._protocol
+        answer, asked, how = outcomes(partner)
+        now = asked < n
+        answer, asked, how = answer[now], asked[now], how[now]
+        inside = answer < n
+        before, late, late_how = self._due(frames, base)
+        self._owe(frames, whole, answer[~inside], asked[~inside], how[~inside], base)
+        if not n:
+            none = np.empty(0, np.int64)
+            nothing = np.empty(0, bool)
+            return Paired(frames, Transactions.empty(), none, nothing, nothing, nothing, before)
+        is_response = frames.kind == RESPONSE
+        refused = np.zeros(n, bool)
+        status = whole.status[answer]
+        no = (how == OK) & (status >= 0) & protocol.refused(status)
+        refused[asked[no]] = True
+        torn = _torn(whole, block, decided, partner, protocol)[:n]
+
+        rows = np.arange(n)
+        request = np.where(is_response, -1, rows)
+        response = np.where(is_response, rows, -1)
+        outcome = np.where(is_response, UNSOLICITED, NO_RESPONSE).astype(np.uint8)
+        took, spread = np.full(n, -1, np.int64), np.full(n, -1, np.int64)
+        keep = np.ones(n, bool)
+        many = frames.reply[asked] == MANY
+        keep[answer[inside & ~many]] = False
+        keep[asked[many]] = False
+        # A pair is one row: the request's, or the response's own where a request has many.
+        told = inside | ~many
+        at = np.where(many, answer, asked)[told]
+        request[at], response[at], outcome[at] = asked[told], answer[told], how[told]
+        answer, asked, at = answer[inside], asked[inside], np.where(many, answer, asked)[inside]
+        took[at], spread[at] = _took(frames, answer, frames, asked)
+        fits = how[inside] == OK
+        request[late], outcome[late] = -2 - np.arange(len(late)), late_how
+        took[late], spread[late] = _took(frames, late, before, np.arange(len(late)))
+
+        readable = ~is_response
+        readable[answer[fits]] = readable[late[late_how == OK]] = True
+        own = np.zeros(n, bool)
+        odd = np.flatnonzero(~readable)
+        if len(odd):
+            own[odd] = readable[odd] = protocol.states_itself(frames.take(odd))
+        readable &= frames.data_length > 0
+        frames = _told_by(frames, answer, frames, asked, own)
+        frames = _told_by(frames, late, before, np.arange(len(late)), own)
+        place = np.flatnonzero(keep)
+        transactions = Transactions(request, response, outcome, took, spread).take(place)
+        return Paired(frames, transactions, place, torn[place], readable, ~refused, before)
+
+    def _due(self, frames: Frames, base: int) -> tuple[Frames, I64, U8]:
+        """Return requests of earlier blocks, the rows that answer them, and the outcomes."""
+        if not len(self._owed):
+            return self._owing, np.empty(0, np.int64), np.empty(0, np.uint8)
+        row = np.searchsorted(frames.start, self._owed - base)
+        here = row < len(frames)
+        before, how, row = self._owing.take(here), self._how[here], row[here]
+        self._owing, self._owed = self._owing.take(~here), self._owed[~here]
+        self._how = self._how[~here]
+        start, data_start = before.start - base, before.data_start - base
+        return replace(before, start=start, data_start=data_start), row, how.astype(np.uint8)
+
+    def _owe(
+        self, frames: Frames, whole: Frames, answer: I64, asked: I64, how: I64, base: int
+    ) -> None:
+        if not len(answer):
+            return
+        f = frames.take(asked)
+        f = replace(f, start=f.start + base, data_start=f.data_start + base)
+        self._owing = Frames.concat([self._owing, f])
+        self._owed = np.concatenate([self._owed, whole.start[answer] + base])
+        self._how = np.concatenate([self._how, how])
+
+
+def _at(n: int, rows: I64) -> Mask:
+    out = np.zeros(n, bool)
+    out[rows] = True
+    return out
+
+
+def _clear(frames: Frames, partner: I64, row: int) -> int:
+    """Return the last row up to ``row`` that no exchange leads across, if there is one near it."""
+    answer, asked, _ = outcomes(partner[row:])
+    if not (asked < row).any():
+        return row
+    answer, asked, _ = outcomes(partner)
+    edges = np.zeros(len(frames) + 2, np.int64)
+    np.add.at(edges, asked + 1, 1)
+    np.add.at(edges, answer + 1, -1)
+    clear = int(np.flatnonzero(np.cumsum(edges[: row + 1]) == 0)[-1])
+    return clear if frames.start[row] - frames.start[clear] <= CHAIN else row
+
+
+def _took(answers: Frames, answer: I64, requests: Frames, asked: I64) -> tuple[I64, I64]:
+    """Return response times and their uncertainties, -1 where they are not known."""
+    unsure = answers.uncertainty[answer], requests.uncertainty[asked]
+    known = (unsure[0] >= 0) & (unsure[1] >= 0)
+    took = np.maximum(answers.t_start[answer] - requests.t_end[asked], 0)
+    return np.where(known, took, -1), np.where(known, np.maximum(*unsure), -1)
+
+
+def _told_by(frames: Frames, answer: I64, requests: Frames, asked: I64, own: Mask) -> Frames:
+    """Fill in what responses do not state themselves; rows of ``own`` keep what they do."""
+    if not len(answer):
+        return frames
+    op, address, servo_id = frames.op.copy(), frames.address.copy(), frames.servo_id
+    op[answer] = np.where(own[answer], op[answer], requests.op[asked])
+    address[answer] = np.where(
+        own[answer] | (address[answer] >= 0), address[answer], requests.address[asked]
+    )
     # A bare answer names nobody: it is that of the servo asked.
-    servo_id = frames.servo_id
     bare = servo_id[answer] < 0
     if bare.any():
         servo_id = servo_id.copy()
-        servo_id[answer[bare]] = servo_id[asked[bare]]
+        servo_id[answer[bare]] = requests.servo_id[asked[bare]]
+    return replace(frames, op=op, address=address, servo_id=servo_id)
 
-    following = np.append(frames.start[1:], until)
+
+def _torn(frames: Frames, block: Block, decided: int, partner: I64, protocol: BusProtocol) -> Mask:
+    """Tell behind which rows unclaimed bytes stand where a request's answer should."""
+    end = frames.end
+    following = np.append(frames.start[1:], decided)
     if len(block.barriers):
         following = np.minimum(following, block.limit(end - 1))
     torn = following > end
-    if blank and torn.any():
-        _forgive(torn, block, end, following, blank)
-
-    request = np.where(is_response, -1, rows)
-    response = np.where(is_response, rows, -1)
-    outcome = np.where(is_response, UNSOLICITED, NO_RESPONSE).astype(np.uint8)
-    took = np.full(n, -1, np.int64)
-    spread = np.full(n, -1, np.int64)
-    many = frames.reply[asked] == MANY
-    # A pair is one row: the request's, or the response's own where a request has many.
-    at = np.where(many, answer, asked)
-    request[at], response[at] = asked, answer
-    outcome[at] = np.where(fits, OK, MISMATCHED)
-    known = (frames.uncertainty[answer] >= 0) & (frames.uncertainty[asked] >= 0)
-    took[at] = np.where(known, np.maximum(frames.t_start[answer] - frames.t_end[asked], 0), -1)
-    spread[at] = np.where(
-        known, np.maximum(frames.uncertainty[answer], frames.uncertainty[asked]), -1
-    )
-    keep = np.ones(n, bool)
-    keep[answer[~many]] = False
-    keep[asked[many]] = False
-    kept = np.flatnonzero(keep)
-    transactions = Transactions(request, response, outcome, took, spread).take(kept)
-    return replace(frames, op=op, address=address, servo_id=servo_id), transactions, torn[kept]
-
-
-def _forgive(torn: Mask, block: Block, end: I64, following: I64, blank: bytes) -> None:
-    """Blanks behind a request are no torn answer."""
-    data = block.data.tobytes()
-    for i in np.flatnonzero(torn).tolist():
-        if not data[int(end[i]) : int(following[i])].strip(blank):
-            torn[i] = False
-
-
-def _answers(
-    frames: Frames, is_response: Mask, end: I64, block: Block, reach: int
-) -> tuple[I64, I64]:
-    """Return the rows of responses that answer a request, and the rows of those requests.
-
-    A response answers the row before it; where a request is open to many, all that follow it.
-    """
-    follows = np.zeros(len(frames), bool)
-    np.logical_and(is_response[1:], ~is_response[:-1], out=follows[1:])
-    answer = np.flatnonzero(follows)
-    asked = answer - 1
-    if (frames.reply == MANY).any():
-        rows = np.arange(len(frames))
-        asked_by = np.maximum.accumulate(np.where(is_response, -1, rows))
-        many = is_response & (asked_by >= 0) & (frames.reply[asked_by] == MANY)
-        answer = np.flatnonzero(follows | many)
-        asked = asked_by[answer]
-    near = (frames.reply[asked] != NEVER) & (frames.start[answer] - end[asked] <= reach)
-    if len(block.barriers):
+    if not torn.any():
+        return torn
+    if protocol.blank:
+        data = block.data.tobytes()
+        for i in np.flatnonzero(torn).tolist():
+            if not data[int(end[i]) : int(following[i])].strip(protocol.blank):
+                torn[i] = False
+    sends = frames.kind == REQUEST
+    if (sends[1:] & sends[:-1]).any() and torn.any():
         segment = block.segment(frames.start)
-        near &= segment[answer] == segment[asked]
-    return (answer, asked) if near.all() else (answer[near], asked[near])
+        first = sends.copy()
+        first[1:] &= ~sends[:-1] | torn[:-1] | (segment[1:] != segment[:-1])
+        _torn_in_turn(frames, torn, np.cumsum(first) * sends, partner, protocol.reach)
+    return torn
+
+
+def _torn_in_turn(frames: Frames, torn: Mask, turn: I64, partner: I64, reach: int) -> None:
+    """Where several were asked in a row, tell which answers are torn among those that came.
+
+    The answer that is missing stands behind that of the request before it, or, if none before it
+    was answered, behind the last request of the row. ``turn`` numbers these rows, 0 for none.
+    """
+    answered = np.full(len(frames), -1, np.int64)
+    answer = np.flatnonzero(partner >= 0)
+    answered[partner[answer]] = answer
+    some = np.zeros(int(turn.max()) + 1, bool)
+    some[turn[answered >= 0]] = True
+    some[0] = False
+    alone = np.flatnonzero(some[turn] & (answered < 0) & (frames.reply != NEVER))
+    start, end = frames.start, frames.end
+    found: list[int] = []
+    for row in alone.tolist():
+        before = row - 1
+        while before >= 0 and turn[before] == turn[row] and answered[before] < 0:
+            before -= 1
+        if before >= 0 and turn[before] == turn[row]:
+            where = int(answered[before])
+        else:
+            where, others = row, False
+            while where + 1 < len(turn) and turn[where + 1] == turn[row]:
+                where += 1
+                near = start[answered[where]] - end[row] <= reach
+                others |= bool(answered[where] >= 0 and near)
+            where = where if others else row
+        if torn[where] and end[where] - end[row] < reach:
+            found.append(row)
+    torn[found] = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,14 +326,13 @@ class Expectations:
 
     def judge(
         self,
-        frames: Frames,
-        transactions: Transactions,
-        torn: Mask,
+        paired: Paired,
         writes: Sequence[FeedbackWrite] = (),
     ) -> Transactions:
         """Settle the outcome of requests nobody answered."""
+        frames, transactions, torn = paired.frames, paired.transactions, paired.torn
         outcome = transactions.outcome.copy()
-        order = np.where(transactions.request >= 0, transactions.request, transactions.response)
+        order = paired.place
         edges = [0, *(int(np.searchsorted(order, w.row, "right")) for w in writes), len(order)]
         for number, (a, b) in enumerate(itertools.pairwise(edges)):
             if number:
@@ -209,10 +354,13 @@ class Expectations:
         row: I64 = transactions.request[part]
         kind = transactions.outcome[part]
         asked = row >= 0
+        row = np.where(asked, row, 0)
         reply = np.where(asked, frames.reply[row], NEVER)
         servo = frames.servo_id[row] & 255
         mode = self._mode[servo]
-        answered = np.flatnonzero(asked & (kind == OK) & (reply == IF_ALL) & (mode != 2))
+        # Among several open requests the answer may be another's: right behind its own it is not.
+        proof = asked & (kind == OK) & (transactions.response[part] == row + 1)
+        answered = np.flatnonzero(proof & (reply == IF_ALL) & (mode != 2))
         if len(answered):
             # whoever answers a write once answers them all: later rows of that servo expect it
             who, first = np.unique(servo[answered], return_index=True)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sniffer.bus import Expectations, open_request, pair
+from sniffer.bus import Expectations, Pairing
 from sniffer.diagnostics import Diagnostics
 from sniffer.framing import Block
 from sniffer.model import (
@@ -40,6 +40,7 @@ from sniffer.timing import Stamps
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from sniffer.bus import Paired
     from sniffer.protocols.base import BusProtocol
 
 
@@ -81,6 +82,7 @@ class Decoder:
         self._remarks = Remarks()
         self._asked_until = -1  # end of the last frame, if it is a request that has an answer
         self._stamps = Stamps(self.baud, self.protocol.tail_ns, latency_ns, base)
+        self._pairing = Pairing(self.protocol)
         self._expectations = Expectations()
         self._scaling = Scaling(self.protocol, models)
         self._diagnostics = Diagnostics(self.protocol)
@@ -139,15 +141,13 @@ class Decoder:
         )
         block = Block(np.frombuffer(data, np.uint8), barriers, final)
         spans, decided = self.protocol.frame(block)
-        frames = self.protocol.describe(block, spans)
-        cut = self._cut(frames, decided, block)
-        until = decided
-        if len(frames) and frames.start[-1] >= cut:
-            kept = int(np.searchsorted(frames.start, cut))
-            until = int(frames.start[kept])
-            frames = frames.take(slice(0, kept))
+        whole = self.protocol.describe(block, spans)
+        partner = self._pairing.match(whole, block, base)
+        cut, kept = self._cut(whole, partner, decided, block)
+        frames = whole.take(slice(0, kept))
         gaps = self._gaps(data, frames, cut, block)
         frames = self._stamps.time(frames, base)
+        paired = self._pairing.pair(frames, whole, partner, block, decided, base)
         batch = Batch(
             base,
             data[:cut],
@@ -158,8 +158,9 @@ class Decoder:
             Samples.empty(),
             remarks=self._remarks.until(base + cut),
             is_cut=is_cut,
+            before=paired.before if len(paired.before) else None,
         )
-        batch = self._records(block, batch, until)
+        batch = self._records(block, batch, paired)
         del self._buffer[:cut]
         self._base += cut
         self._barriers = [b for b in self._barriers if b >= self._base]
@@ -169,29 +170,25 @@ class Decoder:
         self._stamps.forget(self._base)
         return batch
 
-    def _records(self, block: Block, batch: Batch, until: int) -> Batch:
+    def _records(self, block: Block, batch: Batch, paired: Paired) -> Batch:
         """Add what follows from the frames: transactions, values, anomalies."""
-        frames, transactions, torn = pair(
-            batch.frames, block, until, self.protocol.reach, self.protocol.blank
-        )
-        values = self._scaling.decode(block, frames, transactions)
-        writes = self._scaling.feedback_writes(frames, values)
-        transactions = self._expectations.judge(frames, transactions, torn, writes)
-        batch = replace(batch, frames=frames, transactions=transactions, values=values)
+        values = self._scaling.decode(block, paired)
+        writes = self._scaling.feedback_writes(paired.frames, values)
+        transactions = paired.told(self._expectations.judge(paired, writes))
+        batch = replace(batch, frames=paired.frames, transactions=transactions, values=values)
         return self._diagnostics.judge(batch)
 
-    def _cut(self, frames: Frames, decided: int, block: Block) -> int:
-        """Return where this batch ends: nothing before it is open."""
+    def _cut(self, frames: Frames, partner: I64, decided: int, block: Block) -> tuple[int, int]:
+        """Return where this batch ends, and how many frames that are: nothing before it is open."""
         if block.final:
-            return decided
-        last = int(frames.end[-1]) if len(frames) else 0
-        closed = int(block.barriers[-1]) if len(block.barriers) else 0
-        waits = open_request(frames, decided, self.protocol.reach)
-        if waits is not None and waits >= closed:
-            return waits
+            return decided, len(frames)
+        row = self._pairing.cut(frames, partner, decided, block)
+        if row is not None:
+            return int(frames.start[row]), row
         # An undecided gap is cut at whole pieces counted from its start, else chunking would show.
-        edge = max(last, closed)
-        return edge + (decided - edge) // GAP_MAX * GAP_MAX
+        last = int(frames.end[-1]) if len(frames) else 0
+        edge = max(last, int(block.barriers[-1]) if len(block.barriers) else 0)
+        return edge + (decided - edge) // GAP_MAX * GAP_MAX, len(frames)
 
     def _gaps(self, data: bytes, frames: Frames, cut: int, block: Block) -> tuple[Gap, ...]:
         """Explain the bytes no frame claims, in pieces counted from where each run begins."""

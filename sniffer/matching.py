@@ -1,7 +1,7 @@
-"""Which request does an answer belong to? For whole columns at once; ``pending`` says what is right.
+"""Which request does an answer belong to? In columns; ``pending`` says what is right.
 
-On most buses one request is open at a time, and every answer stands right behind the request that
-it fits: one comparison of neighbours finds that, and is all there is to do. Only around answers that
+On most buses one request is open at a time, and every answer stands right behind the request it
+fits: one comparison of neighbours finds that, and is all there is to do. Only around answers that
 it leaves over are rows grouped by key, and only runs that hold one of those are matched anew.
 """
 
@@ -22,7 +22,6 @@ from sniffer.model import (
     OK,
     REQUEST,
     RESPONSE,
-    UNSOLICITED,
     Frames,
     Mask,
 )
@@ -64,9 +63,11 @@ def match(frames: Frames, segment: I64 | None, reach: int, claimed: Mask | None 
     if not left.any():
         return partner
     near = rows.around(np.flatnonzero(left))
-    part, place = rows, None
+    part: _Rows = rows
+    place: I64 | None = None
     if near is not None:
-        part, place = rows.take(near), np.cumsum(np.diff(near, prepend=-1) > 1)
+        part = rows.take(near)
+        place = np.cumsum(np.diff(near, prepend=-1) > 1, dtype=np.int64)
     own = answers if near is None else answers[near]
     asked, answer, anew = part.by_key(own, left if near is None else left[near], place)
     if near is not None:
@@ -114,7 +115,7 @@ class _Rows:
     def near(self, asked: I64, answer: I64) -> Mask:
         """Tell which answers begin within reach, on the same side of all silences."""
         f = self.frames
-        out = f.start[answer] - f.start[asked] - f.length[asked] <= self.reach
+        out: Mask = f.start[answer] - f.start[asked] - f.length[asked] <= self.reach
         if self.segment is not None:
             out &= self.segment[answer] == self.segment[asked]
         return out
@@ -123,12 +124,14 @@ class _Rows:
         """Tell which answers come from a servo that was asked."""
         f = self.frames
         alt, who = f.alt_id[asked], f.servo_id[answer]
-        out = (who == f.servo_id[asked]) | (alt == ANY_ID)
-        return out | ((alt != NO_ALT) & (alt == who))
+        out: Mask = (who == f.servo_id[asked]) | (alt == ANY_ID)
+        out |= (alt != NO_ALT) & (alt == who)
+        return out
 
     def fits(self, asked: I64, answer: I64) -> Mask:
         token = self.frames.token[answer]
-        return self.names(asked, answer) & ((token == self.frames.token[asked]) | (token == -1))
+        out: Mask = (token == self.frames.token[asked]) | (token == -1)
+        return out & self.names(asked, answer)
 
     def neighbours(self, answers: Mask) -> tuple[I64, I64]:
         """Return the answers right behind a request, behind one to all of them all, and those."""
@@ -173,7 +176,7 @@ class _Rows:
         f, none = self.frames, np.empty(0, np.int64)
         asks = (f.kind == REQUEST) & (f.reply != NEVER)
         directed = asks & (f.reply != MANY)
-        count = np.cumsum(asks)
+        count = np.cumsum(asks, dtype=np.int64)
         servo, token = f.servo_id.astype(np.int64), f.token.copy()
         counts = directed | answers
         self._resolve(servo, token, counts, directed, answers, count)
@@ -263,16 +266,16 @@ class _Rows:
     def _of_all(self, left: I64, asks: Mask, partner: I64) -> I64:
         """Give answers to the latest request to all that they fit; return the others."""
         f = self.frames
-        count = np.cumsum(asks)
+        count = np.cumsum(asks, dtype=np.int64)
         every = np.flatnonzero(asks & (f.reply == MANY))
         requests = np.flatnonzero(f.kind == REQUEST)
         rest: list[int] = []
         for row in left.tolist():
             last = int(np.searchsorted(every, row))
-            q = every[max(last - DEPTH, 0) : last]
-            r = np.full(len(q), row)
+            q: I64 = every[max(last - DEPTH, 0) : last]
+            r: I64 = np.full(len(q), row)
             open_to = self.open(count, q, r)
-            good = q[open_to & self.fits(q, r)]
+            good: I64 = q[open_to & self.fits(q, r)]
             before = int(np.searchsorted(requests, row)) - 1
             if len(good):
                 partner[row] = good[-1]
@@ -310,5 +313,3 @@ def _edges(parts: Sequence[I64], order: I64) -> Mask:
         sorted_by_key = p[order]
         out[1:] |= sorted_by_key[1:] != sorted_by_key[:-1]
     return out
-
-

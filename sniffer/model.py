@@ -219,6 +219,7 @@ class Frames(Columns):
 class Transactions(Columns):
     """A request with its response: row numbers in the batch's frames, -1 for none.
 
+    A request of ``-2 - k`` is row k of ``Batch.before``: it stands in an earlier batch.
     ``response_time_ns`` is -1 where it is not known.
     """
 
@@ -316,6 +317,8 @@ class Batch:
     remarks: tuple[Remark, ...] = ()
     is_cut: bool = False
     """Whether a live tap ended so soon behind the last byte that what is open may just be cut."""
+    before: Frames | None = None
+    """Requests of earlier batches that are answered in this one; their starts are negative."""
 
     @property
     def samples(self) -> Samples:
@@ -323,6 +326,14 @@ class Batch:
         if self.values.accepted.all():
             return self.values
         return self.values.take(self.values.accepted)
+
+    def asked(self, request: I64) -> Frames:
+        """Return the requests that ``Transactions.request`` names (not -1), also earlier ones."""
+        earlier = request < 0
+        if self.before is None or not earlier.any():
+            return self.frames.take(request)
+        both = Frames.concat([self.frames, self.before])
+        return both.take(np.where(earlier, len(self.frames) - 2 - request, request))
 
 
 class SnifferError(Exception):

@@ -14,15 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sniffer.model import (
-    ANY_ID,
     DAMAGED,
     IF_ALL,
     IF_READ,
     MANY,
-    MISMATCHED,
     MUST,
-    NEVER,
-    NO_ALT,
     NO_RESPONSE,
     NOT_EXPECTED,
     OBSERVED,
@@ -35,6 +31,7 @@ from sniffer.model import (
     WHOLE,
     Chunk,
 )
+from sniffer.pending import matched
 from sniffer.protocols.base import BusProtocol, SlowFrame, State
 from sniffer.timing import byte_time_ns
 
@@ -104,6 +101,7 @@ class Reference:
         clocked = any(k.t_ns is not None for k in chunks)
         for a, b in itertools.pairwise(edges):
             self._stretch(bytes(data), a, b, clocked=clocked)
+        self.out.transactions.sort(key=in_order)
         return self.out
 
     def _stretch(self, data: bytes, a: int, b: int, *, clocked: bool) -> None:
@@ -114,8 +112,11 @@ class Reference:
             if found is None:
                 p += 1
                 continue
+            replies = sum(kind != REQUEST for _, _, kind in found)
             for start, end, kind in found:
-                before = frames[-1] if frames else None
+                # of several bare replies in a row the first is to the first of as many commands
+                back = replies if kind != REQUEST and found[0][2] == REQUEST else 1
+                before = frames[-back] if len(frames) >= back else None
                 if before is not None and start - before.end > self.protocol.reach:
                     before = None
                 frame = self.protocol.slow_describe(data[start:end], kind, before)
@@ -123,7 +124,7 @@ class Reference:
                 frame.data_start += start
                 frames.append(frame)
                 p = end
-        pairs = self._pair(frames, b, clocked=clocked)
+        pairs = self._pair(frames, clocked=clocked)
         self._judge(pairs, frames, data, b)
         for f in frames:
             self.out.frames.append(
@@ -149,49 +150,29 @@ class Reference:
         latest = self.times[f.end - 1] - (f.end - f.start) * self.byte_ns
         return min(self.times[f.start] - self.byte_ns, latest)
 
-    def _pair(self, frames: list[SlowFrame], stop: int, *, clocked: bool) -> list[_Pair]:
+    def _pair(self, frames: list[SlowFrame], *, clocked: bool) -> list[_Pair]:
         pairs: list[_Pair] = []
-        pending: SlowFrame | None = None
-        answered = False
-        for f in frames:
-            if f.kind == REQUEST:
-                if pending is not None and not answered:
-                    pairs.append(_Pair(pending, None, NO_RESPONSE))
-                pending, answered = f, False
-                continue
-            open_to_it = (
-                pending is not None
-                and pending.reply != NEVER
-                and (not answered or pending.reply == MANY)
-                and f.start - pending.end <= self.protocol.reach
-            )
-            if pending is None or not open_to_it:
-                if pending is not None and not answered:
-                    pairs.append(_Pair(pending, None, NO_RESPONSE))
-                    answered = True
-                    if pending.reply != MANY:
-                        pending = None
+        alone = {row for row, f in enumerate(frames) if f.kind == REQUEST}
+        reach, ordered = self.protocol.reach, self.protocol.ordered
+        for answer, asked, outcome in matched(frames, reach, ordered=ordered):
+            f = frames[answer]
+            itself = outcome != OK and self.protocol.slow_states_itself(f)
+            if asked < 0:
                 pairs.append(_Pair(None, f, UNSOLICITED))
                 continue
-            fits = f.servo_id == pending.servo_id or pending.alt_id == ANY_ID
-            fits = fits or (pending.alt_id != NO_ALT and pending.alt_id == f.servo_id)
-            fits = fits and f.token in (-1, pending.token)
-            f.op = pending.op
-            f.servo_id = f.servo_id if f.servo_id >= 0 else pending.servo_id
-            f.address = f.address if f.address >= 0 else pending.address
-            took = max(self._t_start(f) - self.times[pending.end - 1], 0) if clocked else -1
-            pairs.append(_Pair(pending, f, OK if fits else MISMATCHED, took))
-            answered = True
-            if pending.reply != MANY:
-                pending = None
-        if pending is not None and not answered:
-            pairs.append(_Pair(pending, None, NO_RESPONSE))
+            alone.discard(asked)
+            q = frames[asked]
+            f.op = f.op if itself else q.op
+            f.servo_id = f.servo_id if f.servo_id >= 0 else q.servo_id
+            f.address = f.address if itself or f.address >= 0 else q.address
+            took = max(self._t_start(f) - self.times[q.end - 1], 0) if clocked else -1
+            pairs.append(_Pair(q, f, outcome, took))
+        pairs += [_Pair(frames[row], None, NO_RESPONSE) for row in alone]
         pairs.sort(key=_place)
         return pairs
 
     def _judge(self, pairs: list[_Pair], frames: list[SlowFrame], data: bytes, stop: int) -> None:
         """Walk the stretch once, in order: outcomes and values depend on what came before."""
-        starts = {f.start for f in frames}
         paired = {id(p.response) for p in pairs if p.response is not None and p.outcome == OK}
         refused = {
             id(p.request)
@@ -204,32 +185,81 @@ class Reference:
         }
         told: dict[int, list[tuple[int, int]]] = {}
         for f in frames:
-            told[f.start] = self._values(f, id(f) in paired, id(f) not in refused)
+            itself = f.kind != REQUEST and self.protocol.slow_states_itself(f)
+            told[f.start] = self._values(f, id(f) in paired or itself, id(f) not in refused)
+        torn = self._torn(pairs, frames, data, stop)
+        row = {id(f): i for i, f in enumerate(frames)}
+        heard = 0  # frames before what is judged: what they tell of return modes holds
         for p in pairs:
             q, r = p.request, p.response
+            while heard < len(frames) and frames[heard].start < _place(p):
+                self._hear(told[frames[heard].start])
+                heard += 1
             if q is not None and r is None:
-                behind = q.end
-                while behind < stop and data[behind] in self.protocol.blank:
-                    behind += 1
-                torn = behind != stop and behind not in starts
                 mode = self.mode[q.servo_id & 255]
                 expected = (
                     q.reply >= MUST
                     or (q.reply == IF_READ and mode != 0)
                     or (q.reply == IF_ALL and mode == 2)
                 )
-                p.outcome = (DAMAGED if torn else NO_RESPONSE) if expected else NOT_EXPECTED
-            if q is not None and r is not None and p.outcome == OK and q.reply == IF_ALL:
+                p.outcome = (
+                    (DAMAGED if id(q) in torn else NO_RESPONSE) if expected else NOT_EXPECTED
+                )
+            # Of several open requests the answer may be another's: right behind its own it is not.
+            right_behind = q is not None and r is not None and row[id(r)] == row[id(q)] + 1
+            if q is not None and right_behind and p.outcome == OK and q.reply == IF_ALL:
                 self.mode[q.servo_id & 255] = 2
-            for told_by in (q, r):
-                for servo, mode in told.pop(told_by.start, []) if told_by else []:
-                    if servo < 0:
-                        self.mode = [mode] * 256
-                    else:
-                        self.mode[servo & 255] = mode
             self.out.transactions.append(
                 (q.start if q else -1, r.start if r else -1, p.outcome, p.took)
             )
+        for f in frames[heard:]:
+            self._hear(told[f.start])
+
+    def _hear(self, told: list[tuple[int, int]]) -> None:
+        for servo, mode in told:
+            if servo < 0:
+                self.mode = [mode] * 256
+            else:
+                self.mode[servo & 255] = mode
+
+    def _torn(
+        self, pairs: list[_Pair], frames: list[SlowFrame], data: bytes, stop: int
+    ) -> set[int]:
+        """Return the requests behind which unclaimed bytes stand where their answer should."""
+        starts = {f.start for f in frames}
+        answers = {
+            id(p.request): p.response
+            for p in pairs
+            if p.request is not None and p.response is not None and p.outcome == OK
+        }
+
+        def torn(f: SlowFrame) -> bool:
+            behind = f.end
+            while behind < stop and data[behind] in self.protocol.blank:
+                behind += 1
+            return behind != stop and behind not in starts
+
+        turn: list[SlowFrame] = []
+        turns = [turn]
+        for i, f in enumerate(frames):
+            if i and (f.kind != REQUEST or frames[i - 1].kind != REQUEST or torn(frames[i - 1])):
+                turn = []
+                turns.append(turn)
+            if f.kind == REQUEST:
+                turn.append(f)
+        out: set[int] = set()
+        for turn in turns:
+            for i, q in enumerate(turn):
+                where = q
+                before = [answers[id(p)] for p in turn[:i] if id(p) in answers]
+                behind = [answers[id(p)] for p in turn[i + 1 :] if id(p) in answers]
+                if before:
+                    where = before[-1]
+                elif any(r.start - q.end <= self.protocol.reach for r in behind):
+                    where = turn[-1]
+                if torn(q) or (torn(where) and where.end - q.end < self.protocol.reach):
+                    out.add(id(q))
+        return out
 
     def _refused(self, status: int) -> bool:
         return bool(self.protocol.refused(np.array([status], np.int16))[0])
@@ -308,6 +338,11 @@ class Reference:
             sign = 1.0 if raw >> r.sign_bit & 1 else -1.0
             return (sign * magnitude if magnitude else 0.0) * r.scale, provenance
         return raw * r.scale, provenance
+
+
+def in_order(row: TransactionRow) -> tuple[int, int]:
+    """Order by request; a block may tell of one where its answer stands."""
+    return (row[0] if row[0] >= 0 else row[1]), row[1]
 
 
 def _place(p: _Pair) -> int:

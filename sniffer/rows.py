@@ -256,6 +256,8 @@ def _transactions(
     batch: Batch, protocol: BusProtocol, bus: str
 ) -> Iterator[tuple[int, TransactionRow]]:
     f, t = batch.frames, batch.transactions
+    before = batch.asked(t.request[t.request < -1])  # told in earlier batches
+    earlier = iter(range(len(before)))
     for q, r, outcome, took, spread in zip(
         *(
             c.tolist()
@@ -264,16 +266,17 @@ def _transactions(
         strict=True,
     ):
         told = r if r >= 0 else q
-        asked = int(f.servo_id[q]) if q >= 0 else -1
+        request, row = (before, next(earlier)) if q < -1 else (f, q)
+        asked = int(request.servo_id[row]) if q != -1 else -1
         servo = asked if asked >= 0 else int(f.servo_id[told])
         yield (
             batch.base + int(f.start[told]),
             TransactionRow(
                 bus,
-                batch.base + int(f.start[q]) if q >= 0 else None,
+                batch.base + int(request.start[row]) if q != -1 else None,
                 batch.base + int(f.start[r]) if r >= 0 else None,
                 servo if servo >= 0 else None,
-                protocol.op_name(int(f.op[q if q >= 0 else r])),
+                protocol.op_name(int(request.op[row] if q != -1 else f.op[r])),
                 OUTCOMES[outcome],
                 took if took >= 0 else None,
                 spread if took >= 0 and spread >= 0 else None,

@@ -18,7 +18,6 @@ from sniffer.model import (
     F64,
     I64,
     OBSERVED,
-    OK,
     PROFILE,
     RELEASES,
     REQUEST,
@@ -29,13 +28,13 @@ from sniffer.model import (
     Frames,
     Mask,
     Samples,
-    Transactions,
 )
 from sniffer.protocols.base import BusProtocol, State, Values
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from sniffer.bus import Paired
     from sniffer.framing import Block
 
 
@@ -77,10 +76,10 @@ class Scaling:
             )
         self._staged: list[tuple[int, str, int]] = []
 
-    def decode(self, block: Block, frames: Frames, transactions: Transactions) -> Samples:
+    def decode(self, block: Block, paired: Paired) -> Samples:
         """Return every value the frames state, scaled; see ``Samples.accepted``."""
-        readable, accepted = self._readable(frames, transactions)
-        rows = np.flatnonzero(readable)
+        frames, accepted = paired.frames, paired.accepted
+        rows = np.flatnonzero(paired.readable)
         v = self.protocol.values(block, frames, rows, self.state)
         takes = accepted[v.row]
         value = v.raw * self._scale[v.register]
@@ -129,20 +128,6 @@ class Scaling:
             told_all = int(frames.kind[row]) == REQUEST and servo in self.protocol.everyone
             out.append(FeedbackWrite(row, -1 if told_all else servo, int(samples.raw[i])))
         return out
-
-    def _readable(self, frames: Frames, transactions: Transactions) -> tuple[Mask, Mask]:
-        """Return which frames' values can be read, and which of those became true."""
-        readable = (frames.data_length > 0) & (frames.kind == REQUEST)
-        paired = transactions.outcome == OK
-        readable[transactions.response[paired]] = True
-        readable &= frames.data_length > 0
-        accepted = np.ones(len(frames), bool)
-        answered = np.flatnonzero(paired & (transactions.request >= 0))
-        status = frames.status[transactions.response[answered]]
-        no = self.protocol.refused(status) & (status >= 0)
-        if no.any():
-            accepted[transactions.request[answered[no]]] = False
-        return readable, accepted
 
     def _apply_modes(
         self,

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from sniffer.reference import Result
+import numpy as np
+
+from sniffer.reference import Result, in_order
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -37,7 +39,7 @@ def records(parts: Iterable[Batch]) -> Result:
         for i in range(len(t)):
             out.transactions.append(
                 (
-                    at(int(t.request[i])),
+                    asked_at(b, int(t.request[i])),
                     at(int(t.response[i])),
                     int(t.outcome[i]),
                     int(t.response_time_ns[i]),
@@ -58,7 +60,15 @@ def records(parts: Iterable[Batch]) -> Result:
                     bool(v.accepted[i]),
                 )
             )
+    out.transactions.sort(key=in_order)
     return out
+
+
+def asked_at(batch: Batch, request: int) -> int:
+    """Return the offset in the stream of a transaction's request, -1 for none."""
+    if request == -1:
+        return -1
+    return batch.base + int(batch.asked(np.array([request])).start[0])
 
 
 def gaps(parts: Iterable[Batch]) -> list[tuple[int, int, str, str]]:

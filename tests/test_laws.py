@@ -3,20 +3,56 @@
 from __future__ import annotations
 
 import itertools
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sniffer import bus
 from sniffer.decoder import Decoder
-from sniffer.model import Chunk
+from sniffer.model import NO_RESPONSE, OK, Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.reference import Reference
 from sniffer.timing import byte_time_ns
 from tests.records import batches, gaps, records
-from tests.streams import chunked, stream
+from tests.streams import bursts, chunked, stream
+from tests.streams.mightyzap import packet as zap
+from tests.streams.rs30x import packet, returned
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 EVERY = pytest.mark.parametrize("name", PROTOCOLS)
+PIPELINED = pytest.mark.parametrize("chain", [bus.CHAIN, 0], ids=["chain", "no_chain"])
+"""How far a place is looked for that no exchange leads across: 0 makes answers cross each cut."""
+
+
+WINDOW: dict[str, tuple[Callable[[int], bytes], Callable[[int], bytes]]] = {
+    "lss": (lambda i: b"#%dQD\r" % (i % 5), lambda i: b"*%dQD%d\r" % (i % 5, i)),
+    "mightyzap": (
+        lambda i: zap(i % 5 + 1, 0xF2, b"\x8c\x02"),
+        lambda i: zap(i % 5 + 1, 0, i.to_bytes(2, "little")),
+    ),
+    "rs30x": (
+        lambda i: packet(i % 5 + 1, 9),
+        lambda i: returned(i % 5 + 1, 42, i.to_bytes(18, "little")),
+    ),
+}
+"""What a controller asks and what comes back, of the protocols whose answers say whose they are."""
+
+
+def recut(data: st.DataObject, chunks: list[Chunk], name: str) -> list[Chunk]:
+    """Draw the same bytes in other chunks, each byte at its time."""
+    byte_ns = byte_time_ns(PROTOCOLS[name].baud)
+    out: list[Chunk] = []
+    for c in chunks:
+        assert c.t_ns is not None
+        cuts = data.draw(st.lists(st.integers(1, max(1, len(c.data) - 1)), max_size=6, unique=True))
+        edges = [0, *sorted(x for x in cuts if x < len(c.data)), len(c.data)]
+        for a, b in itertools.pairwise(edges):
+            out.append(Chunk(c.data[a:b], c.t_ns - (len(c.data) - b) * byte_ns, c.clock))
+    return out
 
 
 @EVERY
@@ -48,16 +84,47 @@ def test_any_recut_of_the_bytes_with_times_held_gives_equal_records(
     byte_ns = byte_time_ns(PROTOCOLS[name].baud)
     chunks = data.draw(chunked(s, byte_ns, PROTOCOLS[name].tail_ns))
     whole = batches(Decoder(name), [chunks])
-    recut: list[Chunk] = []
-    for c in chunks:
-        assert c.t_ns is not None
-        cuts = data.draw(st.lists(st.integers(1, max(1, len(c.data) - 1)), max_size=6, unique=True))
-        edges = [0, *sorted(x for x in cuts if x < len(c.data)), len(c.data)]
-        for a, b in itertools.pairwise(edges):
-            recut.append(Chunk(c.data[a:b], c.t_ns - (len(c.data) - b) * byte_ns, c.clock))
-    again = batches(Decoder(name), [[c] for c in recut])
+    again = batches(Decoder(name), [[c] for c in recut(data, chunks, name)])
     assert records(again) == records(whole)
     assert gaps(again) == gaps(whole)
+
+
+@EVERY
+@PIPELINED
+@given(data=st.data())
+def test_with_several_requests_in_flight_a_recut_and_the_reference_give_equal_records(
+    name: str, chain: int, data: st.DataObject
+) -> None:
+    s = data.draw(bursts(name))
+    protocol = PROTOCOLS[name]
+    chunks = data.draw(chunked(s, byte_time_ns(protocol.baud), protocol.tail_ns))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bus, "CHAIN", chain)
+        parts = batches(Decoder(name), [[c] for c in recut(data, chunks, name)])
+    whole = records(batches(Decoder(name), [chunks]))
+    again = records(parts)
+    want = Reference(protocol).decode(chunks)
+    for records_of in ("frames", "transactions", "samples"):
+        assert getattr(again, records_of) == getattr(whole, records_of)
+        assert getattr(whole, records_of) == getattr(want, records_of)
+
+
+@EVERY
+@PIPELINED
+@given(data=st.data())
+def test_with_several_requests_in_flight_any_grouping_gives_equal_anomalies(
+    name: str, chain: int, data: st.DataObject
+) -> None:
+    s = data.draw(bursts(name))
+    protocol = PROTOCOLS[name]
+    chunks = data.draw(chunked(s, byte_time_ns(protocol.baud), protocol.tail_ns))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bus, "CHAIN", chain)
+        one = batches(Decoder(name), [[c] for c in chunks])
+    whole = batches(Decoder(name), [chunks])
+    assert sorted(a for b in one for a in b.anomalies) == sorted(
+        a for b in whole for a in b.anomalies
+    )
 
 
 @EVERY
@@ -104,6 +171,26 @@ def test_no_input_raises_and_memory_stays_bounded(name: str, s: bytes, data: st.
         at = cut
     decoder.close()
     assert decoder.pending == 0
+
+
+@pytest.mark.parametrize("name", WINDOW)
+def test_a_window_that_slides_without_end_holds_no_more_than_a_chain(name: str) -> None:
+    """A controller that asks the next one whenever an answer comes leaves no place between."""
+    ask, answer = WINDOW[name]
+    s = b"".join([ask(0), ask(1), *(answer(i) + ask(i + 2) for i in range(4000))])
+    decoder, protocol = Decoder(name), PROTOCOLS[name]
+    bound = bus.CHAIN + protocol.longest + protocol.reach + 1024
+    parts = []
+    for at in range(0, len(s), 64):
+        parts.append(decoder.feed(Chunk(s[at : at + 64])))
+        assert decoder.pending <= 64 + bound
+    parts.append(decoder.close())
+    told = records(parts)
+    assert told.transactions == records(batches(Decoder(name), [[Chunk(s)]])).transactions
+    outcomes = [outcome for _, _, outcome, _ in told.transactions]
+    assert outcomes.count(OK) == 4000
+    assert outcomes.count(NO_RESPONSE) == 2  # those asked last
+    assert [a.code for b in parts for a in b.anomalies] == ["no-response"] * 2
 
 
 @EVERY

@@ -107,6 +107,7 @@ class BusProtocol(TypingProtocol):
     tail_ns: int  # a longer silence is a barrier that no frame, reply or pair crosses
     everyone: tuple[int, ...]  # ids that address all servos
     blank: bytes  # byte values that mean nothing between frames
+    ordered: bool  # answers name nobody: they come in the order of their requests
     models: tuple[RegisterMap, ...]  # the default first
     registers: tuple[Register, ...]  # of all models, numbered through
 
@@ -124,6 +125,10 @@ class BusProtocol(TypingProtocol):
 
     def refused(self, status: I16) -> Mask:
         """Tell for which status bytes of responses the servo did not do what it was told."""
+        ...
+
+    def states_itself(self, frames: Frames) -> Mask:
+        """Tell which responses say themselves what their values are, whatever was asked."""
         ...
 
     def values(self, block: Block, frames: Frames, rows: I64, state: State) -> Values:
@@ -168,6 +173,10 @@ class BusProtocol(TypingProtocol):
 
     def slow_describe(self, raw: bytes, kind: int, before: SlowFrame | None) -> SlowFrame:
         """Describe one frame; ``before`` is the frame before it in the same stretch."""
+        ...
+
+    def slow_states_itself(self, frame: SlowFrame) -> bool:
+        """Tell whether a response says itself what its values are, whatever was asked."""
         ...
 
     def slow_values(self, frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:

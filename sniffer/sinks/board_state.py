@@ -268,12 +268,14 @@ class BusTally:
         self.answers.add(f.t_end[answer], rows[answer])
         torn = (t.outcome == DAMAGED) | (t.outcome == MISMATCHED)
         gone = t.outcome == NO_RESPONSE
-        kept = np.flatnonzero((t.request >= 0) & (torn | gone | (t.outcome == OK)))
+        kept = np.flatnonzero((t.request != -1) & (torn | gone | (t.outcome == OK)))
         if not len(kept):
             return
-        who = rows[t.request[kept]]
+        asked = batch.asked(t.request[kept])
+        who = self._rows(asked.servo_id)
         # One asks them all, each answers for itself.
         who = np.where((who < 0) & (t.response[kept] >= 0), rows[t.response[kept]], who)
+        asked_ns = asked.t_end[who >= 0]
         kept, who = kept[who >= 0], who[who >= 0]
         n = len(s)
         s.asked += np.bincount(who, minlength=n)
@@ -281,7 +283,7 @@ class BusTally:
         if bad.any():
             s.missing += np.bincount(who[gone[kept]], minlength=n)
             s.damaged += np.bincount(who[torn[kept]], minlength=n)
-            s.trouble_ns[who[bad]] = f.t_end[t.request[kept[bad]]]
+            s.trouble_ns[who[bad]] = asked_ns[bad]
         took = t.response_time_ns[kept]
         known = np.flatnonzero(~bad & (took >= 0))
         if len(known):

@@ -113,14 +113,21 @@ def joined(batches: Sequence[Batch]) -> Batch:
     """Return batches that follow on each other as one."""
     if len(batches) == 1:
         return batches[0]
-    frames, transactions, values = [], [], []
+    frames, transactions, values, before = [], [], [], [Frames.empty()]
     gaps: list[Gap] = []
-    rows = 0
+    rows = earlier = 0
     for b in batches:
         shift = b.base - batches[0].base
         f, t, v = b.frames, b.transactions, b.values
         frames.append(replace(f, start=f.start + shift, data_start=f.data_start + shift))
-        request = np.where(t.request < 0, -1, t.request + rows)
+        request = np.where(t.request < 0, t.request, t.request + rows)
+        request[t.request < -1] -= earlier
+        if b.before is not None:
+            asked = b.before
+            before.append(
+                replace(asked, start=asked.start + shift, data_start=asked.data_start + shift)
+            )
+            earlier += len(asked)
         response = np.where(t.response < 0, -1, t.response + rows)
         transactions.append(replace(t, request=request, response=response))
         values.append(replace(v, row=v.row + rows))
@@ -135,4 +142,5 @@ def joined(batches: Sequence[Batch]) -> Batch:
         Transactions.concat(transactions),
         Samples.concat(values),
         tuple(a for b in batches for a in b.anomalies),
+        before=Frames.concat(before) if earlier else None,
     )

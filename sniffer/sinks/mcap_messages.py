@@ -222,8 +222,8 @@ class BusWriter:
         frames, t = batch.frames, batch.transactions
         if not len(t):
             return
-        asked, answered = t.request >= 0, t.response >= 0
-        row = np.where(asked, t.request, t.response)
+        asked, answered = t.request != -1, t.response >= 0
+        request = batch.asked(np.where(asked, t.request, t.response))
         last = np.maximum(t.request, t.response)
         start = batch.base + frames.start
         self._queue.add(
@@ -233,13 +233,13 @@ class BusWriter:
                 ),
                 {"outcome": t.outcome},
                 {
-                    "request_offset": (start[t.request], asked),
+                    "request_offset": (batch.base + request.start, asked),
                     "response_offset": (start[t.response], answered),
-                    "servo_id": (frames.servo_id[row], frames.servo_id[row] >= 0),
+                    "servo_id": (request.servo_id, request.servo_id >= 0),
                     "response_time_ns": (t.response_time_ns, t.response_time_ns >= 0),
                     "uncertainty_ns": (t.uncertainty_ns, t.uncertainty_ns >= 0),
                 },
-                ("op", frames.op[row]),
+                ("op", request.op),
             )
         )
 

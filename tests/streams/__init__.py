@@ -1,7 +1,8 @@
 """Streams that properties draw from: talk built with the grammars, damage, cuts, arrival times.
 
-One module a protocol: ``TALK`` draws one exchange (a request and perhaps its reply), ``BYTES`` are
-the byte values that mean something to it.
+One module a protocol: ``TALK`` draws one exchange (a request and perhaps its reply), ``ASKED`` a
+request and its answers apart, of which ``bursts`` makes traffic with several requests in flight;
+``BYTES`` are the byte values that mean something to it.
 """
 
 from __future__ import annotations
@@ -41,13 +42,32 @@ def damaged(draw: st.DrawFn, data: bytes) -> bytes:
 
 
 @st.composite
+def bursts(draw: st.DrawFn, protocol: str, rounds: int = 4) -> bytes:
+    """Draw several requests in flight: answers in and out of order, lost, doubled, late; retries.
+
+    Answers that are due wait for later bursts, so that windows slide.
+    """
+    ask = module(protocol).ASKED
+    out: list[bytes] = []
+    due: list[bytes] = []
+    for _ in range(draw(st.integers(1, rounds))):
+        for request, answers in draw(st.lists(ask, min_size=1, max_size=6)):
+            out += [request] * draw(st.sampled_from([1, 1, 1, 1, 1, 2]))
+            due += list(answers) * draw(st.sampled_from([0, 1, 1, 1, 1, 1, 2]))
+        for _ in range(draw(st.integers(0, len(due)))):
+            out.append(due.pop(draw(st.sampled_from([0, 0, 0, len(due) - 1]))))
+    return b"".join(out)
+
+
+@st.composite
 def stream(draw: st.DrawFn, protocol: str) -> bytes:
     """Draw talk, noise made of meaningful bytes, other protocols' talk, and damage to it all."""
     own = module(protocol)
     byte = st.one_of(st.sampled_from(own.BYTES), st.integers(0, 255))
     noise = st.lists(byte, max_size=12).map(bytes)
     other = st.sampled_from(OTHERS).flatmap(lambda name: module(name).TALK)
-    part = st.one_of(own.TALK, own.TALK, own.TALK, own.TALK, noise, other)
+    talk = st.one_of(own.TALK, own.TALK, own.TALK, own.TALK, bursts(protocol, 2))
+    part = st.one_of(talk, talk, talk, talk, noise, other)
     data = b"".join(draw(st.lists(part, max_size=10)))
     if draw(st.integers(0, 9)) == 0:
         data += draw(st.binary(max_size=40)) * 60

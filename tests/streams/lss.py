@@ -85,3 +85,25 @@ _LINES = [
 ]
 
 TALK = st.one_of(_exchange(), _exchange(), _exchange(), _statement(), st.sampled_from(_LINES))
+
+
+@st.composite
+def _asked(draw: st.DrawFn) -> tuple[bytes, list[bytes]]:
+    """Draw a query to one servo or to all, or a move, and the lines that answer it."""
+    who = draw(st.sampled_from([1, 2, 3]))
+    word = draw(st.sampled_from(["QD", "QV", "QC", "Q", "QSD"]))
+    value = draw(st.integers(-999, 999))
+    match draw(st.integers(0, 9)):
+        case 0:
+            return command(254, word), [reply(i, word, value) for i in (1, 2, 3)]
+        case 1:
+            return command(255, word), [reply(who, word, value)]
+        case 2:
+            return command(254, "D", value), []
+        case 3:
+            return command(who, "D", value), []
+        case _:
+            return command(who, word), [reply(who, word, value)]
+
+
+ASKED = _asked()

@@ -66,3 +66,36 @@ def _exchange(draw: st.DrawFn) -> bytes:
 
 
 TALK = st.one_of(_exchange(), _exchange(), ANY_PACKET)
+
+
+@st.composite
+def _asked(draw: st.DrawFn) -> tuple[bytes, list[bytes]]:
+    """Draw a command and its feedback: reads of one length and of others, writes, errors."""
+    who = draw(st.sampled_from([1, 1, 2, 3]))
+    address, n = draw(st.sampled_from([(0x8C, 2), (0x90, 2), (0x92, 1), (0x8C, 8)]))
+    data = draw(st.lists(_byte, min_size=n, max_size=n).map(bytes))
+    read = packet(who, 0xF2, bytes([address, n]))
+    match draw(st.integers(0, 11)):
+        case 0:
+            return packet(who, 0xF3, b"\x86\x01\x02"), draw(
+                st.sampled_from([[], [packet(who, 0)], [packet(who, 0x20)]])
+            )
+        case 1:
+            return packet(0, 0xF2, bytes([address, n])), [packet(who, 0, data)]
+        case 2:
+            return packet(254, 0xF3, b"\x86\x01\x02"), []
+        case 3:
+            return read, [packet(who, 4)]
+        case 4:
+            return packet(who, 0xF1), [packet(who, 0)]
+        case 5:
+            return packet(
+                who, 0xF3, b"\x10" + draw(st.sampled_from([b"\x00", b"\x01", b"\x02"]))
+            ), []
+        case 6:
+            return packet(who, 0xF3, b"\x03\x02"), [packet(draw(st.sampled_from([who, 2])), 0)]
+        case _:
+            return read, [packet(who, draw(st.sampled_from([0, 0, 0x08])), data)]
+
+
+ASKED = _asked()

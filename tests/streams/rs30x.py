@@ -166,3 +166,25 @@ def _any_packet(draw: st.DrawFn) -> bytes:
 
 ANY_PACKET = _any_packet()
 TALK = st.one_of(_exchange(), _exchange(), ANY_PACKET)
+
+
+@st.composite
+def _asked(draw: st.DrawFn) -> tuple[bytes, list[bytes]]:
+    """Draw a packet and what it returns: nibbles with an address, reads by address, ACK."""
+    who = draw(st.sampled_from([1, 1, 2, 3]))
+    match draw(st.integers(0, 7)):
+        case 0:
+            return write(who, 0x1E, b"\1\2", 1) + draw(st.sampled_from([b"", b"\7", b"\x08"])), []
+        case 1:
+            return write(255, 0x1E, b"\1\2"), []
+        case 2 | 3:
+            n = draw(st.sampled_from([2, 4]))
+            return packet(who, 0x0F, 42, n), [returned(who, 42, draw(_some(n, n)), draw(_status))]
+        case 4:
+            new = draw(st.sampled_from([1, 2]))
+            return write(who, 4, bytes([new]), 9), [returned(new, 42, draw(_some(18, 18)))]
+        case _:
+            return packet(who, 9), [returned(who, 42, draw(_some(18, 18)), draw(_status))]
+
+
+ASKED = _asked()

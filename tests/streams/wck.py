@@ -113,3 +113,17 @@ def _full_count(draw: st.DrawFn) -> bytes:
 
 
 TALK = st.one_of(_exchange(), _exchange(), _exchange(), _ten_bit(), _stray_header(), _full_count())
+
+
+@st.composite
+def _asked(draw: st.DrawFn) -> tuple[bytes, list[bytes]]:
+    """Draw a command and its bare reply, which may come behind other commands."""
+    index, raw = draw(any_command())
+    if not OPS[index].reply:
+        return raw, []
+    return raw, [
+        draw(st.one_of(_two, st.sampled_from([raw[3:5] if len(raw) > 4 else b"\x05\x64"])))
+    ]
+
+
+ASKED = _asked()

@@ -63,14 +63,17 @@ class Lss:
     tail_ns = 250_000_000  # far beyond what clients wait for a reply
     everyone: tuple[int, ...] = (BROADCAST,)
     blank = lines.BLANK
+    ordered = False
     models = MODELS
     registers = REGISTERS
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
+    states_itself = staticmethod(block.states_itself)
     values = staticmethod(block.values)
     slow_parse = staticmethod(slow.parse)
     slow_describe = staticmethod(slow.describe)
+    slow_states_itself = staticmethod(slow.states_itself)
     slow_values = staticmethod(slow.values)
 
     def op_name(self, op: int) -> str:

@@ -46,6 +46,7 @@ from sniffer.protocols.lss.tables import (
     MODIFIER_ENTRIES,
     MODIFIER_REGISTER,
     NUMBER_OK,
+    PLAIN,
     REGISTER,
     SELECTORS,
     STATED,
@@ -160,6 +161,13 @@ def _unusual(p: Lines, entry: U8) -> Mask:
         fits = FITS[MODIFIER_ENTRIES.find(p.modifier), entry]
         odd |= more & ((p.modifiers > 1) | ~fits)
     return odd
+
+
+def states_itself(frames: Frames) -> Mask:
+    """Tell which replies have a word that means the same whatever selector the query had."""
+    replies: Mask = frames.kind == RESPONSE
+    replies &= PLAIN[ENTRIES.find(frames.op)]
+    return replies
 
 
 def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:

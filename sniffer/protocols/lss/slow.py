@@ -127,6 +127,12 @@ def _command(out: SlowFrame, line: Any, word: Word | None) -> None:
         out.alt_id = ANY_ID
 
 
+def states_itself(frame: SlowFrame) -> bool:
+    """Tell whether a reply's word means the same whatever selector the query had."""
+    word = WORDS.get(unpacked(frame.op))
+    return frame.kind == RESPONSE and word is not None and len(set(word.selectors.values())) == 1
+
+
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
     """Return the number of a line, then those of its modifiers."""
     del state

@@ -64,6 +64,8 @@ def _number_only(register: int) -> int:
 
 ENTRIES: Final = Lookup(WORDS)
 CANONICAL: Final = np.array([packed(w.name) if w else 0 for w in _ALL])
+PLAIN: Final = np.array([w is not None and len(set(w.selectors.values())) == 1 for w in _ALL])
+"""Words of queries whose selector, if they have one, changes nothing about what a reply states."""
 IS_QUERY: Final = np.array([w is not None and w.is_query for w in _ALL])
 REGISTER: Final = np.array([_register(w) for w in _ALL])
 NUMBER_OK: Final = np.array([w is not None and w.takes_number for w in _ALL])

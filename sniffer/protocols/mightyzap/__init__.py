@@ -44,14 +44,17 @@ class MightyZap:
     tail_ns = 100_000_000  # clients give up after 20 to 100 ms
     everyone: tuple[int, ...] = (0, BROADCAST)
     blank = b""
+    ordered = False
     models = block.MODELS
     registers = joined(block.MODELS)
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
+    states_itself = staticmethod(block.states_itself)
     values = staticmethod(block.values)
     slow_parse = staticmethod(slow.parse)
     slow_describe = staticmethod(slow.describe)
+    slow_states_itself = staticmethod(slow.states_itself)
     slow_values = staticmethod(slow.values)
 
     def op_name(self, op: int) -> str:

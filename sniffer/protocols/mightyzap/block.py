@@ -194,6 +194,11 @@ def _either_way(
         request[i] = command and not (pending and size[i] == expects)
 
 
+def states_itself(frames: Frames) -> Mask:
+    """Tell nothing. A feedback names no address: what its bytes are, only the request says."""
+    return np.zeros(len(frames), bool)
+
+
 def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
     """Read register values; a symmetric store names the bytes a servo first, then the servos."""
     address = frames.address[rows].astype(np.int64)

@@ -134,6 +134,12 @@ def _is_command(body: object, raw: bytes, before: SlowFrame | None) -> bool:
     return len(factors) + 2 >= 4 + length + 1 and expects != len(factors) + 2
 
 
+def states_itself(frame: SlowFrame) -> bool:
+    """Tell nothing. A feedback names no address: what its bytes are, only the request says."""
+    del frame
+    return False
+
+
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
     """Split the data by the model's table, byte by byte."""
     if frame.address < 0 or not frame.data:

@@ -64,14 +64,17 @@ class Rs30x:
     tail_ns = 100_000_000  # many times the reply window; what takes longer (flash) is not answered
     everyone: tuple[int, ...] = (EVERYONE,)
     blank = b""
+    ordered = False
     models = block.MODELS
     registers = joined(block.MODELS)
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
+    states_itself = staticmethod(block.states_itself)
     values = staticmethod(block.values)
     slow_parse = staticmethod(slow.parse)
     slow_describe = staticmethod(slow.describe)
+    slow_states_itself = staticmethod(slow.states_itself)
     slow_values = staticmethod(slow.values)
 
     def op_name(self, op: int) -> str:

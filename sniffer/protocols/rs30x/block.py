@@ -259,6 +259,14 @@ def _flags(data: U8, head: I64, op: I64, bits: U8, servo_id: I64, address: I64, 
     return out
 
 
+def states_itself(frames: Frames) -> Mask:
+    """Tell which are return packets: they name their servo and their address."""
+    plain: Mask = frames.flags & UNUSUAL == 0
+    plain &= frames.address >= 0
+    plain &= frames.kind == RESPONSE
+    return plain
+
+
 def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
     """Read register values; LENGTH of a long packet counts a servo's id and bytes."""
     address = frames.address[rows].astype(np.int64)

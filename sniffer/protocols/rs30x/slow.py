@@ -169,6 +169,11 @@ def _unusual(op: int, body: Any, bits: Any) -> bool:
     return bool(together or body.address != COMMAND_ADDRESS or (body.data and not data_of_reset))
 
 
+def states_itself(frame: SlowFrame) -> bool:
+    """Tell whether this is a return packet of a servo: it names that and its address."""
+    return frame.kind == RESPONSE and len(frame.raw) > 1 and not frame.flags & UNUSUAL
+
+
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
     """Split what is written or returned by the model's table, byte by byte."""
     if frame.flags & MALFORMED or (frame.kind == REQUEST and frame.op not in (WRITE, LONG_WRITE)):

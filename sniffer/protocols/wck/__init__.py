@@ -54,14 +54,17 @@ class Wck:
     tail_ns = TAIL_NS
     everyone: tuple[int, ...] = (-1,)  # a move or a break to all of them names no id
     blank = b""
+    ordered = True
     models: tuple[RegisterMap, ...] = block.MODELS
     registers: tuple[Register, ...] = joined(block.MODELS)
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
+    states_itself = staticmethod(block.states_itself)
     values = staticmethod(block.values)
     slow_parse = staticmethod(slow.parse)
     slow_describe = staticmethod(slow.describe)
+    slow_states_itself = staticmethod(slow.states_itself)
     slow_values = staticmethod(slow.values)
 
     def op_name(self, op: int) -> str:

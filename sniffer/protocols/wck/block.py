@@ -334,6 +334,11 @@ _READS: Final = _reads()
 _COUNT: Final = np.array([len(reads) for reads in _READS], np.int64)
 
 
+def states_itself(frames: Frames) -> Mask:
+    """Tell nothing. A reply is two bytes: what they are, only the command says."""
+    return np.zeros(len(frames), bool)
+
+
 def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
     """Read register values; rows of one shape carry the same registers at the same places."""
     data = block.data

@@ -149,6 +149,12 @@ def _describe_reply(raw: bytes, before: SlowFrame) -> SlowFrame:
     return out
 
 
+def states_itself(frame: SlowFrame) -> bool:
+    """Tell nothing. A reply is two bytes: what they are, only the command says."""
+    del frame
+    return False
+
+
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
     """Return what the fields say, by the registers that bear their names."""
     name = "unknown" if frame.op >= UNKNOWN_BASE else OPS[frame.op].name
