@@ -120,7 +120,7 @@ class Pairing:
         """Give each response the request it answers.
 
         It takes over the request's op, and its address and servo id where it states none itself;
-        but a response that says itself what it states keeps its own where it does not fit.
+        but one that does not fit keeps the name it bears, and is read where that is enough.
 
         Args:
             frames: rows before the cut, with times.
@@ -170,10 +170,11 @@ class Pairing:
 
         readable = ~is_response
         readable[answer[fits]] = readable[late[late_how == OK]] = True
-        own = np.zeros(n, bool)
+        # What does not fit keeps the name it bears, if it bears one.
+        own = ~readable & (frames.op >= 0)
         odd = np.flatnonzero(~readable)
         if len(odd):
-            own[odd] = readable[odd] = protocol.states_itself(frames.take(odd))
+            readable[odd] = protocol.states_itself(frames.take(odd))
         readable &= frames.data_length > 0
         frames = _told_by(frames, answer, frames, asked, own)
         frames = _told_by(frames, late, before, np.arange(len(late)), own)

@@ -80,15 +80,22 @@ def match(frames: Frames, segment: I64 | None, reach: int, claimed: Mask | None 
 
 
 def match_in_order(frames: Frames) -> I64:
-    """Return the same where answers name nobody: m in a row are those of the last m requests."""
-    rows = np.arange(len(frames))
+    """Return the same where answers name nobody: they come in the order of their requests."""
     answers = frames.kind == RESPONSE
-    last_asked = np.maximum.accumulate(np.where(answers, -1, rows))
-    next_asked = np.minimum.accumulate(np.where(answers, len(rows), rows)[::-1])[::-1]
-    asked = rows - (next_asked - 1 - last_asked)
+    asked = in_order(answers)
     fits = answers & (asked >= 0)
     fits[fits] = (frames.kind[asked[fits]] == REQUEST) & (frames.reply[asked[fits]] != NEVER)
     return np.where(fits, asked, -1)
+
+
+def in_order(answers: Mask) -> I64:
+    """Return each answer's request: m answers in a row are those of the last m rows before them."""
+    n = len(answers)
+    rows = np.arange(n)
+    before = np.maximum.accumulate(np.where(answers, -1, rows))
+    behind = np.minimum.accumulate(np.where(answers, n, rows)[::-1])[::-1]
+    asked: I64 = rows - (behind - 1 - before)
+    return asked
 
 
 def outcomes(partner: I64) -> tuple[I64, I64, I64]:

@@ -75,6 +75,7 @@ class Reference:
         self.state = State(protocol, models)
         self.mode = [-1] * 256
         self.staged: list[tuple[int, str, int]] = []
+        self.themselves: set[int] = set()  # starts of misfits that need no request to be read
         self.out = Result()
 
     def decode(self, chunks: Sequence[Chunk]) -> Result:
@@ -115,9 +116,10 @@ class Reference:
             replies = sum(kind != REQUEST for _, _, kind in found)
             for start, end, kind in found:
                 # of several bare replies in a row the first is to the first of as many commands
-                back = replies if kind != REQUEST and found[0][2] == REQUEST else 1
+                bare = kind != REQUEST and found[0][2] == REQUEST
+                back = replies if bare else 1
                 before = frames[-back] if len(frames) >= back else None
-                if before is not None and start - before.end > self.protocol.reach:
+                if before is not None and not bare and start - before.end > self.protocol.reach:
                     before = None
                 frame = self.protocol.slow_describe(data[start:end], kind, before)
                 frame.start, frame.end = start, end
@@ -156,15 +158,17 @@ class Reference:
         reach, ordered = self.protocol.reach, self.protocol.ordered
         for answer, asked, outcome in matched(frames, reach, ordered=ordered):
             f = frames[answer]
-            itself = outcome != OK and self.protocol.slow_states_itself(f)
+            if outcome != OK and self.protocol.slow_states_itself(f):
+                self.themselves.add(f.start)
             if asked < 0:
                 pairs.append(_Pair(None, f, UNSOLICITED))
                 continue
             alone.discard(asked)
             q = frames[asked]
-            f.op = f.op if itself else q.op
+            own = outcome != OK and f.op >= 0  # it keeps the name it bears
+            f.op = f.op if own else q.op
             f.servo_id = f.servo_id if f.servo_id >= 0 else q.servo_id
-            f.address = f.address if itself or f.address >= 0 else q.address
+            f.address = f.address if own or f.address >= 0 else q.address
             took = max(self._t_start(f) - self.times[q.end - 1], 0) if clocked else -1
             pairs.append(_Pair(q, f, outcome, took))
         pairs += [_Pair(frames[row], None, NO_RESPONSE) for row in alone]
@@ -185,7 +189,7 @@ class Reference:
         }
         told: dict[int, list[tuple[int, int]]] = {}
         for f in frames:
-            itself = f.kind != REQUEST and self.protocol.slow_states_itself(f)
+            itself = f.start in self.themselves
             told[f.start] = self._values(f, id(f) in paired or itself, id(f) not in refused)
         torn = self._torn(pairs, frames, data, stop)
         row = {id(f): i for i, f in enumerate(frames)}

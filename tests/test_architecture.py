@@ -20,14 +20,14 @@ FILES: Final = sorted(
 CORE: Final = (
     *("model", "registers", "checksums", "framing", "plan", "timing", "bus", "samples"),
     *("decoder", "reference", "diagnostics", "protocols", "rows", "summary", "remarks"),
-    *("merging", "ordering"),
+    *("merging", "ordering", "pending", "matching"),
 )
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
 
 FLOORS: Final = (
     ("model",),
     ("registers", "checksums"),
-    ("plan", "framing", "timing", "remarks"),
+    ("plan", "framing", "timing", "remarks", "pending", "matching"),
     ("protocols",),
     ("bus", "samples"),
     ("diagnostics",),

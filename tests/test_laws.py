@@ -36,7 +36,7 @@ WINDOW: dict[str, tuple[Callable[[int], bytes], Callable[[int], bytes]]] = {
     ),
     "rs30x": (
         lambda i: packet(i % 5 + 1, 9),
-        lambda i: returned(i % 5 + 1, 42, i.to_bytes(18, "little")),
+        lambda i: returned(i % 5 + 1, 42, (i % 900).to_bytes(2, "little") + bytes(16)),
     ),
 }
 """What a controller asks and what comes back, of the protocols whose answers say whose they are."""
@@ -177,18 +177,18 @@ def test_no_input_raises_and_memory_stays_bounded(name: str, s: bytes, data: st.
 def test_a_window_that_slides_without_end_holds_no_more_than_a_chain(name: str) -> None:
     """A controller that asks the next one whenever an answer comes leaves no place between."""
     ask, answer = WINDOW[name]
-    s = b"".join([ask(0), ask(1), *(answer(i) + ask(i + 2) for i in range(4000))])
+    s = b"".join([ask(0), ask(1), *(answer(i) + ask(i + 2) for i in range(1000))])
     decoder, protocol = Decoder(name), PROTOCOLS[name]
     bound = bus.CHAIN + protocol.longest + protocol.reach + 1024
     parts = []
-    for at in range(0, len(s), 64):
-        parts.append(decoder.feed(Chunk(s[at : at + 64])))
-        assert decoder.pending <= 64 + bound
+    for at in range(0, len(s), 256):
+        parts.append(decoder.feed(Chunk(s[at : at + 256])))
+        assert decoder.pending <= 256 + bound
     parts.append(decoder.close())
     told = records(parts)
     assert told.transactions == records(batches(Decoder(name), [[Chunk(s)]])).transactions
     outcomes = [outcome for _, _, outcome, _ in told.transactions]
-    assert outcomes.count(OK) == 4000
+    assert outcomes.count(OK) == 1000
     assert outcomes.count(NO_RESPONSE) == 2  # those asked last
     assert [a.code for b in parts for a in b.anomalies] == ["no-response"] * 2
 

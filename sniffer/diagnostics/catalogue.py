@@ -129,6 +129,14 @@ _CODES: Final = (
         "Compare request and answer byte by byte (`sniffer explain`).",
     ),
     Code(
+        "ambiguous-response",
+        "pairing",
+        NOTE,
+        "One answer, and two requests that it may belong to: it is taken for that to the later one.",
+        "Several requests were under way and an answer is missing; what came back does not say which of them it answers (a mightyZAP feedback of the same length, a wCK reply).",
+        "Do not trust this value's name. Ask for values of different lengths, or for one after the other.",
+    ),
+    Code(
         "echo-mismatch",
         "pairing",
         WARN,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -18,9 +19,10 @@ from sniffer.model import (
     UNSOLICITED,
     Clock,
 )
+from sniffer.pending import DEPTH
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from sniffer.model import I64, Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
@@ -46,23 +48,24 @@ class _Row(NamedTuple):
     t_ns: int
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class _Open:
-    """The last request nobody answered in time: its answer may still come, late."""
+    """A request nobody answered in time: its answer may still come, late."""
 
     servo_id: int
     token: int
     t_ns: int
     op: str
     span: Span
+    raw: bytes
 
 
 class PairingRules:
-    """Remembers the last request that stayed open, and the last answer."""
+    """Remembers the last requests that stayed open, and the last answer."""
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._protocol = protocol
-        self._open: _Open | None = None
+        self._open: deque[_Open] = deque(maxlen=DEPTH)
         self._last: tuple[int, Span] | None = None
         self._begun = False
         self._names: dict[int, str] = {}
@@ -76,13 +79,67 @@ class PairingRules:
         wrong = (t.outcome != OK) & (t.outcome != NOT_EXPECTED)
         if len(late):
             wrong[late] = True
+        missed: list[_Open] = [o for o in self._open if self._may_be_open(o, batch.base)]
         for row in self._rows(batch, np.flatnonzero(wrong)):
             yield self._one(batch, row)
             self._begun = True
+            if row.outcome in (NO_RESPONSE, DAMAGED):
+                missed.append(self._open[-1])
         self._begun = True
-        answered = np.flatnonzero(t.outcome == OK)
+        answered = t.response[t.outcome == OK]
         if len(answered):
-            self._last = self._answer(batch, int(t.response[answered[-1]]))
+            self._last = self._answer(batch, int(answered.max()))
+            yield from self._unsure(batch, missed)
+
+    def _may_be_open(self, still: _Open, offset: int) -> bool:
+        return offset - sum(still.span) <= self._protocol.reach
+
+    def _unsure(self, batch: Batch, missed: Sequence[_Open]) -> Iterator[Anomaly]:
+        """Report answers that a request without one may have had as well as the one that got it.
+
+        That is a later one to the same servo that asked for something else of the same length; or,
+        where answers name nobody, one that stands before the same answer in one unbroken row.
+        """
+        f, t = batch.frames, batch.transactions
+        if not missed:
+            return
+        rows = np.flatnonzero((t.outcome == OK) & (t.request != -1))
+        asked, answer = batch.asked(t.request[rows]), t.response[rows]
+        after, before = asked.start + batch.base, f.start[answer] + batch.base
+        order = np.argsort(after, kind="stable")
+        told: set[int] = set()
+        for still in missed:
+            end = sum(still.span)
+            first = int(np.searchsorted(after[order], end))
+            for k in order[first : first + DEPTH].tolist():
+                r = int(answer[k])
+                raw = self._raw(batch, int(asked.start[k]), int(asked.length[k]))
+                if r in told or raw is None or raw == still.raw:
+                    continue
+                if self._protocol.ordered:
+                    either = int(after[k]) == end
+                    end = end + int(asked.length[k]) if either else end
+                else:
+                    either = before[k] - end <= self._protocol.reach and (
+                        (int(asked.servo_id[k]), int(asked.token[k]))
+                        == (still.servo_id, still.token)
+                    )
+                if either:
+                    told.add(r)
+                    yield self._either(batch, r, still, (int(after[k]), int(asked.length[k])))
+
+    def _raw(self, batch: Batch, start: int, length: int) -> bytes | None:
+        return batch.data[start : start + length] if start >= 0 else None
+
+    def _either(self, batch: Batch, r: int, still: _Open, asked: Span) -> Anomaly:
+        who, span = self._answer(batch, r)
+        f = batch.frames
+        op = self._op(int(f.op[r]))
+        text = (
+            f"one answer to two requests: taken for that to the later one ({op}); it may be that "
+            f"to the earlier one ({still.op}), and what it says then stands under a wrong name"
+        )
+        return anomaly("ambiguous-response", int(f.t_end[r]), who, text, still.span, asked, span)
 
     def _late(self, batch: Batch) -> I64:
         """Return the rows answered beyond their window, by more than the clock is unsure."""
@@ -90,23 +147,25 @@ class PairingRules:
         known = np.flatnonzero((t.outcome == OK) & (t.response_time_ns >= 0))
         if not len(known):
             return known
-        window = self._protocol.window_ns(batch.frames.take(t.request[known]))
+        window = self._protocol.window_ns(batch.asked(t.request[known]))
         return known[t.response_time_ns[known] - t.uncertainty_ns[known] > window]
 
     def _rows(self, batch: Batch, rows: I64) -> Iterator[_Row]:
         f, t = batch.frames, batch.transactions
         q, r = t.request[rows], t.response[rows]
-        told, last = np.where(q >= 0, q, r), np.where(r >= 0, r, q)
+        last = np.where(r >= 0, r, q)
+        asked = batch.asked(np.where(q == -1, r, q))
+        op, who = asked.op, asked.servo_id
         start = f.start + batch.base
         columns = (
             rows,
             q,
             r,
             t.outcome[rows],
-            f.op[told],
-            f.servo_id[told],
-            start[q],
-            f.length[q],
+            op,
+            who,
+            asked.start + batch.base,
+            asked.length,
             start[r],
             f.length[r],
             f.t_end[last],
@@ -144,7 +203,7 @@ class PairingRules:
     def _too_late(self, batch: Batch, row: _Row, name: str, op: str) -> Anomaly:
         f, t = batch.frames, batch.transactions
         took, spread = int(t.response_time_ns[row.at]) / 1e6, int(t.uncertainty_ns[row.at]) / 1e6
-        asked = f.take(slice(row.request, row.request + 1))
+        asked = batch.asked(np.array([row.request]))
         window = int(self._protocol.window_ns(asked)[0]) / 1e6
         text = (
             f"{name} answered {op} after {took:.2f} ms (± {spread:.2f}); "
@@ -156,7 +215,8 @@ class PairingRules:
     def _remember(self, batch: Batch, row: _Row, op: str) -> None:
         f, q = batch.frames, row.request
         who = -1 if f.alt_id[q] == ANY_ID else row.servo_id
-        self._open = _Open(who, int(f.token[q]), int(f.t_end[q]), op, row.asked)
+        raw = batch.data[int(f.start[q]) : int(f.end[q])]
+        self._open.append(_Open(who, int(f.token[q]), int(f.t_end[q]), op, row.asked, raw))
 
     def _answer(self, batch: Batch, r: int) -> tuple[int, Span]:
         f = batch.frames
@@ -181,19 +241,27 @@ class PairingRules:
             text = "the tap was started between a request and its answer"
             return anomaly("capture-start", row.t_ns, who, text, row.answered)
         last = self._last
-        if row.at and t.outcome[row.at - 1] == OK:
-            last = self._answer(batch, int(t.response[row.at - 1]))
+        if r and bool((t.response[t.outcome == OK] == r - 1).any()):
+            last = self._answer(batch, r - 1)
         if last is not None and last[0] == who and sum(last[1]) == row.answered[0]:
             text = f"servo {who} answered twice in a row"
             return anomaly("duplicate-response", row.t_ns, who, text, last[1], row.answered)
-        still = self._open
-        if still is not None and int(f.uncertainty[r]) >= 0:
-            took = int(f.t_start[r]) - still.t_ns
-            fits = still.servo_id in (-1, who) and int(f.token[r]) in (-1, still.token)
-            if fits and 0 < took <= LATE_SPAN_NS:
-                self._open = None
-                text = f"servo {who} answered {still.op} only after {took / 1e6:.2f} ms"
-                return anomaly("late-response", row.t_ns, who, text, row.answered, still.span)
+        if int(f.uncertainty[r]) >= 0 and (found := self._late_for(batch, r)) is not None:
+            still, took = found
+            self._open.remove(still)
+            text = f"servo {who} answered {still.op} only after {took / 1e6:.2f} ms"
+            return anomaly("late-response", row.t_ns, who, text, row.answered, still.span)
         name = f"servo {who}" if who >= 0 else "a servo"
         text = f"{name} answered, but nothing was asked"
         return anomaly("unsolicited-response", row.t_ns, who, text, row.answered)
+
+    def _late_for(self, batch: Batch, r: int) -> tuple[_Open, int] | None:
+        """Return the latest request that this may be the late answer to, and how late it is."""
+        f = batch.frames
+        who, token = int(f.servo_id[r]), int(f.token[r])
+        for still in reversed(self._open):
+            took = int(f.t_start[r]) - still.t_ns
+            fits = still.servo_id in (-1, who) and token in (-1, still.token)
+            if fits and 0 < took <= LATE_SPAN_NS:
+                return still, took
+        return None

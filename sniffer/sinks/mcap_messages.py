@@ -317,7 +317,7 @@ class BusWriter:
             Log(
                 timestamp=Timestamp(seconds=a.t_ns // NS, nanos=a.t_ns % NS),
                 level=LEVELS[a.severity],
-                message=f"{_who(a.servo_id)}{a.detail} [{a.code}]",
+                message=f"{_who(a.servo_id, a.detail)}{a.detail} [{a.code}]",
                 name=self.name,
             )
             for a in found
@@ -368,5 +368,7 @@ class BusWriter:
         return np.arange(first, first + n).astype(np.uint32)
 
 
-def _who(servo_id: int | None) -> str:
-    return "" if servo_id is None else f"servo {servo_id}: "
+def _who(servo_id: int | None, detail: str) -> str:
+    """Return whose a message is, where it does not begin with that."""
+    name = f"servo {servo_id}"
+    return "" if servo_id is None or detail.startswith(f"{name} ") else f"{name}: "

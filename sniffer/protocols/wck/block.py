@@ -14,6 +14,7 @@ import numpy as np
 
 from sniffer.checksums import XOR7
 from sniffer.framing import Block, settle
+from sniffer.matching import in_order
 from sniffer.model import (
     ANY_ID,
     ECHO_DIFFERS,
@@ -30,6 +31,7 @@ from sniffer.model import (
     Mask,
     Spans,
 )
+from sniffer.pending import DEPTH
 from sniffer.protocols.base import State, Values
 from sniffer.protocols.wck.grammar import (
     HEADER,
@@ -155,7 +157,52 @@ def frame(block: Block) -> tuple[Spans, int]:
         sure = ~unsure
         start, end, has = start[sure], end[sure], has[sure]
     rows, decided = settle(start, end + REPLY * has, waiting, n)
-    return _spans(start[rows], end[rows], has[rows]), decided
+    start, end, replies = start[rows], end[rows], has[rows].astype(np.int64)
+    kind = KIND[np.ndarray((n + 2,), "<u2", data, DATA1, (1,))[start]]
+    decided = _in_turn(block, start, end, _ASKS[kind], replies, decided)
+    told = int(np.searchsorted(start, decided))
+    return _spans(start[:told], end[:told], replies[:told]), decided
+
+
+def _in_turn(block: Block, start: I64, end: I64, asks: Mask, replies: I64, decided: int) -> int:
+    """Add the replies behind the first one, where commands stood in a row without any between.
+
+    One pair of bytes a command at most, none with an FF, of the last ``DEPTH`` of the row. Returns
+    how far every byte has its fate: a row to which bytes that come may belong has none yet.
+    """
+    n = len(start)
+    linked = np.zeros(n, bool)
+    linked[1:] = asks[1:] & asks[:-1] & (replies[:-1] == 0) & (start[1:] == end[:-1])
+    if n and not block.final and asks[-1] and not replies[-1] and end[-1] == decided:
+        decided = _row_begins(start, linked, n - 1)
+    if not linked.any():
+        return decided
+    data, limit = block.data, block.limit(start)
+    limit = np.broadcast_to(limit, start.shape)
+    for row in np.flatnonzero(linked & (replies > 0)).tolist():
+        first = row
+        while linked[first] and row - first < DEPTH - 1:
+            first -= 1
+        at, stop, most = int(end[row]) + REPLY, int(limit[row]), row - first + 1
+        while replies[row] < most and at + REPLY <= stop:
+            if HEADER in (data[at], data[at + 1]):
+                break
+            replies[row] += 1
+            at += REPLY
+        waits = replies[row] < most and at + REPLY > stop and stop == block.n and not block.final
+        if waits and HEADER not in data[at:stop]:
+            decided = min(decided, int(start[first]))
+            break
+        decided = max(decided, at) if row == n - 1 and decided < at else decided
+    return decided
+
+
+def _row_begins(start: I64, linked: Mask, row: int) -> int:
+    """Return where that begins which bytes behind a row of commands may still answer."""
+    first = row
+    while linked[first] and row - first < DEPTH - 1:
+        first -= 1
+    return int(start[first])
 
 
 def _text_sum(data: U8, start: I64) -> U8:
@@ -193,17 +240,17 @@ def _replies(
     return plain, unsure
 
 
-def _spans(start: I64, end: I64, has: Mask) -> Spans:
+def _spans(start: I64, end: I64, replies: I64) -> Spans:
     """Lay commands and replies out in wire order."""
-    answered = np.flatnonzero(has)
-    at = np.arange(len(start)) + np.cumsum(has) - has
-    total = len(start) + len(answered)
+    at = np.arange(len(start)) + np.cumsum(replies) - replies
+    total = len(start) + int(replies.sum())
     first, last = np.empty(total, np.int64), np.empty(total, np.int64)
-    kind = np.full(total, REQUEST, np.uint8)
-    first[at], last[at] = start, end
-    reply = at[answered] + 1
-    first[reply], last[reply] = end[answered], end[answered] + REPLY
-    kind[reply] = RESPONSE
+    kind = np.full(total, RESPONSE, np.uint8)
+    first[at], last[at], kind[at] = start, end, REQUEST
+    behind = np.flatnonzero(kind == RESPONSE)
+    command = np.repeat(np.arange(len(start)), replies)
+    first[behind] = end[command] + REPLY * (behind - at[command] - 1)
+    last[behind] = first[behind] + REPLY
     return Spans(first, last, kind)
 
 
@@ -212,8 +259,8 @@ def describe(block: Block, spans: Spans) -> Frames:
     data, start, n = block.data, spans.start, len(spans)
     request = spans.kind == REQUEST
     answer = np.flatnonzero(~request)
-    command = start.copy()  # a reply stands right behind its command
-    command[answer] = start[answer - 1]
+    command = start.copy()
+    command[answer] = start[in_order(~request)[answer]]
     if n:
         kind = KIND[np.ndarray((block.n - DATA2,), "<u2", data, DATA1, (1,))[command]]
     else:

@@ -19,8 +19,9 @@ from sniffer.model import (
     UNUSUAL,
     WHOLE,
 )
+from sniffer.pending import DEPTH
 from sniffer.protocols.base import SlowFrame, State
-from sniffer.protocols.wck.block import MODELS
+from sniffer.protocols.wck.block import MODELS, REPLY
 from sniffer.protocols.wck.grammar import (
     COMMANDS,
     FIRSTS,
@@ -56,14 +57,30 @@ def command(data: bytes, at: int, limit: int) -> tuple[Op, int] | None:
 
 
 def parse(data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None:
-    """Parse one command, and the bare reply behind it if there is one."""
+    """Parse one command, and the bare reply behind it if there is one.
+
+    Commands that have replies may stand in a row; then their replies come in order behind the last.
+    """
     found = command(data, at, limit)
     if found is None:
         return None
-    op, end = found
-    out = [(at, end, REQUEST)]
-    if op.reply and _replied(op, data, at, end, limit):
-        out.append((end, end + len(op.reply), RESPONSE))
+    row = [(at, *found)]
+    while True:
+        begin, op, end = row[-1]
+        replied = bool(op.reply) and _replied(op, data, begin, end, limit)
+        following = command(data, end, limit) if op.reply and not replied else None
+        if following is None or not following[0].reply:
+            break
+        row.append((end, *following))
+    out = [(begin, end, REQUEST) for begin, _, end in row]
+    if not replied:
+        return out
+    for k in range(min(len(row), DEPTH)):
+        reply = data[end : min(end + REPLY, limit)]
+        if k and (len(reply) < REPLY or HEADER in reply):
+            break
+        out.append((end, end + REPLY, RESPONSE))
+        end += REPLY
     return out
 
 
