@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.echo import Echoes
 from sniffer.matching import match, match_in_order, outcomes
 from sniffer.model import (
     DAMAGED,
+    ECHO,
     I64,
     IF_ALL,
     IF_READ,
@@ -81,9 +83,30 @@ class Pairing:
         self._owing = Frames.empty()  # starts count from the beginning of the stream
         self._owed = np.empty(0, np.int64)  # the start of each answer, likewise
         self._how = np.empty(0, np.int64)
+        self._echoes = Echoes()
+        self._held: int | None = None  # from this row on it is not known what is an echo
 
-    def match(self, frames: Frames, block: Block, base: int) -> I64:
-        """Return the partner of each row, as ``matching.match`` does."""
+    def match(
+        self, frames: Frames, block: Block, decided: int, base: int, *, silent: bool = False
+    ) -> tuple[Frames, I64]:
+        """Mark echoes; return the frames and the partner of each, as ``matching.match`` does.
+
+        ``silent``: a silence stands before the block.
+        """
+        echo, self._held = self._echoes.find(frames, block, decided, silent=silent)
+        if not echo.any():
+            return frames, self._match(frames, block, base)
+        rows = np.flatnonzero(~echo)
+        found = self._match(frames.take(rows), block, base)
+        partner = np.full(len(frames), -1, np.int64)
+        behind = np.where(found < -1, -2 - found, found)
+        partner[rows] = np.where(
+            found >= 0, rows[behind], np.where(found < -1, -2 - rows[behind], -1)
+        )
+        flags = frames.flags | np.where(echo, np.uint8(ECHO), np.uint8(0))
+        return replace(frames, flags=flags), partner
+
+    def _match(self, frames: Frames, block: Block, base: int) -> I64:
         if self._protocol.ordered:
             return match_in_order(frames)
         segment = block.segment(frames.start) if len(block.barriers) else None
@@ -93,7 +116,13 @@ class Pairing:
     def cut(self, frames: Frames, partner: I64, decided: int, block: Block) -> int | None:
         """Return the row of a block's cut: nothing before it is open. None: behind all frames."""
         first = self._first_open(frames, partner, decided, block)
+        if self._held is not None:
+            first = self._held if first is None else min(first, self._held)
         return None if first is None else _clear(frames, partner, first)
+
+    def forget(self, frames: Frames, block: Block, kept: int, cut: int) -> None:
+        """Keep what the next block must know; it begins at ``cut``, with row ``kept``."""
+        self._echoes.forget(frames, block, kept, cut)
 
     def _first_open(self, frames: Frames, partner: I64, decided: int, block: Block) -> int | None:
         """Return the first request that bytes from ``decided`` on may still answer.
@@ -104,7 +133,7 @@ class Pairing:
         last = int(block.barriers[-1]) if len(block.barriers) else 0
         near = max(near, int(np.searchsorted(frames.start, last)))
         tail = frames.take(slice(near, None))
-        asks = (tail.kind == REQUEST) & (tail.reply != NEVER)
+        asks = (tail.kind == REQUEST) & (tail.reply != NEVER) & (tail.flags & ECHO == 0)
         asks &= decided - tail.end <= self._protocol.reach
         if not asks.any():
             return None
@@ -163,16 +192,20 @@ class Pairing:
         at = np.where(many, answer, asked)[told]
         request[at], response[at], outcome[at] = asked[told], answer[told], how[told]
         answer, asked, at = answer[inside], asked[inside], np.where(many, answer, asked)[inside]
-        took[at], spread[at] = _took(frames, answer, frames, asked)
+        echo = frames.flags & ECHO > 0
+        outcome[echo] = NOT_EXPECTED
+        # The echo tells when the request was on the wire, not when it was handed to the adapter.
+        sent = asked + np.append(echo, False)[asked + 1]
+        took[at], spread[at] = _took(frames, answer, frames, sent)
         fits = how[inside] == OK
         request[late], outcome[late] = -2 - np.arange(len(late)), late_how
         took[late], spread[late] = _took(frames, late, before, np.arange(len(late)))
 
-        readable = ~is_response
+        readable = ~is_response & ~echo
         readable[answer[fits]] = readable[late[late_how == OK]] = True
         # What does not fit keeps the name it bears, if it bears one.
-        own = ~readable & (frames.op >= 0)
-        odd = np.flatnonzero(~readable)
+        own = is_response & ~readable & (frames.op >= 0)
+        odd = np.flatnonzero(is_response & ~readable)
         if len(odd):
             readable[odd] = protocol.states_itself(frames.take(odd))
         readable &= frames.data_length > 0
@@ -264,6 +297,8 @@ def _torn(frames: Frames, block: Block, decided: int, partner: I64, protocol: Bu
         for i in np.flatnonzero(torn).tolist():
             if not data[int(end[i]) : int(following[i])].strip(protocol.blank):
                 torn[i] = False
+    echo = np.flatnonzero(frames.flags & ECHO)
+    torn[echo - 1] |= torn[echo]
     sends = frames.kind == REQUEST
     if (sends[1:] & sends[:-1]).any() and torn.any():
         segment = block.segment(frames.start)
@@ -360,7 +395,9 @@ class Expectations:
         servo = frames.servo_id[row] & 255
         mode = self._mode[servo]
         # Among several open requests the answer may be another's: right behind its own it is not.
-        proof = asked & (kind == OK) & (transactions.response[part] == row + 1)
+        behind = row + 1
+        behind += np.append(frames.flags & ECHO > 0, False)[behind]
+        proof = asked & (kind == OK) & (transactions.response[part] == behind)
         answered = np.flatnonzero(proof & (reply == IF_ALL) & (mode != 2))
         if len(answered):
             # whoever answers a write once answers them all: later rows of that servo expect it

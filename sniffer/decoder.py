@@ -142,8 +142,10 @@ class Decoder:
         block = Block(np.frombuffer(data, np.uint8), barriers, final)
         spans, decided = self.protocol.frame(block)
         whole = self.protocol.describe(block, spans)
-        partner = self._pairing.match(whole, block, base)
+        silent = base in self._barriers
+        whole, partner = self._pairing.match(whole, block, decided, base, silent=silent)
         cut, kept = self._cut(whole, partner, decided, block)
+        self._pairing.forget(whole, block, kept, cut)
         frames = whole.take(slice(0, kept))
         gaps = self._gaps(data, frames, cut, block)
         frames = self._stamps.time(frames, base)

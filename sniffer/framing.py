@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sniffer.model import I64, REQUEST, U8, Spans
+from sniffer.model import I64, REQUEST, U8, Mask, Spans
 
 if TYPE_CHECKING:
     from sniffer.plan import Plan
@@ -118,6 +118,16 @@ def candidates(plan: Plan, block: Block) -> tuple[I64, I64, I64]:
     start, end = start[whole], end[whole]
     good = plan.checksum.good(data, start + plan.sum_from, end - 1)
     return start[good], end[good], waiting
+
+
+def in_order(answers: Mask) -> I64:
+    """Return each answer's request: m answers in a row are those of the last m rows before them."""
+    n = len(answers)
+    rows = np.arange(n)
+    before = np.maximum.accumulate(np.where(answers, -1, rows))
+    behind = np.minimum.accumulate(np.where(answers, n, rows)[::-1])[::-1]
+    asked: I64 = rows - (behind - 1 - before)
+    return asked
 
 
 def undecided_from(plan: Plan, block: Block) -> int:

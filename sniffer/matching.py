@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.framing import in_order
 from sniffer.model import (
     ANY_ID,
+    DEPTH,
     I64,
     MANY,
     MISMATCHED,
@@ -25,7 +27,6 @@ from sniffer.model import (
     Frames,
     Mask,
 )
-from sniffer.pending import DEPTH
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -86,16 +87,6 @@ def match_in_order(frames: Frames) -> I64:
     fits = answers & (asked >= 0)
     fits[fits] = (frames.kind[asked[fits]] == REQUEST) & (frames.reply[asked[fits]] != NEVER)
     return np.where(fits, asked, -1)
-
-
-def in_order(answers: Mask) -> I64:
-    """Return each answer's request: m answers in a row are those of the last m rows before them."""
-    n = len(answers)
-    rows = np.arange(n)
-    before = np.maximum.accumulate(np.where(answers, -1, rows))
-    behind = np.minimum.accumulate(np.where(answers, n, rows)[::-1])[::-1]
-    asked: I64 = rows - (behind - 1 - before)
-    return asked
 
 
 def outcomes(partner: I64) -> tuple[I64, I64, I64]:

@@ -121,6 +121,10 @@ MANY: Final = 5  # every servo on the bus may answer, one after the other
 NO_ALT: Final = -1
 ANY_ID: Final = -2
 
+DEPTH: Final = 16
+"""A request is closed once as many others have asked after it: more servos than one controller
+asks in one go, and few enough that a request nobody answered does not stay open among them."""
+
 # Frames.flags
 MALFORMED: Final = 1  # checksum good, body not as the command's grammar has it
 UNKNOWN: Final = 2  # checksum good, command not in the manual
@@ -129,6 +133,7 @@ ECHO_DIFFERS: Final = 8  # a reply that should repeat the request does not
 UNUSUAL: Final = 16  # legal, but not in the form the manual gives
 STAGED: Final = 32  # its values take effect with a later frame ...
 RELEASES: Final = 64  # ... this one
+ECHO: Final = 128  # an adapter's echo of the request before: judged as if it were not there
 
 OUTCOMES: Final = (
     "ok",

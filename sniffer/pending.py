@@ -21,10 +21,11 @@ answers in a row, the last m requests before them get one each.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from sniffer.model import (
     ANY_ID,
+    DEPTH,
     MANY,
     MISMATCHED,
     NEVER,
@@ -38,10 +39,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sniffer.protocols.base import SlowFrame
-
-DEPTH: Final = 16
-"""A request is closed once as many others have asked after it: more servos than one controller
-asks in one go, and few enough that a request nobody answered does not stay open among them."""
 
 Key = tuple[int, int]
 Match = tuple[int, int, int]

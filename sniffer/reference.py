@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sniffer.echo import slow_echoes
 from sniffer.model import (
     DAMAGED,
+    ECHO,
     IF_ALL,
     IF_READ,
     MANY,
@@ -75,6 +77,7 @@ class Reference:
         self.state = State(protocol, models)
         self.mode = [-1] * 256
         self.staged: list[tuple[int, str, int]] = []
+        self.echoes = 0  # doubled requests in a row that look like an adapter's echo
         self.themselves: set[int] = set()  # starts of misfits that need no request to be read
         self.out = Result()
 
@@ -126,6 +129,9 @@ class Reference:
                 frame.data_start += start
                 frames.append(frame)
                 p = end
+        echoes, self.echoes = slow_echoes(frames, self.echoes)
+        for row in echoes:
+            frames[row].flags |= ECHO
         pairs = self._pair(frames, clocked=clocked)
         self._judge(pairs, frames, data, b)
         for f in frames:
@@ -153,7 +159,9 @@ class Reference:
         return min(self.times[f.start] - self.byte_ns, latest)
 
     def _pair(self, frames: list[SlowFrame], *, clocked: bool) -> list[_Pair]:
-        pairs: list[_Pair] = []
+        pairs = [_Pair(f, None, NOT_EXPECTED) for f in frames if f.flags & ECHO]
+        sent = {a.start: b for a, b in itertools.pairwise(frames) if b.flags & ECHO}
+        frames = [f for f in frames if not f.flags & ECHO]
         alone = {row for row, f in enumerate(frames) if f.kind == REQUEST}
         reach, ordered = self.protocol.reach, self.protocol.ordered
         for answer, asked, outcome in matched(frames, reach, ordered=ordered):
@@ -169,7 +177,8 @@ class Reference:
             f.op = f.op if own else q.op
             f.servo_id = f.servo_id if f.servo_id >= 0 else q.servo_id
             f.address = f.address if own or f.address >= 0 else q.address
-            took = max(self._t_start(f) - self.times[q.end - 1], 0) if clocked else -1
+            end = sent.get(q.start, q).end  # an echo tells when it was on the wire
+            took = max(self._t_start(f) - self.times[end - 1], 0) if clocked else -1
             pairs.append(_Pair(q, f, outcome, took))
         pairs += [_Pair(frames[row], None, NO_RESPONSE) for row in alone]
         pairs.sort(key=_place)
@@ -192,14 +201,14 @@ class Reference:
             itself = f.start in self.themselves
             told[f.start] = self._values(f, id(f) in paired or itself, id(f) not in refused)
         torn = self._torn(pairs, frames, data, stop)
-        row = {id(f): i for i, f in enumerate(frames)}
+        row = {id(f): i for i, f in enumerate(f for f in frames if not f.flags & ECHO)}
         heard = 0  # frames before what is judged: what they tell of return modes holds
         for p in pairs:
             q, r = p.request, p.response
             while heard < len(frames) and frames[heard].start < _place(p):
                 self._hear(told[frames[heard].start])
                 heard += 1
-            if q is not None and r is None:
+            if q is not None and r is None and not q.flags & ECHO:
                 mode = self.mode[q.servo_id & 255]
                 expected = (
                     q.reply >= MUST
@@ -261,7 +270,12 @@ class Reference:
                     where = before[-1]
                 elif any(r.start - q.end <= self.protocol.reach for r in behind):
                     where = turn[-1]
-                if torn(q) or (torn(where) and where.end - q.end < self.protocol.reach):
+                echo = i + 1 < len(turn) and bool(turn[i + 1].flags & ECHO)
+                if (
+                    torn(q)
+                    or (echo and torn(turn[i + 1]))
+                    or (torn(where) and where.end - q.end < self.protocol.reach)
+                ):
                     out.add(id(q))
         return out
 
@@ -270,7 +284,7 @@ class Reference:
 
     def _values(self, f: SlowFrame, answers: bool, accepted: bool) -> list[tuple[int, int]]:
         """Record the samples of one frame; return what it tells about return modes."""
-        if f.kind != REQUEST and not answers:
+        if (f.kind != REQUEST and not answers) or f.flags & ECHO:
             return []
         told: list[tuple[int, int]] = []
         registers = self.protocol.registers

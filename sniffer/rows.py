@@ -14,6 +14,7 @@ import numpy as np
 
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.model import (
+    ECHO,
     ECHO_DIFFERS,
     KINDS,
     MALFORMED,
@@ -42,6 +43,7 @@ FLAGS: Final[Mapping[int, str]] = {
     UNKNOWN: "unknown",
     ECHO_DIFFERS: "echo_differs",
     UNUSUAL: "unusual",
+    ECHO: "echo",
 }
 
 

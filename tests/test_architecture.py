@@ -20,15 +20,16 @@ FILES: Final = sorted(
 CORE: Final = (
     *("model", "registers", "checksums", "framing", "plan", "timing", "bus", "samples"),
     *("decoder", "reference", "diagnostics", "protocols", "rows", "summary", "remarks"),
-    *("merging", "ordering", "pending", "matching"),
+    *("merging", "ordering", "pending", "matching", "echo"),
 )
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
 
 FLOORS: Final = (
     ("model",),
     ("registers", "checksums"),
-    ("plan", "framing", "timing", "remarks", "pending", "matching"),
+    ("plan", "framing", "timing", "remarks"),
     ("protocols",),
+    ("pending", "matching", "echo"),
     ("bus", "samples"),
     ("diagnostics",),
     ("decoder", "reference", "rows"),

@@ -145,6 +145,14 @@ _CODES: Final = (
         "Read the setting back.",
     ),
     Code(
+        "adapter-echo",
+        "capture",
+        NOTE,
+        "Every request is heard twice, byte for byte: the second is marked `echo` and counts for nothing.",
+        "An adapter that hears what it sends, a log of what was sent and of what was heard, or a program that sends everything twice.",
+        "Nothing to do; a tap that only listens hears each request once.",
+    ),
+    Code(
         "malformed-body",
         "protocol",
         WARN,

@@ -12,6 +12,7 @@ from sniffer.diagnostics.rules import anomaly
 from sniffer.model import (
     ANY_ID,
     DAMAGED,
+    DEPTH,
     MISMATCHED,
     NO_RESPONSE,
     NOT_EXPECTED,
@@ -19,7 +20,6 @@ from sniffer.model import (
     UNSOLICITED,
     Clock,
 )
-from sniffer.pending import DEPTH
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

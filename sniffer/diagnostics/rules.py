@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.model import (
+    ECHO,
     ECHO_DIFFERS,
     MALFORMED,
     RESPONSE,
@@ -86,7 +87,8 @@ def protocol_anomalies(batch: Batch, protocol: BusProtocol) -> Iterator[Anomaly]
     f = batch.frames
     if not f.flags.any():
         return
-    for i in np.flatnonzero(f.flags & (MALFORMED | UNKNOWN | UNUSUAL | ECHO_DIFFERS)).tolist():
+    odd = (f.flags & (MALFORMED | UNKNOWN | UNUSUAL | ECHO_DIFFERS) > 0) & (f.flags & ECHO == 0)
+    for i in np.flatnonzero(odd).tolist():
         flags, op = int(f.flags[i]), protocol.op_name(int(f.op[i]))
         at = (batch.base + int(f.start[i]), int(f.length[i]))
         shown = batch.data[int(f.start[i]) : int(f.start[i]) + at[1]][:32].hex(" ").upper()
@@ -108,6 +110,7 @@ class CaptureRules:
 
     def __init__(self) -> None:
         self._last: int | None = None
+        self._echo_told = False
         self._wires = np.zeros(len(Direction), bool)
 
     def judge(self, batch: Batch) -> Iterator[Anomaly]:
@@ -115,6 +118,7 @@ class CaptureRules:
         f = batch.frames
         if not len(f):
             return
+        yield from self._echoes(batch)
         if f.direction.any():
             response = f.kind == RESPONSE
             # One tap hears both ways, whatever its lines are called: two must have been heard.
@@ -144,3 +148,14 @@ class CaptureRules:
             text = f"time steps back by {-int(step[i]) / 1e6:.1f} ms"
             yield anomaly("clock-step", int(f.t_end[i]), -1, text, at)
         self._last = int(f.t_end[-1])
+
+    def _echoes(self, batch: Batch) -> Iterator[Anomaly]:
+        """Report once that the requests of this bus are echoed."""
+        f = batch.frames
+        if self._echo_told or not (f.flags & ECHO).any():
+            return
+        self._echo_told = True
+        i = int(np.flatnonzero(f.flags & ECHO)[0])
+        at = (batch.base + int(f.start[i]), int(f.length[i]))
+        text = "every request stands there twice: the second is taken for the adapter's echo"
+        yield anomaly("adapter-echo", int(f.t_end[i]), -1, text, at)

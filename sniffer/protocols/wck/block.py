@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from sniffer.checksums import XOR7
-from sniffer.framing import Block, settle
-from sniffer.matching import in_order
+from sniffer.framing import Block, in_order, settle
 from sniffer.model import (
     ANY_ID,
+    DEPTH,
     ECHO_DIFFERS,
     I64,
     MUST,
@@ -31,7 +31,6 @@ from sniffer.model import (
     Mask,
     Spans,
 )
-from sniffer.pending import DEPTH
 from sniffer.protocols.base import State, Values
 from sniffer.protocols.wck.grammar import (
     HEADER,

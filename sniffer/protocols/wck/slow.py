@@ -9,6 +9,7 @@ from construct import ConstructError
 
 from sniffer.model import (
     ANY_ID,
+    DEPTH,
     ECHO_DIFFERS,
     MUST,
     NEVER,
@@ -19,7 +20,6 @@ from sniffer.model import (
     UNUSUAL,
     WHOLE,
 )
-from sniffer.pending import DEPTH
 from sniffer.protocols.base import SlowFrame, State
 from sniffer.protocols.wck.block import MODELS, REPLY
 from sniffer.protocols.wck.grammar import (
