@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoder import Decoder
 from sniffer.detect import ENOUGH, SURE, Detection, UndecidedError, detect
+from sniffer.limits import BAUDS, DURATION_MOST_NS, IDS, number_in
 from sniffer.model import Batch, Chunk, Mark, MarkKind, OutputError
 from sniffer.protocols import protocol_named
 from sniffer.summary import Summary
@@ -46,21 +47,18 @@ class Options:
             known = {k.partition(".")[2]: v for k, v in facts.items() if k.startswith("protocol.")}
             told = replace(told, protocols={**known, **self.protocols})
         if self.baud is None:
-            bauds = {k: v for k, v in facts.items() if k.startswith("baud.") and v.isdecimal()}
-            told = replace(
-                told,
-                bauds={**{k.partition(".")[2]: int(v) for k, v in bauds.items()}, **self.bauds},
-            )
+            bauds = _numbers(facts, "baud.", *BAUDS)
+            told = replace(told, bauds={**bauds, **self.bauds})
         if self.latency_ns is None:
-            known = {k: v for k, v in facts.items() if k.startswith("latency_ns.")}
-            latencies = {k.partition(".")[2]: int(v) for k, v in known.items() if v.isdecimal()}
+            latencies = _numbers(facts, "latency_ns.", 0, DURATION_MOST_NS)
             told = replace(told, latencies={**latencies, **self.latencies})
         if not self.models:
             models: dict[int | None, str] = {}
             for key, model in facts.items():
                 name, _, servo = key.partition(".")
-                if name == "model" and (not servo or servo.isdecimal()):
-                    models[int(servo) if servo else None] = model
+                number = number_in(servo, 0, IDS - 1)
+                if name == "model" and (not servo or number is not None):
+                    models[number] = model
             told = replace(told, models=models)
         return told
 
@@ -303,6 +301,13 @@ class Pipeline:
             self._first.pop(bus, None)
         self.summary.add(bus, decoder.protocol, batch)
         self._each(lambda sink: sink.write(bus, decoder.protocol, batch))
+
+
+def _numbers(facts: Mapping[str, str], name: str, least: int, most: int) -> dict[str, int]:
+    """Return what a recording says of its buses; what cannot be is left out."""
+    told = {k.removeprefix(name): v for k, v in facts.items() if k.startswith(name)}
+    numbers = {bus: number_in(text, least, most) for bus, text in told.items()}
+    return {bus: number for bus, number in numbers.items() if number is not None}
 
 
 def _latest(chunks: Sequence[Chunk], size: int) -> list[Chunk]:

@@ -12,7 +12,8 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from sniffer.messages import RECOVERED
 from sniffer.model import InputError
 from sniffer.sinks.mcap_bulk import Container
-from sniffer.sources.mcap_records import BrokenError, NotMcapError, Piece, Records
+from sniffer.sources.mcap_packed import BrokenError
+from sniffer.sources.mcap_records import NotMcapError, Piece, Records
 
 if TYPE_CHECKING:
     from pathlib import Path

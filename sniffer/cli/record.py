@@ -13,6 +13,7 @@ from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times
 from sniffer.cli.options import Finite, examples, models, pipeline_options
 from sniffer.cli.session import session_facts
 from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.limits import BAUDS
 from sniffer.pipeline import AUTO
 from sniffer.protocols import PROTOCOLS
 from sniffer.recording.stops import Stops
@@ -43,7 +44,7 @@ from sniffer.recording.taps import PortSpec
     show_default=True,
     help="What is spoken where a PORT does not say; auto tells it from the bytes.",
 )
-@click.option("--baud", type=click.IntRange(300, 10_000_000), help="Where a PORT does not say.")
+@click.option("--baud", type=click.IntRange(*BAUDS), help="Where a PORT does not say.")
 @click.option(
     "--model", "chosen", multiple=True, callback=models, metavar="[ID=]MODEL",
     help="Register table of a servo, or of all.",

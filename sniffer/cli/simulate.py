@@ -17,6 +17,7 @@ from sniffer import __version__
 from sniffer.cli.amounts import Duration
 from sniffer.cli.options import examples
 from sniffer.cli.session import say
+from sniffer.limits import BAUDS
 from sniffer.model import NS, OutputError, SnifferError
 from sniffer.protocols import PROTOCOLS
 
@@ -99,7 +100,7 @@ def _faults(
 )
 @click.argument("protocol", type=click.Choice(list(PROTOCOLS)))
 @click.option("--servos", metavar="IDS|N", help="Who is on the bus: 1,2,5, or how many.")
-@click.option("--baud", type=click.IntRange(300, 10_000_000), help="Bits per second.")
+@click.option("--baud", type=click.IntRange(*BAUDS), help="Bits per second.")
 @click.option(
     "--rate",
     callback=_rate,

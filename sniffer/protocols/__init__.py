@@ -29,4 +29,4 @@ def protocol_named(name: str) -> BusProtocol:
     try:
         return PROTOCOLS[name]
     except KeyError:
-        raise SnifferError(f"no protocol {name!r}: one of {', '.join(PROTOCOLS)}") from None
+        raise SnifferError(f"no protocol {name[:40]!r}: one of {', '.join(PROTOCOLS)}") from None
