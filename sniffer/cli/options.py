@@ -27,6 +27,10 @@ printed = click.option(
 """For people, or for scripts."""
 
 
+with_force = click.option("--force", is_flag=True, help="Replace files that are there.")
+"""Of every command that writes a file."""
+
+
 class Finite(click.FloatRange):
     """A number in a range; NaN and infinity are in none."""
 

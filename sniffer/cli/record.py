@@ -10,7 +10,7 @@ from typing import Literal
 import click
 
 from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times
-from sniffer.cli.options import Finite, examples, models, pipeline_options
+from sniffer.cli.options import Finite, examples, models, pipeline_options, with_force
 from sniffer.cli.session import session_facts
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.limits import BAUDS
@@ -63,7 +63,7 @@ from sniffer.recording.taps import PortSpec
     help="Where to: .mcap is the recording; .jsonl .csv .parquet .rrd as in decode. May be "
     "repeated. Without it: sniffer-DATE-TIME.mcap.",
 )  # fmt: skip
-@click.option("--force", is_flag=True, help="Replace files that are there.")
+@with_force
 @click.option("--durable", is_flag=True, help="Wait for the disk after each round, 50 ms.")
 @click.option(
     "--rotate", multiple=True, callback=sizes_and_times, metavar="SIZE|TIME",

@@ -26,7 +26,7 @@ from sniffer.recording.stops import Stops
 from sniffer.sinks import suffix_known
 from sniffer.sinks.base import Sink
 from sniffer.sinks.board import Board
-from sniffer.sinks.files import files_of
+from sniffer.sinks.files import files_of, refuse_occupied
 from sniffer.sinks.rotation import RotatingMcap
 
 if TYPE_CHECKING:
@@ -92,9 +92,8 @@ def check_files(files: Files) -> None:
     for path in files.paths:
         suffix_known(path)
         numbered = _is_recording(path) and files.rotate  # their names are looked at later
-        for file in () if numbered or files.force else files_of(path):
-            if file.exists() and not file.is_char_device():
-                raise OutputError(f"{file} is there already: choose another name, or --force")
+        if not numbered and not files.force:
+            refuse_occupied(files_of(path))
 
 
 def open_files(files: Files, facts: Mapping[str, str]) -> tuple[RotatingMcap | None, list[Sink]]:
@@ -111,7 +110,7 @@ def open_files(files: Files, facts: Mapping[str, str]) -> tuple[RotatingMcap | N
             overwrite=files.force,
         )
     try:
-        others = open_outputs(files.others, facts, "")
+        others = open_outputs(files.others, facts, "", force=files.force)
     except OutputError:
         if recording is not None:
             recording.close()
