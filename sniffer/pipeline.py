@@ -213,7 +213,7 @@ class Pipeline:
 
     def _finish(self, sink: Sink) -> None:
         try:
-            sink.close()
+            _act(_close, sink)
         except OutputError as error:
             self._failure = self._failure or error
 
@@ -221,12 +221,12 @@ class Pipeline:
         """Do something with every sink; one that fails is given up, the others go on."""
         for sink in list(self._sinks):
             try:
-                act(sink)
+                _act(act, sink)
             except OutputError as error:
                 self._sinks.remove(sink)
                 self._failure = self._failure or error
                 with contextlib.suppress(OutputError):
-                    sink.close()
+                    _act(_close, sink)
                 if not self._sinks:
                     raise
 
@@ -317,6 +317,26 @@ def _latest(chunks: Sequence[Chunk], size: int) -> list[Chunk]:
         taken += 1
         held += len(chunks[-taken].data)
     return list(chunks[len(chunks) - taken :])
+
+
+def _act(act: Callable[[Sink], None], sink: Sink) -> None:
+    """Do something with a sink; what nobody has foreseen is its failure, not that of the others.
+
+    Raises:
+        OutputError: it failed.
+        BrokenPipeError: nobody reads what it writes.
+    """
+    try:
+        act(sink)
+    except (OutputError, BrokenPipeError):
+        raise
+    except Exception as error:
+        what = f"{type(error).__name__}: {error}"[:200]
+        raise OutputError(f"{type(sink).__name__} failed ({what}); it is left as it is") from error
+
+
+def _close(sink: Sink) -> None:
+    sink.close()
 
 
 def _raw(sink: Sink, *, bus: str, chunks: Sequence[Chunk]) -> None:

@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TextIO
 
 import click
 
@@ -72,8 +73,13 @@ class Standard:
 
 def silence_stdout() -> None:
     """Let nothing complain about an output that is gone when the interpreter flushes at its end."""
+    silence(sys.stdout)
+
+
+def silence(stream: TextIO) -> None:
+    """Let what is written to a stream go nowhere."""
     devnull = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(devnull, sys.stdout.fileno())
+    os.dup2(devnull, stream.fileno())
     os.close(devnull)
 
 
