@@ -72,7 +72,8 @@ def decode(
         sinks.append(Standard(_printer(output_format), alone=not outputs))
     name = "standard input" if file == "-" else file
     pipeline, status = run_source(source, options, sinks, name=name, quiet=quiet)
-    status = status or tell_lost(outputs)
+    lost = tell_lost(outputs)
+    status = status or lost
     if summary and not quiet and output_format == "jsonl":
         click.echo(json.dumps(pipeline.summary.as_dict()))
     elif summary and not quiet:

@@ -11,7 +11,7 @@ import click
 
 from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times
 from sniffer.cli.options import Finite, examples, models, pipeline_options, with_force
-from sniffer.cli.session import session_facts
+from sniffer.cli.session import session_facts, tell_lost
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.limits import BAUDS
 from sniffer.pipeline import AUTO
@@ -156,6 +156,8 @@ def record(
             if view is not None:
                 view.close()
             raise
-        return recording.run_recording(
+        status = recording.run_recording(
             tapping, file, sinks, stops, tell=tell, mode=show.mode, wishes=wishes, view=view
         )
+        lost = tell_lost(files.others)
+        return status or lost

@@ -205,6 +205,8 @@ def run_recording(
         latency_ns=max(tapping.options.latencies.values(), default=0),
     )
     beside.append(functools.partial(_has_outputs, sinks))
+    if file is not None:
+        beside.append(functools.partial(_deleted, file, tell))
     if view is not None:
         pipeline.add(view)
         beside.append(functools.partial(_idle, view, tapping.anchor))
@@ -246,6 +248,12 @@ def run_recording(
     if pipeline.failure is not None:
         tell.once(str(pipeline.failure))
         return 2
+    if file is not None:
+        _deleted(file, tell, recorder)
+        if file.is_lost and file.path not in file.deleted:
+            tell.warn(f"{file.path} is gone: it was deleted or renamed while it was written")
+        if file.is_lost or file.deleted:
+            return 2
     return INTERRUPTED if wishes.hurry else 0
 
 
@@ -283,6 +291,12 @@ def _all(acts: Sequence[Callable[[Recorder], None]], recorder: Recorder) -> None
 
 def _idle(view: LiveView, anchor: Anchor, recorder: Recorder) -> None:
     view.idle(anchor.now())
+
+
+def _deleted(file: RotatingMcap, tell: Teller, recorder: Recorder) -> None:
+    """Tell which files somebody has deleted while they were written."""
+    for path in file.deleted:
+        tell.once(f"{path} was deleted while it was written: what it held is lost")
 
 
 def _has_outputs(sinks: Sequence[Sink], recorder: Recorder) -> None:

@@ -56,7 +56,8 @@ def view(
             raise click.UsageError(f"{output}: the viewer's files end in .rrd")
         sinks = open_outputs([output], session_facts(file, options), file, force=force)
         _, status = run_source(source, options, sinks, name=name)
-        status = status or tell_lost([output])
+        if lost := tell_lost([output]):
+            return status or lost
         say(f"wrote {output}: open it with `rerun {output}`")
         return status
     with tempfile.TemporaryDirectory(prefix="sniffer-") as folder:

@@ -112,6 +112,11 @@ class McapSink:
         """Bytes in the file."""
         return self._file.size
 
+    @property
+    def is_deleted(self) -> bool:
+        """Tell whether somebody has deleted the file while it is written."""
+        return self._file.is_deleted
+
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks as they came."""
         with self._guard():

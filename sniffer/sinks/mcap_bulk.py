@@ -95,6 +95,11 @@ class Container:
         """The latest log time in the file."""
         return self._summary.last
 
+    @property
+    def is_deleted(self) -> bool:
+        """Tell whether the open file has no name any more: what is written to it is lost."""
+        return not self._file.closed and os.fstat(self._file.fileno()).st_nlink == 0
+
     def schema(self, message: type[Message]) -> int:
         """Return the id of a message type's schema."""
         name = message.DESCRIPTOR.full_name
@@ -215,6 +220,8 @@ class Container:
 
         Where there is no room for it the file ends behind the last whole record.
         """
+        if self._file.closed:
+            return
         try:
             self._put(as_bytes(DataEnd(self._crc)))
             here = self.size
