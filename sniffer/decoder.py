@@ -103,7 +103,7 @@ class Decoder:
         self._scaling = Scaling(self.protocol, models)
         self._diagnostics = Diagnostics(self.protocol)
 
-    def feed(self, *chunks: Chunk | bytes) -> Batch:
+    def feed(self, *chunks: Chunk | bytes | bytearray | memoryview) -> Batch:
         """Decode chunks, each with its own time, in one pass: group them, a pass costs ~200 us.
 
         Plain bytes are a chunk without a time.

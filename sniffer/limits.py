@@ -103,6 +103,7 @@ def chunks_of(given: Sequence[Any]) -> list[Chunk]:
         and (k.t_ns is None or (type(k.t_ns) is int and TIME_LEAST_NS <= k.t_ns < TIME_END_NS))
         and not k.marks
         and type(k.clock) is Clock
+        and type(k.direction) is Direction
         else _chunk(k)
         for k in given
     ]

@@ -182,7 +182,7 @@ def _groups(chunks: Iterable[Chunk], lag_s: float) -> Iterator[list[Chunk]]:
 
 
 def open_source(
-    path: str | Path | bytes,
+    path: str | Path | bytes | bytearray | memoryview,
     input_format: str = "auto",
     *,
     bus: str = "bus0",
