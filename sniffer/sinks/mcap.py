@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Final
 from mcap.records import Attachment
 
 from sniffer import __version__
+from sniffer.limits import BAUDS, number_in
 from sniffer.messages import BUS, OFFSET, SESSION, TOOL
 from sniffer.model import NS, OutputError
 from sniffer.registers import schema_path
@@ -182,7 +183,7 @@ class McapSink:
             baud = self._session.get(f"baud.{name}", self._session.get("baud", ""))
             writer = self._buses[name] = BusWriter(
                 name,
-                int(baud) if baud.isdecimal() else None,
+                number_in(baud, *BAUDS),
                 self._starts.get(name, 0),
                 self._queue,
                 self._file.channel,

@@ -19,6 +19,7 @@ import time
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
+from sniffer.limits import BAUDS, number_in
 from sniffer.model import NS, Chunk, Mark, OutputError
 from sniffer.sinks.files import is_lost, writing
 from sniffer.timing import byte_time_ns
@@ -320,8 +321,8 @@ class RotatingMcap:
     def _byte_ns(self, bus: str) -> int:
         """Return how long a byte of a bus takes, 0 where nobody knows."""
         baud = self._session.get(f"baud.{bus}", self._session.get("baud", ""))
-        if baud.isdecimal() and int(baud):
-            return byte_time_ns(int(baud))
+        if (rate := number_in(baud, *BAUDS)) is not None:
+            return byte_time_ns(rate)
         protocol = self._protocols.get(bus)
         return 0 if protocol is None else byte_time_ns(protocol.baud)
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from sniffer.model import Chunk
 
-REPEATED: Final = 1 << 24
-"""Bytes that the ``*`` lines of a dump may stand for, whatever its size: 24 minutes of a line at
+REPEATED: Final = 1 << 22
+"""Bytes that the ``*`` lines of a dump may stand for, whatever its size: six minutes of a line at
 115200 baud that always says the same. More is a damaged offset, or no capture."""
 
 REPEATED_SHARE: Final = 256
