@@ -22,7 +22,7 @@ from mcap.opcode import Opcode
 
 from sniffer.cli import run
 from sniffer.model import Chunk, Clock
-from tests.commands import environment
+from tests.commands import conserved, environment
 from tests.recordings import START_NS, keep
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ PATIENCE_S: Final = 300
 
 ASK: Final = bytes.fromhex("FFFFFF0104F28C027A")
 ANSWER: Final = bytes.fromhex("FFFFFF010400FF07F4")
+PAIR: Final = (ASK + ANSWER).hex()
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +101,33 @@ def _serve() -> None:
         answer = {"status": status, "out": out.getvalue(), "err": err.getvalue(), "memory": memory}
         answers.write(json.dumps(answer) + "\n")
         answers.flush()
+
+
+def sound(answer: Answer) -> list[str]:
+    """Hold what is true of every answer; return what was said but for the protocols found."""
+    assert answer.status in (0, 1, 2, 3)
+    assert "Traceback" not in answer.err
+    assert "fault of this program" not in answer.err
+    assert "failed (" not in answer.err
+    assert answer.memory < MEMORY
+    lines = answer.err.splitlines()
+    assert all(line.startswith("sniffer: ") and len(line) < 5000 for line in lines)
+    if answer.out:
+        conserved(answer.out)
+    told = [line.removeprefix("sniffer: ") for line in lines]
+    told = [line for line in told if "explains" not in line]
+    assert len(told) <= 4  # the end, or notes about the input
+    return told
+
+
+def decoded(victim: Victim, path: Path, data: bytes, *arguments: str) -> tuple[Answer, list[str]]:
+    path.write_bytes(data)
+    answer = victim.run("decode", path, "--format", "jsonl", *arguments)
+    return answer, sound(answer)
+
+
+def frame(**more: object) -> str:
+    return json.dumps({"type": "frame", "hex": PAIR, "offset": 0, **more}) + "\n"
 
 
 # --- recordings ----------------------------------------------------------------------------------

@@ -6,22 +6,19 @@ One line, the right status, no more memory than there is reason for, nothing los
 from __future__ import annotations
 
 import json
-import random
 import struct
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from mcap.opcode import Opcode
 
 from sniffer.limits import BUSES_MOST
 from sniffer.sources.hexdump import REPEATED
 from tests import hostile
 from tests.commands import conserved
-from tests.hostile import ANSWER, ASK, MEMORY, Answer, Victim
+from tests.hostile import ANSWER, ASK, MEMORY, PAIR, Answer, Victim, decoded, frame, sound
 from tests.recordings import START_NS
 
 if TYPE_CHECKING:
@@ -29,8 +26,6 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="limits memory as POSIX does")
 
-PAIR: Final = (ASK + ANSWER).hex()
-SEEDS: Final = Path(__file__).parent / "data" / "formats"
 CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
 
 
@@ -43,29 +38,6 @@ def victim() -> Iterator[Victim]:
 @pytest.fixture(scope="module")
 def base(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return hostile.recording(tmp_path_factory.mktemp("base") / "run.mcap")
-
-
-def sound(answer: Answer) -> list[str]:
-    """Hold what is true of every answer; return what was said but for the protocols found."""
-    assert answer.status in (0, 1, 2, 3)
-    assert "Traceback" not in answer.err
-    assert "fault of this program" not in answer.err
-    assert "failed (" not in answer.err
-    assert answer.memory < MEMORY
-    lines = answer.err.splitlines()
-    assert all(line.startswith("sniffer: ") and len(line) < 5000 for line in lines)
-    if answer.out:
-        conserved(answer.out)
-    told = [line.removeprefix("sniffer: ") for line in lines]
-    told = [line for line in told if "explains" not in line]
-    assert len(told) <= 4  # the end, or notes about the input
-    return told
-
-
-def decoded(victim: Victim, path: Path, data: bytes, *arguments: str) -> tuple[Answer, list[str]]:
-    path.write_bytes(data)
-    answer = victim.run("decode", path, "--format", "jsonl", *arguments)
-    return answer, sound(answer)
 
 
 # --- packed and repeated -------------------------------------------------------------------------
@@ -151,7 +123,12 @@ def test_what_is_packed_takes_no_more_memory_than_a_recording_of_ours(
         ("00000000  {}  |...|\n*\n3fffffff\n", 3),
         ("0000000 {}\n*\n7777777777\n", 3),
         ("00000000: {}  ....\n*\n40000000: ff  .\n", 3),
-        ("".join(["00000000  {}  |...|\n*\n", *(f"{n << 21:08x}\n*\n" for n in range(1, 9))]), 7),
+        (
+            "".join(
+                ["00000000" + "  ff" * 16 + "\n*\n", *(f"{n << 21:08x}\n*\n" for n in range(1, 9))]
+            ),
+            7,
+        ),
     ],
 )
 def test_a_star_stands_for_no_more_than_a_line_ever_repeats(
@@ -298,10 +275,6 @@ def _starts(content: bytes) -> Iterator[int]:
         at += 9 + struct.unpack_from("<Q", content, at + 1)[0]
 
 
-def frame(**more: object) -> str:
-    return json.dumps({"type": "frame", "hex": PAIR, "offset": 0, **more}) + "\n"
-
-
 LINES: Final = {
     "a time of -2^63": frame(t_ns=-(2**63)),
     "a time of 2^63 - 1": frame(t_ns=2**63 - 1),
@@ -385,98 +358,3 @@ def test_other_commands_take_odd_numbers_as_calmly(
     answer = victim.run(command, *what.get(command, []), *options)
     sound(Answer(answer.status, "", answer.err, answer.memory))
     assert len(answer.err) < 5000
-
-
-# --- whatever else -------------------------------------------------------------------------------
-
-BIG: Final = tuple(
-    str(n).encode() for n in (0, -1, 255, 2**31, 2**32, 2**62, 2**63 - 1, 2**63, 2**64, 10**30)
-)
-
-
-def mutated(seed: bytes, rng: random.Random) -> bytes:
-    """Return a seed with some harm done to it."""
-    out = bytearray(seed)
-    for _ in range(rng.choice((1, 1, 2, 5))):
-        a, b = sorted((rng.randrange(len(out) + 1), rng.randrange(len(out) + 1)))
-        b = min(b, a + rng.choice((1, 8, 100, 5000)))
-        kind = rng.randrange(8)
-        if kind == 0:
-            del out[a:b]
-        elif kind == 1:
-            out[a:a] = out[a:b] * rng.choice((1, 3, 200))
-        elif kind == 2:
-            out[a:b] = rng.randbytes(b - a)
-        elif kind == 3 and a < len(out):
-            out[a] ^= 1 << rng.randrange(8)
-        elif kind == 4:
-            out[a:b] = rng.choice(BIG)
-        elif kind == 5:
-            del out[rng.randrange(len(out) + 1) :]
-        elif kind == 6:
-            out[a:b] = rng.choice((b"*\n", b"\0" * 100, b"\xff" * 8, b"\n" * 50, b'"', b"\\ud800"))
-        elif a + 8 <= len(out):
-            struct.pack_into("<Q", out, a, rng.choice((0, 2**31, 2**62, 2**63 - 1, 2**64 - 1)))
-        if not out:
-            return b""
-    return bytes(out)
-
-
-def seeds() -> dict[str, list[bytes]]:
-    """Return samples of every form of input by the name of the form."""
-    named = {
-        "bin": [CAPTURES / "lss_manual.bin", CAPTURES / "lss_damaged.log"],
-        "hex": [CAPTURES / "mightyzap_manual.hex", CAPTURES / "wck_manual.hex"],
-        "xxd": [SEEDS / "xxd.txt"],
-        "hexdump": [SEEDS / "hexdump-C.txt"],
-        "od": [SEEDS / "od-tx1.txt"],
-        "candump": [CAPTURES / "rs30x_damaged.log", CAPTURES / "wck_damaged.log"],
-    }
-    out = {form: [path.read_bytes()[:6000] for path in paths] for form, paths in named.items()}
-    out["decimal"] = [b" ".join(str(byte).encode() for byte in (ASK + ANSWER) * 20)]
-    lines = [frame(t_ns=START_NS + n, offset=18 * n, clock="read") for n in range(20)]
-    out["jsonl"] = ["".join(lines).encode()]
-    return out
-
-
-LESS: Final = settings(max_examples=max(settings().max_examples // 4, 10), deadline=None)
-"""Each example runs a whole command: a quarter of the usual number, a thousand with `make fuzz`."""
-
-
-@pytest.mark.parametrize("form", seeds())
-@pytest.mark.parametrize("named", [False, True], ids=["recognised", "named"])
-@LESS
-@given(st.integers(0, 2**32))
-def test_an_input_that_was_harmed_is_read_as_far_as_it_goes(
-    form: str, named: bool, victim: Victim, tmp_path_factory: pytest.TempPathFactory, number: int
-) -> None:
-    rng = random.Random(number)
-    data = mutated(rng.choice(seeds()[form]), rng)
-    path = tmp_path_factory.getbasetemp() / f"harmed-{form}-{named}.dat"
-    told = ("--input-format", form) if named else ()
-    decoded(victim, path, data, "--protocol", "mightyzap", *told)
-
-
-@pytest.mark.parametrize("inside", [False, True], ids=["file", "messages"])
-@LESS
-@given(st.integers(0, 2**32))
-def test_a_recording_that_was_harmed_is_read_as_far_as_it_goes(
-    inside: bool,
-    victim: Victim,
-    base: bytes,
-    tmp_path_factory: pytest.TempPathFactory,
-    number: int,
-) -> None:
-    rng = random.Random(number)
-    folder = tmp_path_factory.getbasetemp()
-    path = folder / f"harmed-{inside}.mcap"
-    if inside:  # without a checksum the messages are believed
-        content = mutated(hostile.unpacked(base), rng)
-        data = hostile.with_chunk(base, content, size=len(content))
-    else:
-        data = base[:8] + mutated(base[8:], rng)
-    decoded(victim, path, data, "--protocol", "mightyzap")
-    whole = victim.run("recover", path, "-o", folder / f"whole-{inside}.mcap", "--force")
-    sound(Answer(whole.status, "", whole.err, whole.memory))
-    again = victim.run("replay", path, "--redecode")
-    sound(Answer(again.status, "", again.err, again.memory))
