@@ -4,26 +4,30 @@ from __future__ import annotations
 
 __version__ = "0.1.0"
 
-from sniffer.api import Capture, decode, frames_table, records, samples_table
-from sniffer.decoder import Decoder
-from sniffer.model import (
-    Anomaly,
-    Batch,
-    Chunk,
-    Clock,
-    DamagedInputError,
-    Direction,
-    Frames,
-    Gap,
-    InputError,
-    OutputError,
-    Samples,
-    Severity,
-    SnifferError,
-    Transactions,
-)
-from sniffer.protocols import PROTOCOLS
-from sniffer.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
+TYPE_CHECKING = False  # of typing, which alone takes longer to load than all that is done here
+if TYPE_CHECKING:
+    from typing import Any, Final
+
+    from sniffer.api import Capture, decode, frames_table, records, samples_table
+    from sniffer.decoder import Decoder
+    from sniffer.model import (
+        Anomaly,
+        Batch,
+        Chunk,
+        Clock,
+        DamagedInputError,
+        Direction,
+        Frames,
+        Gap,
+        InputError,
+        OutputError,
+        Samples,
+        Severity,
+        SnifferError,
+        Transactions,
+    )
+    from sniffer.protocols import PROTOCOLS
+    from sniffer.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
 
 __all__ = [
     "PROTOCOLS",
@@ -54,3 +58,34 @@ __all__ = [
     "records",
     "samples_table",
 ]
+
+_ROOMS: Final = {
+    "api": ("Capture", "decode", "frames_table", "records", "samples_table"),
+    "decoder": ("Decoder",),
+    "model": (
+        *("Anomaly", "Batch", "Chunk", "Clock", "DamagedInputError", "Direction", "Frames", "Gap"),
+        *("InputError", "OutputError", "Samples", "Severity", "SnifferError", "Transactions"),
+    ),
+    "protocols": ("PROTOCOLS",),
+    "rows": ("AnomalyRow", "FrameRow", "GapRow", "SampleRow", "TransactionRow"),
+}
+"""Where each public name is at home: it is loaded when it is first asked for, so that the command
+line answers Ctrl-C from its first moment."""
+
+_HOMES: Final = {name: room for room, names in _ROOMS.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    import importlib
+
+    value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the names that are there, loaded or not."""
+    return sorted({*globals(), *__all__})

@@ -93,7 +93,7 @@ def frames_table(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Any:
 
 
 def decode(
-    source: str | Path | bytes,
+    source: str | Path | bytes | bytearray | memoryview,
     protocol: str = AUTO,
     *,
     input_format: str = "auto",

@@ -17,6 +17,16 @@ import numpy as np
 from sniffer.bus import Expectations, Pairing
 from sniffer.diagnostics import Diagnostics
 from sniffer.framing import Block
+from sniffer.limits import (
+    BAUDS,
+    DURATION_MOST_NS,
+    OFFSET_END,
+    TIME_END_NS,
+    TIME_LEAST_NS,
+    chunks_of,
+    model_ids,
+    whole,
+)
 from sniffer.model import (
     GAP_MAX,
     I64,
@@ -55,7 +65,8 @@ class Decoder:
         base: offset in the stream of the first byte that it will be fed.
 
     Raises:
-        SnifferError: unknown protocol or model.
+        SnifferError: unknown protocol or model, or a number that cannot be; its calls raise it
+            too, before they have taken anything.
     """
 
     def __init__(
@@ -68,13 +79,20 @@ class Decoder:
         base: int = 0,
     ) -> None:
         self.protocol = protocol_named(protocol) if isinstance(protocol, str) else protocol
+        if not hasattr(self.protocol, "models"):
+            raise SnifferError(f"a protocol is a name or one of PROTOCOLS, not {protocol!r:.40}")
         known = [m.model for m in self.protocol.models]
-        for model in (models or {}).values():
+        models = model_ids(models or {})
+        for model in models.values():
             if model not in known:
                 raise SnifferError(
-                    f"{self.protocol.name} has no model {model!r}: one of {', '.join(known)}"
+                    f"{self.protocol.name} has no model {str(model)[:40]!r}: "
+                    f"one of {', '.join(known)}"
                 )
-        self.baud = baud or self.protocol.baud
+        self.baud = self.protocol.baud if baud is None else whole("baud", baud, *BAUDS)
+        if latency_ns is not None:
+            latency_ns = whole("latency_ns", latency_ns, 0, DURATION_MOST_NS)
+        base = whole("base", base, 0, OFFSET_END - 1)
         self._buffer = bytearray()
         self._base = base
         self._now_ns = 0
@@ -87,12 +105,12 @@ class Decoder:
         self._scaling = Scaling(self.protocol, models)
         self._diagnostics = Diagnostics(self.protocol)
 
-    def feed(self, *chunks: Chunk | bytes) -> Batch:
+    def feed(self, *chunks: Chunk | bytes | bytearray | memoryview) -> Batch:
         """Decode chunks, each with its own time, in one pass: group them, a pass costs ~200 us.
 
         Plain bytes are a chunk without a time.
         """
-        told = [k if isinstance(k, Chunk) else Chunk(bytes(k)) for k in chunks]
+        told = chunks_of(chunks)
         timed = tuple(k for k in told if k.data)
         if any(k.marks for k in told):
             self._now_ns = max(self._now_ns, *(k.t_ns or 0 for k in told))
@@ -105,6 +123,7 @@ class Decoder:
 
     def idle(self, now_ns: int) -> Batch:
         """Declare what the clock says: after the tail time, what waits will not be completed."""
+        now_ns = whole("now_ns", now_ns, TIME_LEAST_NS, TIME_END_NS - 1)
         self._now_ns = max(self._now_ns, now_ns)
         if not self._buffer or not self._stamps.silent_since(now_ns):
             return self._nothing()

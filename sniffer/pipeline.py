@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoder import Decoder
 from sniffer.detect import ENOUGH, SURE, Detection, UndecidedError, detect
+from sniffer.limits import BAUDS, DURATION_MOST_NS, IDS, number_in
 from sniffer.model import Batch, Chunk, Mark, MarkKind, OutputError
 from sniffer.protocols import protocol_named
 from sniffer.summary import Summary
@@ -46,21 +47,18 @@ class Options:
             known = {k.partition(".")[2]: v for k, v in facts.items() if k.startswith("protocol.")}
             told = replace(told, protocols={**known, **self.protocols})
         if self.baud is None:
-            bauds = {k: v for k, v in facts.items() if k.startswith("baud.") and v.isdecimal()}
-            told = replace(
-                told,
-                bauds={**{k.partition(".")[2]: int(v) for k, v in bauds.items()}, **self.bauds},
-            )
+            bauds = _numbers(facts, "baud.", *BAUDS)
+            told = replace(told, bauds={**bauds, **self.bauds})
         if self.latency_ns is None:
-            known = {k: v for k, v in facts.items() if k.startswith("latency_ns.")}
-            latencies = {k.partition(".")[2]: int(v) for k, v in known.items() if v.isdecimal()}
+            latencies = _numbers(facts, "latency_ns.", 0, DURATION_MOST_NS)
             told = replace(told, latencies={**latencies, **self.latencies})
         if not self.models:
             models: dict[int | None, str] = {}
             for key, model in facts.items():
                 name, _, servo = key.partition(".")
-                if name == "model" and (not servo or servo.isdecimal()):
-                    models[int(servo) if servo else None] = model
+                number = number_in(servo, 0, IDS - 1)
+                if name == "model" and (not servo or number is not None):
+                    models[number] = model
             told = replace(told, models=models)
         return told
 
@@ -215,7 +213,7 @@ class Pipeline:
 
     def _finish(self, sink: Sink) -> None:
         try:
-            sink.close()
+            _act(_close, sink)
         except OutputError as error:
             self._failure = self._failure or error
 
@@ -223,12 +221,12 @@ class Pipeline:
         """Do something with every sink; one that fails is given up, the others go on."""
         for sink in list(self._sinks):
             try:
-                act(sink)
+                _act(act, sink)
             except OutputError as error:
                 self._sinks.remove(sink)
                 self._failure = self._failure or error
                 with contextlib.suppress(OutputError):
-                    sink.close()
+                    _act(_close, sink)
                 if not self._sinks:
                     raise
 
@@ -305,6 +303,13 @@ class Pipeline:
         self._each(lambda sink: sink.write(bus, decoder.protocol, batch))
 
 
+def _numbers(facts: Mapping[str, str], name: str, least: int, most: int) -> dict[str, int]:
+    """Return what a recording says of its buses; what cannot be is left out."""
+    told = {k.removeprefix(name): v for k, v in facts.items() if k.startswith(name)}
+    numbers = {bus: number_in(text, least, most) for bus, text in told.items()}
+    return {bus: number for bus, number in numbers.items() if number is not None}
+
+
 def _latest(chunks: Sequence[Chunk], size: int) -> list[Chunk]:
     """Return the last chunks, of about so many bytes."""
     taken, held = 0, 0
@@ -312,6 +317,26 @@ def _latest(chunks: Sequence[Chunk], size: int) -> list[Chunk]:
         taken += 1
         held += len(chunks[-taken].data)
     return list(chunks[len(chunks) - taken :])
+
+
+def _act(act: Callable[[Sink], None], sink: Sink) -> None:
+    """Do something with a sink; what nobody has foreseen is its failure, not that of the others.
+
+    Raises:
+        OutputError: it failed.
+        BrokenPipeError: nobody reads what it writes.
+    """
+    try:
+        act(sink)
+    except (OutputError, BrokenPipeError):
+        raise
+    except Exception as error:
+        what = f"{type(error).__name__}: {error}"[:200]
+        raise OutputError(f"{type(sink).__name__} failed ({what}); it is left as it is") from error
+
+
+def _close(sink: Sink) -> None:
+    sink.close()
 
 
 def _raw(sink: Sink, *, bus: str, chunks: Sequence[Chunk]) -> None:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from sniffer.messages import RECOVERED
-from sniffer.model import InputError
+from sniffer.model import InputError, OutputError
+from sniffer.sinks.files import writing
 from sniffer.sinks.mcap_bulk import Container
-from sniffer.sources.mcap_records import BrokenError, NotMcapError, Piece, Records
+from sniffer.sources.mcap_packed import BrokenError
+from sniffer.sources.mcap_records import NotMcapError, Piece, Records
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -40,17 +43,22 @@ def recover(path: Path, out: Path) -> Report:
     """Write what can be read of ``path`` to ``out``, which may be the same file.
 
     Chunks are copied as they are, up to the first damage, and of one that breaks off the messages
-    that are whole; ``out`` is replaced at the end.
+    that are whole; ``out``, or the file that it leads to as a link, is replaced at the end.
 
     Raises:
         InputError: there is nothing to recover.
-        OutputError: ``out`` cannot be written.
+        OutputError: ``out`` cannot be written, or is no file.
     """
+    if out.exists() and not out.is_file():
+        what = "a directory" if out.is_dir() else "a device or a pipe"
+        raise OutputError(f"{out} is {what}: give a file name")
     try:
         stream = path.open("rb")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    temporary = out.with_name(f".{out.name}.{os.getpid()}.part")
+    # a link stays what it is, and leads to what was mended
+    target = out.resolve()
+    temporary = target.with_name(f".{target.name[:200]}.{os.getpid()}.part")
     file: Container | None = None
     messages, why = 0, ""
     with stream:
@@ -74,7 +82,10 @@ def recover(path: Path, out: Path) -> Report:
             with temporary.open("rb") as written:
                 os.fsync(written.fileno())
             size = path.stat().st_size
-            temporary.replace(out)
+            with contextlib.suppress(OSError):
+                shutil.copymode(target, temporary)
+            with writing(out):
+                temporary.replace(target)
         finally:
             if file is not None:
                 file.abandon()

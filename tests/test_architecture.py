@@ -18,7 +18,7 @@ FILES: Final = sorted(
 )
 
 CORE: Final = (
-    *("model", "registers", "checksums", "framing", "plan", "timing", "bus", "samples"),
+    *("model", "limits", "registers", "checksums", "framing", "plan", "timing", "bus", "samples"),
     *("decoder", "reference", "diagnostics", "protocols", "rows", "summary", "remarks"),
     *("merging", "ordering", "pending", "matching", "echo"),
 )
@@ -26,7 +26,7 @@ CORE: Final = (
 
 FLOORS: Final = (
     ("model",),
-    ("registers", "checksums"),
+    ("registers", "checksums", "limits"),
     ("plan", "framing", "timing", "remarks"),
     ("protocols",),
     ("pending", "matching", "echo"),

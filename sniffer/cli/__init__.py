@@ -1,15 +1,18 @@
 """The command line: one file a command, nothing in them but arguments and wiring.
 
 Exit status: 0 done; 1 anomalies at or above ``--fail-on``; 2 the user's mistake, told in one line;
-3 the input is damaged beyond use, what could be read was written. stdout is data, stderr is talk.
+3 the input is damaged beyond use, or the program is not up to it: what could be read was written.
+stdout is data, stderr is talk.
 """
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import sys
-from collections.abc import Sequence
+import traceback
+from collections.abc import Iterator, Sequence
 from typing import Final, TextIO
 
 import click
@@ -23,7 +26,7 @@ from sniffer.cli.ports import ports
 from sniffer.cli.record import record
 from sniffer.cli.recover import recover
 from sniffer.cli.replay import replay
-from sniffer.cli.session import say, silence_stdout
+from sniffer.cli.session import say, silence, silence_stdout
 from sniffer.cli.simulate import simulate
 from sniffer.cli.view import view
 from sniffer.model import DamagedInputError, SnifferError
@@ -32,6 +35,9 @@ DONE: Final = 0
 MISTAKE: Final = 2
 DAMAGED: Final = 3
 INTERRUPTED: Final = 130
+
+DEBUG: Final = "SNIFFER_DEBUG"
+"""Set to anything, it has what nobody has foreseen shown with its traceback."""
 
 
 class _Commands(click.Group):
@@ -92,12 +98,57 @@ def run(arguments: Sequence[str]) -> int:
         silence_stdout()
         return DONE
     except OSError as error:
+        _debug()
         why = error.strerror or error
         if error.filename is not None:
-            return _tell(f"{error.filename}: {why}", MISTAKE)
+            return _tell(f"{os.fsdecode(error.filename)}: {why}", MISTAKE)
         silence_stdout()
         return _tell(f"standard output: cannot be written ({why})", MISTAKE)
+    except Exception as error:
+        _debug()
+        return _last_resort(error)
+    finally:
+        _end_stderr()
     return status if isinstance(status, int) else DONE
+
+
+def _last_resort(error: Exception) -> int:
+    """Tell what nobody has foreseen; the outputs have been finished on the way here."""
+    if any(isinstance(cause, KeyboardInterrupt) for cause in _chain(error)):
+        return _tell("interrupted", INTERRUPTED)  # a library has made something else of it
+    if isinstance(error, MemoryError):
+        return _tell("there is not enough memory for it; what was decoded is kept", DAMAGED)
+    what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    return _tell(
+        f"a fault of this program ({what[:200]}); what was decoded is kept. {DEBUG}=1 shows where: "
+        "please report it",
+        DAMAGED,
+    )
+
+
+def _chain(error: BaseException) -> Iterator[BaseException]:
+    """Yield an exception and those from which it came."""
+    seen: set[int] = set()
+    cause: BaseException | None = error
+    while cause is not None and id(cause) not in seen:
+        seen.add(id(cause))
+        yield cause
+        cause = cause.__cause__ or cause.__context__
+
+
+def _debug() -> None:
+    """Print where an exception came from, for who asks."""
+    if os.environ.get(DEBUG):
+        with contextlib.suppress(OSError):
+            traceback.print_exc()
+
+
+def _end_stderr() -> None:
+    """Have the interpreter find nothing at its end that cannot be written."""
+    try:
+        sys.stderr.flush()
+    except OSError:
+        silence(sys.stderr)
 
 
 def _prepare_streams() -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from sniffer.limits import BAUDS
 from sniffer.model import NS
 from sniffer.pipeline import AUTO
 from sniffer.protocols import PROTOCOLS
@@ -105,7 +106,6 @@ def _product(amount: float, unit: int | None) -> int | None:
     return int(total) if math.isfinite(total) and total >= 1 else None
 
 
-BAUDS: Final = (300, 10_000_000)
 FORM: Final = "[NAME=]PORT[=PROTOCOL][@BAUD]"
 _NAME: Final = re.compile(r"[A-Za-z0-9_.-]+")
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options, printed
-from sniffer.cli.session import Standard, open_outputs, run_source, session_facts
+from sniffer.cli.options import decoding, examples, pipeline_options, printed, with_force
+from sniffer.cli.session import Standard, open_outputs, run_source, session_facts, tell_lost
 from sniffer.model import Severity
 from sniffer.sinks.base import Sink
 from sniffer.sinks.jsonl import JsonlSink
@@ -38,6 +38,7 @@ from sniffer.sources import open_source
     help="Also write a file; its suffix says what: .jsonl .csv .parquet .mcap .rrd. "
     "May be repeated.",
 )
+@with_force
 @click.option(
     "--fail-on",
     type=click.Choice([s.name.lower() for s in Severity]),
@@ -54,6 +55,7 @@ def decode(
     latency: float | None,
     output_format: str,
     outputs: tuple[Path, ...],
+    force: bool,
     fail_on: str | None,
     summary: bool,
     quiet: bool,
@@ -65,11 +67,13 @@ def decode(
     """
     options = pipeline_options(protocol, baud, models, latency)
     source = open_source(file, input_format)
-    sinks: list[Sink] = open_outputs(outputs, session_facts(file, options), file)
+    sinks: list[Sink] = open_outputs(outputs, session_facts(file, options), file, force=force)
     if not quiet and not summary:
         sinks.append(Standard(_printer(output_format), alone=not outputs))
     name = "standard input" if file == "-" else file
     pipeline, status = run_source(source, options, sinks, name=name, quiet=quiet)
+    lost = tell_lost(outputs)
+    status = status or lost
     if summary and not quiet and output_format == "jsonl":
         click.echo(json.dumps(pipeline.summary.as_dict()))
     elif summary and not quiet:

@@ -29,6 +29,7 @@ from sniffer.doctoring import (
     usual_bauds,
     worst,
 )
+from sniffer.limits import BAUDS
 from sniffer.model import NS, Chunk, Clock, InputError
 from sniffer.pipeline import AUTO
 from sniffer.protocols import PROTOCOLS
@@ -72,7 +73,7 @@ class Tunable(Port, Protocol):
     metavar="S",
     help="How long to listen.",
 )
-@click.option("--baud", type=click.IntRange(300, 10_000_000), help="Bits per second.")
+@click.option("--baud", type=click.IntRange(*BAUDS), help="Bits per second.")
 @click.option(
     "--protocol",
     type=click.Choice([AUTO, *PROTOCOLS]),

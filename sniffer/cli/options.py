@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import click
 
+from sniffer.limits import BAUDS, IDS, number_in
 from sniffer.pipeline import AUTO, Options
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import SOURCES
@@ -24,6 +25,10 @@ printed = click.option(
     help="What is printed.",
 )
 """For people, or for scripts."""
+
+
+with_force = click.option("--force", is_flag=True, help="Replace files that are there.")
+"""Of every command that writes a file."""
 
 
 class Finite(click.FloatRange):
@@ -53,10 +58,13 @@ def models(
     for text in given:
         who, equals, model = text.rpartition("=")
         if model not in known:
-            raise click.BadParameter(f"no model {model!r}: one of {', '.join(sorted(known))}")
-        if equals and not (who.isdecimal() and int(who) <= 255):
-            raise click.BadParameter(f"{text!r}: write ID=MODEL with an id of 0..255, or MODEL")
-        out[int(who) if equals else None] = model
+            raise click.BadParameter(f"no model {model[:40]!r}: one of {', '.join(sorted(known))}")
+        servo = number_in(who, 0, IDS - 1)
+        if equals and servo is None:
+            raise click.BadParameter(
+                f"{text[:40]!r}: write ID=MODEL with an id of 0..255, or MODEL"
+            )
+        out[servo] = model
     # what is said of one servo wins over what is said of all
     return dict(sorted(out.items(), key=lambda e: e[0] is not None))
 
@@ -79,7 +87,7 @@ def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
                 show_default=True,
                 help="Form of the input; auto tells it from its beginning.",
             ),
-            click.option("--baud", type=click.IntRange(300, 10_000_000), help="Bits per second."),
+            click.option("--baud", type=click.IntRange(*BAUDS), help="Bits per second."),
             click.option(
                 "--model",
                 "models",

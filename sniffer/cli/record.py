@@ -10,9 +10,10 @@ from typing import Literal
 import click
 
 from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times
-from sniffer.cli.options import Finite, examples, models, pipeline_options
-from sniffer.cli.session import session_facts
+from sniffer.cli.options import Finite, examples, models, pipeline_options, with_force
+from sniffer.cli.session import session_facts, tell_lost
 from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.limits import BAUDS
 from sniffer.pipeline import AUTO
 from sniffer.protocols import PROTOCOLS
 from sniffer.recording.stops import Stops
@@ -43,7 +44,7 @@ from sniffer.recording.taps import PortSpec
     show_default=True,
     help="What is spoken where a PORT does not say; auto tells it from the bytes.",
 )
-@click.option("--baud", type=click.IntRange(300, 10_000_000), help="Where a PORT does not say.")
+@click.option("--baud", type=click.IntRange(*BAUDS), help="Where a PORT does not say.")
 @click.option(
     "--model", "chosen", multiple=True, callback=models, metavar="[ID=]MODEL",
     help="Register table of a servo, or of all.",
@@ -62,7 +63,7 @@ from sniffer.recording.taps import PortSpec
     help="Where to: .mcap is the recording; .jsonl .csv .parquet .rrd as in decode. May be "
     "repeated. Without it: sniffer-DATE-TIME.mcap.",
 )  # fmt: skip
-@click.option("--force", is_flag=True, help="Replace files that are there.")
+@with_force
 @click.option("--durable", is_flag=True, help="Wait for the disk after each round, 50 ms.")
 @click.option(
     "--rotate", multiple=True, callback=sizes_and_times, metavar="SIZE|TIME",
@@ -155,6 +156,8 @@ def record(
             if view is not None:
                 view.close()
             raise
-        return recording.run_recording(
+        status = recording.run_recording(
             tapping, file, sinks, stops, tell=tell, mode=show.mode, wishes=wishes, view=view
         )
+        lost = tell_lost(files.others)
+        return status or lost

@@ -26,7 +26,7 @@ from sniffer.recording.stops import Stops
 from sniffer.sinks import suffix_known
 from sniffer.sinks.base import Sink
 from sniffer.sinks.board import Board
-from sniffer.sinks.files import files_of
+from sniffer.sinks.files import files_of, refuse_occupied
 from sniffer.sinks.rotation import RotatingMcap
 
 if TYPE_CHECKING:
@@ -92,9 +92,8 @@ def check_files(files: Files) -> None:
     for path in files.paths:
         suffix_known(path)
         numbered = _is_recording(path) and files.rotate  # their names are looked at later
-        for file in () if numbered or files.force else files_of(path):
-            if file.exists() and not file.is_char_device():
-                raise OutputError(f"{file} is there already: choose another name, or --force")
+        if not numbered and not files.force:
+            refuse_occupied(files_of(path))
 
 
 def open_files(files: Files, facts: Mapping[str, str]) -> tuple[RotatingMcap | None, list[Sink]]:
@@ -111,7 +110,7 @@ def open_files(files: Files, facts: Mapping[str, str]) -> tuple[RotatingMcap | N
             overwrite=files.force,
         )
     try:
-        others = open_outputs(files.others, facts, "")
+        others = open_outputs(files.others, facts, "", force=files.force)
     except OutputError:
         if recording is not None:
             recording.close()
@@ -206,6 +205,8 @@ def run_recording(
         latency_ns=max(tapping.options.latencies.values(), default=0),
     )
     beside.append(functools.partial(_has_outputs, sinks))
+    if file is not None:
+        beside.append(functools.partial(_deleted, file, tell))
     if view is not None:
         pipeline.add(view)
         beside.append(functools.partial(_idle, view, tapping.anchor))
@@ -247,6 +248,12 @@ def run_recording(
     if pipeline.failure is not None:
         tell.once(str(pipeline.failure))
         return 2
+    if file is not None:
+        _deleted(file, tell, recorder)
+        if file.is_lost and file.path not in file.deleted:
+            tell.warn(f"{file.path} is gone: it was deleted or renamed while it was written")
+        if file.is_lost or file.deleted:
+            return 2
     return INTERRUPTED if wishes.hurry else 0
 
 
@@ -284,6 +291,12 @@ def _all(acts: Sequence[Callable[[Recorder], None]], recorder: Recorder) -> None
 
 def _idle(view: LiveView, anchor: Anchor, recorder: Recorder) -> None:
     view.idle(anchor.now())
+
+
+def _deleted(file: RotatingMcap, tell: Teller, recorder: Recorder) -> None:
+    """Tell which files somebody has deleted while they were written."""
+    for path in file.deleted:
+        tell.once(f"{path} was deleted while it was written: what it held is lost")
 
 
 def _has_outputs(sinks: Sequence[Sink], recorder: Recorder) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import examples
+from sniffer.cli.options import examples, with_force
 
 
 @click.command(
@@ -15,10 +15,14 @@ from sniffer.cli.options import examples
 )
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Default: FILE itself.")
-def recover(file: Path, output: Path | None) -> int:
+@with_force
+def recover(file: Path, output: Path | None, force: bool) -> int:
     """Repair the recording FILE (.mcap) that a killed recorder left behind."""
     from sniffer.recovery import recover as repair
+    from sniffer.sinks.files import refuse_occupied
 
+    if output is not None and not force and output.resolve() != file.resolve():
+        refuse_occupied([output])
     report = repair(file, output or file)
     click.echo(str(report))
     return 0

@@ -26,7 +26,8 @@ from sniffer.model import Batch, Chunk
 from sniffer.protocols.base import BusProtocol
 from sniffer.sinks.board import Board
 from sniffer.sinks.board_line import line, statistics
-from sniffer.sinks.text import TextSink, plain
+from sniffer.sinks.lines import one_line
+from sniffer.sinks.text import TextSink
 from sniffer.status import Status
 
 BOARD: Final = "board"
@@ -127,7 +128,7 @@ class Screen:
 
     def say(self, message: str) -> None:
         """Show a line for the user, above the board where there is one."""
-        self._sayings.append(f"sniffer: {plain(' '.join(message.split()))}")
+        self._sayings.append(f"sniffer: {one_line(message)}")
 
     def ask(self) -> None:
         """Have statistics written soon; also from within a signal handler."""

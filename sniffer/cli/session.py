@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TextIO
 
 import click
 
@@ -21,7 +22,8 @@ from sniffer.pipeline import Options, Pipeline
 from sniffer.protocols.base import BusProtocol
 from sniffer.sinks import open_sink, suffix_known
 from sniffer.sinks.base import Sink
-from sniffer.sinks.files import files_of
+from sniffer.sinks.files import files_of, is_lost, occupied, probe, refuse_occupied
+from sniffer.sinks.lines import one_line
 from sniffer.sources import Source
 
 
@@ -71,15 +73,20 @@ class Standard:
 
 def silence_stdout() -> None:
     """Let nothing complain about an output that is gone when the interpreter flushes at its end."""
+    silence(sys.stdout)
+
+
+def silence(stream: TextIO) -> None:
+    """Let what is written to a stream go nowhere."""
     devnull = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(devnull, sys.stdout.fileno())
+    os.dup2(devnull, stream.fileno())
     os.close(devnull)
 
 
 def say(message: str) -> None:
-    """Talk to the user: one line on standard error."""
-    line = " ".join(message.split())
-    click.echo(f"sniffer: {line if line.isprintable() else ascii(line)[1:-1]}", err=True)
+    """Talk to the user: one line on standard error; where that cannot be written, nobody hears."""
+    with contextlib.suppress(OSError):
+        click.echo(f"sniffer: {one_line(message)}", err=True)
 
 
 def session_facts(source: str, options: Options) -> Mapping[str, str]:
@@ -97,10 +104,13 @@ def session_facts(source: str, options: Options) -> Mapping[str, str]:
     return facts
 
 
-def open_outputs(paths: Sequence[Path], facts: Mapping[str, str], source: str) -> list[Sink]:
+def open_outputs(
+    paths: Sequence[Path], facts: Mapping[str, str], source: str, *, force: bool
+) -> list[Sink]:
     """Open the outputs; none may be the input itself, and none is named twice.
 
-    All is checked before anything is opened: a mistake leaves no file behind.
+    All is checked before anything is opened, and what is to be replaced (``force``) is opened last:
+    a mistake leaves no file behind and empties none.
     """
     files = [file for path in paths for file in files_of(path)]
     for path in paths:
@@ -108,20 +118,43 @@ def open_outputs(paths: Sequence[Path], facts: Mapping[str, str], source: str) -
     for file in files:
         if _is_input(file, source):
             raise OutputError(f"{file} is the input: choose another output")
-    resolved = [file.resolve() for file in files]
     for nth, file in enumerate(files):
-        if resolved[nth] in resolved[:nth]:
+        if any(_is_same(file, other) for other in files[:nth]):
             raise OutputError(f"{file} would be written twice: choose another output")
-    out: list[Sink] = []
+    if not force:
+        refuse_occupied(files)
+    for file in files:
+        probe(file)
+    new = [file for file in files if not file.exists()]
+    out: dict[int, Sink] = {}
     try:
-        for path in paths:
-            out.append(open_sink(path, facts))  # noqa: PERF401 - what is open must be closed
-    except OutputError:
-        for sink in out:
+        for nth in sorted(range(len(paths)), key=lambda n: any(map(occupied, files_of(paths[n])))):
+            out[nth] = open_sink(paths[nth], facts)
+    except BaseException:
+        for sink in out.values():
             with contextlib.suppress(OutputError):
                 sink.close()
+        for file in new:
+            with contextlib.suppress(OSError):
+                file.unlink()
         raise
-    return out
+    return [out[nth] for nth in range(len(paths))]
+
+
+def _is_same(file: Path, other: Path) -> bool:
+    """Tell whether two names are those of one file; a device takes any number of outputs."""
+    with contextlib.suppress(OSError):
+        if file.samefile(other):
+            return file.is_file()
+    return file.resolve() == other.resolve()
+
+
+def tell_lost(paths: Sequence[Path]) -> int:
+    """Tell which outputs are gone although they were written; return the exit status."""
+    lost = [file for path in paths for file in files_of(path) if is_lost(file)]
+    for file in lost:
+        say(f"{file} is gone: it was deleted or renamed while it was written")
+    return 2 if lost else 0
 
 
 def _is_input(file: Path, source: str) -> bool:

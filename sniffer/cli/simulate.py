@@ -15,10 +15,12 @@ import click
 
 from sniffer import __version__
 from sniffer.cli.amounts import Duration
-from sniffer.cli.options import examples
+from sniffer.cli.options import examples, with_force
 from sniffer.cli.session import say
+from sniffer.limits import BAUDS
 from sniffer.model import NS, OutputError, SnifferError
 from sniffer.protocols import PROTOCOLS
+from sniffer.sinks.files import refuse_occupied
 
 if TYPE_CHECKING:
     from sniffer.playing.outlet import Outlet
@@ -99,7 +101,7 @@ def _faults(
 )
 @click.argument("protocol", type=click.Choice(list(PROTOCOLS)))
 @click.option("--servos", metavar="IDS|N", help="Who is on the bus: 1,2,5, or how many.")
-@click.option("--baud", type=click.IntRange(300, 10_000_000), help="Bits per second.")
+@click.option("--baud", type=click.IntRange(*BAUDS), help="Bits per second.")
 @click.option(
     "--rate",
     callback=_rate,
@@ -117,6 +119,7 @@ def _faults(
 @click.option(
     "--truth", type=click.Path(path_type=Path), help="Write what really happened, as JSON lines."
 )
+@with_force
 @click.option("--link", type=click.Path(path_type=Path), help="Make a symbolic link to the bus.")
 @click.option("--respond", is_flag=True, help="Play the servos only: they answer a controller.")
 @click.option(
@@ -135,6 +138,7 @@ def simulate(
     duration: int | None,
     faults: tuple[Fault, ...],
     truth: Path | None,
+    force: bool,
     link: Path | None,
     respond: bool,
     tap: bool | None,
@@ -154,6 +158,8 @@ def simulate(
         raise click.UsageError("--tap-link needs the tap: leave --no-tap out")
     if device is not None and link is not None:
         raise click.UsageError("--port has a name already: --link is for a new one")
+    if truth is not None and not force:
+        refuse_occupied([truth])
     try:
         from sniffer.playing import ports
     except ImportError:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.cli.outlet import write_within
 from sniffer.model import NS
-from sniffer.sinks.text import plain
+from sniffer.sinks.lines import one_line
 
 if TYPE_CHECKING:
     from sniffer.cli.screen import Screen
@@ -49,7 +49,7 @@ class Teller:
         if self.screen is not None:
             self.screen.say(message)
         else:
-            write_within(sys.stderr, f"sniffer: {plain(' '.join(message.split()))}\n", WORD_S)
+            write_within(sys.stderr, f"sniffer: {one_line(message)}\n", WORD_S)
 
     def once(self, message: str) -> None:
         """Tell what the user must know, but not again and again."""

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options
-from sniffer.cli.session import open_outputs, run_source, say, session_facts
+from sniffer.cli.options import decoding, examples, pipeline_options, with_force
+from sniffer.cli.session import open_outputs, run_source, say, session_facts, tell_lost
 from sniffer.sources import open_source
 
 
@@ -28,6 +28,7 @@ from sniffer.sources import open_source
     type=click.Path(path_type=Path),
     help="Write the .rrd (layout inside) instead of opening a window.",
 )
+@with_force
 @click.option("--web", is_flag=True, help="Serve it for a browser on this machine.")
 @click.option("--port", type=click.IntRange(1, 65535), help="Port of the web page.")
 def view(
@@ -38,6 +39,7 @@ def view(
     models: dict[int | None, str],
     latency: float | None,
     output: Path | None,
+    force: bool,
     web: bool,
     port: int | None,
 ) -> int:
@@ -52,13 +54,15 @@ def view(
     if output is not None:
         if output.suffix != ".rrd":
             raise click.UsageError(f"{output}: the viewer's files end in .rrd")
-        sinks = open_outputs([output], session_facts(file, options), file)
+        sinks = open_outputs([output], session_facts(file, options), file, force=force)
         _, status = run_source(source, options, sinks, name=name)
+        if lost := tell_lost([output]):
+            return status or lost
         say(f"wrote {output}: open it with `rerun {output}`")
         return status
     with tempfile.TemporaryDirectory(prefix="sniffer-") as folder:
         path = Path(folder) / f"{Path(file).stem or 'stdin'}.rrd"
-        sinks = open_outputs([path], session_facts(file, options), file)
+        sinks = open_outputs([path], session_facts(file, options), file, force=True)
         _, status = run_source(source, options, sinks, name=name)
         viewing.show(path, web=web, port=port, say=say)
         return status

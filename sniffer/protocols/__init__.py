@@ -28,5 +28,7 @@ def protocol_named(name: str) -> BusProtocol:
     """
     try:
         return PROTOCOLS[name]
-    except KeyError:
-        raise SnifferError(f"no protocol {name!r}: one of {', '.join(PROTOCOLS)}") from None
+    except (KeyError, TypeError):
+        raise SnifferError(
+            f"no protocol {str(name)[:40]!r}: one of {', '.join(PROTOCOLS)}"
+        ) from None

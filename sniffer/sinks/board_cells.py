@@ -11,7 +11,7 @@ from rich.cells import cell_len, set_cell_size
 
 from sniffer.model import NS
 from sniffer.sinks.board_state import QUANTITIES, RECENT_NS
-from sniffer.sinks.text import plain
+from sniffer.sinks.lines import plain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.model import Severity
 from sniffer.sinks.board_picture import Picture
-from sniffer.sinks.text import plain
+from sniffer.sinks.lines import plain
 
 if TYPE_CHECKING:
     from sniffer.sinks.board import Board

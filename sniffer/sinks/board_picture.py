@@ -21,8 +21,8 @@ from sniffer.sinks.board_cells import (
     size,
 )
 from sniffer.sinks.board_state import RECENT_NS
+from sniffer.sinks.lines import plain
 from sniffer.sinks.report import counted
-from sniffer.sinks.text import plain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

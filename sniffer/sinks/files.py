@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import stat
 from typing import TYPE_CHECKING, BinaryIO, Final, TextIO
 
 from sniffer.model import OutputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
 TABLES: Final = frozenset({".csv", ".parquet"})
@@ -41,6 +42,46 @@ def beside(path: Path) -> Path:
 def files_of(path: Path) -> tuple[Path, ...]:
     """Return all files that an output writes."""
     return (path, beside(path)) if path.suffix.lower() in TABLES else (path,)
+
+
+def occupied(path: Path) -> bool:
+    """Tell whether a file is there that holds something; a device or a pipe holds nothing."""
+    try:
+        status = path.stat()
+    except OSError:  # whoever opens it tells why
+        return False
+    return stat.S_ISREG(status.st_mode) and status.st_size > 0
+
+
+def refuse_occupied(files: Iterable[Path]) -> None:
+    """Let nothing be replaced that somebody may want to keep.
+
+    Raises:
+        OutputError: one of the files is there and holds something.
+    """
+    for file in files:
+        if occupied(file):
+            raise OutputError(f"{file} is there already: choose another name, or --force")
+
+
+def probe(path: Path) -> None:
+    """Learn whether a file that is there may be written, before anything is emptied.
+
+    Raises:
+        OutputError: it may not.
+    """
+    if path.is_file():
+        with writing(path):
+            path.open("r+b").close()
+
+
+def is_lost(path: Path, identity: tuple[int, int] | None = None) -> bool:
+    """Tell whether a file that was being written is no more under its name."""
+    try:
+        status = path.stat()
+    except OSError:
+        return True
+    return identity is not None and identity != (status.st_dev, status.st_ino)
 
 
 def open_text(path: Path) -> TextIO:

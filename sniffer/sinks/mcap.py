@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Final
 from mcap.records import Attachment
 
 from sniffer import __version__
+from sniffer.limits import BAUDS, number_in
 from sniffer.messages import BUS, OFFSET, SESSION, TOOL
 from sniffer.model import NS, OutputError
 from sniffer.registers import schema_path
@@ -112,6 +113,11 @@ class McapSink:
         """Bytes in the file."""
         return self._file.size
 
+    @property
+    def is_deleted(self) -> bool:
+        """Tell whether somebody has deleted the file while it is written."""
+        return self._file.is_deleted
+
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks as they came."""
         with self._guard():
@@ -177,7 +183,7 @@ class McapSink:
             baud = self._session.get(f"baud.{name}", self._session.get("baud", ""))
             writer = self._buses[name] = BusWriter(
                 name,
-                int(baud) if baud.isdecimal() else None,
+                number_in(baud, *BAUDS),
                 self._starts.get(name, 0),
                 self._queue,
                 self._file.channel,

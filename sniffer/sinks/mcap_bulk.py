@@ -30,7 +30,7 @@ from mcap.records import (
 )
 
 from sniffer.model import OutputError
-from sniffer.sinks.files import writing
+from sniffer.sinks.files import occupied, writing
 from sniffer.sinks.mcap_summary import MAGIC, ChunkNote, Summary, as_bytes
 
 if TYPE_CHECKING:
@@ -67,10 +67,12 @@ class Container:
         self, path: Path, library: str, *, overwrite: bool = True, durable: bool = False
     ) -> None:
         self.path = path
-        if not overwrite and path.exists():
+        if not overwrite and occupied(path):
             raise OutputError(f"{path} is there already: choose another name")
         with writing(path):
-            self._file = path.open("wb" if overwrite else "xb", buffering=0)
+            # an empty file, or a device, is nobody's recording
+            new = not overwrite and not path.exists() and not path.is_symlink()
+            self._file = path.open("xb" if new else "wb", buffering=0)
         self.size = 0
         """Bytes written."""
         self._durable = durable
@@ -92,6 +94,11 @@ class Container:
     def last(self) -> int:
         """The latest log time in the file."""
         return self._summary.last
+
+    @property
+    def is_deleted(self) -> bool:
+        """Tell whether the open file has no name any more: what is written to it is lost."""
+        return not self._file.closed and os.fstat(self._file.fileno()).st_nlink == 0
 
     def schema(self, message: type[Message]) -> int:
         """Return the id of a message type's schema."""
@@ -213,6 +220,8 @@ class Container:
 
         Where there is no room for it the file ends behind the last whole record.
         """
+        if self._file.closed:
+            return
         try:
             self._put(as_bytes(DataEnd(self._crc)))
             here = self.size

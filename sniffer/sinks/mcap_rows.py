@@ -18,6 +18,8 @@ import numpy.typing as npt
 from google.protobuf.descriptor import FieldDescriptor
 from mcap.opcode import Opcode
 
+from sniffer.sinks.mcap_numbers import narrow, spelled, varint, wide_rows
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
@@ -50,27 +52,11 @@ _WIRE: Final[Mapping[int, tuple[int, str, str]]] = {
     _F.TYPE_SFIXED64: (1, "<i8", "q"),
     _F.TYPE_FIXED32: (5, "<u4", "I"),
     _F.TYPE_BOOL: (0, "u1", "B"),
-    # varints of two bytes, see narrow()
+    # varints of two bytes, see mcap_numbers
     _F.TYPE_UINT32: (0, "<u2", "H"),
     _F.TYPE_ENUM: (0, "<u2", "H"),
 }
 """Wire type, numpy type and struct code of a field with a fixed width, by its declared type."""
-
-
-def narrow(values: Column) -> U16:
-    """Return numbers below 16384 as varints of two bytes: legal, if not the shortest."""
-    v = values.astype(np.uint16)
-    return np.asarray((v & 0x7F) | 0x80 | ((v >> 7) << 8), np.uint16)
-
-
-def varint(number: int) -> bytes:
-    """Return the shortest varint."""
-    out = bytearray()
-    while number > 0x7F:
-        out.append(number & 0x7F | 0x80)
-        number >>= 7
-    out.append(number)
-    return bytes(out)
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,8 +246,8 @@ class Encoder:
     """Encodes one message type of one bus.
 
     Args:
-        message: its numbers must be double, bool, enum, uint32, fixed32, fixed64 or sfixed64; those
-            of uint32 and enum stay below 16384.
+        message: its numbers must be double, bool, enum, uint32, fixed32, fixed64 or sfixed64; rows
+            whose uint32 or enum is not below 16384 are built one by one.
         text: the text of a code, for the message's one text field that is encoded.
     """
 
@@ -270,6 +256,7 @@ class Encoder:
         declared.sort(key=lambda f: f.number)
         self._fields: dict[str, FieldDescriptor] = {f.name: f for f in declared}
         self._bits = {name: i for i, name in enumerate(self._fields)}
+        self._message = message
         self._text = text
         self._shapes: dict[tuple[int, int, int], _Shape] = {}
 
@@ -290,6 +277,31 @@ class Encoder:
             text: the text field and each row's code, if the message has one.
             blob: the bytes field, if the message has one.
         """
+        wide = wide_rows(self._fields, numbers, optional, len(heads.log))
+        if not len(wide):
+            return self._encode(heads, numbers, optional, text, blob)
+        told = (self._text, *text) if text is not None else None
+        bodies = spelled(self._message, wide, numbers, optional, told, blob)
+        rest = np.delete(np.arange(len(heads.log)), wide)
+        return [
+            Loose.of(bodies, heads.take(wide)),
+            *self._encode(
+                heads.take(rest),
+                {name: column[rest] for name, column in numbers.items()},
+                {name: (column[rest], where[rest]) for name, (column, where) in optional.items()},
+                text and (text[0], text[1][rest]),
+                blob and Blob(blob.name, blob.data, blob.start[rest], blob.length[rest]),
+            ),
+        ]
+
+    def _encode(
+        self,
+        heads: Heads,
+        numbers: Mapping[str, Column],
+        optional: Mapping[str, tuple[Column, Mask]],
+        text: tuple[str, I64] | None,
+        blob: Blob | None,
+    ) -> list[Rows | Loose]:
         n = len(heads.log)
         if not n:
             return []

@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.sinks.lines import plain, short
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -67,7 +68,7 @@ def _print_bus(name: str, b: BusTotals, console: Console) -> None:
     outcomes = [f"{n} {_OUTCOMES.get(k, k.replace('_', ' '))}" for k, n in b.outcomes.items() if n]
     if outcomes:
         lines.append("exchanges: " + ", ".join(outcomes))
-    console.print(Text(title if title.isprintable() else ascii(title), style="bold"))
+    console.print(Text(short(plain(title)), style="bold"))
     for line in lines:
         console.print(Padding(Text(line), (0, 0, 0, 2)))
     if b.by_command:

@@ -72,6 +72,11 @@ class RerunSink:
         import rerun as rr
 
         if path is not None:
+            if path.exists() and not path.is_file() and not path.is_char_device():
+                # the SDK would wait for a reader where no signal reaches it
+                raise OutputError(f"{path} is no file: the Rerun SDK writes to files only")
+            if not _is_utf8(path):
+                raise OutputError(f"{path}: the Rerun SDK takes names in UTF-8 only")
             open_binary(path).close()
             # The viewer keeps one layout an application, so each file is one.
             self._rec = rr.RecordingStream(f"sniffer {path.stem} {uuid.uuid4().hex[:6]}")
@@ -298,6 +303,15 @@ class RerunSink:
             latest = max(line.last_ns for _, line in lines)
             if first.is_goal and first.total and first.last_ns == latest < end:
                 self._lines[bus, servo, -2 - number] = first.held(end)
+
+
+def _is_utf8(path: Path) -> bool:
+    """Tell whether a file's name, which may be any bytes, is text."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _path(bus: str, servo: int, name: str) -> str:

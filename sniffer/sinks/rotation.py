@@ -19,8 +19,9 @@ import time
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
+from sniffer.limits import BAUDS, number_in
 from sniffer.model import NS, Chunk, Mark, OutputError
-from sniffer.sinks.files import writing
+from sniffer.sinks.files import is_lost, writing
 from sniffer.timing import byte_time_ns
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ class _Bus:
 class RotatingMcap:
     """Writes a recording, in one file or in several.
 
+    A file that is deleted while it is written is followed by a new one.
     Without limits the file is ``path``, and those that ``rotate`` asks for are ``path`` with -0002
     and so on behind its stem; with limits the first is -0001. A name that is taken when a later
     file begins is passed over. Call ``turn`` after each decoding pass, and then ``flush``.
@@ -104,6 +106,7 @@ class RotatingMcap:
         self._protocols: dict[str, BusProtocol] = {}
         self._batches: list[tuple[str, BusProtocol, Batch]] = []
         self._files: list[tuple[Path, tuple[int, int]]] = []
+        self._deleted: list[Path] = []
         self._part = 0
         self._finished = 0
         self._asked = False
@@ -125,9 +128,19 @@ class RotatingMcap:
         return self._finished + self._sink.size
 
     @property
+    def deleted(self) -> tuple[Path, ...]:
+        """The files that somebody has deleted while they were written."""
+        return tuple(self._deleted)
+
+    @property
     def files(self) -> tuple[Path, ...]:
         """The files of this recording that are kept, the current one last."""
-        return tuple(path for path, _ in self._files)
+        return tuple(path for path, _ in self._files if path not in self._deleted)
+
+    @property
+    def is_lost(self) -> bool:
+        """Tell whether the current file is no more under its name."""
+        return is_lost(*self._files[-1])
 
     def rotate(self) -> None:
         """Ask for a new file; a signal handler may do so."""
@@ -161,6 +174,9 @@ class RotatingMcap:
         A bus that is not named counts as decided up to its last byte.
         """
         self._check()
+        if self._sink.is_deleted and self.path not in self._deleted:
+            self._deleted.append(self.path)
+            self._asked = True  # what comes from now on goes where it can be found
         places = {bus: min(decided.get(bus, b.end), b.end) for bus, b in self._buses.items()}
         now = self._now()
         if self._due_since is not None:
@@ -240,6 +256,11 @@ class RotatingMcap:
         self._release()
         old = self._sink
         try:
+            # no file follows one that has not got all before it: that would be a hole
+            old.flush()
+        except OutputError as error:
+            self._fail(error)
+        try:
             path = self._next_path()
             self._sink = self._open(path, starts)
         except OutputError as error:
@@ -300,8 +321,8 @@ class RotatingMcap:
     def _byte_ns(self, bus: str) -> int:
         """Return how long a byte of a bus takes, 0 where nobody knows."""
         baud = self._session.get(f"baud.{bus}", self._session.get("baud", ""))
-        if baud.isdecimal() and int(baud):
-            return byte_time_ns(int(baud))
+        if (rate := number_in(baud, *BAUDS)) is not None:
+            return byte_time_ns(rate)
         protocol = self._protocols.get(bus)
         return 0 if protocol is None else byte_time_ns(protocol.baud)
 

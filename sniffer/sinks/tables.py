@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -21,6 +21,9 @@ from sniffer.sinks.files import beside, open_binary, writing
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
+"""What a text begins with that spreadsheets take for a formula (OWASP, CSV injection)."""
 
 _NAME = pa.dictionary(pa.int32(), pa.string())
 
@@ -167,7 +170,7 @@ class _Table:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         table = self._build(bus, protocol, batch)
-        self._parts.append(table.cast(self._schema) if table.schema != self._schema else table)
+        self._parts.append(_in_text(table, self._schema) if table.schema != self._schema else table)
         self._rows += len(table)
         if self._rows >= self.ROWS:
             self._flush()
@@ -195,6 +198,25 @@ class _Table:
                 self._wait()
             finally:
                 self._writer.close()
+
+
+def _in_text(table: Any, schema: Any) -> Any:
+    """Return a table as a .csv has it: names as texts, none of which a spreadsheet would run."""
+    for i, field in enumerate(table.schema):
+        if field.type == _NAME:
+            column = table.column(i).combine_chunks()
+            for part in column.chunks if isinstance(column, pa.ChunkedArray) else [column]:
+                names = part.dictionary.to_pylist()
+                harmless = [_harmless(name) for name in names]
+                if harmless != names:
+                    told = pa.DictionaryArray.from_arrays(part.indices, pa.array(harmless))
+                    table = table.set_column(i, field, told)
+    return table.cast(schema)
+
+
+def _harmless(name: str) -> str:
+    """Return a text that no spreadsheet takes for a formula."""
+    return f"'{name}" if name.startswith(FORMULA) else name
 
 
 def _plain(kind: Any) -> Any:

@@ -21,6 +21,7 @@ from sniffer.model import (
     Severity,
 )
 from sniffer.rows import frame_row, value_ranges
+from sniffer.sinks.lines import plain
 from sniffer.sinks.report import print_summary
 from sniffer.summary import Summary
 
@@ -78,11 +79,6 @@ def fit(text: str, width: int) -> str:
         if at > 0:
             return (text[: at + len(between)] + "…").ljust(width)
     return text[: width - 1] + "…"
-
-
-def plain(text: str) -> str:
-    """Return a text from the input so that it cannot steer the terminal."""
-    return text if text.isprintable() else ascii(text)[1:-1]
 
 
 class TextSink:

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
+from sniffer.limits import BUSES_MOST
 from sniffer.model import Chunk, DamagedInputError, InputError
 from sniffer.sources.binary import read_binary
 from sniffer.sources.candump import read_candump
@@ -80,6 +81,10 @@ _LABELS: Final[Mapping[str, str]] = {
 }
 
 
+class _ManyBusesError(DamagedInputError):
+    """An input names more buses than there can be."""
+
+
 class Source:
     """An input that is recognised: iterate it for groups of chunks, in order.
 
@@ -115,6 +120,8 @@ class Source:
         except Damage as damage:
             kind = DamagedInputError if read else InputError
             raise kind(f"{self.name}, {damage}") from None
+        except _ManyBusesError as error:
+            raise DamagedInputError(f"{self.name}: {error}") from None
 
     def facts(self) -> Mapping[str, str]:
         """Return what a recording knows about itself: protocol and baud by bus, models."""
@@ -147,10 +154,15 @@ class Source:
 def _groups(chunks: Iterable[Chunk], lag_s: float) -> Iterator[list[Chunk]]:
     """Group chunks; those read before damage are yielded first, unless a first line is nonsense."""
     group: list[Chunk] = []
+    buses: set[str] = set()
     size = 0
     due = time.monotonic() + lag_s
     try:
         for chunk in chunks:
+            if chunk.bus not in buses:
+                buses.add(chunk.bus)
+                if len(buses) > BUSES_MOST:
+                    raise _ManyBusesError(f"more than {BUSES_MOST} buses: are they names of one?")
             group.append(chunk)
             size += len(chunk.data)
             if size >= GROUP or len(group) >= GROUP_CHUNKS or time.monotonic() > due:
@@ -170,7 +182,7 @@ def _groups(chunks: Iterable[Chunk], lag_s: float) -> Iterator[list[Chunk]]:
 
 
 def open_source(
-    path: str | Path | bytes,
+    path: str | Path | bytes | bytearray | memoryview,
     input_format: str = "auto",
     *,
     bus: str = "bus0",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final
 
+from sniffer.limits import TIME_END_NS
 from sniffer.model import NS, Chunk, Clock, Direction
 from sniffer.sources.text import Block, Damage, Opened, blocks, quoted
 
@@ -31,7 +32,6 @@ _DIRECTIONS: Final = {
     b"R": Direction.RX,
 }
 _ERROR_FRAME: Final = 0x2000_0000  # CAN_ERR_FLAG of linux/can.h: its bytes were on no wire
-_T_END: Final = 1 << 63  # times are 64-bit columns further on
 
 _Row = tuple[bytes, bytes, bytes, bytes, bytes, bytes, bytes, bytes]
 
@@ -90,8 +90,8 @@ class _Log:
         if not seconds:
             return Chunk(data, bus=name, direction=direction)
         t_ns = int(seconds) * NS + int(fraction[:9].ljust(9, b"0"))
-        if t_ns >= _T_END:
-            raise Damage(number, f"{quoted(seconds)} seconds are beyond the year 2262")
+        if t_ns >= TIME_END_NS:
+            raise Damage(number, f"{quoted(seconds)} seconds are beyond the year 2257")
         return Chunk(data, t_ns, Clock.FILE, name, direction)
 
     def notes(self) -> Iterator[str]:

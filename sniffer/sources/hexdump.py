@@ -19,8 +19,12 @@ if TYPE_CHECKING:
 
     from sniffer.model import Chunk
 
-LONGEST_REPEAT: Final = 1 << 30
-"""Bytes that one ``*`` line may stand for; more is a damaged offset, not a silent bus."""
+REPEATED: Final = 1 << 22
+"""Bytes that the ``*`` lines of a dump may stand for, whatever its size: six minutes of a line at
+115200 baud that always says the same. More is a damaged offset, or no capture."""
+
+REPEATED_SHARE: Final = 256
+"""And so many more for each byte of the dump: it takes time in proportion to its size."""
 
 _DIGITS: Final = {8: b"01234567", 10: b"0123456789", 16: b"0123456789abcdefABCDEF"}
 _FORMATS: Final = {8: b"%0*o", 10: b"%0*d", 16: b"%0*x"}
@@ -177,6 +181,7 @@ class _Reading:
         self._previous = b""
         self._layout: _Layout | None = None
         self._run = 1  # lines tried at once
+        self._credit = REPEATED
         self.starred = False
         self.cut_off = False
         self.dumps = 1
@@ -184,6 +189,7 @@ class _Reading:
     def read(self, block: Block) -> Iterator[bytes]:
         """Yield the bytes that the lines of ``block`` state."""
         lines = block.lines()
+        self._credit += REPEATED_SHARE * len(block.text)
         self._radix = self._radix or counted(self._dialect, lines)[0]
         index = 0
         while index < len(lines):
@@ -271,7 +277,8 @@ class _Reading:
             if missing < 0 or (data and missing % step):
                 why = f"offset {shown} does not fit the * before it"
                 raise Damage(number, why, nonsense=False)
-            if missing > LONGEST_REPEAT:
+            self._credit -= missing
+            if self._credit < 0:
                 why = f"by offset {shown} the * before it stands for {missing} bytes: not credible"
                 raise Damage(number, why, nonsense=False)
             piece = self._previous * (min(missing, PIECE) // step + 1)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.limits import OFFSET_END, is_time
 from sniffer.model import Chunk, Clock, Direction
 from sniffer.sources.text import Damage, Opened, blocks, quoted
 
@@ -23,7 +24,6 @@ TYPES: Final = CARRIERS | {"transaction", "sample", "anomaly", "summary"}
 
 _CLOCKS: Final = {clock.name.lower(): clock for clock in Clock}
 _DIRECTIONS: Final = {d.name: d for d in Direction}
-_T_END: Final = 1 << 63
 
 
 class _Stream:
@@ -43,10 +43,12 @@ class _Stream:
             data = None
         if data is None:
             raise Damage(number, f'a {record["type"]} needs "hex": an even number of hex digits')
-        if type(offset) is not int or offset < 0:
+        if type(offset) is not int or not 0 <= offset < OFFSET_END:
             raise Damage(number, f'a {record["type"]} needs "offset": a whole number')
         if not isinstance(bus, str):
             raise Damage(number, '"bus" is a name')
+        # half a surrogate is no character: no output could hold it
+        bus = bus.encode("utf-8", "backslashreplace").decode()
         due = self._due.get(bus, offset)
         if 0 < offset < due:
             why = f"offset {offset} goes back, {due} is due: the records are not in wire order"
@@ -65,8 +67,8 @@ class _Stream:
             raise Damage(number, f'"clock" is one of {", ".join(_CLOCKS)}')
         if clock is Clock.NONE or t_ns is None:
             return None, Clock.NONE
-        if type(t_ns) is not int or not -_T_END <= t_ns < _T_END:
-            raise Damage(number, '"t_ns" is a whole number of nanoseconds')
+        if type(t_ns) is not int or not is_time(t_ns):
+            raise Damage(number, '"t_ns" is a whole number of nanoseconds, of 1969 to 2257')
         return t_ns, clock
 
     def notes(self) -> Iterator[str]:

@@ -15,6 +15,7 @@ import numpy as np
 from google.protobuf.message import DecodeError
 from mcap.records import Header, Metadata
 
+from sniffer.limits import OFFSET_END, is_mark, is_time, number_in
 from sniffer.messages import BUS, OFFSET, RECOVERED, SESSION, TOOL
 from sniffer.messages.recording_pb2 import Frame, RawChunk
 from sniffer.model import (
@@ -27,7 +28,8 @@ from sniffer.model import (
     Mark,
     MarkKind,
 )
-from sniffer.sources.mcap_records import BrokenError, NotMcapError, Piece, Records
+from sniffer.sources.mcap_packed import BrokenError
+from sniffer.sources.mcap_records import NotMcapError, Piece, Records
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,6 +45,9 @@ GROUP_CHUNKS: Final = 1 << 15
 HEAD: Final = 4 << 20
 """How far into a recording the facts about it may stand, in bytes."""
 
+
+_STEP: Final = 1 << 12
+"""Messages that are copied out of a piece at a time."""
 
 _CLOCKS: Final[dict[int, Clock]] = {c.value: c for c in Clock}
 _DIRECTIONS: Final[dict[int, Direction]] = {d.value: d for d in Direction}
@@ -82,6 +87,7 @@ def groups(source: Path | str | Stream) -> Iterator[list[Chunk]]:
     """
     with _opened(source) as (stream, name, size):
         records = Records(stream)
+        raw = _Channels(records, RawChunk)
         group: list[Chunk] = []
         held = 0
         ours = False
@@ -95,7 +101,7 @@ def groups(source: Path | str | Stream) -> Iterator[list[Chunk]]:
                     ours |= record.name == SESSION
                 if not isinstance(record, Piece):
                     continue
-                for chunk in _raw(records, record, offsets):
+                for chunk in _raw(raw, record, offsets):
                     group.append(chunk)
                     held += len(chunk.data)
                     if held >= GROUP or len(group) >= GROUP_CHUNKS:
@@ -107,7 +113,7 @@ def groups(source: Path | str | Stream) -> Iterator[list[Chunk]]:
             broken = error
         if group:
             yield group
-        if not ours and records.channels and not _channels(records, RawChunk):
+        if not ours and records.channels and not raw.buses():
             raise InputError(_foreign(name, records))
         if broken is not None:
             raise _damage(name, records, size, broken)
@@ -123,6 +129,7 @@ def recorded(source: Path | str | Stream) -> Iterator[RecordedFrame]:
     """
     with _opened(source) as (stream, name, size):
         records = Records(stream)
+        raw, frames = _Channels(records, RawChunk), _Channels(records, Frame)
         starts: dict[str, int] = {}
         recovered = False
         try:
@@ -132,9 +139,9 @@ def recorded(source: Path | str | Stream) -> Iterator[RecordedFrame]:
                     starts.update(_starts(record))
                 if not isinstance(record, Piece):
                     continue
-                for bus, data in _of(record, _channels(records, RawChunk), first=True):
+                for bus, data in _of(record, raw.buses(), first=True):
                     starts.setdefault(bus, _decoded(RawChunk, data).offset)
-                for bus, data in _of(record, _channels(records, Frame)):
+                for bus, data in _of(record, frames.buses()):
                     f = _decoded(Frame, data)
                     servo = f.servo_id if f.HasField("servo_id") else None
                     kind = KINDS[f.kind] if f.kind < len(KINDS) else str(f.kind)
@@ -153,7 +160,8 @@ def _starts(record: Metadata) -> dict[str, int]:
     if record.name != SESSION:
         return {}
     told = ((key.partition("."), value) for key, value in record.metadata.items())
-    return {bus: int(at) for (what, _, bus), at in told if what == OFFSET and at.isdecimal()}
+    starts = {b: number_in(at, 0, OFFSET_END) for (what, _, b), at in told if what == OFFSET}
+    return {bus: at for bus, at in starts.items() if at is not None}
 
 
 def session(source: Path | str | Stream) -> dict[str, str]:
@@ -168,7 +176,8 @@ def session(source: Path | str | Stream) -> dict[str, str]:
         try:
             for record in records:
                 if isinstance(record, Metadata) and record.name == SESSION:
-                    facts = {**record.metadata, **facts}
+                    for key, value in record.metadata.items():
+                        facts.setdefault(key, value)
                 elif isinstance(record, Metadata) and record.name.startswith(f"{BUS}."):
                     told = dict(record.metadata)
                     bus = told.pop("bus", "")
@@ -200,14 +209,26 @@ def _opened(source: Path | str | Stream) -> Iterator[tuple[Stream, str, int | No
             raise DamagedInputError(f"{path}: cannot be read on ({error.strerror})") from None
 
 
-def _channels(records: Records, message: type[RawChunk | Frame]) -> dict[int, str]:
-    """Return the channels of a message type, with their bus."""
-    name = message.DESCRIPTOR.full_name
-    return {
-        c.id: c.metadata.get("bus", c.topic.strip("/").rpartition("/")[0])
-        for c in records.channels.values()
-        if c.schema_id in records.schemas and records.schemas[c.schema_id].name == name
-    }
+class _Channels:
+    """The channels of a message type, with their bus; looked for again where there are more."""
+
+    def __init__(self, records: Records, message: type[RawChunk | Frame]) -> None:
+        self._records = records
+        self._name = message.DESCRIPTOR.full_name
+        self._learnt = 0
+        self._buses: dict[int, str] = {}
+
+    def buses(self) -> dict[int, str]:
+        """Return the bus of each channel by the channel's id."""
+        r = self._records
+        if self._learnt != r.learnt:
+            self._learnt = r.learnt
+            self._buses = {
+                c.id: c.metadata.get("bus", c.topic.strip("/").rpartition("/")[0])
+                for c in r.channels.values()
+                if c.schema_id in r.schemas and r.schemas[c.schema_id].name == self._name
+            }
+        return self._buses
 
 
 def _of(piece: Piece, buses: dict[int, str], *, first: bool = False) -> Iterator[tuple[str, bytes]]:
@@ -215,14 +236,16 @@ def _of(piece: Piece, buses: dict[int, str], *, first: bool = False) -> Iterator
     mine = np.flatnonzero(np.isin(piece.channel, list(buses)))
     if first:
         mine = mine[np.sort(np.unique(piece.channel[mine], return_index=True)[1])]
-    channels = piece.channel[mine].tolist()
-    for channel, data in zip(channels, piece.messages(piece.at[mine]), strict=True):
-        yield buses[channel], data
+    for begin in range(0, len(mine), _STEP):
+        some = mine[begin : begin + _STEP]
+        channels = piece.channel[some].tolist()
+        for channel, data in zip(channels, piece.messages(piece.at[some]), strict=True):
+            yield buses[channel], data
 
 
-def _raw(records: Records, piece: Piece, offsets: dict[str, int]) -> Iterator[Chunk]:
+def _raw(channels: _Channels, piece: Piece, offsets: dict[str, int]) -> Iterator[Chunk]:
     """Yield a piece's chunks; ``offsets`` tells for each bus where the next one must begin."""
-    for bus, message in _of(piece, _channels(records, RawChunk)):
+    for bus, message in _of(piece, channels.buses()):
         raw = _decoded(RawChunk, message)
         at, data = raw.offset, raw.data
         if at != offsets.get(bus, at):
@@ -232,14 +255,19 @@ def _raw(records: Records, piece: Piece, offsets: dict[str, int]) -> Iterator[Ch
         if clock is None or direction is None:
             raise BrokenError("a chunk has a clock or direction that is not known here")
         t_ns = raw.t_ns if raw.HasField("t_ns") else None
+        if t_ns is not None and not is_time(t_ns):
+            raise BrokenError("a chunk has a time that cannot be reckoned with")
         yield Chunk(data, t_ns, clock, bus, direction, _marks(raw) if raw.marks else ())
 
 
 def _marks(raw: RawChunk) -> tuple[Mark, ...]:
     """Return a chunk's marks; a kind that only later versions know tells nothing here."""
-    return tuple(
+    marks = tuple(
         Mark(_KINDS[m.kind], m.start, m.length, m.count) for m in raw.marks if m.kind in _KINDS
     )
+    if not all(map(is_mark, marks)):
+        raise BrokenError("a chunk has a mark that cannot be reckoned with")
+    return marks
 
 
 def _decoded(message: type[_Message], data: bytes) -> _Message:
@@ -257,7 +285,7 @@ def _damage(
 
 
 def _foreign(name: str, records: Records) -> str:
-    topics = sorted({c.topic for c in records.channels.values()})
+    topics = sorted({c.topic[:40] for c in records.channels.values()})
     more = f" and {len(topics) - 5} more" if len(topics) > 5 else ""
     shown = ", ".join(topics[:5]) + more
     return f"{name}: an MCAP, but no recording of this tool: it has the topics {shown}"

@@ -22,6 +22,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, DataEnd, Header, Metadata, Schema
 
 from sniffer.messages import TOOL
+from sniffer.sources.mcap_packed import UNPACKED, BrokenError, begin_of, chunk_head, unpack
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,10 +35,13 @@ if TYPE_CHECKING:
 MAGIC: Final = b"\x89MCAP0\r\n"
 
 LONGEST: Final = 1 << 28
-"""A longer record or chunk is taken for damage, in bytes: it bounds memory."""
+"""A longer record is taken for damage, in bytes: it bounds memory."""
+
+TOLD: Final = 1 << 22
+"""The same for what is said beside the messages (header, schemas, channels, metadata), which is a
+few kB: parsed it takes ten times as much."""
 
 _HEAD: Final = struct.Struct("<BQ")
-_CHUNK: Final = struct.Struct("<QQQII")
 _MESSAGE: Final = 22
 """What stands in a message record before its data, in bytes, without the record's head."""
 
@@ -49,12 +53,9 @@ _PARSED: Final[dict[int, Any]] = {
     Opcode.METADATA: Metadata,
     Opcode.DATA_END: DataEnd,
 }
+_TOLD: Final = (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.DATA_END)
 _BESIDE: Final = (Opcode.ATTACHMENT, Opcode.METADATA)
 """What is damaged of these is left out: the messages do not depend on it."""
-
-
-class BrokenError(Exception):
-    """The file makes no sense from here on; ``str`` says why."""
 
 
 class _TornError(BrokenError):
@@ -101,6 +102,8 @@ class Records:
     def __init__(self, stream: Stream, *, attachments: bool = False) -> None:
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
+        self.learnt = 0
+        """How many schemas and channels were met, repeated ones too."""
         self.position = 0
         self._stream = stream
         self._attachments = attachments
@@ -186,6 +189,7 @@ class Records:
         return record
 
     def _learn(self, record: Any) -> None:
+        self.learnt += 1
         if isinstance(record, Schema):
             self.schemas[record.id] = record
         elif isinstance(record, Channel):
@@ -221,9 +225,10 @@ class Records:
             Opcode.MESSAGE_INDEX,
         )
         if wanted and (opcode != Opcode.ATTACHMENT or self._attachments):
-            if size > LONGEST:
+            if size <= (TOLD if opcode in _TOLD else LONGEST):
+                return opcode, self._take(size)
+            if opcode not in _BESIDE or size > LONGEST:
                 raise BrokenError(f"a record claims to have {size} bytes")
-            return opcode, self._take(size)
         while size:
             size -= len(self._take(min(size, 1 << 20)))
         return opcode, b""
@@ -231,9 +236,9 @@ class Records:
     def _torn(self, body: bytes) -> Iterator[Piece]:
         """Yield, as a chunk of its own, the whole messages that a chunk begins with."""
         try:
-            size, _, compression, length, packed = _chunk_head(body)
+            size, _, compression, length, packed = chunk_head(body)
             if compression == "zstd" and len(packed) < length:
-                begin = zstandard.ZstdDecompressor().decompressobj().decompress(packed)[:size]
+                begin = begin_of(packed, min(size, UNPACKED))
                 data = begin[: _whole(begin)]
                 packed = zstandard.ZstdCompressor().compress(data)
                 piece = self._messages("zstd", packed, zlib.crc32(data), data, [])
@@ -243,10 +248,10 @@ class Records:
             return  # nothing of it can be read
 
     def _piece(self, body: bytes, index: list[bytes]) -> Piece:
-        size, crc, compression, length, packed = _chunk_head(body)
-        if len(packed) != length or size > LONGEST:
+        size, crc, compression, length, packed = chunk_head(body)
+        if len(packed) != length:
             raise BrokenError("the head of a chunk makes no sense")
-        data = _unpack(compression, packed, size)
+        data = unpack(compression, packed, size)
         if len(data) != size or (crc and zlib.crc32(data) != crc):
             raise BrokenError("a chunk's checksum does not match")
         return self._messages(compression, packed, crc, data, index)
@@ -276,32 +281,24 @@ class Records:
             end = start + _HEAD.size + size
             if end > len(data) or (opcode == Opcode.MESSAGE and size < _MESSAGE):
                 raise BrokenError("a chunk ends within a record")
+            if not opcode:
+                raise BrokenError("there are zeros where a record should begin")
             if opcode == Opcode.MESSAGE:
                 found.append(start)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                if size > TOLD:
+                    raise BrokenError(f"a record claims to have {size} bytes")
                 self._learn(_parse(opcode, data[start + _HEAD.size : end], own=self._own))
             start = end
         return found, start
-
-
-def _chunk_head(body: bytes) -> tuple[int, int, str, int, bytes]:
-    """Return a chunk's size, checksum, compression, length when packed, and what is packed."""
-    try:
-        _, _, size, crc, named = _CHUNK.unpack_from(body)
-        at = _CHUNK.size + named
-        compression = body[_CHUNK.size : at].decode()
-        (length,) = struct.unpack_from("<Q", body, at)
-    except (struct.error, UnicodeDecodeError):
-        raise BrokenError("the head of a chunk makes no sense") from None
-    return size, crc, compression, length, body[at + 8 :]
 
 
 def _whole(data: bytes) -> int:
     """Return where the last record ends that is whole."""
     end = 0
     while len(data) - end >= _HEAD.size:
-        _, size = _HEAD.unpack_from(data, end)
-        if size > len(data) - end - _HEAD.size:
+        opcode, size = _HEAD.unpack_from(data, end)
+        if not opcode or size > len(data) - end - _HEAD.size:
             break
         end += _HEAD.size + size
     return end
@@ -322,25 +319,6 @@ def _parse(opcode: int, body: bytes, *, own: bool) -> Any:
     return record
 
 
-def _unpack(compression: str, packed: bytes, size: int) -> bytes:
-    if not compression:
-        return packed
-    try:
-        if compression == "zstd":
-            stated = zstandard.get_frame_parameters(packed).content_size
-            if stated not in (size, zstandard.CONTENTSIZE_UNKNOWN):
-                raise BrokenError("a chunk is not as long as it says")
-            return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
-        if compression == "lz4":
-            import lz4.frame  # type: ignore[import-untyped] # only other tools write it
-
-            data: bytes = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
-            return data
-    except (zstandard.ZstdError, RuntimeError, EOFError):
-        raise BrokenError("a chunk cannot be unpacked") from None
-    raise BrokenError(f"a chunk is packed with {compression[:20]!a}, which is not known here")
-
-
 def _indexed(index: list[bytes]) -> I64:
     """Return the places that the message indexes name, in order."""
     parts = [np.frombuffer(b, "<i8", (len(b) - 6) // 16 * 2, 6)[1::2] for b in index]
@@ -349,7 +327,7 @@ def _indexed(index: list[bytes]) -> I64:
 
 def _tiles(data: bytes, at: I64) -> bool:
     """Tell whether from the first place on there is nothing but messages at these places."""
-    if not len(at) or at[0] < 0 or at[-1] + _HEAD.size + _MESSAGE > len(data):
+    if not len(at) or at[0] < 0 or at[-1] > len(data) - _HEAD.size - _MESSAGE:
         return False
     size = _gather(data, at, 1, "<i8")
     end = at + _HEAD.size + size

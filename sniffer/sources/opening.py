@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import select
 import stat
 import sys
@@ -26,6 +27,10 @@ STDIN: Final = "-"
 
 PATIENCE_S: Final = 0.2
 """How long the beginning of a pipe is gathered before it is looked at, in seconds."""
+
+
+SHOWN: Final = 300
+"""A longer path is shown by its beginning and its end."""
 
 
 class Origin(Protocol):
@@ -152,13 +157,15 @@ def _more(stream: BinaryIO) -> bool:
         return True
 
 
-def find(path: str | Path | bytes) -> Origin:
+def find(path: str | Path | bytes | bytearray | memoryview) -> Origin:
     """Return where the bytes of ``path`` come from; InputError says why they cannot be had.
 
     ``"-"`` is standard input; bytes are a file's content themselves.
     """
-    if isinstance(path, bytes):
-        return File(None, path)
+    if isinstance(path, bytes | bytearray | memoryview):
+        return File(None, bytes(path))
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"a path or the bytes of a file are needed, not {type(path).__name__}")
     if str(path) == STDIN:
         if sys.stdin is None or sys.stdin.closed:
             raise InputError("standard input is closed: give a file name")
@@ -180,6 +187,7 @@ def find(path: str | Path | bytes) -> Origin:
 def _shown(path: Path) -> str:
     """Return the path so that it fits in a message of one line."""
     text = str(path)
+    text = text if len(text) <= SHOWN else f"{text[: SHOWN // 2]}…{text[-SHOWN // 2 :]}"
     return text if text.isprintable() else ascii(text)
 
 

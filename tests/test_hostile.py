@@ -1,0 +1,360 @@
+"""Input that was made to do harm, or that bad luck made.
+
+One line, the right status, no more memory than there is reason for, nothing lost that was decoded.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import pytest
+from mcap.opcode import Opcode
+
+from sniffer.limits import BUSES_MOST
+from sniffer.sources.hexdump import REPEATED
+from tests import hostile
+from tests.commands import conserved
+from tests.hostile import ANSWER, ASK, MEMORY, PAIR, Answer, Victim, decoded, frame, sound
+from tests.recordings import START_NS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="limits memory as POSIX does")
+
+CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
+
+
+@pytest.fixture(scope="module")
+def victim() -> Iterator[Victim]:
+    with Victim() as program:
+        yield program
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    return hostile.recording(tmp_path_factory.mktemp("base") / "run.mcap")
+
+
+# --- packed and repeated -------------------------------------------------------------------------
+
+
+def smallest_messages(base: bytes) -> bytes:
+    """Return the records of a recording's first chunk, then many messages with nothing."""
+    head = hostile.unpacked(base)
+    message = struct.pack("<BQHIQQ", Opcode.MESSAGE, 22, 1, 0, 0, 0)
+    return head + message * (1 << 17)
+
+
+PACKED: Final[dict[str, tuple[Callable[[bytes], bytes], str]]] = {
+    "a bomb in a torn chunk": (
+        lambda base: hostile.with_chunk(
+            base, hostile.bomb(128), size=1 << 28, packing="zstd", missing=1000
+        ),
+        "it breaks off",
+    ),
+    "a bomb in a torn chunk that names its size": (
+        lambda base: hostile.with_chunk(
+            base, hostile.bomb(128), size=128 << 20, packing="zstd", missing=1000
+        ),
+        "it breaks off",
+    ),
+    "255 MB of zeros": (
+        lambda base: hostile.with_chunk(base, hostile.bomb(255), size=255 << 20, packing="zstd"),
+        "a chunk claims to have 267386880 bytes",
+    ),
+    "63 MB of zeros": (
+        lambda base: hostile.with_chunk(base, hostile.bomb(63), size=63 << 20, packing="zstd"),
+        "there are zeros where a record should begin",
+    ),
+    "a chunk that unpacks to more than it says": (
+        lambda base: hostile.with_chunk(base, hostile.bomb(100), size=1000, packing="zstd"),
+        "a chunk cannot be unpacked",
+    ),
+    "messages with nothing in them": (
+        lambda base: hostile.with_chunk(
+            base,
+            hostile.bomb(1, smallest_messages(base)),
+            size=len(smallest_messages(base)),
+            packing="zstd",
+        ),
+        "bytes 360 to 0 of bus0 are missing",
+    ),
+    "a packing that nobody knows": (
+        lambda base: hostile.with_chunk(base, b"", size=0, packing="x" * 10_000),
+        "which is not known here",
+    ),
+    "metadata of 200 MB that are not there": (
+        lambda base: (
+            base[: next(hostile.places(base, Opcode.CHUNK))]
+            + struct.pack("<BQ", Opcode.METADATA, 200 << 20)
+        ),
+        "it breaks off",
+    ),
+    "a header of 200 MB": (
+        lambda base: base[:8] + struct.pack("<BQ", Opcode.HEADER, 200 << 20) + bytes(1000),
+        "a record claims to have 209715200 bytes",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PACKED)
+def test_what_is_packed_takes_no_more_memory_than_a_recording_of_ours(
+    name: str, victim: Victim, base: bytes, tmp_path: Path
+) -> None:
+    make, why = PACKED[name]
+    answer, told = decoded(victim, tmp_path / "x.mcap", make(base), "--protocol", "mightyzap")
+    assert answer.status in (0, 3)
+    assert len(told) == 1
+    assert why in told[0]
+    recovered = victim.run("recover", tmp_path / "x.mcap", "-o", tmp_path / "whole.mcap")
+    assert recovered.status in (0, 2)
+    assert recovered.memory < MEMORY
+
+
+@pytest.mark.parametrize(
+    ("dump", "line"),
+    [
+        ("00000000  {}  |...|\n*\n40000000  ff\n", 3),
+        ("00000000  {}  |...|\n*\n3fffffff\n", 3),
+        ("0000000 {}\n*\n7777777777\n", 3),
+        ("00000000: {}  ....\n*\n40000000: ff  .\n", 3),
+        (
+            "".join(
+                ["00000000" + "  ff" * 16 + "\n*\n", *(f"{n << 21:08x}\n*\n" for n in range(1, 9))]
+            ),
+            7,
+        ),
+    ],
+)
+def test_a_star_stands_for_no_more_than_a_line_ever_repeats(
+    dump: str, line: int, victim: Victim, tmp_path: Path
+) -> None:
+    text = dump.replace("{}", "ff ff ff 01 04 f2 8c 02 7a ff ff ff 01 04 00 ff")
+    path = tmp_path / "x.txt"
+    path.write_text(text, encoding="utf-8")
+    answer = victim.run("decode", path, "--protocol", "mightyzap", "--quiet")
+    assert answer.status == 3
+    told = sound(answer)
+    assert told[0].startswith(f"{path}, line {line}: by offset ")
+    assert told[0].endswith("bytes: not credible")
+
+
+def test_a_star_may_stand_for_minutes_of_a_line_at_rest(victim: Victim, tmp_path: Path) -> None:
+    row = "00000000  ff ff ff ff ff ff ff ff  ff ff ff ff ff ff ff ff  |...|\n"
+    path = tmp_path / "x.txt"
+    path.write_text(f"{row}*\n{REPEATED // 2:08x}\n", encoding="utf-8")
+    answer = victim.run(
+        *("decode", path, "--protocol", "mightyzap", "--summary", "--format", "jsonl")
+    )
+    assert answer.status == 0
+    assert json.loads(answer.out)["bytes"] == REPEATED // 2
+
+
+@pytest.mark.parametrize("form", ["jsonl", "log"])
+def test_more_buses_than_there_can_be_end_the_input_in_one_line(
+    form: str, victim: Victim, tmp_path: Path
+) -> None:
+    def line(n: int) -> str:
+        if form == "log":
+            return f"(1.{n:09d}) b{n} #{PAIR}\n"
+        return json.dumps({"type": "frame", "hex": PAIR, "offset": 0, "bus": f"b{n}"}) + "\n"
+
+    data = "".join(map(line, range(10_000))).encode()
+    answer, told = decoded(victim, tmp_path / f"x.{form}", data, "--protocol", "mightyzap")
+    assert answer.status == 3
+    assert told == [
+        f"{tmp_path / f'x.{form}'}: more than {BUSES_MOST} buses: are they names of one?"
+    ]
+    assert len(json.loads(answer.out.splitlines()[-1])["buses"]) == BUSES_MOST
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b'{"type":"frame","hex":"' + b"ff" * (1 << 21) + b'","offset":0}\n',
+        b"(1.5) bus0 #" + b"ff" * (1 << 21) + b"\n",
+        b"00000000  " + b"ff " * (1 << 20) + b"\n",
+    ],
+)
+def test_an_endless_line_is_no_line(text: bytes, victim: Victim, tmp_path: Path) -> None:
+    for data in (text, b'{"type":"frame","hex":"ff","offset":0}\n' * 20 + text):
+        answer, told = decoded(victim, tmp_path / "x", data, "--protocol", "mightyzap")
+        assert answer.status in (2, 3)
+        assert len(told) == 1
+
+
+# --- numbers -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("every", [False, True])
+@pytest.mark.parametrize("number", [2**63 - 1, 2**63 - 5, 2**63, 2**64 - 1, 2**62])
+def test_an_index_that_leads_out_of_the_file_is_not_followed(
+    number: int, every: bool, victim: Victim, base: bytes, tmp_path: Path
+) -> None:
+    data = bytearray(base)
+    at = next(hostile.places(base, Opcode.MESSAGE_INDEX))
+    length = struct.unpack_from("<Q", data, at + 1)[0] - 6
+    for entry in range(at + 9 + 6, at + 9 + 6 + (length if every else 16), 16):
+        struct.pack_into("<Q", data, entry + 8, number)
+    answer, told = decoded(victim, tmp_path / "x.mcap", bytes(data), "--protocol", "mightyzap")
+    assert answer.status == 0
+    assert "its checksum over everything does not match" in told[0]
+    assert conserved(answer.out) == (ASK + ANSWER) * 20
+
+
+@pytest.mark.parametrize(
+    ("facts", "status"),
+    [
+        ({"model.300": "mightyzap-l12"}, 0),
+        ({f"model.{'9' * 5000}": "mightyzap-l12"}, 0),
+        ({"model.1": "nonsense" * 20_000}, 2),
+        ({"latency_ns.bus0": str(1 << 63)}, 0),
+        ({"latency_ns.bus0": "9" * 5000}, 0),
+        ({"baud.bus0": "0"}, 0),
+        ({"baud.bus0": "9" * 5000}, 0),
+        ({"protocol.bus0": "nonsense" * 20_000}, 2),
+        ({"offset.bus0": "9" * 5000}, 0),
+    ],
+)
+def test_facts_that_cannot_be_are_left_out_or_told(
+    facts: dict[str, str], status: int, victim: Victim, tmp_path: Path
+) -> None:
+    path = tmp_path / "x.mcap"
+    hostile.with_facts(path, facts)
+    answer = victim.run("decode", path, "--format", "jsonl", "--baud", "57600")
+    told = sound(answer)
+    assert (answer.status, len(told)) == (status, 1 if status else 0)
+    again = victim.run("replay", path, "--redecode")
+    assert again.status in (0, 1, 2)
+    sound(Answer(again.status, "", again.err, again.memory))
+
+
+def raw_message(offset: int, *, start: int = 0, count: int = 1, t_ns: int = START_NS) -> bytes:
+    """Return a record of a raw chunk with a HELD mark."""
+    from sniffer.messages.recording_pb2 import Clock, Mark, RawChunk
+
+    mark = Mark(kind=Mark.Kind.HELD, start=start, count=count)
+    raw = RawChunk(t_ns=t_ns, clock=Clock.CLOCK_READ, offset=offset, data=ASK, marks=[mark])
+    data = raw.SerializeToString()
+    return struct.pack("<BQHIQQ", Opcode.MESSAGE, 22 + len(data), 1, 0, 0, 0) + data
+
+
+@pytest.mark.parametrize(
+    ("odd", "what"),
+    [
+        ({"count": 2**63}, "a chunk has a mark"),
+        ({"count": 2**64 - 1}, "a chunk has a mark"),
+        ({"start": -(2**63)}, "a chunk has a mark"),
+        ({"start": 2**62}, "a chunk has a mark"),
+        ({"t_ns": 2**63 - 1}, "a chunk has a time"),
+        ({"t_ns": -(2**63)}, "a chunk has a time"),
+    ],
+)
+def test_a_mark_or_a_time_beyond_all_time_is_damage(
+    odd: dict[str, int], what: str, victim: Victim, base: bytes, tmp_path: Path
+) -> None:
+    content = hostile.unpacked(base)
+    head = content[: next(at for at in _starts(content) if content[at] == Opcode.MESSAGE)]
+    good, bad = head + raw_message(0), raw_message(len(ASK), **odd)
+    data = hostile.with_chunk(base, good + bad, size=len(good + bad))
+    answer, told = decoded(victim, tmp_path / "x.mcap", data, "--protocol", "mightyzap")
+    assert len(told) == 1
+    assert f"{what} that cannot be reckoned with" in told[0]
+    assert conserved(answer.out) == ASK
+
+
+def _starts(content: bytes) -> Iterator[int]:
+    at = 0
+    while at < len(content):
+        yield at
+        at += 9 + struct.unpack_from("<Q", content, at + 1)[0]
+
+
+LINES: Final = {
+    "a time of -2^63": frame(t_ns=-(2**63)),
+    "a time of 2^63 - 1": frame(t_ns=2**63 - 1),
+    "a time of 5000 digits": '{"type":"frame","hex":"00","offset":0,"t_ns":' + "9" * 5000 + "}\n",
+    "an offset of 5000 digits": '{"type":"frame","hex":"00","offset":' + "9" * 5000 + "}\n",
+    "an offset of 2^63": frame(offset=2**63),
+    "a bus that is a number": frame(bus=5),
+    "a clock that is a list": frame(clock=[1]),
+    "hex that is a number": frame(hex=5),
+    "the year 2262": f"(9223372036.8) bus0 #{PAIR}\n",
+    "the year 2286": f"(9999999999.9) bus0 #{PAIR}\n",
+    "a thousand brackets": "[" * 100_000 + "\n",
+    "an object in an object": '{"a":' * 100_000 + "\n",
+}
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_a_line_that_says_what_cannot_be_is_one_line(
+    name: str, victim: Victim, tmp_path: Path
+) -> None:
+    is_log = LINES[name].startswith("(")
+    good = f"(1700000000.5) bus0 #{PAIR}\n" if is_log else frame(t_ns=START_NS)
+    for text in (LINES[name], good * (1 if is_log else 0) + LINES[name], good + LINES[name]):
+        answer, told = decoded(victim, tmp_path / "x", text.encode(), "--protocol", "mightyzap")
+        assert answer.status in (2, 3)
+        assert len(told) == 1
+
+
+def test_half_a_surrogate_is_a_name_that_every_output_bears(victim: Victim, tmp_path: Path) -> None:
+    outputs = [f"-o{tmp_path / f'x{suffix}'}" for suffix in (".mcap", ".csv", ".jsonl", ".rrd")]
+    data = frame(bus="\ud800").encode()
+    answer, told = decoded(victim, tmp_path / "in.jsonl", data, "--protocol", "mightyzap", *outputs)
+    assert (answer.status, told) == (0, [])
+    assert conserved(answer.out) == ASK + ANSWER
+    assert "\\\\ud800" in answer.out
+    assert conserved((tmp_path / "x.jsonl").read_text(encoding="utf-8")) == ASK + ANSWER
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--model", f"{'9' * 5000}=mightyzap-l12"),
+        ("--model", "1=" + "x" * 5000),
+        ("--baud", "9" * 5000),
+        ("--latency", "9" * 5000),
+        ("--latency", "nan"),
+        ("--protocol", "x" * 100_000),
+        ("--input-format", "x" * 100_000),
+    ],
+)
+def test_an_option_that_cannot_be_is_one_short_line(
+    arguments: tuple[str, str], victim: Victim
+) -> None:
+    answer = victim.run("decode", CAPTURES / "mightyzap_clean.log", *arguments)
+    assert answer.status == 2
+    assert len(sound(answer)) == 1
+    assert len(answer.err) < 5000
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("replay", "--from", "1e300"),
+        ("replay", "--from", "0", "--to", "1e-300"),
+        ("replay", "--speed", "1e300"),
+        ("replay", "--from", "1e9", "--to", "1e300"),
+        ("simulate", "--servos", "9" * 5000),
+        ("simulate", "--rate", "9" * 5000),
+        ("simulate", "--seed", "9" * 5000),
+        ("simulate", "--fault", "flip:" + "9" * 5000),
+        ("explain", "ff" * 100_000),
+        ("explain", "x" * 100_000),
+        ("registers", "x" * 100_000),
+    ],
+)
+def test_other_commands_take_odd_numbers_as_calmly(
+    arguments: tuple[str, ...], victim: Victim
+) -> None:
+    command, *options = arguments
+    what = {"replay": [str(CAPTURES / "mightyzap_manual.hex")], "simulate": ["lss"]}
+    answer = victim.run(command, *what.get(command, []), *options)
+    sound(Answer(answer.status, "", answer.err, answer.memory))
+    assert len(answer.err) < 5000
