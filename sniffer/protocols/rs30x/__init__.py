@@ -45,7 +45,7 @@ class Rs30x:
 
     name = "rs30x"
     title = "Futaba RS30x (RS305CR)"
-    # RS305CR manual, table 4.6
+    # RS305CR manual, table 4.6; the last one only siblings have (RS301CR manual, Table 4.6: 0AH)
     bauds: tuple[int, ...] = (
         9600,
         14400,
@@ -57,6 +57,7 @@ class Rs30x:
         115200,
         153600,
         230400,
+        460800,
     )
     baud = 115200
     longest = block.REACH

@@ -74,7 +74,9 @@ if TYPE_CHECKING:
 
     from sniffer.protocols.base import State, Values
 
-MODELS: Final = load_models("rs305cr")
+MODELS: Final = load_models(
+    "rs305cr", "rs204md", "rs301cr", "rs302cd", "rs303mr", "rs304md", "rs405cb", "rs406cb"
+)
 SHAPES: Final = Addressed(MODELS, first=0)
 PLAN: Final = plan_of(PACKET)
 RETURN_PLAN: Final = plan_of(RETURN)
