@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 from hypothesis import given
@@ -19,6 +18,9 @@ from sniffer.rows import FrameRow, SampleRow
 from sniffer.timing import byte_time_ns
 from tests.records import batches, records
 from tests.streams import chunked, stream
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 LSS = PROTOCOLS["lss"]
 PRO: Final[Mapping[int | None, str]] = {5: "lss-pro"}
