@@ -21,6 +21,7 @@ from sniffer.model import (
     WHOLE,
 )
 from sniffer.protocols.base import SlowFrame, State
+from sniffer.protocols.wck import controller
 from sniffer.protocols.wck.block import MODELS, REPLY
 from sniffer.protocols.wck.grammar import (
     COMMANDS,
@@ -63,7 +64,8 @@ def parse(data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None
     """
     found = command(data, at, limit)
     if found is None:
-        return None
+        past = controller.parse(data, at, limit)
+        return None if past is None else [(at, past, REQUEST)]
     row = [(at, *found)]
     while True:
         begin, op, end = row[-1]
@@ -98,6 +100,8 @@ def _replied(op: Op, data: bytes, at: int, end: int, limit: int) -> bool:
             continue
         if command(data, end + k, limit) is not None:
             return False
+        if controller.parse(data, end + k, limit) is not None:
+            return False
     return True
 
 
@@ -114,12 +118,14 @@ def _parsed(raw: bytes) -> tuple[Op, Any, bool]:
 
 def describe(raw: bytes, kind: int, before: SlowFrame | None) -> SlowFrame:
     """Describe a command, or the reply to the command ``before``."""
+    if controller.is_packet(raw):
+        return controller.describe(raw, before)
     if kind == RESPONSE:
         assert before is not None, "a reply stands right behind its command"
         return _describe_reply(raw, before)
     op, fields, text_sum = _parsed(raw)
     servo_id = fields.id if "id" in fields else fields.data1.id
-    if op.name in ("sync_position_move", "break"):
+    if op.name in ("sync_position_move", "break", "rbc_direct_control_end"):
         servo_id = -1
     out = SlowFrame(0, len(raw), REQUEST, servo_id, INDEX[op.name], raw)
     if op.name == "unknown":
@@ -141,6 +147,8 @@ def _parameters(op: Op, raw: bytes) -> tuple[int, bytes]:
         case "position_move_10bit":
             return 4, raw[4:-1]
         case "sync_position_move" | "motion_data_write" | "io_write" | "unknown":
+            return 3, raw[3:-1]
+        case "rbc_direct_control_end":
             return 3, raw[3:-1]
         case name if name.endswith("_set"):
             return 3, raw[3:-1]
@@ -174,6 +182,8 @@ def states_itself(frame: SlowFrame) -> bool:
 
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
     """Return what the fields say, by the registers that bear their names."""
+    if frame.op >= controller.BASE:
+        return []
     name = "unknown" if frame.op >= UNKNOWN_BASE else OPS[frame.op].name
     if frame.kind == RESPONSE:
         fields = {**REPLIES[INDEX[name]].parse(frame.raw)}
