@@ -47,14 +47,15 @@ class Tap:
         self.errors = 0
         self.away_ns: int | None = None
         self.last_ns: int | None = None
-        self._tells_errors = port.marks_errors or port.counters() is not None
+        counts = bool(port.counts_errors) and port.counters() is not None
+        self._tells_errors = bool(port.marks_errors) or counts
         self._marked = 0
         self._since = 0  # bytes since the counters were read
 
     @property
     def line_errors(self) -> int | None:
-        """Line errors so far, None where neither marks nor counters tell."""
-        return self.errors if self._tells_errors else None
+        """Line errors so far, None where neither marks nor counters tell, or none has yet."""
+        return self.errors if self._tells_errors or self.errors else None
 
     def state(self, now_ns: int) -> str:
         """Return whether the port is listening, silent or away."""
