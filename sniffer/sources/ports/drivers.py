@@ -28,25 +28,31 @@ class Tells:
         marks: whether bytes with errors are marked in the stream.
         counts: whether the driver's counters rise with them, and with bytes that were lost.
         words: the same for people.
+        counts_sent: whether the driver counts the bytes that it sends. Most answer for that, too,
+            with a nought that never changes.
     """
 
     marks: bool | None
     counts: bool | None
     words: str
+    counts_sent: bool = False
 
 
 NO_LINE: Final = Tells(False, False, "none: a pseudo terminal has no line")
 """A program is at the other end."""
 
-UART: Final = Tells(True, True, "marked; counted")
+UART: Final = Tells(True, True, "marked; counted", counts_sent=True)
 """A UART on board: its status register has the error of each byte (serial8250_rx_chars, pl011)."""
 
 UNHEARD: Final = Tells(None, None, "unknown: nobody has tried what this driver tells")
 
 DRIVERS: Final[Mapping[str, Tells]] = MappingProxyType(
     {
-        # ftdi_process_packet: one status for the packet, put on each of its bytes, counted once
-        "ftdi_sio": Tells(True, True, "marked, for each packet of the adapter; counted"),
+        # ftdi_process_packet: one status for the packet, put on each of its bytes, counted once;
+        # ftdi_prepare_write_buffer counts what is sent
+        "ftdi_sio": Tells(
+            True, True, "marked, for each packet of the adapter; counted", counts_sent=True
+        ),
         # cp210x_enable_event_mode; a chip that answers for its part number with one byte is a copy,
         # and is not asked for events. From outside it looks the same.
         "cp210x": Tells(

@@ -234,10 +234,10 @@ def counters(fd: int) -> Counters | None:
     return Counters(frame, parity, overrun, brk, buf_overrun)
 
 
-def moved(fd: int) -> tuple[int, int] | None:
-    """Return how many bytes the driver has taken from the line and given to it, since it has it."""
+def sent(fd: int) -> int | None:
+    """Return how many bytes the driver has given to the line since it has it, if it counts them."""
     counted = _counted(fd)
-    return None if counted is None else (counted[4] % (1 << 32), counted[5] % (1 << 32))
+    return None if counted is None else counted[5] % (1 << 32)
 
 
 def _counted(fd: int) -> tuple[int, ...] | None:

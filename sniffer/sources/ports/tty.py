@@ -209,7 +209,7 @@ class TtyPort:
             "baud_asked": str(options.baud),
             "baud_got": str(true),
             "echo_at_open": "on" if before.echoes else "off",
-            "sent_since_plugged": _sent(fd),
+            "sent_since_plugged": self._sent(),
             "modem": options.modem,
             "modem_after_open": kernel.names(opened),
             "modem_after_lowering": "not lowered" if keeps else kernel.names(lines),
@@ -228,6 +228,11 @@ class TtyPort:
     def _latency_ns(self) -> int | None:
         return PTY_NS if self.is_virtual else latency_ns(self._info, self._timer_ms, self.baud)
 
+    def _sent(self) -> str:
+        """Return how many bytes the driver has sent since it has the port, an echo among them."""
+        count = kernel.sent(self._fd) if self._tells.counts_sent else None
+        return "not known" if count is None else str(count)
+
     def _divider(self) -> kernel.Divider | None:
         return kernel.divider(self._fd) if divides(self._info) else None
 
@@ -239,12 +244,6 @@ def _info(name: str) -> PortInfo:
     path = os.path.realpath(name)
     holders, all_seen = holders_of(path)
     return PortInfo(path, holders=holders, all_seen=all_seen)
-
-
-def _sent(fd: int) -> str:
-    """Return how many bytes the driver has sent since it has the port; an echo is among them."""
-    moved = kernel.moved(fd)
-    return "not known" if moved is None else str(moved[1])
 
 
 def _rest(fd: int) -> bytes:
