@@ -2,8 +2,9 @@
 
     python -m rig.build [--work DIR]
 
-Debian (bookworm or newer) and root; no network but the registries that apt and pip are set up for.
-Each step leaves a stamp with what it was made from and is done again when that has changed.
+Debian (bookworm or newer); no network but the registries that apt and pip are set up for. It is
+done as root: with sudo, for who is not. Each step leaves a stamp with what it was made from and is
+done again when that has changed.
 """
 
 from __future__ import annotations
@@ -263,7 +264,7 @@ def image(work: Path, root: Path) -> None:
 
 
 def build(work: Path) -> None:
-    """Do what has not been done, or was made from something else."""
+    """Do what has not been done, or was made from something else; ask for root if need be."""
     root, stamps = work / "root", work / "stamps"
     steps: dict[str, tuple[Callable[[], None], str]] = {
         "packages": (host_packages, ",".join(HOST_PACKAGES)),
@@ -280,13 +281,19 @@ def build(work: Path) -> None:
         if not is_fresh and stamp.exists() and stamp.read_text() == key:
             continue
         if os.geteuid():
-            sys.exit("rig: the image is built as root, once: sudo make rig-image")
+            # -B: nothing of root's is left in the checkout
+            work.mkdir(parents=True, exist_ok=True)
+            again = (sys.executable, "-B", "-m", "rig.build", "--work", work)
+            subprocess.run(["sudo", *map(str, again)], cwd=SOURCE, check=True)
+            return
         stamps.mkdir(parents=True, exist_ok=True)
         is_fresh = is_fresh or name != "packages"
         began = time.monotonic()
         step()
         stamp.write_text(key)
         print(f"rig: {name} in {time.monotonic() - began:.0f} s", flush=True)
+    if is_fresh and "SUDO_UID" in os.environ:  # logs and recordings will be theirs
+        os.chown(work, int(os.environ["SUDO_UID"]), int(os.environ["SUDO_GID"]))
 
 
 def main() -> None:
