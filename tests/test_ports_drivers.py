@@ -8,8 +8,8 @@ import pytest
 
 from sniffer.model import InputError, MarkKind
 from sniffer.recording.taps import PortSpec, Tap
-from sniffer.sources.listening import Read
-from sniffer.sources.ports import PortOptions, open_port
+from sniffer.sources.listening import Back, Counted, Read
+from sniffer.sources.ports import Counters, PortOptions, open_port
 from sniffer.sources.ports.listing import PortInfo
 from tests.terminals import LINUX_ONLY, Terminal
 
@@ -138,6 +138,21 @@ def test_line_errors_are_unknown_until_one_is_told_where_the_driver_may_be_deaf(
     (chunk,) = deaf.chunks(Read(0, 1, b"\xff\x00\x41"))
     assert [mark.kind for mark in chunk.marks] == [MarkKind.FRAMING]
     assert deaf.line_errors == 1
+    # a driver counts before the bytes can be read: the mark that comes then is no other error
     port.marks_errors = True
+    tap = Tap(PortSpec("arm", line.path), port)
+    (chunk,) = tap.chunks(Counted(0, 1, Counters(frame=1, parity=1), Counters()))
+    assert [mark.count for mark in chunk.marks] == [1, 1]
+    (chunk,) = tap.chunks(Read(0, 2, b"\xff\x00\x41"))
+    assert (len(chunk.marks), tap.line_errors) == (1, 2)
+    # two of four more are marked, and the late one was told of already
+    (chunk,) = tap.chunks(Read(0, 3, b"AB\xff\x00\x41C\xff\x00\x42"))
+    assert [mark.count for mark in chunk.marks] == [1, 1]
+    (chunk,) = tap.chunks(Counted(0, 4, Counters(frame=5, parity=1), Counters(frame=1, parity=1)))
+    assert ([mark.count for mark in chunk.marks], tap.line_errors) == ([1], 6)
+    # a port that comes back counts from the beginning
+    assert list(tap.chunks(Back(0, 5, port)))
+    assert list(tap.chunks(Counted(0, 6, Counters(brk=1), Counters())))
+    assert tap.line_errors == 7
     assert Tap(PortSpec("arm", line.path), port).line_errors == 0
     port.close()
