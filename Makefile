@@ -3,6 +3,7 @@
 PYTHON ?= python3
 JOBS ?= 2
 PYTEST_ARGS ?=
+RIG_ARGS ?=
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -12,7 +13,7 @@ PROTOS := $(sort $(shell find schemas/messages -name '*.proto' 2>/dev/null))
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint format bench bench-live soak fuzz schemas golden clean
+.PHONY: help demo test lint format bench bench-live soak rig fuzz schemas golden clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -40,6 +41,9 @@ bench-live: $(VENV)/.dev ## measure recording live: its cost, how late stamps ar
 
 soak: $(VENV)/.dev ## kill 50 recorders, record a minute beside its truth, an hour's memory (5 min)
 	$(BIN)/python -m bench.soak
+
+rig: $(VENV)/.dev ## real serial drivers in a virtual machine; Debian, sudo once (rig/README.md)
+	$(BIN)/python -m rig $(RIG_ARGS)
 
 fuzz: $(VENV)/.dev ## the laws, with thousands of examples each
 	HYPOTHESIS_PROFILE=long $(PYTEST) -m hypothesis $(PYTEST_ARGS)

@@ -34,6 +34,9 @@ EVERY = pytest.mark.parametrize("name", PROTOCOLS)
 FACTS: Final = {
     "locked": "yes",
     "also_open_in": "none",
+    "echo_at_open": "off",
+    "sent_since_plugged": "0",
+    "line_errors": "marked, for each packet of the adapter; counted",
     "modem": "low",
     "modem_after_open": "DTR RTS",
     "modem_after_lowering": "all low",

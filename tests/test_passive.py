@@ -179,9 +179,22 @@ def test_the_port_is_asked_and_told_only_what_sends_nothing(tap: Watched) -> Non
 
 
 @LINUX_ONLY
-def test_the_modem_lines_are_lowered_before_anything_is_set(tap: Watched) -> None:
-    lowered = tap.requests.index("TIOCMBIC")
-    assert lowered < tap.requests.index("TCSETS2")
+def test_the_echo_is_switched_off_before_anything_else_is_done(tap: Watched) -> None:
+    """To ask what is set reaches no adapter; the next call sets the same without the echo."""
+    opened = next(n for n, call in enumerate(tap.calls) if call.name in ("open", "openat"))
+    asked, quiet, after = tap.calls[opened + 1 : opened + 4]
+    assert [asked.name, quiet.name, after.name] == ["ioctl", "ioctl", "flock"]
+    assert tap.requests[:2] == ["TCGETS2", "TCSETS2"]
+    before, set_to = (re.search(r"c_lflag=([A-Z|]*)", call.rest) for call in (asked, quiet))
+    assert before, asked
+    assert set_to, quiet
+    assert {*before[1].split("|")} - {*set_to[1].split("|")} == {"ECHO"}
+
+
+@LINUX_ONLY
+def test_the_modem_lines_are_lowered_before_anything_else_is_set(tap: Watched) -> None:
+    settings = [n for n, request in enumerate(tap.requests) if request == "TCSETS2"]
+    assert settings[0] < tap.requests.index("TIOCMBIC") < settings[1]
     assert any("TIOCM_DTR|TIOCM_RTS" in call.rest for call in tap.made)
 
 

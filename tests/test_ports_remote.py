@@ -97,9 +97,21 @@ def test_an_address_where_nobody_listens_is_told_in_one_line(server: socket.sock
     assert "no kind of address that is known" in refusal("gopher://127.0.0.1:70")
 
 
+@pytest.mark.parametrize("kind", ["spy", "alt", "hwgrep", "loop", "cp2110", "SPY", ""])
+def test_an_address_that_pyserial_opens_for_writing_is_refused(line: Terminal, kind: str) -> None:
+    name = f"{kind}://{line.path}"
+    assert refusal(name) == (
+        f"{name}: no kind of address that is known to be listened to only; give "
+        "socket://host:port, rfc2217://host:port, or the device itself"
+    )
+    if line.path.startswith("/dev/pts/"):
+        import termios
+
+        assert line.settings()[3] & termios.ECHO  # nobody has touched it
+
+
 def test_a_port_that_is_no_file_waits_a_little_for_bytes() -> None:
-    port = open_port("loop://", AT_115200)
-    assert isinstance(port, SerialPort)
+    port = SerialPort("loop://", AT_115200)
     assert not port.pollable
     assert port.read() == b""
     port._serial.write(HEADERS)  # what nothing but a test does
@@ -120,8 +132,7 @@ class _Unplugged(protocol_loop.Serial):
 
 
 def test_a_byte_that_was_read_when_a_port_goes_away_is_kept() -> None:
-    port = open_port("loop://", AT_115200)
-    assert isinstance(port, SerialPort)
+    port = SerialPort("loop://", AT_115200)
     port._serial.write(b"x")
     port._serial.__class__ = _Unplugged
     assert port.read() == b"x"

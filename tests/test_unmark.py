@@ -94,7 +94,17 @@ def test_an_adapter_on_usb_says_only_in_which_read_an_error_was(
         assert len({mark.kind for mark in regions}) == len(regions)
         for region in regions:
             assert (region.start, region.length) == (0, len(data))
-            assert region.count == sum(m.count for m in marks if m.kind == region.kind)
+            # an error of a packet stands on each of its bytes: a row of them is one
+            assert region.count == sum(m.kind == region.kind for m in marks)
+
+
+def test_one_framing_error_of_an_ftdi_packet_of_four_bytes_is_one() -> None:
+    packet = [(byte, MarkKind.FRAMING) for byte in b"\x11\x12\xff\x13"]
+    data, marks = Unmarker(widen=True).take(escaped([(1, None), *packet, (2, None)]))
+    assert data == b"\x01\x11\x12\xff\x13\x02"
+    assert marks == (Mark(MarkKind.FRAMING, 0, 6, 1),)
+    again = [*packet, (3, None), *packet]
+    assert Unmarker(widen=True).take(escaped(again))[1] == (Mark(MarkKind.FRAMING, 0, 9, 2),)
 
 
 @given(raw=st.lists(BYTES, max_size=60).map(bytes), cuts=CUTS)

@@ -17,13 +17,14 @@ from rich.console import Console
 from rich.text import Text
 
 from sniffer.cli.amounts import port_spec
-from sniffer.cli.options import FALLBACK_BAUD, Finite, examples, printed
+from sniffer.cli.options import FALLBACK_BAUD, SHARED, Finite, examples, printed
 from sniffer.cli.session import say
 from sniffer.doctoring import (
     Heard,
     Level,
     Trial,
     Verdict,
+    about_echo,
     diagnose,
     understand,
     usual_bauds,
@@ -62,6 +63,7 @@ class Tunable(Port, Protocol):
         "sniffer doctor /dev/ttyUSB0",
         "sniffer doctor /dev/ttyUSB0=mightyzap@57600 --seconds 30",
         "sniffer doctor /dev/ttyUSB0 --baud 115200 --format jsonl",
+        "sniffer doctor /dev/ttyUSB0 --prepare",
     ),
 )
 @click.argument("port", metavar="PORT[=PROTOCOL][@BAUD]")
@@ -88,6 +90,13 @@ class Tunable(Port, Protocol):
     show_default=True,
     help="What becomes of RTS and DTR, which the system raises.",
 )
+@click.option("--shared", is_flag=True, help=SHARED)
+@click.option(
+    "--prepare",
+    is_flag=True,
+    help="Only set PORT up, so that it echoes nothing when it is opened again. For before the bus "
+    "is connected; it holds until the adapter is unplugged.",
+)
 @printed
 def doctor(
     port: str,
@@ -95,11 +104,14 @@ def doctor(
     baud: int | None,
     protocol: str,
     modem: str,
+    shared: bool,
+    prepare: bool,
     output_format: str,
 ) -> int:
     """Listen to PORT for a while and judge: wiring, baud, protocol, errors, latency, times.
 
-    Nothing is sent. Exit status: 0 nothing is bad; 1 something is; 2 a mistake of yours.
+    Nothing is written to it; what opening a port does by itself, it tells. Exit status: 0 nothing
+    is bad; 1 something is; 2 a mistake of yours.
     """
     spec = port_spec(port, "")
     if spec.protocol is not None and protocol not in (AUTO, spec.protocol):
@@ -107,7 +119,13 @@ def doctor(
     if spec.baud is not None and baud not in (None, spec.baud):
         raise click.UsageError(f"{port} and --baud {baud} differ: which one is it?")
     mode = cast('Literal["low", "keep"]', modem)
-    heard = examine(spec.port, spec.protocol or protocol, spec.baud or baud, seconds, mode)
+    how = PortOptions(
+        _first_baud(spec.protocol or protocol, spec.baud or baud), mode, shared=shared
+    )
+    if prepare:
+        return _prepare(spec.port, how, output_format)
+    is_named = (spec.baud or baud) is not None
+    heard = examine(spec.port, spec.protocol or protocol, how, seconds, baud_is_named=is_named)
     verdicts = diagnose(heard)
     if output_format == "jsonl":
         for record in (*(v.as_dict() for v in verdicts), _summary(heard, verdicts)):
@@ -119,37 +137,54 @@ def doctor(
     return 1 if worst(verdicts) == Level.BAD else 0
 
 
+def _first_baud(protocol: str, baud: int | None) -> int:
+    return baud or (PROTOCOLS[protocol].baud if protocol != AUTO else FALLBACK_BAUD)
+
+
+def _prepare(name: str, how: PortOptions, output_format: str) -> int:
+    """Open a port and let go of it: the kernel keeps the settings."""
+    with contextlib.closing(open_port(name, how)) as port:
+        verdict = about_echo(port.facts())
+    if verdict is None:
+        raise InputError(f"{name} is no port of this machine: its echo is not ours to switch off")
+    if output_format == "jsonl":
+        click.echo(json.dumps(verdict.as_dict(), ensure_ascii=False))
+    else:
+        click.echo(f"{name}: prepared; its echo was {verdict.numbers['echo_at_open']} before")
+    return 0
+
+
 def examine(
-    name: str, protocol: str, baud: int | None, seconds: float, modem: Literal["low", "keep"]
+    name: str, protocol: str, how: PortOptions, seconds: float, *, baud_is_named: bool
 ) -> Heard:
     """Open a port, listen, and let go of it.
 
     Args:
         name: the port.
         protocol: what is spoken there, or ``auto``.
-        baud: bits per second; None: the usual ones are tried if the first one is not right.
+        how: how to open it.
         seconds: how long.
-        modem: what becomes of RTS and DTR.
+        baud_is_named: whether its baud was named; else the usual ones are tried if it is not right.
 
     Raises:
         InputError: the port cannot be opened.
     """
     info = port_at(name)
-    first = baud or (PROTOCOLS[protocol].baud if protocol != AUTO else FALLBACK_BAUD)
-    with contextlib.closing(open_port(name, PortOptions(first, modem))) as port:
+    with contextlib.closing(open_port(name, how)) as port:
         about = Heard(
             path=name,
             chunks=(),
             seconds=seconds,
-            baud=first,
+            baud=how.baud,
             protocol=protocol,
             marks_errors=port.marks_errors,
             latency_ns=port.latency_ns,
             facts=port.facts(),
             info=info,
             has_line=_has_line(name),
+            counts_errors=port.counts_errors,
         )
-        return hear(port, about, baud_is_named=baud is not None)
+        return hear(port, about, baud_is_named=baud_is_named)
 
 
 def _has_line(name: str) -> bool:

@@ -10,7 +10,14 @@ from typing import Literal
 import click
 
 from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times
-from sniffer.cli.options import Finite, examples, models, pipeline_options, with_force
+from sniffer.cli.options import (
+    SHARED,
+    Finite,
+    examples,
+    models,
+    pipeline_options,
+    with_force,
+)
 from sniffer.cli.session import session_facts, tell_lost
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.limits import BAUDS
@@ -58,6 +65,7 @@ from sniffer.recording.taps import PortSpec
     "--modem", type=click.Choice(["low", "keep"]), default="low", show_default=True,
     help="RTS and DTR: put low at once, or left as opening the port made them.",
 )  # fmt: skip
+@click.option("--shared", is_flag=True, help=SHARED)
 @click.option(
     "-o", "--output", "outputs", multiple=True, type=click.Path(path_type=Path),
     help="Where to: .mcap is the recording; .jsonl .csv .parquet .rrd as in decode. May be "
@@ -95,6 +103,7 @@ def record(
     latency: float | None,
     pair: bool,
     modem: Literal["low", "keep"],
+    shared: bool,
     outputs: tuple[Path, ...],
     force: bool,
     durable: bool,
@@ -114,8 +123,9 @@ def record(
 ) -> int:
     """Listen to PORTs and record every byte, with all that can be made of it.
 
-    Nothing is ever sent on a bus; Linux ports are opened for reading only. Ctrl-C (or SIGTERM) ends
-    the recording, SIGHUP begins a new file, SIGUSR1 prints statistics.
+    Nothing is written to a port, and Linux ports are opened for reading only; what opening one may
+    send by itself, docs/recording.md tells. Ctrl-C (or SIGTERM) ends the recording, SIGHUP begins a
+    new file, SIGUSR1 prints statistics.
     """
     # What only this command needs is loaded only by it, and before a port is opened.
     from sniffer.cli import recording
@@ -144,7 +154,7 @@ def record(
     wishes = Wishes(is_heard=not any("://" in spec.port for spec in ports))
     tell = Teller(quiet=quiet)
     with recording.signals(wishes):
-        tapping = tap_ports(ports, options, modem=modem, pair=pair)
+        tapping = tap_ports(ports, options, modem=modem, pair=pair, is_shared=shared)
         view = None
         try:
             view = recording.live_view(show, tapping, paths[0].stem, tell.talk)

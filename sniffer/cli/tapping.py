@@ -39,15 +39,27 @@ class Tapping:
     warnings: Sequence[str] = ()
 
 
-def tap_ports(specs: Sequence[PortSpec], options: Options, *, modem: Modem, pair: bool) -> Tapping:
+def tap_ports(
+    specs: Sequence[PortSpec],
+    options: Options,
+    *,
+    modem: Modem,
+    pair: bool,
+    is_shared: bool = False,
+) -> Tapping:
     """Open all ports, or none, and begin to listen.
+
+    ``is_shared``: also such as another program has open.
 
     Raises:
         InputError: a port cannot be opened; the message says what to do.
     """
     specs = _paired(specs) if pair else specs
     wires = (Direction.TX, Direction.RX) if pair else (Direction.UNKNOWN,) * len(specs)
-    how = [PortOptions(_baud(spec, options) or FALLBACK_BAUD, modem) for spec in specs]
+    how = [
+        PortOptions(_baud(spec, options) or FALLBACK_BAUD, modem, shared=is_shared)
+        for spec in specs
+    ]
     taps: list[Tap] = []
     with contextlib.ExitStack() as stack:
         for spec, wire, port_options in zip(specs, wires, how, strict=True):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sniffer.doctoring.adapter import about_adapter
+from sniffer.doctoring.adapter import about_adapter, about_echo
 from sniffer.doctoring.line import about_bytes, about_line
 from sniffer.doctoring.reads import about_reads
 from sniffer.doctoring.records import Heard, Level, Trial, Verdict
@@ -23,6 +23,7 @@ __all__ = [
     "Trial",
     "Understanding",
     "Verdict",
+    "about_echo",
     "diagnose",
     "understand",
     "usual_bauds",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.doctoring.records import Heard, Level, Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from sniffer.sources.ports.listing import PortInfo
 
@@ -21,11 +21,18 @@ RULE: Final = 'ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{
 
 RULES_FILE: Final = "/etc/udev/rules.d/60-servo-tap.rules"
 
+_PREPARE: Final = (
+    "before the bus is connected the next time, run `sniffer doctor --prepare`, or let "
+    "docs/60-servo-tap.rules do it at each plugging"
+)
+
 
 def about_adapter(heard: Heard) -> Iterator[Verdict]:
     """Is it the right one, ours alone, quick, and silent itself?"""
     yield _port(heard)
     yield _access(heard)
+    if (echo := about_echo(heard.facts)) is not None:
+        yield echo
     yield _modem(heard)
     yield _latency(heard)
 
@@ -62,6 +69,30 @@ def _access(heard: Heard) -> Verdict:
     text = f"open and {lock}; whether others have it open is not to be seen from here"
     advice = "" if locked else "if bytes are missing, look with `sudo fuser -v` who reads them"
     return Verdict(Level.OK if locked else Level.NOTE, "access", text, advice, numbers=numbers)
+
+
+def about_echo(facts: Mapping[str, str]) -> Verdict | None:
+    """Return whether opening the port can have sent anything; None where it does not say.
+
+    A port that nobody has set up sends back what it hears until the first call after opening.
+    """
+    echo = facts.get("echo_at_open")
+    if echo is None:
+        return None
+    told = facts.get("sent_since_plugged", "")
+    sent = int(told) if told.isdecimal() else None
+    numbers = {"echo_at_open": echo, "sent_since_plugged": sent}
+    so_far = f"the port has sent {sent} bytes in all since it was plugged in"
+    if echo == "off":
+        text = "it was off when the port was opened: nothing was sent back"
+        return Verdict(Level.OK, "echo", text + (f"; {so_far}" if sent else ""), numbers=numbers)
+    text = "it was on when the port was opened, and switched off at once: it stays so until the "
+    text += "port is unplugged"
+    if sent == 0:
+        return Verdict(Level.NOTE, "echo", f"{text}; nothing was sent back", _PREPARE, (), numbers)
+    text += f"; {so_far}" if sent else ""
+    advice = f"what the bus said in that moment was sent back to it: leave TX open. {_PREPARE}"
+    return Verdict(Level.WARN, "echo", text, advice, numbers=numbers)
 
 
 def _modem(heard: Heard) -> Verdict:

@@ -172,20 +172,27 @@ def _others(heard: Heard, word: str, *, lower: bool = False) -> str:
 
 
 def _errors(heard: Heard, found: Understanding) -> Verdict:
-    told = [
-        *(["marked in the stream"] if heard.marks_errors else []),
-        *(["counted by the driver"] if heard.risen is not None else []),
-    ]
     errors, size = heard.line_errors, heard.size
+    counted = heard.counts_errors if heard.risen is not None else False
+    risen = heard.risen is not None and bool(
+        heard.risen.frame + heard.risen.parity + heard.risen.brk
+    )
+    marked = heard.marked(MarkKind.FRAMING, MarkKind.PARITY, MarkKind.BREAK) > 0
+    told = [
+        *(["marked in the stream"] if heard.marks_errors or marked else []),
+        *(["counted by the driver"] if counted or risen else []),
+    ]
     if not heard.has_line:
         return Verdict(Level.OK, "errors", "no line, so no errors of one")
     numbers = {
-        "line_errors": errors if told or errors else None,
+        "line_errors": errors if told else None,
         "marked": heard.marks_errors,
-        "counted": heard.risen is not None,
+        "counted": counted,
     }
-    if not told and not errors:
+    if not told:
         text = "this port neither marks nor counts errors of the line: only checksums show damage"
+        if heard.marks_errors is None or counted is None:
+            text = f"{_how(heard)}: only checksums are sure to show damage"
         return Verdict(Level.NOTE, "errors", text, numbers=numbers)
     if not errors:
         text = f"no framing error, parity error or break ({', '.join(told)})"
@@ -201,6 +208,12 @@ def _errors(heard: Heard, found: Understanding) -> Verdict:
         )
     level = Level.BAD if share >= NOISY else Level.WARN
     return Verdict(level, "errors", text, advice, numbers=numbers)
+
+
+def _how(heard: Heard) -> str:
+    """Return what the port says of its errors, where that is not much."""
+    how = heard.facts.get("line_errors", "")
+    return how if how.startswith("unknown") else "whether this port tells of errors is not known"
 
 
 def _kinds(heard: Heard) -> str:
@@ -220,7 +233,8 @@ def _losses(heard: Heard) -> Verdict:
     risen = heard.risen
     counted = risen.overrun + risen.buf_overrun if risen is not None else 0
     lost = counted or marked
-    numbers = {"lost": lost if risen is not None or lost else None}
+    counts = risen is not None and heard.counts_errors
+    numbers = {"lost": lost if counts or lost else None}
     if lost:
         text = f"bytes were lost {lost} times on this side, between adapter and program"
         advice = "another USB port, without a hub; less load on this machine; close other programs"
@@ -229,5 +243,8 @@ def _losses(heard: Heard) -> Verdict:
         return Verdict(Level.OK, "losses", "none are known", numbers=numbers)
     if risen is None:
         text = "this driver does not count them: they would look like damaged frames"
+        return Verdict(Level.NOTE, "losses", text, numbers=numbers)
+    if not counts:
+        text = "none are told, but whether this adapter counts them is not known"
         return Verdict(Level.NOTE, "losses", text, numbers=numbers)
     return Verdict(Level.OK, "losses", "no byte lost on this side", numbers=numbers)

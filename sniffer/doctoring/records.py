@@ -91,7 +91,7 @@ class Heard:
         seconds: how long it was listened to.
         baud: bits per second.
         protocol: what was said to be spoken there, or ``auto``.
-        marks_errors: whether bytes with errors are marked in the stream.
+        marks_errors: whether bytes with errors are marked in the stream; None: not known.
         risen: the driver's counters; None where it has none.
         latency_ns: how long the adapter may hold bytes back, the port being open; None: not known.
         facts: what the open port tells about itself.
@@ -99,6 +99,7 @@ class Heard:
         trials: other bauds that were listened at.
         gone_s: when the port went away, in seconds since the beginning.
         has_line: whether there is a UART that keeps the baud; a pseudo terminal has none.
+        counts_errors: whether the driver's counters, if it has some, rise; None: not known.
     """
 
     path: str
@@ -106,7 +107,7 @@ class Heard:
     seconds: float
     baud: int
     protocol: str = "auto"
-    marks_errors: bool = False
+    marks_errors: bool | None = False
     risen: Risen | None = None
     latency_ns: int | None = None
     facts: Mapping[str, str] = field(default_factory=dict)
@@ -114,6 +115,7 @@ class Heard:
     trials: tuple[Trial, ...] = ()
     gone_s: float | None = None
     has_line: bool = True
+    counts_errors: bool | None = True
 
     @property
     def size(self) -> int:

@@ -47,14 +47,18 @@ class Tap:
         self.errors = 0
         self.away_ns: int | None = None
         self.last_ns: int | None = None
-        self._tells_errors = port.marks_errors or port.counters() is not None
-        self._marked = 0
+        counts = bool(port.counts_errors) and port.counters() is not None
+        self._tells_errors = bool(port.marks_errors) or counts
+        # of the port as it was opened last: errors that the stream told of, that the driver
+        # counted, and that were counted and not marked by then
+        self._marked = self._counts = self._unmarked = 0
+        self._past = 0  # errors until then
         self._since = 0  # bytes since the counters were read
 
     @property
     def line_errors(self) -> int | None:
-        """Line errors so far, None where neither marks nor counters tell."""
-        return self.errors if self._tells_errors else None
+        """Line errors so far, None where neither marks nor counters tell, or none has yet."""
+        return self.errors if self._tells_errors or self.errors else None
 
     def state(self, now_ns: int) -> str:
         """Return whether the port is listening, silent or away."""
@@ -74,7 +78,7 @@ class Tap:
                 self.last_ns = t_ns
                 for mark in marks:
                     self._marked += mark.count
-                    self.errors += mark.count
+                self._add_up()
                 if held_ns and data:
                     marks = (Mark(MarkKind.HELD, 0, len(data), held_ns), *marks)
                 if data or marks:
@@ -86,31 +90,43 @@ class Tap:
             case Back(t_ns=t_ns, opened=port):
                 away_ns = t_ns - (self.away_ns if self.away_ns is not None else t_ns)
                 self.port, self.away_ns = port, None
+                self._past, self._marked, self._counts, self._unmarked = self.errors, 0, 0, 0
                 yield self._chunk(b"", t_ns, (Mark(MarkKind.BACK, 0, count=away_ns),))
             case Counted(t_ns=t_ns, now=now, before=before):
                 marks = tuple(self._counted(now, before))
-                self._since = self._marked = 0
+                self._since = 0
                 if marks:
                     yield self._chunk(b"", t_ns, marks)
 
     def _counted(self, now: Counters, before: Counters) -> Iterator[Mark]:
-        """Return what the counters add to the marks: the bytes since they were last read."""
+        """Return what the counters add to the marks: the bytes since they were last read.
+
+        A driver counts an error before its bytes can be read, so a mark may come after its count:
+        both are added up since the port was opened.
+        """
         risen = now.since(before)
         region = self._since
-        marked = self._marked  # the stream told of these already
+        counted = risen.frame + risen.parity + risen.brk
+        self._counts += counted
+        new = min(counted, max(0, self._counts - self._marked - self._unmarked))
+        self._unmarked += new
+        self._add_up()
+        known = counted - new
         for kind, count in (
             (MarkKind.FRAMING, risen.frame),
             (MarkKind.PARITY, risen.parity),
             (MarkKind.BREAK, risen.brk),
         ):
-            known = min(marked, count)
-            marked -= known
-            if count > known:
-                self.errors += count - known
-                yield Mark(kind, -region, region, count - known)
+            told = min(known, count)
+            known -= told
+            if count > told:
+                yield Mark(kind, -region, region, count - told)
         if lost := risen.overrun + risen.buf_overrun:
             self.lost += 1
             yield Mark(MarkKind.OVERRUN, -region, region, lost)
+
+    def _add_up(self) -> None:
+        self.errors = self._past + max(self._marked, self._counts)
 
     def _chunk(self, data: bytes, t_ns: int, marks: tuple[Mark, ...]) -> Chunk:
         return Chunk(data, t_ns, Clock.READ, self.spec.bus, self.direction, marks)

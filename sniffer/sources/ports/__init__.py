@@ -33,12 +33,14 @@ class PortOptions:
     ``modem``: Linux raises DTR and RTS when a port is opened, and many RS-485 adapters send while
     RTS is up. ``low`` lowers both at once; ``keep`` leaves them up, for adapters that are powered
     by these lines or listen while they are up. ``low_latency`` asks driver and adapter not to
-    gather bytes.
+    gather bytes. ``shared`` opens a port that another program has open without a lock: its settings
+    are changed under that program.
     """
 
     baud: int
     modem: Literal["low", "keep"] = "low"
     low_latency: bool = True
+    shared: bool = False
 
 
 class PortLostError(SnifferError):
@@ -78,7 +80,8 @@ class Port(Protocol):
     path: str
     baud: int
     latency_ns: int | None
-    marks_errors: bool
+    marks_errors: bool | None
+    counts_errors: bool | None
     usb: bool
     pollable: bool
     is_virtual: bool
@@ -100,7 +103,7 @@ class Port(Protocol):
         """Take the reads in order; return the bytes of the line and what is known of them."""
 
     def counters(self) -> Counters | None:
-        """Return the driver's counters; None where it has none."""
+        """Return the driver's counters; None where it has none, or never counts."""
 
     def facts(self) -> dict[str, str]:
         """Return what a recording should say about the port."""
@@ -113,8 +116,8 @@ def open_port(name: str, options: PortOptions) -> Port:
     """Open a port for listening.
 
     Args:
-        name: a device such as ``/dev/ttyUSB0``, or an address such as ``socket://host:4000`` (one
-            of pySerial's URLs).
+        name: a device such as ``/dev/ttyUSB0``, or an address such as ``socket://host:4000`` or
+            ``rfc2217://host:4000``.
         options: baud rate, modem lines, latency.
 
     Raises:
@@ -122,7 +125,9 @@ def open_port(name: str, options: PortOptions) -> Port:
     """
     if not 0 < options.baud < BAUD_MAX:
         raise InputError(f"{options.baud} is no baud rate: give one above 0, such as 115200")
-    if "://" not in name and os.name == "posix":
+    if "://" in name:
+        _refuse_what_is_no_address(name)
+    elif os.name == "posix":
         _refuse_what_is_no_port(name)
         if sys.platform == "linux":
             from sniffer.sources.ports import kernel, tty
@@ -132,6 +137,20 @@ def open_port(name: str, options: PortOptions) -> Port:
     from sniffer.sources.ports.remote import SerialPort
 
     return SerialPort(name, options)
+
+
+ADDRESSES: Final = ("socket", "rfc2217")
+"""The kinds of addresses that are opened. pySerial has others, and those with a device behind them
+(``spy``, ``alt``, ``hwgrep``) open it for writing, lock or no lock, as if it were nobody's."""
+
+
+def _refuse_what_is_no_address(name: str) -> None:
+    kind = name.partition("://")[0].lower()
+    if kind not in ADDRESSES:
+        raise InputError(
+            f"{shown(name)}: no kind of address that is known to be listened to only; give "
+            "socket://host:port, rfc2217://host:port, or the device itself"
+        )
 
 
 def shown(name: str) -> str:

@@ -28,6 +28,12 @@ _SERIAL: Final = struct.Struct("@iiIiiiiiHcciHHPHIL")  # serial_struct, in the m
 _SERIAL_FLAGS: Final = struct.calcsize("@iiIi")  # where its flags stand
 _LOW_LATENCY: Final = 1 << 13  # ASYNC_LOW_LATENCY of linux/tty_flags.h
 _BOTHER: Final = 0o010000  # a baud rate in numbers
+_LFLAG: Final = slice(12, 16)  # where the local flags stand in termios2
+_ECHO: Final = termios.ECHO | termios.ECHONL
+_SPD_MASK: Final = 0x1030  # ASYNC_SPD_MASK of linux/tty_flags.h
+_SPD_CUST: Final = 0x0030
+_SPD: Final = {0x0010: 57600, 0x0020: 115200, 0x1000: 230400, 0x1010: 460800}  # ASYNC_SPD_HI ...
+_MAGIC_MULTIPLIER: Final = 1 << 16  # ASYNC_MAGIC_MULTIPLIER
 _NO_ANSWER: Final = (errno.ENOTTY, errno.EINVAL)
 _LINES: Final = (
     (termios.TIOCM_DTR, "DTR"),
@@ -57,6 +63,11 @@ class Settings:
         """Whether a byte has eight bits, no parity and one stop bit."""
         shape = self.cflag & (termios.CSIZE | termios.PARENB | termios.CSTOPB)
         return shape == termios.CS8
+
+    @property
+    def echoes(self) -> bool:
+        """Whether what is heard is sent back."""
+        return bool(self.lflag & _ECHO)
 
     @property
     def is_plain(self) -> bool:
@@ -95,9 +106,41 @@ class Settings:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Divider:
+    """How a UART makes its baud rate.
+
+    ``base`` is the fastest one, for a divisor of 1; ``at_38400`` the rate that stands in the place
+    of 38400 (setserial's ``spd_hi`` to ``spd_cust``), None where it is that itself; ``multiplies``
+    whether it goes beyond the base in a way of its own.
+    """
+
+    base: int
+    at_38400: int | None = None
+    multiplies: bool = False
+
+
 def is_known() -> bool:
     """Tell whether ioctls have the numbers used here (Alpha, MIPS, PowerPC and SPARC differ)."""
     return (termios.TCGETS, termios.TIOCMGET) == (0x5401, 0x5415)
+
+
+def hush(fd: int) -> Settings:
+    """Switch the echo off and leave the rest as it is; return the settings as they were.
+
+    For the very first thing after opening: until then a port that nobody has set up sends back
+    what it hears. To ask is not to be helped if the rest is to be left, but it asks the kernel's
+    own memory, never the adapter. Where the echo is off already, nothing is set.
+
+    Raises:
+        OSError: the port is gone; with ENOTTY: it is no terminal.
+    """
+    record = fcntl.ioctl(fd, _TCGETS2, bytes(_TERMIOS2.size))
+    flags = int.from_bytes(record[_LFLAG], sys.byteorder)
+    if flags & _ECHO:
+        quiet = (flags & ~_ECHO).to_bytes(4, sys.byteorder)
+        fcntl.ioctl(fd, _TCSETS2, record[: _LFLAG.start] + quiet + record[_LFLAG.stop :])
+    return Settings(*_TERMIOS2.unpack(record))
 
 
 def settings(fd: int) -> Settings:
@@ -166,12 +209,39 @@ def low_latency(fd: int, *, ask: bool) -> bool | None:
     return bool(flags & _LOW_LATENCY)
 
 
-def counters(fd: int) -> Counters | None:
-    """Return the driver's counters; None where it has none, or is gone."""
+def divider(fd: int) -> Divider | None:
+    """Return how the port makes its baud rate; None where the driver does not say."""
     try:
-        record = fcntl.ioctl(fd, termios.TIOCGICOUNT, bytes(_ICOUNTER.size))
+        record = fcntl.ioctl(fd, termios.TIOCGSERIAL, bytes(_SERIAL.size))
     except OSError:
         return None
+    # type, line, port, irq, flags, xmit_fifo_size, custom_divisor, baud_base
+    flags, _, custom, base = _SERIAL.unpack(record)[4:8]
+    if base <= 0:
+        return None
+    spd = flags & _SPD_MASK
+    other = base // custom if spd == _SPD_CUST and custom > 0 else _SPD.get(spd)
+    return Divider(base, other, bool(flags & _MAGIC_MULTIPLIER))
+
+
+def counters(fd: int) -> Counters | None:
+    """Return the driver's counters; None where it has none, or is gone."""
+    counted = _counted(fd)
+    if counted is None:
+        return None
     # cts, dsr, rng, dcd, rx, tx stand in front
-    frame, overrun, parity, brk, buf_overrun = _ICOUNTER.unpack(record)[6:11]
+    frame, overrun, parity, brk, buf_overrun = counted[6:11]
     return Counters(frame, parity, overrun, brk, buf_overrun)
+
+
+def sent(fd: int) -> int | None:
+    """Return how many bytes the driver has given to the line since it has it, if it counts them."""
+    counted = _counted(fd)
+    return None if counted is None else counted[5] % (1 << 32)
+
+
+def _counted(fd: int) -> tuple[int, ...] | None:
+    try:
+        return _ICOUNTER.unpack(fcntl.ioctl(fd, termios.TIOCGICOUNT, bytes(_ICOUNTER.size)))
+    except OSError:
+        return None

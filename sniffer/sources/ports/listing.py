@@ -135,6 +135,17 @@ def port_at(path: str, root: Path = Path("/")) -> PortInfo | None:
     return next((info for info in ports(root) if path == info.path or real == info.path), None)
 
 
+def holders_of(path: str, root: Path = Path("/")) -> tuple[tuple[Holder, ...], bool]:
+    """Return who has a pseudo terminal open, and whether every program could be looked into.
+
+    A program that has its other end is no reader of it, though it may hold this end open, too.
+    """
+    found, all_seen = _holders(root, {path})
+    number = path.rpartition("/")[2]
+    rivals = [h for h in found.get(path, ()) if not _has_master(root / "proc" / str(h.pid), number)]
+    return tuple(rivals), all_seen
+
+
 def of_pyserial(found: Any) -> PortInfo:
     """Return a port as pySerial found it (its ``ListPortInfo``)."""
     known = found.vid is not None
@@ -282,6 +293,17 @@ def _holders(root: Path, paths: set[str]) -> tuple[dict[str, list[Holder]], bool
         for path in paths & {_target(file) for file in files}:
             out.setdefault(path, []).append(Holder(pid, _line(folder / str(pid) / "comm")))
     return out, all_seen
+
+
+def _has_master(process: Path, number: str) -> bool:
+    """Tell whether a process has the master of this pseudo terminal (fdinfo's tty-index)."""
+    try:
+        return any(
+            re.search(rf"^tty-index:\s*{number}$", info.read_text(encoding="utf-8"), re.MULTILINE)
+            for info in (process / "fdinfo").iterdir()
+        )
+    except OSError:  # it ended meanwhile, or closed one
+        return False
 
 
 def _is_over(process: Path) -> bool:

@@ -22,9 +22,7 @@ if TYPE_CHECKING:
 PATIENCE_S: Final = 0.1
 """How long a read waits for the first byte, in seconds, where there is nothing to poll."""
 
-_NO_ADDRESS: Final = (
-    "no kind of address that is known; give socket://host:port, rfc2217://host:port or a device"
-)
+_NO_ADDRESS: Final = "no kind of address that is known"
 _BUSY: Final = (errno.EAGAIN, errno.EBUSY)
 _LOST: Final = (OSError, TypeError)  # pySerial's errors; it stumbles over a port closed meanwhile
 
@@ -32,7 +30,8 @@ _LOST: Final = (OSError, TypeError)  # pySerial's errors; it stumbles over a por
 class SerialPort:
     """A device or an address, opened with pySerial; see ``Port``."""
 
-    marks_errors = False
+    marks_errors: bool | None = None
+    counts_errors: bool | None = None
     usb = False
     latency_ns: int | None = None
 

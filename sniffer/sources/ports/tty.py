@@ -1,12 +1,17 @@
-"""Serial ports of Linux, opened for reading only and set up so that nothing is ever sent.
+"""Serial ports of Linux, opened for reading only and set up so that nothing is sent from then on.
 
 What opening a port does to a bus, and what is done about it, in this order:
 
+- A port that another program has locked, or has open without a lock, is not opened at all: its
+  settings and its modem lines are that program's.
+- A port that nobody has set up echoes what it hears, from within ``open`` on. So the echo is
+  switched off by the very first calls, before any that the adapter must answer. What was sent until
+  then cannot be taken back: whether the echo was on is a fact of the port.
 - The kernel raises DTR and RTS before ``open`` returns, and an adapter whose driver is switched by
-  RTS then holds the bus. So a port that is locked is not opened at all, and otherwise both are
-  lowered at once.
-- A port that nobody has set up echoes what it hears. The settings are put in place next. What was
-  heard before them is kept where the settings then let bytes pass as they are, else dropped.
+  RTS then holds the bus. Both are lowered next.
+- Then come the other settings. What was heard before them is kept where the settings then let bytes
+  pass as they are, else dropped. The kernel keeps them when the port is closed, until it is
+  unplugged: the next opening finds no echo.
 - Closing lowers DTR and RTS where ``HUPCL`` says so. They are low already; where they are to be
   kept, ``HUPCL`` is cleared.
 """
@@ -30,17 +35,17 @@ from sniffer.sources.ports import (
     no_port,
     shown,
 )
-from sniffer.sources.ports.listing import UARTS, PortInfo, port_at
+from sniffer.sources.ports.drivers import NO_LINE, tells
+from sniffer.sources.ports.listing import UARTS, Holder, PortInfo, holders_of, port_at
 from sniffer.sources.ports.locks import locked_by, program
+from sniffer.sources.ports.rates import divides, refuse_other
 from sniffer.sources.ports.unmark import Unmarker
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sniffer.model import Mark
     from sniffer.sources.ports import Counters, PortOptions
-
-BAUD_OFF: Final = 0.02
-"""How far a baud rate may be off: sampled in mid-bit, the last bit of ten is wrong at 5 %, and the
-sender has its own error (Silicon Labs' and FTDI's data sheets advise 2 to 3 %)."""
 
 HOST_NS: Final = 1_000_000
 """What a host takes at most, as a rule, from an interrupt to a read that returns."""
@@ -68,7 +73,6 @@ EARLY_MAX: Final = 1 << 20
 class TtyPort:
     """A serial port, or a pseudo terminal that stands for one; see ``Port``."""
 
-    marks_errors = True
     pollable = True
 
     def __init__(self, name: str, options: PortOptions) -> None:
@@ -76,16 +80,22 @@ class TtyPort:
         self.baud = options.baud
         try:
             found = _refuse_terminals(name)
-            self._info = info = port_at(name) or PortInfo(os.path.realpath(name))
+            self._info = info = _info(name)
             self.path = _lasting(name, info)
         except OSError as error:  # it went away while it was looked at
             raise _explained(name, error, PortInfo(name)) from None
         self.is_virtual = os.major(found.st_rdev) in _PTY_MAJORS
         self.usb = info.usb
+        self._tells = NO_LINE if self.is_virtual else tells(info)
+        self.marks_errors = self._tells.marks
+        self.counts_errors = self._tells.counts
         self._unmarker = Unmarker(widen=self.usb)
         self._early = b""
         if (pid := locked_by(found)) is not None:
             raise _busy(name, program(pid))
+        self._rivals = [holder for holder in info.holders if holder.pid != os.getpid()]
+        if self._rivals and not options.shared:
+            raise _shared(name, self._rivals)
         try:
             self._fd = os.open(name, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError as error:
@@ -137,16 +147,16 @@ class TtyPort:
             got = kernel.settings(self._fd)
         except OSError as error:
             raise self._lost(error.strerror) from None
-        refuse_other(self.name, baud, got)
+        true = refuse_other(self.name, baud, got, self._divider())
         # through the unmarker, which must see every escape to its end
         self.unmark(self.read())
         self.baud = baud
         self.latency_ns = self._latency_ns()
-        self._facts |= {"baud_asked": str(baud), "baud_got": str(got.ispeed)}
+        self._facts |= {"baud_asked": str(baud), "baud_got": str(true)}
 
     def counters(self) -> Counters | None:
-        """Return the driver's counters; None where it has none."""
-        return kernel.counters(self._fd)
+        """Return the driver's counters; None where it has none, or never counts."""
+        return None if self.counts_errors is False else kernel.counters(self._fd)
 
     def facts(self) -> dict[str, str]:
         """Return what a recording should say about the port."""
@@ -163,16 +173,20 @@ class TtyPort:
     ) -> dict[str, str]:
         """Make the port listen; return its facts."""
         fd = self._fd
+        before = kernel.hush(fd)  # the first thing of all: see above
         try:
             fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:  # since we looked
-            raise _busy(self.name, program(locked_by(found) or 0)) from None
-        if kernel.is_reserved(fd):
-            raise OSError(errno.EBUSY, os.strerror(errno.EBUSY))
+            if kernel.is_reserved(fd):
+                raise OSError(errno.EBUSY, os.strerror(errno.EBUSY))
+        except OSError as error:  # since we looked; what it has set stays so
+            if before.echoes:
+                kernel.set_settings(fd, before)
+            if isinstance(error, BlockingIOError):
+                raise _busy(self.name, program(locked_by(found) or 0)) from None
+            raise
         opened = kernel.modem_lines(fd)
         if options.modem == "low":
             kernel.lower_lines(fd)
-        before = kernel.settings(fd)
         keeps = options.modem == "keep"
         early = _rest(fd) if before.is_plain else b""
         kernel.set_settings(fd, before.listening(options.baud, hangs_up=False if keeps else None))
@@ -185,7 +199,7 @@ class TtyPort:
             kernel.lower_lines(fd)
             lines = kernel.modem_lines(fd)
         got = kernel.settings(fd)
-        refuse_other(self.name, options.baud, got)
+        true = refuse_other(self.name, options.baud, got, self._divider())
         quick = kernel.low_latency(fd, ask=options.low_latency)
         timer_ms = self._timer_ms = _latency_timer_ms(info)
         self.latency_ns = self._latency_ns()
@@ -193,7 +207,9 @@ class TtyPort:
             "device": self.path,
             **_adapter(info),
             "baud_asked": str(options.baud),
-            "baud_got": str(got.ispeed),
+            "baud_got": str(true),
+            "echo_at_open": "on" if before.echoes else "off",
+            "sent_since_plugged": self._sent(),
             "modem": options.modem,
             "modem_after_open": kernel.names(opened),
             "modem_after_lowering": "not lowered" if keeps else kernel.names(lines),
@@ -201,11 +217,8 @@ class TtyPort:
             "low_latency_got": {True: "yes", False: "no", None: "not known"}[quick],
             "latency_timer_ms": "none" if timer_ms is None else str(timer_ms),
             "locked": "yes",
-            "also_open_in": ", ".join(
-                f"{h.name} (process {h.pid})" for h in info.holders if h.pid != os.getpid()
-            )
-            or ("none" if info.all_seen else "not known"),
-            "line_errors": self._line_errors(),
+            "also_open_in": _named(self._rivals) or ("none" if info.all_seen else "not known"),
+            "line_errors": self._tells.words,
             "dropped_at_open": str(len(unescaped)),
         }
 
@@ -215,11 +228,22 @@ class TtyPort:
     def _latency_ns(self) -> int | None:
         return PTY_NS if self.is_virtual else latency_ns(self._info, self._timer_ms, self.baud)
 
-    def _line_errors(self) -> str:
-        if self.is_virtual:
-            return "none: a pseudo terminal has no line"
-        where = "marked, for each packet of the adapter" if self.usb else "marked"
-        return where if self.counters() is None else f"{where}; counted"
+    def _sent(self) -> str:
+        """Return how many bytes the driver has sent since it has the port, an echo among them."""
+        count = kernel.sent(self._fd) if self._tells.counts_sent else None
+        return "not known" if count is None else str(count)
+
+    def _divider(self) -> kernel.Divider | None:
+        return kernel.divider(self._fd) if divides(self._info) else None
+
+
+def _info(name: str) -> PortInfo:
+    """Return what is known of a port before it is opened: who has it open, above all."""
+    if (info := port_at(name)) is not None:
+        return info
+    path = os.path.realpath(name)
+    holders, all_seen = holders_of(path)
+    return PortInfo(path, holders=holders, all_seen=all_seen)
 
 
 def _rest(fd: int) -> bytes:
@@ -229,17 +253,6 @@ def _rest(fd: int) -> bytes:
         while len(out) < EARLY_MAX and (data := os.read(fd, READ_MAX)):
             out += data
     return out
-
-
-def refuse_other(name: str, baud: int, got: kernel.Settings) -> None:
-    """Raise InputError where the driver has not set what it was asked for."""
-    if not got.is_8n1:
-        raise InputError(f"{shown(name)}: the adapter cannot do 8N1; use another one")
-    if abs(got.ispeed - baud) > BAUD_OFF * baud:
-        raise InputError(
-            f"{shown(name)}: the adapter cannot do {baud} baud, the nearest it has is "
-            f"{got.ispeed}; use another adapter or baud rate"
-        )
 
 
 def latency_ns(info: PortInfo, timer_ms: int | None, baud: int) -> int | None:
@@ -316,6 +329,17 @@ def _is_terminal(fd: int) -> bool:
 
 def _busy(name: str, who: str) -> InputError:
     return InputError(f"{shown(name)} is in use by {who}; end that first")
+
+
+def _shared(name: str, rivals: Sequence[Holder]) -> InputError:
+    return InputError(
+        f"{shown(name)} is open in {_named(rivals)}, and not locked: to open it would change its "
+        "settings under that program, and take bytes from it; end that first, or say --shared"
+    )
+
+
+def _named(holders: Sequence[Holder]) -> str:
+    return ", ".join(f"{holder.name} (process {holder.pid})" for holder in holders)
 
 
 def _explained(name: str, error: OSError, info: PortInfo) -> InputError:

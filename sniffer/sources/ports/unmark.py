@@ -8,6 +8,7 @@ way without errors is the one that must be fast.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from typing import Final
 
 from sniffer.model import Mark, MarkKind
@@ -25,7 +26,8 @@ class Unmarker:
 
     Args:
         widen: whether a mark stands for the whole read it came with. USB adapters tell of an error
-            in a packet, and the driver repeats it for each byte of the packet.
+            in a packet, and the driver repeats it for each byte of the packet: bytes of one error
+            in a row are counted once, the least that there can have been.
     """
 
     def __init__(self, *, widen: bool) -> None:
@@ -69,9 +71,6 @@ class Unmarker:
         return bytes(out), self._marks(errors, len(out))
 
     def _marks(self, errors: list[tuple[MarkKind, int]], length: int) -> tuple[Mark, ...]:
-        if self._widen:
-            kinds = [kind for kind, _ in errors]
-            return tuple(Mark(kind, 0, length, kinds.count(kind)) for kind in dict.fromkeys(kinds))
         marks: list[Mark] = []
         for kind, start in errors:
             last = marks[-1] if marks else None
@@ -79,6 +78,9 @@ class Unmarker:
                 marks[-1] = Mark(kind, last.start, last.length + 1, last.count + 1)
             else:
                 marks.append(Mark(kind, start, 1))
+        if self._widen:
+            runs = Counter(mark.kind for mark in marks)
+            return tuple(Mark(kind, 0, length, count) for kind, count in runs.items())
         return tuple(marks)
 
 
