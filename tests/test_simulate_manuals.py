@@ -276,7 +276,10 @@ def test_servos_that_share_an_id_move_on_together() -> None:
     talk.ask(write(2, 0x04, b"\x07"))
     asked = {i: talk.ask(packet(i, 0x0F, 0x04, 1)) for i in (1, 2, 3, 7)}
     assert {i: answer.count(returned(i, 0x04, bytes([i]))) for i, answer in asked.items()} == {
-        1: 0, 2: 0, 3: 1, 7: 2
+        1: 0,
+        2: 0,
+        3: 1,
+        7: 2,
     }
 
 
