@@ -129,7 +129,7 @@ def _frame(batch: Batch, protocol: BusProtocol, i: int) -> list[str]:
     f = batch.frames
     start, n = int(f.start[i]), int(f.length[i])
     raw = batch.data[start : start + n]
-    row = view(f, i)
+    row = view(f, i, batch.values.register[batch.values.row == i].tolist())
     kind = "response" if row.kind else "request"
     who = f", servo {row.servo_id}" if row.servo_id >= 0 else ""
     lines = [f"{kind}: {protocol.op_name(row.op)}{who}", f"  {raw.hex(' ').upper()}"]

@@ -168,7 +168,7 @@ def value_entry(register: Register, raw: int, value: float, part: int) -> dict[s
 def _frame_fields(batch: Batch, protocol: BusProtocol, i: int, values: range) -> dict[str, Any]:
     f, v = batch.frames, batch.values
     start, length = int(f.start[i]), int(f.length[i])
-    row = view(f, i)
+    row = view(f, i, v.register[values.start : values.stop].tolist())
     out = protocol.fields(batch.data[start : start + length], row)
     targets: dict[str, dict[str, Any]] = {}
     covered = 0

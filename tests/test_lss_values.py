@@ -209,7 +209,9 @@ def test_a_reply_may_hold_a_text_which_is_no_sample(
     found = hear(query, answer)
     assert (found.outcomes, found.flags, found.samples) == (["ok"], [(), ()], [])
     word = answer[2:5].decode().rstrip("AB-3687.")
-    assert fields(query, answer) == {"word": word, **stated}
+    behind = answer[2 + len(word) : -1].decode()
+    value = {"value": behind} if behind else {}  # a number or a text: what stands behind the word
+    assert fields(query, answer) == {"word": word, **value, **stated}
 
 
 def test_another_text_than_dis_where_only_dis_may_stand_is_malformed() -> None:

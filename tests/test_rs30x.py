@@ -148,12 +148,51 @@ def test_two_commands_in_one_packet_are_decoded_and_marked(flags: int, op: str) 
         long(0x1E, (1, b"\x00\x00"), flags=1),  # long packets have no flags
         packet(255, 9),  # all are asked
         write(1, 0x24, b"\x01", 2),  # a reply nibble without meaning
-        returned(0, 0x2A, b""),  # no servo has that id
-        returned(255, 0x2A, b""),
     ],
 )
 def test_what_the_manual_excludes_is_decoded_and_marked(odd: bytes) -> None:
     assert hear(odd).flags == [("unusual",)]
+
+
+@pytest.mark.parametrize(
+    ("servo_id", "detail"),
+    [(0, {"servo_id_least": 1}), (128, {"servo_id_most": 127}), (255, {"servo_id_most": 127})],
+)
+def test_a_return_under_an_id_that_no_servo_has_is_a_gap_that_says_so(
+    servo_id: int, detail: dict[str, int]
+) -> None:
+    told = hear(raw(servo_id, 0, 0x2A, 0, 1, header=b"\xfd\xdf"))
+    assert told.frames == []
+    assert [g.reason for g in told.gaps] == ["damaged"]
+    assert detail.items() <= told.gaps[0].detail.items()
+    assert told.gaps[0].detail["fields"]["servo_id"] == servo_id
+
+
+def test_registers_behind_flag_bits_are_written_and_named() -> None:
+    told = hear(write(1, 0x07, b"\x26", 0x60))
+    assert told.ops == ["flash_write"]
+    assert told.frames[0].fields["return_delay"] == {"raw": 0x26}
+    assert told.frames[0].fields["address"] == 7
+    assert [(s.register, s.raw) for s in told.samples] == [("return_delay", 0x26)]
+
+
+def test_a_new_id_behind_flag_bits_is_told_as_one() -> None:
+    found = batches(Decoder("rs30x"), [[Chunk(write(1, 0x04, b"\x05", 0x40))]])
+    assert "id-changed" in [a.code for b in found for a in b.anomalies]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        packet(1, 0x40, 0x07, 1, 2, b"\x26\x26"),  # of two blocks: whose?
+        packet(0, 0x40, 0x1E, 3, 1, b"\x01\x00\x00"),  # of a long packet
+        write(1, 0xFF, b"\x00\x00", 0x40),  # at the address of commands
+    ],
+)
+def test_other_data_behind_flag_bits_is_shown_and_not_read(other: bytes) -> None:
+    told = hear(other)
+    assert told.samples == []
+    assert told.frames[0].fields["data"] == other[7:-1].hex()
 
 
 @pytest.mark.parametrize("nibble", sorted({*range(1, 16)} - {*REPLIES}))
@@ -302,7 +341,7 @@ def test_no_60_to_127_are_accepted_though_the_map_ends_before() -> None:
 def test_07_behind_a_request_that_asked_for_it_is_its_ack(head: bytes, *, cuts: bool) -> None:
     told = hear(head, ACK_BYTE, READ_BLOCK, cuts=cuts)
     assert [f.kind for f in told.frames] == ["request", "response", "request"]
-    assert told.frames[1].fields == {"ack": True}
+    assert told.frames[1].fields == {"ack": True, "answer": {"number": 7, "name": "ACK"}}
     assert told.frames[1].servo_id == 1  # that of the servo asked
     assert told.frames[1].op == told.frames[0].op
     assert told.outcomes[0] == "ok"
@@ -312,7 +351,7 @@ def test_07_behind_a_request_that_asked_for_it_is_its_ack(head: bytes, *, cuts: 
 def test_08_is_a_nack_and_the_write_did_not_happen() -> None:
     told = hear(TORQUE_ON, NACK_BYTE)
     assert told.outcomes == ["ok"]
-    assert told.frames[1].fields == {"ack": False}
+    assert told.frames[1].fields == {"ack": False, "answer": {"number": 8, "name": "NACK"}}
     assert RS30X.status_names(NACK) == ("nack",)
     assert not told.samples
     assert len(hear(TORQUE_ON, ACK_BYTE).samples) == 1

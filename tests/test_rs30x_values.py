@@ -57,8 +57,8 @@ def test_torque_is_shown_as_it_stands(number: int, name: str) -> None:
     assert (sample.raw, sample.name) == (number, name)
 
 
-def test_a_command_bit_makes_data_no_value() -> None:
-    assert not hear(write(1, 0x1E, b"\x84\x03", 0x40)).samples
+def test_data_at_the_address_of_commands_is_no_value() -> None:
+    assert not hear(write(1, 0xFF, b"\x84\x03", 0x40)).samples
 
 
 @pytest.mark.parametrize(

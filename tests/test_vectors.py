@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 ALL = [v for name in PROTOCOLS for v in vectors(name)]
+MODELS = {"12lf": "mightyzap-12lf", "lsspro_": "lss-pro", "rs301_": "rs301cr"}
+"""Tables other than the default, by what the name of a vector holds."""
 GOOD = [v for v in ALL if v.verdict == "good"]
 WRONG = [v for v in ALL if v.verdict == "bad_checksum"]
 
@@ -24,7 +26,7 @@ def named(some: list[Vector]) -> pytest.MarkDecorator:
 
 
 def decoded(vector: Vector) -> list[Any]:
-    model = "mightyzap-12lf" if "12lf" in vector.name else None
+    model = next((model for mark, model in MODELS.items() if mark in vector.name), None)
     models: dict[int | None, str] | None = {None: model} if model else None
     return list(
         sniffer.decode(

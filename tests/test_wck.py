@@ -39,7 +39,9 @@ SIX = {2: "break", 1: "passive", 3: "wheel", 4: "wheel"}
 
 
 def by_the_manual(data1: int, data2: int) -> str | None:
-    """Name the command by table A-6, written down a second time."""
+    """Name the command by table A-6, written down a second time, and the controller's own."""
+    if (data1, data2) == (0xE0, 0xFB):
+        return "rbc_direct_control_end"
     mode, module = data1 >> 5, data1 & 31
     if mode < 5:
         if module < 31:

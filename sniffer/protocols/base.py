@@ -14,7 +14,7 @@ from typing import Protocol as TypingProtocol
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from sniffer.checksums import Checksum
     from sniffer.framing import Block
@@ -177,7 +177,10 @@ class BusProtocol(TypingProtocol):
 
 @dataclass(frozen=True, slots=True)
 class FrameView:
-    """One row of Frames as plain numbers; ``data_start`` counts from the frame's first byte."""
+    """One row of Frames as plain numbers; ``data_start`` counts from the frame's first byte.
+
+    ``registers`` are those that the frame's values were read as, in order: the model told.
+    """
 
     kind: int
     servo_id: int
@@ -187,10 +190,11 @@ class FrameView:
     data_length: int
     status: int
     flags: int
+    registers: tuple[int, ...] = ()
 
 
-def view(frames: Frames, i: int) -> FrameView:
-    """Return row ``i`` as plain numbers."""
+def view(frames: Frames, i: int, registers: Iterable[int] = ()) -> FrameView:
+    """Return row ``i`` as plain numbers, with the registers of its values."""
     return FrameView(
         int(frames.kind[i]),
         int(frames.servo_id[i]),
@@ -200,6 +204,7 @@ def view(frames: Frames, i: int) -> FrameView:
         int(frames.data_length[i]),
         int(frames.status[i]),
         int(frames.flags[i]),
+        tuple(registers),
     )
 
 

@@ -80,6 +80,7 @@ def raw(*fields: int, data: bytes = b"", header: bytes = b"\xfa\xaf") -> bytes:
 
 _byte = st.one_of(st.sampled_from(BYTES), st.integers(0, 255))
 _id = st.one_of(st.sampled_from([0, 1, 2, 3, 16, 127, 255]), st.integers(0, 127))
+_servo = st.one_of(st.sampled_from([1, 2, 3, 16, 127]), st.integers(1, 127))
 _status = st.sampled_from([0, 0, 0, 0x80, 0x20, 0x08, 0x02, 0x41])
 _address = st.one_of(st.sampled_from([0, 2, 3, 4, 6, 7, 0x1E, 0x20, 0x2A, 0xFF]), _byte)
 
@@ -138,6 +139,8 @@ def _exchange(draw: st.DrawFn) -> bytes:
             return long(draw(_address), *servos, flags=draw(st.sampled_from([0, 0, 0, 1, 9])))
         case "command":
             flags = draw(st.sampled_from([0x40, 0x20, 0x60, 0x41, 0x30]))
+            if draw(st.booleans()):
+                return write(who, draw(_address), draw(_some(1, 4)), flags)
             return packet(
                 who, flags, draw(st.sampled_from([0xFF, 0xFF, 0])), 0, draw(st.integers(0, 1))
             )
@@ -156,7 +159,7 @@ def _exchange(draw: st.DrawFn) -> bytes:
 def _any_packet(draw: st.DrawFn) -> bytes:
     """Draw a packet whose fields are whatever the frame can hold."""
     if draw(st.booleans()):
-        return returned(draw(_id), draw(_byte), draw(_some(0, 20)), draw(_byte))
+        return returned(draw(_servo), draw(_byte), draw(_some(0, 20)), draw(_byte))
     length, count = draw(
         st.sampled_from([(0, 0), (1, 2), (2, 3), (3, 3), (0, 9), (255, 0), (7, 1)])
     )
@@ -164,5 +167,13 @@ def _any_packet(draw: st.DrawFn) -> bytes:
     return packet(draw(_id), draw(_byte), draw(_byte), length, count, data)
 
 
+@st.composite
+def _stranger(draw: st.DrawFn) -> bytes:
+    """Draw a return packet whose sum holds, under an id that no servo has."""
+    data = draw(_some(0, 4))
+    who = draw(st.sampled_from([0, 128, 254, 255]))
+    return raw(who, 0, draw(_address), len(data), 1, data=data, header=b"\xfd\xdf")
+
+
 ANY_PACKET = _any_packet()
-TALK = st.one_of(_exchange(), _exchange(), ANY_PACKET)
+TALK = st.one_of(_exchange(), _exchange(), _exchange(), ANY_PACKET, _stranger())

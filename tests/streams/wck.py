@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from sniffer.checksums import XOR7
+from sniffer.checksums import XOR7, XOR8
+from sniffer.protocols.wck.controller import HEADER
 from sniffer.protocols.wck.grammar import COMMANDS, INDEX, OPS, READ_10BIT_TEXT, byte_values
 
 BYTES = [0xFF, 0xFF, 0xFF, 0, 1, 0x0C, 0x10, 0x1F, 0x30, 0x64, 0x7F, 0x96, 0xA0, 0xC0, 0xC8, 0xC9]
@@ -21,6 +22,12 @@ def command(data1: int, data2: int, rest: bytes = b"", *, text_sum: bool = False
     if text_sum:
         summed = bytes([data1, data2, rest[-1]])
     return b"\xff" + bytes([data1, data2]) + rest + bytes([XOR7(summed)])
+
+
+def rbc(kind: int, contents: bytes, platform: int = 0) -> bytes:
+    """Build a packet of RoboBuilder's controller."""
+    head = HEADER + bytes([kind, platform]) + len(contents).to_bytes(4, "big")
+    return head + contents + bytes([XOR8(contents)])
 
 
 def rebuilt(index: int, raw: bytes) -> bytes:
@@ -112,4 +119,29 @@ def _full_count(draw: st.DrawFn) -> bytes:
             return command(0xE1, 0x64, b"\xff\xff") + command(0xFF, 0xC9, b"\x21\x21")
 
 
-TALK = st.one_of(_exchange(), _exchange(), _exchange(), _ten_bit(), _stray_header(), _full_count())
+@st.composite
+def _controller(draw: st.DrawFn) -> bytes:
+    """Draw packets of RoboBuilder's controller: asked and answered, torn, damaged, too long."""
+    out = b""
+    for _ in range(draw(st.integers(1, 4))):
+        contents = draw(st.lists(_byte, max_size=6).map(bytes))
+        kind = draw(st.sampled_from([0x10, 0x10, 0x12, 0x1A, 0x77]))
+        packet = rbc(kind, contents, platform=draw(st.sampled_from([0, 1])))
+        match draw(st.sampled_from(["", "", "", "", "torn", "sum", "size", "end", "talk"])):
+            case "torn":
+                packet = packet[: draw(st.integers(1, len(packet) - 1))]
+            case "sum":
+                packet = packet[:-1] + bytes([packet[-1] ^ 1])
+            case "size":
+                packet = packet[:10] + bytes([0, draw(st.integers(0, 1)), 0, 0x41]) + packet[14:]
+            case "end":
+                packet += command(0xE0, 0xFB, b"\x01\x00")
+            case "talk":
+                packet += command(0xC0, 0x3F) + bytes([draw(_byte)])
+        out += packet
+    return out
+
+
+TALK = st.one_of(
+    _exchange(), _exchange(), _exchange(), _ten_bit(), _stray_header(), _full_count(), _controller()
+)

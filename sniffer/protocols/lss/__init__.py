@@ -104,20 +104,20 @@ class Lss:
             out["selector"] = row.address
         if word is not None and word.is_query and row.kind == REQUEST:
             return out
-        register = _register(word, row)
+        candidates = _candidates(word, row)
         if line.value is not None:
-            out["value"] = line.value
-            if register is not None:
-                out |= _labelled(register, line.value)
-        elif line.text is not None and (word is None or word.texts.get(line.text) is None):
-            out["text"] = line.text
-        elif register is not None and (meant := register.texts.get(line.text or "")):
-            out |= {register.label: meant} if register.values else {meant: True}
+            out |= {"value": line.value, **_labelled(_told(candidates, row), line.value)}
+        else:
+            if line.text is not None:
+                out["value"] = line.text
+            if line.text is not None and (word is None or word.texts.get(line.text) is None):
+                out["text"] = line.text
+            elif candidates and (meant := candidates[0].texts.get(line.text or "")):
+                out |= {candidates[0].label: meant} if candidates[0].values else {meant: True}
         if line.modifiers:
             out["modifiers"] = {name.upper(): value for name, value in line.modifiers}
             for name, value in line.modifiers:
-                if (known := MODIFIERS.get(name.upper())) is not None:
-                    out |= _labelled(REGISTERS[known.register], value)
+                out |= _labelled(_told(_modifier(name), row), value)
         return out
 
     def checksum_of(self, raw: bytes) -> tuple[Checksum, bytes, int] | None:
@@ -152,7 +152,7 @@ class Lss:
                 modifier = str(leaf.value).upper()
                 note = _name(MODIFIERS[modifier].register) if modifier in MODIFIERS else ""
             elif modifier in MODIFIERS:
-                told = _labelled(REGISTERS[MODIFIERS[modifier].register], int(leaf.value))
+                told = _labelled(_told(_modifier(modifier), row), int(leaf.value))
                 note = ", ".join(f"{k} {v}" for k, v in told.items())
             out.append(FieldSpan(leaf.offset, leaf.length, name, str(shown), note))
         return out
@@ -166,17 +166,35 @@ def _name(register: int) -> str:
     return REGISTERS[register].name.replace("_", " ")
 
 
-def _register(word: Word | None, row: FrameView) -> Register | None:
-    """Return what a line states: by the word, of a reply also by the selector of its query."""
+def _candidates(word: Word | None, row: FrameView) -> list[Register]:
+    """Return what a line may state, by model: of a reply by the selector of its query, too."""
     if word is None:
-        return None
-    index = word.register if row.kind == REQUEST else word.selectors.get(max(row.address, 0), -1)
-    return REGISTERS[index] if index >= 0 else None
+        return []
+    if row.kind == REQUEST:
+        indices = list(word.registers)
+    else:
+        indices = [by.get(max(row.address, 0), -1) for by in word.answers]
+    return [REGISTERS[i] for i in indices if i >= 0]
 
 
-def _labelled(register: Register, raw: int) -> dict[str, Any]:
+def _modifier(name: str) -> list[Register]:
+    known = MODIFIERS.get(name.upper())
+    return [REGISTERS[i] for i in known.registers if i >= 0] if known else []
+
+
+def _told(candidates: list[Register], row: FrameView) -> Register | None:
+    """Return the one of them that the value was read as; unread, only if all read it alike."""
+    read = [REGISTERS[i] for i in row.registers]
+    for register in candidates:
+        if register in read:
+            return register
+    alike = {(r.label, r.unit, r.scale, *r.values.items()) for r in candidates}
+    return candidates[0] if len(alike) == 1 else None
+
+
+def _labelled(register: Register | None, raw: int) -> dict[str, Any]:
     """Return a value in the unit, or by the name, that the register's label promises."""
-    if not register.label or raw in register.special:
+    if register is None or not register.label or raw in register.special:
         return {}
     if register.values and register.effect != "baud":
         return {register.label: register.names(raw)}
@@ -190,8 +208,10 @@ def _remark(word: Word | None, sent: str, row: FrameView) -> str:
     """Say in words what the word of a line is."""
     if word is None:
         return "not in the manual"
-    register = _register(word, row)
-    said = register.name.replace("_", " ") if register else "the meaning depends on the selector"
+    candidates = _candidates(word, row)
+    said = "the meaning depends on the selector"
+    if candidates:
+        said = candidates[0].name.replace("_", " ")
     if word.is_query and row.kind == REQUEST:
         index = word.selectors.get(max(row.address, 0), -1)
         said = "asks " + (_name(index) if index >= 0 else "by selector")

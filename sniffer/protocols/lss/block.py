@@ -163,15 +163,15 @@ def _unusual(p: Lines, entry: U8) -> Mask:
 
 
 def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
-    """Read the numbers: a reply's register is told by the query's word and selector."""
-    del state  # nothing that was said before changes what a number means
+    """Read the numbers: a reply's register is told by model, and the query's word and selector."""
+    model = state.model[frames.servo_id[rows] & 255]
     text = _text(block)
     at, end = frames.data_start[rows], frames.end[rows] - 1
     asked = frames.kind[rows] == RESPONSE
     entry = ENTRIES.find(frames.op[rows])
     selector = frames.address[rows].astype(np.int64)
     column = np.where(selector < SELECTORS, np.maximum(selector, 0), SELECTORS)
-    register = np.where(asked, STATED[entry, column], REGISTER[entry])
+    register = np.where(asked, STATED[model, entry, column], REGISTER[model, entry])
     negative = block.data[at] == MINUS
     raw, digits = text.numbers(at + negative)
     behind = at + negative + digits
@@ -196,7 +196,7 @@ def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
                 int(pair[2]),
                 len(pair[2]),
             )
-        register = MODIFIER_REGISTER[MODIFIER_ENTRIES.find(name)]
+        register = MODIFIER_REGISTER[model[more], MODIFIER_ENTRIES.find(name)]
         stated = register >= 0
         row.append(rows[more[stated]])
         registers.append(register[stated])

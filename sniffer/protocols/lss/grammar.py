@@ -4,7 +4,9 @@ r"""Lynxmotion LSS: the lines of both directions, declared once, and the words t
     '*' ID WORD [VALUE | TEXT] CR                      reply;  '*' QID VALUE CR: the one without id
 
 Source: LSS Communication Protocol, wiki v106.1, Action Commands, Action Modifiers, Query Commands,
-Configuration Commands. There is no checksum. The words come from ``schemas/registers/lss.toml``.
+Configuration Commands. There is no checksum. The words come from the tables of the models,
+``schemas/registers/lss*.toml``: which there are is the same for all, what a number behind one means
+is each model's own.
 """
 
 from __future__ import annotations
@@ -30,10 +32,14 @@ from sniffer.protocols.base import joined
 from sniffer.registers import load_models
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
-MODELS: Final = load_models("lss")
+    from sniffer.registers import Register
+
+MODELS: Final = load_models("lss", "lss-pro")
 REGISTERS: Final = joined(MODELS)
+
+_NONE: Final = (-1,) * len(MODELS)
 
 COMMAND_MARK, REPLY_MARK, END = b"#", b"*", b"\r"
 
@@ -117,19 +123,38 @@ ID_REPLY: Final = Struct(
 """The one reply without an id. Source: Details 16. Query Identification (QID)."""
 
 
+def _by_model() -> Iterator[tuple[int, int, Register]]:
+    """Yield each register with the row of its model and its own."""
+    for m, model in enumerate(MODELS):
+        for k, register in enumerate(model.registers):
+            yield m, model.first + k, register
+
+
 @dataclass(frozen=True, slots=True)
 class Word:
     """What a command's word means; aliases share one ``Word``, ``name`` is the canonical one.
 
-    ``register`` is stated by an action's or configuration's number, ``selectors`` tell which one
-    the reply to a query states. ``texts`` may stand in place of the number ("" nothing, "*" any).
+    By model: ``registers`` are stated by an action's or configuration's number (-1: none),
+    ``answers`` tell by selector which one the reply to a query states. The default model has those
+    of the others, too, where it has none of its own: such a word says itself whose it is.
+    ``texts`` may stand in place of the number ("" nothing, "*" any).
     """
 
     name: str
     kind: str
-    register: int = -1
-    selectors: Mapping[int, int] = field(default_factory=dict)
+    registers: tuple[int, ...] = _NONE
+    answers: tuple[Mapping[int, int], ...] = ({},) * len(MODELS)
     texts: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def register(self) -> int:
+        """Return the register of the default model."""
+        return self.registers[0]
+
+    @property
+    def selectors(self) -> Mapping[int, int]:
+        """Return the selectors that any model knows, with the default model's registers."""
+        return self.answers[0]
 
     @property
     def is_query(self) -> bool:
@@ -139,7 +164,7 @@ class Word:
     @property
     def takes_number(self) -> bool:
         """Tell whether a number may follow the word of an action or configuration."""
-        decimal = self.register >= 0 and REGISTERS[self.register].type == "decimal"
+        decimal = any(r >= 0 and REGISTERS[r].type == "decimal" for r in self.registers)
         return decimal or self.kind == "unclear"
 
     @property
@@ -154,36 +179,65 @@ class Word:
 
 @dataclass(frozen=True, slots=True)
 class Modifier:
-    """A modifier's register, and the actions (by word) the page allows it for."""
+    """A modifier's register by model, and the actions (by word) a page allows it for."""
 
-    register: int
+    registers: tuple[int, ...]
     modifies: tuple[str, ...]
+
+    @property
+    def register(self) -> int:
+        """Return the register of the default model."""
+        return self.registers[0]
+
+
+def _first(registers: Sequence[int]) -> tuple[int, ...]:
+    """Return registers by model; the default model takes another's where it has none."""
+    own = next((r for r in registers if r >= 0), -1)
+    return (own, *registers[1:])
 
 
 def _words() -> dict[str, Word]:
-    words: dict[str, Word] = {}
-    asked: dict[str, dict[int, int]] = {}
+    said: dict[str, list[int]] = {}
+    names: dict[str, dict[str, None]] = {}
+    kinds: dict[str, str] = {}
+    asked: dict[str, list[dict[int, int]]] = {}
     texts: dict[str, dict[str, str]] = {}
-    for i, r in enumerate(REGISTERS):
+    for m, i, r in _by_model():
         if r.kind not in ("query", "modifier"):
-            word = Word(r.word, r.kind, i, texts=r.texts)
-            words |= dict.fromkeys((r.word, *r.aliases), word)
+            said.setdefault(r.word, [*_NONE])[m] = i
+            names.setdefault(r.word, {}).update(dict.fromkeys((r.word, *r.aliases)))
+            kinds.setdefault(r.word, r.kind)
+            texts.setdefault(r.word, {}).update(r.texts)
         queries = r.queries or ((r.word,) if r.kind == "query" else ())
         for query in queries:
             name = query.rstrip("0123456789")
-            asked.setdefault(name, {})[int(query[len(name) :] or 0)] = i
+            by_model = asked.setdefault(name, [{} for _ in MODELS])
+            by_model[m][int(query[len(name) :] or 0)] = i
             texts.setdefault(name, {}).update(r.texts)
-    for name, selectors in asked.items():
-        words[name] = Word(name, "query", selectors=selectors, texts=texts[name])
+    words: dict[str, Word] = {}
+    for name, registers in said.items():
+        word = Word(name, kinds[name], _first(registers), texts=texts[name])
+        words |= dict.fromkeys(names[name], word)
+    for name, answers in asked.items():
+        own = {s: r for by_selector in reversed(answers) for s, r in by_selector.items()}
+        words[name] = Word(name, "query", answers=(own, *answers[1:]), texts=texts[name])
     return words
+
+
+def _modifiers() -> dict[str, Modifier]:
+    registers: dict[str, list[int]] = {}
+    modifies: dict[str, dict[str, None]] = {}
+    for m, i, r in _by_model():
+        if r.kind == "modifier":
+            registers.setdefault(r.word, [*_NONE])[m] = i
+            modifies.setdefault(r.word, {}).update(dict.fromkeys(r.modifies))
+    return {w: Modifier(_first(by), tuple(modifies[w])) for w, by in registers.items()}
 
 
 WORDS: Final[Mapping[str, Word]] = MappingProxyType(_words())
 """Every word a command may have, aliases included; selector 0 stands for none, too."""
 
-MODIFIERS: Final[Mapping[str, Modifier]] = MappingProxyType(
-    {r.word: Modifier(i, r.modifies) for i, r in enumerate(REGISTERS) if r.kind == "modifier"}
-)
+MODIFIERS: Final[Mapping[str, Modifier]] = MappingProxyType(_modifiers())
 
 TEXT_WORDS: Final = tuple(
     sorted((w for w, word in WORDS.items() if word.is_query and set(word.texts) - {""}), key=len)

@@ -129,19 +129,19 @@ def _command(out: SlowFrame, line: Any, word: Word | None) -> None:
 
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
     """Return the number of a line, then those of its modifiers."""
-    del state
+    model = int(state.model[frame.servo_id & 255])
     found = fitting(frame.raw)
     word = WORDS.get(unpacked(frame.op))
     if found is None or word is None or "text" in found[1]:
         return []
     line, out = found[1], []
-    index = word.register
+    index = word.registers[model]
     if frame.kind == RESPONSE:
-        index = word.selectors.get(max(frame.address, 0), -1)
+        index = word.answers[model].get(max(frame.address, 0), -1)
     if index >= 0 and line.value and REGISTERS[index].type == "decimal":
         out.append((frame.servo_id, index, int(line.value), WHOLE))
     for m in line.get("modifiers", []):
         known = MODIFIERS.get(m.word.upper())
-        if known is not None:
-            out.append((frame.servo_id, known.register, int(m.value), WHOLE))
+        if known is not None and known.registers[model] >= 0:
+            out.append((frame.servo_id, known.registers[model], int(m.value), WHOLE))
     return out

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.protocols.lss.grammar import MODIFIERS, REGISTERS, WORDS, Word, packed
+from sniffer.protocols.lss.grammar import MODELS, MODIFIERS, REGISTERS, WORDS, Word, packed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -49,13 +49,13 @@ class Lookup:
 _ALL: Final = (None, *WORDS.values())
 
 
-def _register(word: Word | None) -> int:
+def _register(word: Word | None, model: int) -> int:
     """Return the register that an action's or a configuration's number states."""
-    return -1 if word is None else _number_only(word.register)
+    return -1 if word is None else _number_only(word.registers[model])
 
 
-def _of_selector(word: Word | None, selector: int) -> int:
-    return -1 if word is None else word.selectors.get(selector, -1)
+def _of_selector(word: Word | None, model: int, selector: int) -> int:
+    return -1 if word is None else word.answers[model].get(selector, -1)
 
 
 def _number_only(register: int) -> int:
@@ -65,15 +65,23 @@ def _number_only(register: int) -> int:
 ENTRIES: Final = Lookup(WORDS)
 CANONICAL: Final = np.array([packed(w.name) if w else 0 for w in _ALL])
 IS_QUERY: Final = np.array([w is not None and w.is_query for w in _ALL])
-REGISTER: Final = np.array([_register(w) for w in _ALL])
+REGISTER: Final = np.array([[_register(w, m) for w in _ALL] for m in range(len(MODELS))])
+"""By model and word."""
 NUMBER_OK: Final = np.array([w is not None and w.takes_number for w in _ALL])
 EMPTY_OK: Final = np.array([w is not None and w.may_be_empty for w in _ALL])
-_BY_SELECTOR: Final = [[_of_selector(w, s) for s in range(SELECTORS)] + [-1] for w in _ALL]
-LISTED: Final = np.array(_BY_SELECTOR) >= 0
-STATED: Final = np.array([[_number_only(r) for r in row] for row in _BY_SELECTOR])
+_BY_SELECTOR: Final = [
+    [[_of_selector(w, m, s) for s in range(SELECTORS)] + [-1] for w in _ALL]
+    for m in range(len(MODELS))
+]
+LISTED: Final = np.array(_BY_SELECTOR[0]) >= 0
+STATED: Final = np.vectorize(_number_only)(np.array(_BY_SELECTOR))
+"""By model, word and selector."""
 
 MODIFIER_ENTRIES: Final = Lookup(MODIFIERS)
-MODIFIER_REGISTER: Final = np.array([-1, *(m.register for m in MODIFIERS.values())])
+MODIFIER_REGISTER: Final = np.array(
+    [[-1, *(known.registers[m] for known in MODIFIERS.values())] for m in range(len(MODELS))]
+)
+"""By model and modifier."""
 FITS: Final = np.array(
     [
         [w is not None and w.name in allowed for w in _ALL]

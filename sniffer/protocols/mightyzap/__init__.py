@@ -21,6 +21,7 @@ from sniffer.protocols.mightyzap.grammar import (
     REFUSALS,
     SDK_FACTORY_RESET,
     SYMMETRIC_STORE,
+    leading,
 )
 from sniffer.registers import bit_names
 
@@ -84,10 +85,13 @@ class MightyZap:
             return out
         if row.op == LOAD and not row.flags & MALFORMED:
             return {"address": row.address, "length": raw[row.data_start]}
-        if row.op in (FACTORY_RESET, SDK_FACTORY_RESET) and len(data) == 1:
+        if row.op in (FACTORY_RESET, SDK_FACTORY_RESET) and data:
             resets = bit_names({0: "servo_id", 1: "baud_rate"}, data[0])
-            return {"option": {"number": data[0], "names": resets}}
+            out = {"option": {"number": data[0], "names": resets}}
+            return out if len(data) == 1 else {**out, "factors": data.hex()}
         out = {}
+        if row.flags & MALFORMED:
+            out |= leading(row.op, data)
         if row.address >= 0:
             out["address"] = row.address
             if row.op == SYMMETRIC_STORE:
@@ -134,7 +138,11 @@ class MightyZap:
         if not data:
             return []
         if command is None or row.flags & MALFORMED:
-            return [FieldSpan(offset, len(data), "data", data.hex(" ").upper())]
+            read = leading(row.op, data)
+            rest = data[len(read) :]
+            out = [FieldSpan(offset + i, 1, k, str(v)) for i, (k, v) in enumerate(read.items())]
+            at = offset + len(read)
+            return out + [FieldSpan(at, len(rest), "data", rest.hex(" ").upper())] * bool(rest)
         return [
             FieldSpan(
                 offset + leaf.offset,

@@ -22,6 +22,7 @@ from construct import (
     GreedyBytes,
     GreedyRange,
     RawCopy,
+    Renamed,
     Struct,
     Terminated,
     this,
@@ -115,6 +116,23 @@ COMMANDS: Final[Mapping[int, Command]] = MappingProxyType(
 )
 """Command codes. Replies follow the Feedback Return Mode (0: echo only, 1: also load data, 2: all).
 Source: user manual v1.02, (2) 4. COMMAND, and (5) 8) Feedback Return Mode."""
+
+
+def leading(code: int, factors: bytes) -> dict[str, int]:
+    """Return the one-byte fields that a command's factors begin with, as far as there are bytes.
+
+    They can be read although the body as a whole is not as the grammar has it.
+    """
+    names: list[str] = []
+    for con in COMMANDS[code].factors.subcons if code in COMMANDS else ():
+        name, inner = con.name, con
+        while isinstance(inner, Renamed):
+            inner = inner.subcon
+        if inner is not Byte:
+            break
+        names.append(name)
+    return dict(zip(names, factors, strict=False))
+
 
 ECHO, LOAD, STORE, SEND, EXECUTE, FACTORY_RESET = 0xF1, 0xF2, 0xF3, 0xF4, 0xF5, 0xF6
 SDK_FACTORY_RESET, SYMMETRIC_STORE = 0xF9, 0x73

@@ -23,7 +23,6 @@ from sniffer.protocols.rs30x.grammar import (
     REFUSALS,
     RESET_WITH_DATA,
     RETURN,
-    WRITE,
     flag_names,
     long_data,
     status_names,
@@ -45,7 +44,7 @@ class Rs30x:
 
     name = "rs30x"
     title = "Futaba RS30x (RS305CR)"
-    # RS305CR manual, table 4.6
+    # RS305CR manual, table 4.6; the last one only siblings have (RS301CR manual, Table 4.6: 0AH)
     bauds: tuple[int, ...] = (
         9600,
         14400,
@@ -57,6 +56,7 @@ class Rs30x:
         115200,
         153600,
         230400,
+        460800,
     )
     baud = 115200
     longest = block.REACH
@@ -93,7 +93,8 @@ class Rs30x:
     def fields(self, raw: bytes, row: FrameView) -> dict[str, Any]:
         """Return the head of the packet, flags by number and name; of a bare byte, if it is ACK."""
         if len(raw) == 1:
-            return {"ack": row.status != NACK}
+            acked = row.status != NACK
+            return {"ack": acked, "answer": {"number": raw[0], "name": "ACK" if acked else "NACK"}}
         asked = row.kind == REQUEST
         body = _grammar(raw, row).parse(raw).body.value
         names = flag_names(body.flags) if asked else status_names(body.flags)
@@ -104,7 +105,7 @@ class Rs30x:
             "length": body.length,
             "count": body.count,
         }
-        if asked and row.op not in (WRITE, LONG_WRITE) and body.data:
+        if asked and row.address < 0 and body.data:
             out["data"] = body.data.hex()
         return out
 

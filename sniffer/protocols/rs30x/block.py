@@ -45,6 +45,7 @@ from sniffer.protocols.rs30x.grammar import (
     ID_REGISTER,
     LONG,
     LONG_WRITE,
+    LOWEST_ID,
     MOST_DATA,
     NACK,
     NACK_BYTE,
@@ -62,6 +63,7 @@ from sniffer.protocols.rs30x.grammar import (
     RETURN,
     RETURN_OP,
     WRITE,
+    carries_registers,
     flag_names,
     op_of,
     status_names,
@@ -74,7 +76,9 @@ if TYPE_CHECKING:
 
     from sniffer.protocols.base import State, Values
 
-MODELS: Final = load_models("rs305cr")
+MODELS: Final = load_models(
+    "rs305cr", "rs204md", "rs301cr", "rs302cd", "rs303mr", "rs304md", "rs405cb", "rs406cb"
+)
 SHAPES: Final = Addressed(MODELS, first=0)
 PLAN: Final = plan_of(PACKET)
 RETURN_PLAN: Final = plan_of(RETURN)
@@ -193,6 +197,7 @@ def describe(block: Block, spans: Spans) -> Frames:
     by_packet = nibble == ASKS_ADDRESS
     from_address = np.where(by_packet, wire_address, _ADDRESS_OF[bits])
     writes = (op == WRITE) | (op == LONG_WRITE)
+    writes |= carries_registers(servo_id, op, wire_address, data_length)
     address = np.where(op == READ, from_address, np.where(writes, wire_address, -1))
     address = np.where(back & ~ack, wire_address, address)
     token = from_address << 8 | np.where(by_packet, block_length, _LENGTH_OF[bits])
@@ -207,7 +212,7 @@ def describe(block: Block, spans: Spans) -> Frames:
     renumbers = asked & (op == WRITE) & (alt == NO_ALT)
     alt = _new_id(data, head, renumbers, address, data_length, alt)
     flags = _flags(data, head, op, bits, servo_id, wire_address, data_length)
-    flags = np.where(back, np.where(alone | ack, 0, UNUSUAL), flags)
+    flags = np.where(back, 0, flags)
     zero = np.zeros(n, np.int64)
     return Frames(
         start=start,
@@ -244,6 +249,7 @@ def _flags(data: U8, head: I64, op: I64, bits: U8, servo_id: I64, address: I64, 
     write = op == WRITE
     malformed = write & ((length == 0) | (data[head + _COUNT] != 1))
     malformed |= (op == LONG_WRITE) & ((length == 0) | (data[head + _LENGTH] < 2))
+    malformed |= carries_registers(servo_id, op, address, length) & (data[head + _COUNT] != 1)
     undefined = ~command & (_REPLY[bits] == IF_ALL)
     unknown = undefined & (op == READ)
     resets = bits & RESET_BIT > 0
@@ -325,12 +331,15 @@ def explain(run: bytes, start: int) -> list[Gap]:
 def _needs(raw: bytes) -> tuple[int | None, dict[str, object]]:
     """Return the packet's length, if it states a possible one, and what cannot be right in it."""
     wrong: dict[str, object] = {}
-    if len(raw) > _ID and HIGHEST_ID < raw[_ID] < EVERYONE:
+    back = raw.startswith(RETURN_PLAN.header)
+    if len(raw) > _ID and HIGHEST_ID < raw[_ID] < EVERYONE + back:
         wrong["servo_id_most"] = HIGHEST_ID
+    if back and len(raw) > _ID and raw[_ID] < LOWEST_ID:
+        wrong["servo_id_least"] = LOWEST_ID
     if len(raw) < PLAN.prefix:
         return None, {}
     length, count = raw[_LENGTH], raw[_COUNT]
-    if raw.startswith(RETURN_PLAN.header):
+    if back:
         if count != 1:
             return None, {**wrong, "count_expected": 1}
         return OVERHEAD + length, wrong

@@ -181,8 +181,16 @@ RESET_WITH_DATA: Final = _packet(
 """Factory reset with the data byte FF that the text asks for although LENGTH * COUNT is 0; the
 example has none (then it is a ``PACKET``). Source: RS305CR manual, flag bit 4."""
 
-RETURN: Final = _packet(b"\xfd\xdf", Check(this.count == 1), "data" / Bytes(this.length))
-"""Return packet; LENGTH counts the data bytes. Source: RS305CR manual, return packet."""
+LOWEST_ID: Final = 1
+
+RETURN: Final = _packet(
+    b"\xfd\xdf",
+    Check((this.servo_id >= LOWEST_ID) & (this.servo_id <= HIGHEST_ID)),
+    Check(this.count == 1),
+    "data" / Bytes(this.length),
+)
+"""Return packet: a servo's own, 1..127; LENGTH counts the data bytes. Source: RS305CR manual,
+return packet."""
 
 ACK: Final = Struct("answer" / OneOf(Byte, (ACK_BYTE, NACK_BYTE)) * "07 ACK, 08 NACK")
 """The answer to reply nibble 1."""
@@ -197,6 +205,15 @@ def long_data(length: int) -> Any:
         "servos" / GreedyRange(Struct("servo_id" / Byte * "VID", "data" / Bytes(length - 1))),
         Terminated,
     )
+
+
+def carries_registers(servo_id: Any, op: Any, address: Any, length: Any) -> Any:
+    """Tell whether the data behind a command's flag bits are registers that it sets.
+
+    Source: RS301CR/RS302CD manual 1.0, No. 6: flash write and reboot in one packet with the write.
+    """
+    command = (op == FLASH_WRITE) | (op == REBOOT) | (op == FACTORY_RESET)
+    return command & (length > 0) & (address != COMMAND_ADDRESS) & (servo_id != LONG)
 
 
 def op_of(servo_id: int, flags: int, data: bytes) -> int:

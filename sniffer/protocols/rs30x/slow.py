@@ -47,6 +47,7 @@ from sniffer.protocols.rs30x.grammar import (
     RETURN,
     RETURN_OP,
     WRITE,
+    carries_registers,
     long_data,
     op_of,
 )
@@ -103,8 +104,6 @@ def describe(raw: bytes, kind: int, before: SlowFrame | None) -> SlowFrame:
     out = SlowFrame(0, len(raw), RESPONSE, body.servo_id, RETURN_OP, raw)
     out.address, out.data, out.data_start = body.address, body.data, len(raw) - 1 - len(body.data)
     out.status, out.token = body.flags, body.address << 8 | body.length
-    if body.servo_id in (LONG, EVERYONE):
-        out.flags = UNUSUAL  # no servo has that id
     return out
 
 
@@ -122,7 +121,8 @@ def _request(raw: bytes, body: Any) -> SlowFrame:
         out.token = ACK_TOKEN
     elif asked:
         out.token = address << 8 | length
-    if op in (WRITE, LONG_WRITE):
+    carries = carries_registers(body.servo_id, op, body.address, len(body.data))
+    if op in (WRITE, LONG_WRITE) or carries:
         out.address = body.address
     elif op == READ:
         out.address = address
@@ -134,6 +134,8 @@ def _request(raw: bytes, body: Any) -> SlowFrame:
     if op == READ and not asked:
         out.flags |= UNKNOWN
     if op == WRITE and (not body.data or body.count != 1):
+        out.flags |= MALFORMED
+    if carries and body.count != 1:
         out.flags |= MALFORMED
     if op == LONG_WRITE and (not body.data or body.length < 2):
         out.flags |= MALFORMED
@@ -169,9 +171,13 @@ def _unusual(op: int, body: Any, bits: Any) -> bool:
     return bool(together or body.address != COMMAND_ADDRESS or (body.data and not data_of_reset))
 
 
+def _sets(frame: SlowFrame) -> bool:
+    return frame.op in (WRITE, LONG_WRITE) or (frame.op in COMMANDS and frame.address >= 0)
+
+
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
     """Split what is written or returned by the model's table, byte by byte."""
-    if frame.flags & MALFORMED or (frame.kind == REQUEST and frame.op not in (WRITE, LONG_WRITE)):
+    if frame.flags & MALFORMED or (frame.kind == REQUEST and not _sets(frame)):
         return []
     if frame.kind == REQUEST and frame.op == LONG_WRITE:
         length = PACKET.parse(frame.raw).body.value.length

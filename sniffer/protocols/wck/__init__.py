@@ -10,7 +10,7 @@ from sniffer.checksums import XOR7
 from sniffer.model import I16, I64, NS, REQUEST, Frames, Gap, Mask
 from sniffer.protocols.base import FieldSpan, FrameView, joined
 from sniffer.protocols.dissection import Leaf, leaves
-from sniffer.protocols.wck import block, slow
+from sniffer.protocols.wck import block, controller, slow
 from sniffer.protocols.wck.explain import explain
 from sniffer.protocols.wck.grammar import (
     COMMANDS,
@@ -36,6 +36,9 @@ FAST_NS: Final = 5 * NS // 1000
 SLOW_NS: Final = 200 * NS // 1000
 """Set commands are answered after 120 ms, when the EEPROM is written. Source: as above; the table
 has no row for the run-time sets, which are allowed as much, nor for the I/O write."""
+
+CONTROLLER_NS: Final = 500 * NS // 1000
+"""RoboBuilder's controller has no stated time; the client this is known from waits as long."""
 
 TAIL_NS: Final = 500 * NS // 1000
 """Above every answer to a set command, and the 65 ms a module is deaf at power-on. Source: as
@@ -66,6 +69,8 @@ class Wck:
 
     def op_name(self, op: int) -> str:
         """Return the command's name; a code the manual does not have is ``unknown_<hex>``."""
+        if op >= controller.BASE:
+            return controller.op_name(op)
         return OPS[op].name if op < UNKNOWN_BASE else f"unknown_{op - UNKNOWN_BASE:02x}"
 
     def refused(self, status: I16) -> Mask:
@@ -75,7 +80,8 @@ class Wck:
     def window_ns(self, frames: Frames) -> I64:
         """Return the reply window: short, but for commands that may write the EEPROM."""
         slow_one = block.SLOW[np.minimum(frames.op, UNKNOWN_OP)]
-        return np.where(slow_one, SLOW_NS, FAST_NS).astype(np.int64)
+        window = np.where(slow_one, SLOW_NS, FAST_NS)
+        return np.where(frames.op >= controller.BASE, CONTROLLER_NS, window).astype(np.int64)
 
     def status_names(self, status: int) -> tuple[str, ...]:
         """Name nothing: replies have no status."""
@@ -84,6 +90,8 @@ class Wck:
 
     def fields(self, raw: bytes, row: FrameView) -> dict[str, Any]:
         """Return what is no register: counts, motions, bytes that only together are a value."""
+        if controller.is_packet(raw):
+            return controller.fields(raw)
         index = min(row.op, UNKNOWN_OP)
         name = OPS[index].name
         if row.kind != REQUEST:
@@ -102,7 +110,7 @@ class Wck:
                 out["echo"] = fields["data2"]
             case "break" if row.kind != REQUEST:
                 out["id"] = fields["id"]
-            case "unknown":
+            case "unknown" | "rbc_direct_control_end":
                 out["data"] = raw[row.data_start : row.data_start + row.data_length].hex()
         for key in ("target_h3", "target_l7", "h3", "l7"):
             if key in fields:
@@ -121,6 +129,8 @@ class Wck:
         """Return the checksum, what it takes in, and the last byte; a reply has none."""
         if len(raw) <= block.REPLY:
             return None
+        if controller.is_packet(raw):
+            return controller.PLAN.checksum, raw[controller.PLAN.sum_from : -1], raw[-1]
         kind, body = block.KIND[raw[block.DATA2] << 8 | raw[block.DATA1]], raw[1:-1]
         if kind == block.SYNC:
             body = raw[block.PARAMS : -1]
@@ -130,6 +140,8 @@ class Wck:
 
     def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:
         """Return the frame's bytes by their grammar, Data1 and Data2 with their bit fields."""
+        if controller.is_packet(raw):
+            return [_packet_span(leaf) for leaf in leaves(controller.PACKET, raw)]
         index = min(row.op, UNKNOWN_OP)
         if row.kind != REQUEST:
             return [span for leaf in leaves(REPLIES[index], raw) for span in _spans(leaf, raw)]
@@ -137,6 +149,13 @@ class Wck:
         if _is_text_sum(index, raw):
             grammar = READ_10BIT_TEXT
         return [span for leaf in leaves(grammar, raw) for span in _spans(leaf, raw)]
+
+
+def _packet_span(leaf: Leaf) -> FieldSpan:
+    """Return a field of a controller's packet; bytes in hexadecimal."""
+    value = leaf.value
+    words = value.hex(" ").upper() if isinstance(value, bytes) else str(value)
+    return FieldSpan(leaf.offset, leaf.length, leaf.path.replace("_", " "), words, leaf.docs)
 
 
 def _is_text_sum(kind: int, raw: bytes) -> bool:

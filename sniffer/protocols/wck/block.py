@@ -21,6 +21,7 @@ from sniffer.model import (
     MUST,
     NEVER,
     NO_ALT,
+    OPTIONAL,
     REQUEST,
     RESPONSE,
     U8,
@@ -31,6 +32,7 @@ from sniffer.model import (
     Spans,
 )
 from sniffer.protocols.base import State, Values
+from sniffer.protocols.wck import controller
 from sniffer.protocols.wck.grammar import (
     HEADER,
     INDEX,
@@ -57,6 +59,7 @@ DATA1, DATA2, PARAMS = 1, 2, 3
 REPLY: Final = 2
 """Bytes of every reply. Source: manual 1.07, A-6, Response Packet."""
 
+TO_CONTROLLER: Final = INDEX["rbc_direct_control_end"]
 SYNC, BREAK, MOTION = INDEX["sync_position_move"], INDEX["break"], INDEX["motion_data_write"]
 MOVE_10BIT, READ_10BIT = INDEX["position_move_10bit"], INDEX["position_read_10bit"]
 ID_BITS: Final = 31
@@ -75,7 +78,7 @@ def _table(of: Callable[[Op], Any], dtype: Any) -> Any:
 
 def _kinds() -> U8:
     out = np.full((256, 256), NONE, np.uint8)
-    for i, op in enumerate(OPS):
+    for i, op in reversed([*enumerate(OPS)]):  # the unknown command gives way to all others
         out[np.ix_(byte_values(op.data2), byte_values(op.data1))] = i
     return out.ravel()
 
@@ -106,7 +109,7 @@ KIND: Final = _kinds()
 
 LENGTH: Final = _table(lambda op: op.length, np.int64)
 LENGTH[NONE] = min(op.length for op in OPS)
-LONGEST: Final = OPS[SYNC].length + ID_BITS
+LONGEST: Final = max(OPS[SYNC].length + ID_BITS, controller.LONGEST)
 SLOW: Final = _table(lambda op: op.slow, bool)
 
 _ASKS: Final = _table(lambda op: bool(op.reply), bool)
@@ -149,11 +152,18 @@ def frame(block: Block) -> tuple[Spans, int]:
     other = np.flatnonzero(~good & (kind == READ_10BIT))
     good[other] = _text_sum(data, start[other]) == data[end[other] - 1]
     start, end, kind = start[good], end[good], kind[good]
-    has, unsure = _replies(block, data, start, end, kind, waiting)
+    begun, done, torn = controller.find(block)
+    heads = np.concatenate([start, begun]) if len(begun) else start
+    waiting = np.union1d(waiting, torn) if len(torn) else waiting
+    has, unsure = _replies(block, data, start, end, kind, heads, waiting)
     if unsure.any():
         waiting = np.union1d(waiting, start[unsure])
         sure = ~unsure
         start, end, has = start[sure], end[sure], has[sure]
+    if len(begun):
+        order = np.argsort(start := np.concatenate([start, begun]), kind="stable")
+        start, end = start[order], np.concatenate([end, done])[order]
+        has = np.concatenate([has, np.zeros(len(begun), bool)])[order]
     rows, decided = settle(start, end + REPLY * has, waiting, n)
     return _spans(start[rows], end[rows], has[rows]), decided
 
@@ -165,12 +175,13 @@ def _text_sum(data: U8, start: I64) -> U8:
 
 
 def _replies(
-    block: Block, data: U8, start: I64, end: I64, kind: U8, waiting: I64
+    block: Block, data: U8, start: I64, end: I64, kind: U8, heads: I64, waiting: I64
 ) -> tuple[Mask, Mask]:
     """Tell which commands (good ones) have a reply, and for which more bytes must be seen.
 
-    An FF is no reply byte unless the command's reply may hold one there; and not even then if a
-    good command begins with it. Of that only a reply that repeats its command is excepted.
+    ``heads`` are where good commands and packets begin. An FF is no reply byte unless the command's
+    reply may hold one there; and not even then if one of those begins with it. Of that only a reply
+    that repeats its command is excepted.
     """
     limit = block.limit(start)
     room = limit - end
@@ -186,7 +197,7 @@ def _replies(
         echo = (_ECHO0[k] > 0) & _TWICE[k] & (data[begin] == data[start[rare] + _ECHO0[k]])
         echo &= data[begin + 1] == data[begin]
         may = (~first | _FF0[k]) & (~second | _FF1[k])
-        taken = first & np.isin(begin, start) & ~echo | second & np.isin(begin + 1, start)
+        taken = first & np.isin(begin, heads) & ~echo | second & np.isin(begin + 1, heads)
         waits = first & np.isin(begin, waiting) & ~echo | second & np.isin(begin + 1, waiting)
         plain[rare] = may & ~taken
         unsure[rare] = may & ~taken & waits
@@ -221,29 +232,42 @@ def describe(block: Block, spans: Spans) -> Frames:
     servo_id = (data[command + DATA1] & ID_BITS).astype(np.int16)
     ten = np.flatnonzero((kind == MOVE_10BIT) | (kind == READ_10BIT))
     servo_id[ten] = data[command[ten] + PARAMS]
-    servo_id[kind == SYNC] = -1
+    rbc = request & (kind == NONE)
+    servo_id[(kind == SYNC) | (kind == TO_CONTROLLER) | rbc] = -1
     breaks = np.flatnonzero(kind == BREAK)
     servo_id[breaks] = np.where(request[breaks], -1, data[start[breaks]].astype(np.int64))
     op = kind.astype(np.int64)
     strange = np.flatnonzero(kind == UNKNOWN_OP)
     op[strange] = UNKNOWN_BASE + data[command[strange] + DATA2].astype(np.int64)
+    op[rbc] = controller.BASE + data[start[rbc] + controller.TYPE_AT].astype(np.int64)
     length = spans.end - start
     asks = request & _ASKS[kind]
+    reply = np.where(asks, MUST, NEVER)
+    way, token = spans.kind, np.where(_ASKS[kind], REPLY, 0)
+    data_start = start + np.where(request, _DATA_AT[kind], 0)
+    data_length = np.where(request, _DATA_LENGTH[kind] + length - LENGTH[kind], REPLY)
+    if rbc.any():
+        answered = controller.answers(block, start, spans.end, rbc, op)
+        way = np.where(answered, RESPONSE, way)
+        reply[rbc] = np.where(answered[rbc], NEVER, OPTIONAL)
+        token[rbc] = op[rbc]
+        data_start[rbc] = start[rbc] + controller.PLAN.tail_at
+        data_length[rbc] = length[rbc] - controller.OVERHEAD
     alt = np.full(n, NO_ALT, np.int16)
     alt[breaks] = ANY_ID
     minus, zero = np.full(n, -1, np.int16), np.zeros(n, np.int64)
     return Frames(
         start=start,
         length=length,
-        kind=spans.kind,
+        kind=way.astype(np.uint8),
         servo_id=servo_id,
         op=op,
         address=minus,
-        data_start=start + np.where(request, _DATA_AT[kind], 0),
-        data_length=np.where(request, _DATA_LENGTH[kind] + length - LENGTH[kind], REPLY),
+        data_start=data_start,
+        data_length=data_length,
         status=minus,
-        reply=np.where(asks, MUST, NEVER).astype(np.uint8),
-        token=np.where(_ASKS[kind], REPLY, 0),
+        reply=reply.astype(np.uint8),
+        token=token,
         alt_id=alt,
         flags=_flags(data, spans, command, kind, request, answer),
         t_start=zero,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.checksums import XOR7
 from sniffer.model import Gap
+from sniffer.protocols.wck import controller
 from sniffer.protocols.wck.block import (
     DATA1,
     DATA2,
@@ -42,6 +43,13 @@ def explain(run: bytes, start: int, *, awaited: bool) -> list[Gap]:
         return [
             Gap(start, 1, "truncated", {"have": 1, "need": REPLY, "fields": {"reply": run.hex()}})
         ]
+    packet = run.find(controller.HEADER)
+    if packet >= 0:
+        found = controller.explain(run[packet:], start + packet)
+        rest = found.start + found.length - start
+        before = explain(run[:packet], start, awaited=awaited) if packet else []
+        behind = explain(run[rest:], start + rest, awaited=False) if rest < len(run) else []
+        return [*before, found, *behind]
     out: list[Gap] = []
     done = 0
     for at, length, reason, detail in _torn_frames(run):
@@ -98,9 +106,9 @@ def _one(run: bytes, at: int) -> tuple[int, str, dict[str, Any]] | None:
     if kind == MOTION:
         if have <= PARAMS:
             return have, "truncated", {"have": have}
-        if run[at + PARAMS] > MOTION_MOST:
-            return None
         need += 2 * run[at + PARAMS]
+        if run[at + PARAMS] > MOTION_MOST:
+            return _overlong(run, at, need)
     if need > have:
         if kind == UNKNOWN_OP:
             return None
@@ -112,6 +120,15 @@ def _one(run: bytes, at: int) -> tuple[int, str, dict[str, Any]] | None:
         return None
     detail = {"checksum_expected": expected, "checksum_got": got}
     return need, "damaged", {**detail, "fields": _as_read(run[at : at + need - 1], kind)}
+
+
+def _overlong(run: bytes, at: int, need: int) -> tuple[int, str, dict[str, Any]] | None:
+    """Judge a motion with more words than there are: only its own checksum makes it one."""
+    end = at + need
+    if end > len(run) or XOR7(run[at + DATA1 : end - 1]) != run[end - 1]:
+        return None
+    most = {"motion_count": run[at + PARAMS], "motion_count_most": MOTION_MOST}
+    return need, "damaged", {**most, "fields": _as_read(run[at : end - 1], MOTION)}
 
 
 def _as_read(raw: bytes, kind: int) -> dict[str, Any]:

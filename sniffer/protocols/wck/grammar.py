@@ -195,6 +195,9 @@ _KNOWN: Final = (
         slow=True,
     ),
     _read("motion_data_read", 0x97, "motion_count", "again"),
+    # not for a module: it ends the direct control mode of RoboBuilder's controller (controller.py);
+    # in no manual, third-party clients send it with 01 00 and wait for nothing
+    Op("rbc_direct_control_end", _mode(7, ids=(0,)), _code(0xFB), ("data3", "data4")),
     Op(
         "position_move_10bit",
         _TEN,

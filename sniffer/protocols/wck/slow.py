@@ -20,6 +20,7 @@ from sniffer.model import (
     WHOLE,
 )
 from sniffer.protocols.base import SlowFrame, State
+from sniffer.protocols.wck import controller
 from sniffer.protocols.wck.block import MODELS
 from sniffer.protocols.wck.grammar import (
     COMMANDS,
@@ -59,7 +60,8 @@ def parse(data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None
     """Parse one command, and the bare reply behind it if there is one."""
     found = command(data, at, limit)
     if found is None:
-        return None
+        past = controller.parse(data, at, limit)
+        return None if past is None else [(at, past, REQUEST)]
     op, end = found
     out = [(at, end, REQUEST)]
     if op.reply and _replied(op, data, at, end, limit):
@@ -81,6 +83,8 @@ def _replied(op: Op, data: bytes, at: int, end: int, limit: int) -> bool:
             continue
         if command(data, end + k, limit) is not None:
             return False
+        if controller.parse(data, end + k, limit) is not None:
+            return False
     return True
 
 
@@ -97,12 +101,14 @@ def _parsed(raw: bytes) -> tuple[Op, Any, bool]:
 
 def describe(raw: bytes, kind: int, before: SlowFrame | None) -> SlowFrame:
     """Describe a command, or the reply to the command ``before``."""
+    if controller.is_packet(raw):
+        return controller.describe(raw, before)
     if kind == RESPONSE:
         assert before is not None, "a reply stands right behind its command"
         return _describe_reply(raw, before)
     op, fields, text_sum = _parsed(raw)
     servo_id = fields.id if "id" in fields else fields.data1.id
-    if op.name in ("sync_position_move", "break"):
+    if op.name in ("sync_position_move", "break", "rbc_direct_control_end"):
         servo_id = -1
     out = SlowFrame(0, len(raw), REQUEST, servo_id, INDEX[op.name], raw)
     if op.name == "unknown":
@@ -124,6 +130,8 @@ def _parameters(op: Op, raw: bytes) -> tuple[int, bytes]:
         case "position_move_10bit":
             return 4, raw[4:-1]
         case "sync_position_move" | "motion_data_write" | "io_write" | "unknown":
+            return 3, raw[3:-1]
+        case "rbc_direct_control_end":
             return 3, raw[3:-1]
         case name if name.endswith("_set"):
             return 3, raw[3:-1]
@@ -151,6 +159,8 @@ def _describe_reply(raw: bytes, before: SlowFrame) -> SlowFrame:
 
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
     """Return what the fields say, by the registers that bear their names."""
+    if frame.op >= controller.BASE:
+        return []
     name = "unknown" if frame.op >= UNKNOWN_BASE else OPS[frame.op].name
     if frame.kind == RESPONSE:
         fields = {**REPLIES[INDEX[name]].parse(frame.raw)}

@@ -1,0 +1,84 @@
+"""The register tables keep the rules that ``schemas/README.md`` gives their authors."""
+
+from __future__ import annotations
+
+import pytest
+
+from sniffer.protocols import PROTOCOLS
+from sniffer.registers import Register, read_table, schema_path
+
+TABLES = sorted(p.stem for p in schema_path("registers").glob("*.toml"))
+EVERY = pytest.mark.parametrize("model", TABLES)
+
+
+def test_every_table_is_a_model_of_the_protocol_it_names() -> None:
+    known = {m.model: p.name for p in PROTOCOLS.values() for m in p.models}
+    assert known == {model: read_table(model)[0]["protocol"] for model in TABLES}
+
+
+@EVERY
+def test_the_head_of_a_table_names_file_people_and_source(model: str) -> None:
+    head, _ = read_table(model)
+    assert head["model"] == model
+    assert head["title"]
+    assert head["source"]
+
+
+@EVERY
+def test_what_identifies_a_model_is_a_register_it_has_and_values_no_other_model_has(
+    model: str,
+) -> None:
+    head, registers = read_table(model)
+    told = head.get("identifies")
+    if told is None:
+        return  # nothing on the wire names it
+    register = next(r for r in registers if r.name == told["register"])
+    kind = "texts" if register.type == "text" else "values"
+    mine = set(told[kind])
+    assert mine
+    others = [read_table(other)[0].get("identifies", {}) for other in TABLES if other != model]
+    assert not [o for o in others if mine & set(o.get(kind, ()))]
+    for raw in mine if kind == "values" and register.values else ():
+        assert register.values[raw] == model
+
+
+@EVERY
+def test_names_are_unique_and_addresses_do_not_overlap(model: str) -> None:
+    _, registers = read_table(model)
+    names = [r.name for r in registers]
+    assert len(set(names)) == len(names)
+    taken = [r.address + k for r in registers if r.address >= 0 for k in range(r.width)]
+    assert len(set(taken)) == len(taken)
+
+
+@EVERY
+def test_every_entry_has_a_source_and_its_default_lies_in_its_range(model: str) -> None:
+    _, registers = read_table(model)
+    by_name = {r.name: r for r in registers}
+    for r in registers:
+        assert r.source, r.name
+        if r.default is not None and r.range is not None:
+            assert r.range[0] <= r.default <= r.range[1] or r.default in r.special, r.name
+        if r.scale_by is not None:
+            assert r.scale_by[0] in by_name, r.name
+
+
+@EVERY
+def test_a_word_of_third_party_code_alone_is_doubted(model: str) -> None:
+    _, registers = read_table(model)
+
+    def unproved(r: Register) -> bool:
+        return "third-party" in r.source or r.source.startswith(("not in", "client lib"))
+
+    assert [r.name for r in registers if unproved(r) and not r.doubt] == []
+
+
+def test_a_sibling_that_third_party_code_names_is_known_by_its_number() -> None:
+    numbers = {
+        model: read_table(model)[0].get("identifies", {}).get("values")
+        for model in TABLES
+        if model.startswith("rs")
+    }
+    assert numbers["rs204md"] == [0x2040]
+    assert numbers["rs304md"] == [0x3040]
+    assert numbers["rs405cb"] is None  # no source states it
