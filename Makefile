@@ -13,7 +13,7 @@ PROTOS := $(sort $(shell find schemas/messages -name '*.proto' 2>/dev/null))
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint format bench bench-live soak rig fuzz schemas golden clean
+.PHONY: help demo test lint format bench bench-live soak rig fuzz schemas captures golden clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -21,7 +21,7 @@ help: ## list the targets
 demo: $(VENV)/.run ## decode, record and plot a simulated bus; no hardware needed
 	$(BIN)/python -m sniffer.cli.demo
 
-test: $(VENV)/.dev ## run all tests (PYTEST_ARGS="-k mightyzap" for some)
+test: $(VENV)/.dev ## run all tests, 5 to 20 minutes (PYTEST_ARGS="-k mightyzap" for some)
 	$(PYTEST) $(PYTEST_ARGS)
 
 lint: $(VENV)/.dev ## formatting, lint and types, changing nothing
@@ -52,6 +52,9 @@ fuzz: $(VENV)/.dev ## the laws, with thousands of examples each
 schemas: $(VENV)/.dev ## regenerate sniffer/messages from schemas/messages
 	$(BIN)/python -m grpc_tools.protoc -Isniffer/messages=schemas/messages \
 		--python_out=. --pyi_out=. $(PROTOS)
+
+captures: $(VENV)/.dev ## regenerate sample_captures; read the diff before committing it
+	$(BIN)/python -m sniffer.simulation.captures sample_captures
 
 golden: $(VENV)/.dev ## regenerate the golden files; read the diff before committing it
 	$(BIN)/python -m tests.golden

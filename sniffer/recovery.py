@@ -36,7 +36,10 @@ class Report:
         kept = f"{self.path}: {self.messages} messages kept"
         if not self.why:
             return f"{kept}, nothing was lost"
-        return f"{kept}, the last {self.bytes_lost} of the file's bytes were lost ({self.why})"
+        if not self.bytes_lost:
+            return f"{kept}, no byte was lost: only the end of the file is missing ({self.why})"
+        were = "byte was" if self.bytes_lost == 1 else f"{self.bytes_lost} bytes were"
+        return f"{kept}, the file's last {were} lost ({self.why})"
 
 
 def recover(path: Path, out: Path) -> Report:

@@ -145,6 +145,10 @@ class RegisterMap:
     def __len__(self) -> int:
         return len(self.registers)
 
+    def register(self, name: str) -> Register:
+        """Return the register of a name."""
+        return self.registers[self.index[name] - self.first]
+
     def at(self, address: int) -> Register | None:
         """Return the register that owns the byte at ``address``."""
         i = self._by_byte.get(address)

@@ -20,7 +20,6 @@ import time
 import urllib.error
 import urllib.parse
 import urllib.request
-import uuid
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
@@ -162,8 +161,9 @@ def stream(name: str, address: str) -> rr.RecordingStream:
     """Return a recording that is sent to a viewer as it grows."""
     import rerun as rr
 
-    # The viewer keeps one layout an application, so each recording is one.
-    recording = rr.RecordingStream(f"sniffer {name} {uuid.uuid4().hex[:6]}")
+    from sniffer.sinks.rerun_layout import application_id
+
+    recording = rr.RecordingStream(application_id(name))
     recording.connect_grpc(address)
     recording.send_recording_name(name)
     return recording

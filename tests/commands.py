@@ -68,7 +68,7 @@ def sniffer(
         stdin=subprocess.DEVNULL if data is None else None,
         capture_output=True,
         env=environment(**(env or {})),
-        timeout=120,
+        timeout=600,
         check=False,
     )
     return Ran(done.returncode, done.stdout.decode(), done.stderr.decode())

@@ -58,7 +58,7 @@ def busy(ms: int) -> list[Chunk]:
     return [Chunk(pieces[k % len(pieces)], START_NS + k * MS, Clock.READ) for k in range(ms)]
 
 
-def until(is_so: Callable[[], Any], seconds: float = 20.0) -> None:
+def until(is_so: Callable[[], Any], seconds: float = 180.0) -> None:
     deadline = time.monotonic() + seconds
     while not is_so():
         assert time.monotonic() < deadline

@@ -7,7 +7,7 @@ import select
 import signal
 import subprocess
 import time
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from sniffer.comparing import compare
 from sniffer.model import Batch, Chunk, DamagedInputError, InputError, MarkKind
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.protocols.base import BusProtocol
-
-SETTLED_S: Final = 0.15
-"""Three rounds of a recorder: so long after bytes were said they are decoded and counted."""
 
 FrameRow = tuple[int, int, int, int, int]
 """Offset, length, end, uncertainty, direction."""
@@ -76,6 +73,7 @@ class Recorder:
         try:
             for line in self.lines:
                 line.wait_for_tap()
+            wait(self._has_begun, "no recording is begun")
         except AssertionError:
             self.process.kill()
             self.process.wait()
@@ -85,6 +83,10 @@ class Recorder:
     def __exit__(self, *_: object) -> None:
         self.process.kill()
         self.process.wait()
+
+    def _has_begun(self) -> bool:
+        """Tell whether its file is there: its ports hear by then, for they are opened before."""
+        return self.process.poll() is not None or any(self.folder.glob("**/*.mcap"))
 
     @property
     def said(self) -> str:

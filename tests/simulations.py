@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-DEADLINE_S: Final = 20
+DEADLINE_S: Final = 180
 """Long enough for a busy machine; nothing waits so long where all is well."""
 
 

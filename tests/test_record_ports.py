@@ -225,7 +225,7 @@ def test_two_wires_are_one_bus_with_every_answer_behind_its_request(
 ) -> None:
     with Terminal() as other:
         # so late may we be run on a busy machine, and cause and effect still tell the order
-        told = (f"arm={{}}={protocol}@57600", "{}", "--pair", "--quiet", "--latency", "40")
+        told = (f"arm={{}}={protocol}@57600", "{}", "--pair", "--quiet", "--latency", "1000")
         with Recorder(tmp_path, *told, lines=[line, other]) as run:
             for asked, answered in exchanges(150):
                 line.say(asked)

@@ -310,8 +310,8 @@ def test_lines_come_while_the_replay_goes_on(tmp_path: Path) -> None:
         assert process.stdout is not None
         assert process.stderr is not None
         assert process.stdout.readline().startswith("time")
-        assert "symmetric_store" in process.stdout.readline()
-        time.sleep(0.2)
+        shown = [process.stdout.readline() for _ in range(14)]
+        assert "symmetric_store" in shown[0]
         process.send_signal(signal.SIGINT)
         printed, said = process.stdout.read(), process.stderr.read()
     ran = Ran(process.returncode, printed, said)

@@ -385,12 +385,12 @@ def test_web_serves_the_viewer_and_the_recording_until_it_is_stopped(
         line = process.stdout.readline()
         ports = [int(port) for port in re.findall(r"127\.0\.0\.1(?::|%3A)(\d+)", line)]
         opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
-        with opener.open(line.split()[1], timeout=5) as page:
+        with opener.open(line.split()[1], timeout=180) as page:
             assert page.status == 200
             assert b"rerun" in page.read().lower()
         assert [_listens(port) for port in ports] == [True, True]
         process.send_signal(stop)
-        assert process.wait(timeout=10) == status
+        assert process.wait(timeout=180) == status
     assert [_listens(port) for port in ports] == [False, False]
 
 

@@ -19,6 +19,7 @@ from sniffer.recovery import recover
 from sniffer.sinks.rotation import RotatingMcap
 from sniffer.sources.mcap import chunks, session
 from tests.recordings import talk
+from tests.terminals import PATIENCE_S
 from tests.test_rotation import record, spoken, streams
 
 
@@ -94,13 +95,13 @@ def test_a_recorder_that_is_killed_between_files_loses_no_more_than_a_round(
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as recorder:
         assert recorder.stdout is not None
         told = [recorder.stdout.readline()]
-        deadline = time.monotonic() + 10
+        deadline = time.monotonic() + PATIENCE_S
         while len(parts(tmp_path)) < 3 and time.monotonic() < deadline:
             time.sleep(0.01)
         recorder.send_signal(signal.SIGKILL)
         told += recorder.stdout.read().splitlines()
     handed = [(int(t), int(sent)) for t, sent in (line.split() for line in told)]
-    must = max(sent for t, sent in handed if t <= handed[-1][0] - 50_000_000)
+    must = handed[-2][1]  # the round before the last one it told of was flushed to its end
     files = parts(tmp_path)
     with pytest.raises(DamagedInputError):
         list(chunks(files[-1]))
@@ -115,7 +116,7 @@ def test_a_recorder_that_is_killed_between_files_loses_no_more_than_a_round(
 
 def test_a_disk_that_fills_up_leaves_every_file_readable(tmp_path: Path) -> None:
     command = [sys.executable, "-c", RECORDER, str(tmp_path / "run.mcap"), "60000", "8"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=600)
     assert "cannot be written (File too large)" in done.stdout.splitlines()[-1]
     assert "Traceback" not in done.stderr
     said = b"".join(c.data for c in chunks(parts(tmp_path)[0]))

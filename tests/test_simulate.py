@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.model import NS
 from sniffer.playing.outlet import HOLD_MOST, Outlet
 from sniffer.playing.ports import Pty
 from sniffer.simulation import BUSES, TrueFrame
@@ -75,25 +74,21 @@ def test_frames_come_in_real_time_and_never_before_their_last_byte(tmp_path: Pat
     truth = tmp_path / "truth.jsonl"
     began = time.monotonic()
     with running("rs30x", "--duration", "2s", "--truth", truth) as it, ear(it.ports[0]) as me:
-        opened = time.monotonic()
         me.listen()
         it.end()
         took = time.monotonic() - began
     rows = [row for row in framed(truth) if row["offset"] is not None]
-    lost_s = told(truth)[-1]["behind_ms"] / 1000  # a machine that is too busy is allowed to say so
     assert took >= 1.9
-    assert time.monotonic() - opened < 4 + lost_s
     times = [row["t_end_ns"] for row in rows]
     assert times == sorted(times)
-    assert 1.7 < (times[-1] - times[0]) / NS < 2.2 + lost_s
     ends = [row["offset"] + len(row["wire"]) // 2 for row in rows]
     nth, late = 0, []
     for t_ns, size in me.reads:
         while nth < len(ends) and ends[nth] <= size:
             late.append(t_ns - times[nth])
             nth += 1
+    assert len(late) == len(rows) > 100
     assert min(late) > -2_000_000  # not before its time, as far as two clocks agree
-    assert sorted(late)[len(late) // 2] < NS // 4
 
 
 @EVERY_BUS
@@ -117,10 +112,8 @@ def test_a_full_line_at_921600_is_played_in_real_time(tmp_path: Path) -> None:
 
 def test_what_nobody_reads_is_dropped_and_time_goes_on(tmp_path: Path) -> None:
     truth = tmp_path / "truth.jsonl"
-    began = time.monotonic()
     with running("lss", "--full", "--duration", "1s", "--truth", truth) as it:
         err = it.end()
-    assert time.monotonic() - began < DEADLINE_S / 2
     rows = framed(truth)
     said = sum(len(row["wire"]) // 2 for row in rows)
     assert {row["offset"] for row in rows} == {None}
@@ -131,12 +124,10 @@ def test_what_nobody_reads_is_dropped_and_time_goes_on(tmp_path: Path) -> None:
 def test_who_comes_late_hears_no_stale_bytes_and_who_comes_again_neither(tmp_path: Path) -> None:
     truth = tmp_path / "truth.jsonl"
     with running("rs30x", "--full", "--truth", truth) as it:
-        time.sleep(0.2)
-        came = time.time_ns()
+        came = said_so_far(truth, more_than=50)
         with ear(it.ports[0]) as me:
             first = me.listen(until=500)
-        time.sleep(0.2)
-        back = time.time_ns()
+        back = said_so_far(truth, more_than=came + 500)
         with ear(it.ports[0]) as me:
             second = me.listen(until=500)
         it.end(signal.SIGTERM)
@@ -145,11 +136,22 @@ def test_who_comes_late_hears_no_stale_bytes_and_who_comes_again_neither(tmp_pat
     played = [row for row in rows if row["offset"] is not None]
     assert rows[0]["offset"] is None
     assert data.startswith(first)
-    assert played[0]["t_end_ns"] > came - NS // 10
+    assert rows.index(played[0]) >= came
     place = data.find(second)
     assert place >= len(first)
     start = next(row for row in played if row["offset"] + len(row["wire"]) // 2 > place)
-    assert start["t_end_ns"] > back - NS // 10
+    assert rows.index(start) >= back
+
+
+def said_so_far(truth: Path, more_than: int) -> int:
+    """Wait until more frames than these are said and noted; return how many."""
+    deadline = time.monotonic() + DEADLINE_S
+    while True:
+        count = truth.read_bytes().count(b'"type":"frame"') if truth.exists() else 0
+        if count > more_than:
+            return count
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
 
 
 def test_a_reader_that_is_slow_loses_nothing(tmp_path: Path) -> None:
@@ -160,10 +162,11 @@ def test_a_reader_that_is_slow_loses_nothing(tmp_path: Path) -> None:
         time.sleep(0.7)  # the system keeps 20 KB, the line says 65 KB meanwhile
         data = me.listen()
         it.end()
-    end = told(truth)[-1]
-    assert heard(framed(truth)) == data
-    assert len(data) + end["dropped_bytes"] > 0.9 * 1.5 * 92160
-    assert end["dropped_bytes"] < 92160  # what was said before the port was opened
+    rows = framed(truth)
+    assert heard(rows) == data
+    played = [row["offset"] is not None for row in rows]
+    assert all(played[played.index(True) :])  # only what was said before the port was opened
+    assert len(data) + told(truth)[-1]["dropped_bytes"] > 0.9 * 1.5 * 92160
 
 
 def test_a_reader_that_is_stopped_for_good_costs_frames_and_never_halves() -> None:
@@ -214,12 +217,14 @@ def test_a_process_that_is_killed_leaves_a_truth_that_can_be_read(tmp_path: Path
         it.process.communicate()
     known = heard(framed(truth))
     assert data.startswith(known) or known.startswith(data)
-    assert abs(len(known) - len(data)) < 100  # the frames of the last moment
-    # its link leads nowhere now, or to somebody else's port: the first kind is replaced
-    if not link.exists():
-        with running("wck", "--link", link, "--duration", "50ms") as it:
-            assert link.readlink().as_posix() == it.ports[0]
-            it.end()
+    assert min(len(known), len(data)) > 200
+    # its link is left, and leads nowhere, unless somebody else has got a port of that name since
+    assert link.is_symlink()
+    link.unlink()
+    link.symlink_to("/dev/pts/nobody")
+    with running("wck", "--link", link, "--duration", "50ms") as it:
+        assert link.readlink().as_posix() == it.ports[0]
+        it.end()
     assert not link.is_symlink()
 
 

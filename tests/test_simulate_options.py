@@ -58,7 +58,12 @@ def test_every_kind_of_fault_has_a_name_and_a_usual_rate() -> None:
     ("arguments", "complaint"),
     [
         (("mightyzap", "--fault", "duplicate-id:4"), "duplicate-id:4: .*only 1, 2, 3$"),
-        (("mightyzap", "--servos", "0,1"), "the ids 1..253"),
+        (("rs30x", "--servos", "0"), "the ids 1..127"),
+        (("mightyzap", "--model", "lss"), "is none of the mightyzap models: mightyzap-l12, "),
+        (("mightyzap", "--model", "9=mightyzap-12lf"), "not on the bus, only 1, 2, 3$"),
+        (("lss", "--fault", "flip::1%"), "with its colon: write flip:1%$"),
+        (("lss", "--fault", "cut:2:5"), "a rate ends in %: write cut:2:5%$"),
+        (("lss", "--fault", "flipp"), "did you mean flip"),
         (("wck", "--servos", "32"), "room for 1..31"),
         (("wck", "--servos", "one"), "write ids as 1,2,5"),
         (("lss", "--rate", "0"), "write a number of 1..100000, or max"),
@@ -99,6 +104,8 @@ def test_a_folder_that_is_there_is_not_said_to_be_missing(
         ("lss", "2", [1, 2]),
         ("rs30x", "9,3", [3, 9]),
         ("mightyzap", "7,", [7]),
+        ("mightyzap", "0", [0]),
+        ("wck", "0,40", [0, 40]),
     ],
 )
 def test_servos_are_named_or_counted(

@@ -45,7 +45,7 @@ def test_mightyzap_servos_answer_by_their_return_mode() -> None:
         read,
         zap(1, 0xF3, b"\x87\x01"),  # its upper half alone
         read,
-        zap(1, 0xF3, b"\x86\xff\xff"),  # out of its range
+        zap(1, 0xF3, b"\x86\xff\xff"),  # beyond the stroke
         zap(254, 0x73, b"\x86\x02\x01\x0a\x00\x02\x0b\x00"),
         read,
         zap(254, 0xF3, b"\x86\x07\x00"),
@@ -65,7 +65,7 @@ def test_mightyzap_servos_answer_by_their_return_mode() -> None:
         zap(1, 0, b"\x34\x02"),
         zap(1, 0),
         zap(1, 0, b"\x34\x01"),
-        zap(1, 8),
+        zap(1, 2),
         b"",
         zap(1, 0, b"\x0a\x00"),
         b"",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import io
 import itertools
-import time
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
@@ -103,12 +102,8 @@ def lines_of(
     return console.file.getvalue().split("\n")[:-1]
 
 
-def feed(screen: Screen, w: Wire) -> float:
-    """Hand everything over at once; return how long the slowest call took."""
-    slowest = 0.0
+def feed(screen: Screen, w: Wire) -> None:
+    """Hand everything over at once."""
     for chunks, batch in zip(w.groups, w.batches, strict=False):
-        began = time.perf_counter()
         screen.raw(w.name, chunks)
         screen.write(w.name, PROTOCOLS[w.protocol], batch)
-        slowest = max(slowest, time.perf_counter() - began)
-    return slowest

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import textwrap
 from typing import Any
@@ -52,20 +53,31 @@ def _models() -> dict[str, RegisterMap]:
     help="What is printed.",
 )
 def registers(model: str | None, output_format: str) -> None:
-    """Show the register table of MODEL, or which models there are."""
+    """Show the register table of MODEL (or those of a protocol), or which models there are."""
     known = _models()
     if model is None:
         for m in known.values():
             click.echo(f"{m.model:16} {len(m.registers):4} registers  {m.title}")
         return
-    if model not in known:
-        raise click.UsageError(f"no model {model!r}: one of {', '.join(known)}")
-    table = known[model]
-    if output_format == "jsonl":
-        for r in table.registers:
-            click.echo(json.dumps(_as_dict(r), ensure_ascii=False))
-        return
-    _print(table)
+    # a protocol stands for its models, unless one of them is called like it
+    tables = [known[model]] if model in known else _spoken(model)
+    if not tables:
+        near = difflib.get_close_matches(model, [*known, *PROTOCOLS], 1)
+        meant = f"did you mean {near[0]}? There are" if near else "one of"
+        raise click.UsageError(f"no model {model!r}: {meant} {', '.join(known)}")
+    for nth, table in enumerate(tables):
+        if output_format == "jsonl":
+            for r in table.registers:
+                click.echo(json.dumps({**_as_dict(r), "model": table.model}, ensure_ascii=False))
+            continue
+        if nth:
+            click.echo()
+        _print(table)
+
+
+def _spoken(protocol: str) -> list[RegisterMap]:
+    """Return the tables of a protocol, none where there is no such one."""
+    return list(PROTOCOLS[protocol].models) if protocol in PROTOCOLS else []
 
 
 def _as_dict(r: Register) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import contextlib
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ import click
 
 from sniffer import __version__
 from sniffer.cli.amounts import Duration
-from sniffer.cli.options import examples, with_force
+from sniffer.cli.options import examples, models, with_force
 from sniffer.cli.session import say
 from sniffer.limits import BAUDS
 from sniffer.model import NS, OutputError, SnifferError
@@ -49,6 +49,7 @@ class Wishes:
     faults: tuple[Fault, ...]
     respond: bool
     device: str | None
+    models: Mapping[int | None, str]
 
     def facts(self) -> dict[str, Any]:
         """Return the first line of the truth."""
@@ -59,6 +60,7 @@ class Wishes:
             "baud": self.baud,
             "seed": self.seed,
             "servos": list(self.servo_ids),
+            "models": {"all" if who is None else str(who): m for who, m in self.models.items()},
             "faults": struck,
             "rate_hz": self.rate_hz,
             "full": self.full,
@@ -101,6 +103,10 @@ def _faults(
 )
 @click.argument("protocol", type=click.Choice(list(PROTOCOLS)))
 @click.option("--servos", metavar="IDS|N", help="Who is on the bus: 1,2,5, or how many.")
+@click.option(
+    "--model", "chosen", multiple=True, callback=models, metavar="[ID=]MODEL",
+    help="What a servo is (or all of them): mightyzap-12lf; may be repeated.",
+)  # fmt: skip
 @click.option("--baud", type=click.IntRange(*BAUDS), help="Bits per second.")
 @click.option(
     "--rate",
@@ -131,6 +137,7 @@ def _faults(
 def simulate(
     protocol: str,
     servos: str | None,
+    chosen: dict[int | None, str],
     baud: int | None,
     rate: int | str | None,
     full: bool,
@@ -179,7 +186,13 @@ def simulate(
         faults=faults,
         respond=respond,
         device=device,
+        models=_played(chosen, protocol),
     )
+    for servo_id in chosen:
+        if servo_id not in (None, *wishes.servo_ids):
+            here = ", ".join(map(str, wishes.servo_ids))
+            named = f"--model {servo_id}={chosen[servo_id]}"
+            raise click.BadParameter(f"{named}: that servo is not on the bus, only {here}")
     for fault in faults:
         if fault.servo_id not in (None, *wishes.servo_ids):
             named = f"--fault {spelled(fault.kind)}:{fault.servo_id}"
@@ -198,6 +211,17 @@ def _named(port: Port | None, link: Path | None) -> dict[str, Path | None]:
     return {} if port is None else {port.name: link}
 
 
+def _played(chosen: dict[int | None, str], protocol: str) -> dict[int | None, str]:
+    """Check that the models speak the protocol."""
+    from sniffer.simulation import BUSES
+
+    for model in chosen.values():
+        if model not in BUSES[protocol].tables:
+            known = ", ".join(BUSES[protocol].tables)
+            raise click.BadParameter(f"--model {model} is none of the {protocol} models: {known}")
+    return chosen
+
+
 def _servos(text: str | None, protocol: str) -> tuple[int, ...]:
     """Read ``1,2,5`` or a number of servos."""
     from sniffer.simulation import BUSES
@@ -209,7 +233,7 @@ def _servos(text: str | None, protocol: str) -> tuple[int, ...]:
     if not parts or not all(part.isdecimal() and len(part) < 4 for part in parts):
         raise click.BadParameter(f"--servos {text!r}: write ids as 1,2,5, or how many")
     ids = sorted({int(part) for part in parts})
-    if "," not in text:
+    if "," not in text and ids != [0]:  # no servo would be no bus: that is an id
         first = max(kind.ids.start, min(kind.servo_ids))
         ids = list(range(first, first + ids[0]))
     if not 1 <= len(ids) <= kind.most:
@@ -276,6 +300,7 @@ def _play(
             baud=wishes.baud,
             faults=wishes.faults,
             carried=bus.port.carries,
+            models=wishes.models,
         )
         note = _silent if truth is None else truth.add
         player.respond(responder, bus, tap, note, duration_ns=wishes.duration_ns)
@@ -293,6 +318,7 @@ def _play(
             faults=wishes.faults,
             duration_s=duration_s,
             full=wishes.full,
+            models=wishes.models,
         ),
         bus,
         group_ns=GROUP_NS if wishes.full or wishes.baud > GROUPED_FROM else 0,

@@ -16,7 +16,7 @@ from sniffer.simulation.line import Line
 from sniffer.simulation.lss import LssBus
 from sniffer.simulation.mightyzap import MightyZapBus
 from sniffer.simulation.rs30x import Rs30xBus
-from sniffer.simulation.talk import Bus, TrueFrame, Wait
+from sniffer.simulation.talk import USUAL, Bus, TrueFrame, Wait
 from sniffer.simulation.wck import WckBus
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ def simulate(
     start_ns: int = 0,
     duration_s: float | None = None,
     full: bool = False,
+    models: Mapping[int | None, str] = USUAL,
 ) -> Iterator[TrueFrame]:
     """Yield the frames of a bus in wire order.
 
@@ -53,11 +54,14 @@ def simulate(
         duration_s: bus time after which nothing new is asked; None for ever.
         full: cycle after cycle with a bit between two frames, so that the line is loaded as far as
             it goes; ``rate_hz`` and the times of the manuals do not count then.
+        models: servo id (None: all) -> model; the protocol's usual one where nothing is said.
 
     Raises:
-        SnifferError: no such protocol.
+        SnifferError: no such protocol, or no such model of it.
     """
-    bus = put_up(protocol, seed=seed, servo_ids=servo_ids, baud=baud, rate_hz=rate_hz)
+    bus = put_up(
+        protocol, seed=seed, servo_ids=servo_ids, baud=baud, rate_hz=rate_hz, models=models
+    )
     if full:
         bus.cycle_ns = 1
     line = Line(bus, mischief(protocol, faults, seed), seed, start_ns=start_ns, packed=full)
@@ -71,20 +75,26 @@ def put_up(
     servo_ids: Sequence[int] | None = None,
     baud: int | None = None,
     rate_hz: int | None = None,
+    models: Mapping[int | None, str] = USUAL,
 ) -> Bus:
     """Return a bus with its servos; what is None is as usual for the protocol.
 
     Raises:
-        SnifferError: no such protocol.
+        SnifferError: no such protocol, or no such model of it.
     """
     if protocol not in BUSES:
         raise SnifferError(f"no simulation of {protocol!r}: one of {', '.join(BUSES)}")
     kind = BUSES[protocol]
+    for model in models.values():
+        if model not in kind.tables:
+            known = ", ".join(kind.tables)
+            raise SnifferError(f"no {protocol} simulation of the model {model!r}: one of {known}")
     return kind(
         seed,
         baud=baud or kind.baud,
         rate_hz=rate_hz or kind.rate_hz,
         servo_ids=servo_ids or kind.servo_ids,
+        models=models,
     )
 
 

@@ -6,6 +6,7 @@ without faults.
 
 from __future__ import annotations
 
+import difflib
 import re
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -77,13 +78,32 @@ def read_fault(text: str) -> Fault:
     """
     match = _FAULT.fullmatch(text.strip().lower())
     if match is None or match["kind"] not in SPELLED:
-        known = ", ".join(spelled(kind) for kind in FAULTS)
-        raise SnifferError(f"{text!r}: write KIND[:SERVO][:RATE%], KIND one of {known}")
+        raise SnifferError(f"{text!r}: {_mistaken(text.strip().lower())}")
     kind = SPELLED[match["kind"]]
     rate = USUAL[kind] if match["rate"] is None else float(match["rate"]) / 100
     if not 0 < rate <= 1:
         raise SnifferError(f"{text!r}: the rate is above 0 and at most 100%")
     return Fault(kind, rate, None if match["servo"] is None else int(match["servo"]))
+
+
+def _mistaken(text: str) -> str:
+    """Say what to write instead of a fault that cannot be read."""
+    kind, *rest = (part.strip() for part in text.split(":"))
+    if kind not in SPELLED:
+        near = difflib.get_close_matches(kind, SPELLED, 1)
+        known = ", ".join(spelled(kind) for kind in FAULTS)
+        meant = f"did you mean {near[0]}? " if near else ""
+        return f"{meant}write KIND[:SERVO][:RATE%], KIND one of {known}"
+    said = [part for part in rest if part]
+    numbers = [re.fullmatch(r"\d+(?:\.\d+)?%?", part) for part in said]
+    if said and len(said) <= 2 and all(numbers):
+        # a rate is told from a servo by its sign alone
+        *servo, last = (part.rstrip("%") for part in said)
+        asked = ":".join([kind, *servo, f"{last}%"])
+        if len(said) < len(rest):
+            return f"leave a servo that is not named out with its colon: write {asked}"
+        return f"a rate ends in %: write {asked}"
+    return f"write {kind}, {kind}:2 (of servo 2), {kind}:1% (how often) or {kind}:2:1%"
 
 
 class Mischief:

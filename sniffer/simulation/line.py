@@ -24,9 +24,12 @@ from sniffer.simulation.talk import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Mapping
+    from collections.abc import Generator, Iterator
 
     from sniffer.simulation.faults import Mischief
+
+Answers = dict[int, list[Message]]
+"""What servos say to a request, by id: where several share one, more than one message."""
 
 NOBODY: Final = -2
 """Stands for the servo of frames that address all, and of noise."""
@@ -102,6 +105,14 @@ class Line:
             self.free_ns = max(self.free_ns, asked_ns + exchange.patience_ns)
         return heard
 
+    def complaint(self, exchange: Exchange) -> Iterator[TrueFrame]:
+        """Say what a servo answers to a broken request, which is on the line already."""
+        asked_ns = self.free_ns
+        self.pass_time(asked_ns)
+        answers = self._act(exchange)
+        if answers:
+            yield from self._answers(exchange, exchange.to[0], answers, asked_ns)
+
     def say(
         self, message: Message, kind: str, at_ns: int, wire: bytes, fault: str | None
     ) -> TrueFrame:
@@ -122,21 +133,21 @@ class Line:
             values,
         )
 
-    def _act(self, exchange: Exchange) -> dict[int, Message]:
-        """Let the servos obey; return the answers, that of a twin under its id's complement."""
-        out: dict[int, Message] = {}
+    def _act(self, exchange: Exchange) -> Answers:
+        """Let the servos obey; return the answers, those of twins under their id's complement."""
+        out: Answers = {}
         bus, now_ns, act = self._bus, self.free_ns, exchange.act
         for servo_id in exchange.to:
-            for key, servo in ((servo_id, bus.servos[servo_id]), (~servo_id, bus.twins[servo_id])):
-                if now_ns >= servo.deaf_until_ns or servo.low:
-                    answer = act(servo)
-                    if answer is not None:
-                        out[key] = answer
+            pairs = [(bus.servos[servo_id], bus.twins[servo_id]), *bus.guests.get(servo_id, ())]
+            for pair in pairs:
+                for key, servo in zip((servo_id, ~servo_id), pair, strict=True):
+                    if now_ns >= servo.deaf_until_ns or servo.low:
+                        answer = act(servo)
+                        if answer is not None:
+                            out.setdefault(key, []).append(answer)
         return out
 
-    def _chorus(
-        self, exchange: Exchange, answers: Mapping[int, Message]
-    ) -> Generator[TrueFrame, None, bool]:
+    def _chorus(self, exchange: Exchange, answers: Answers) -> Generator[TrueFrame, None, bool]:
         """Let each servo answer behind the other."""
         heard = False
         for servo_id in exchange.to:
@@ -151,7 +162,7 @@ class Line:
         return exchange.turnaround_ns + self._rng.randrange(JITTER_NS)
 
     def _answers(
-        self, exchange: Exchange, who: int, answers: Mapping[int, Message], asked_ns: int
+        self, exchange: Exchange, who: int, answers: Answers, asked_ns: int
     ) -> Generator[TrueFrame, None, bool]:
         mischief = self._mischief
         due = asked_ns + self._turnaround(exchange)
@@ -159,7 +170,7 @@ class Line:
             nothing = Message(b"", who, exchange.request.op)
             yield self.say(nothing, RESPONSE, due, b"", f.BROWNOUT)
             return False
-        answer = answers[who]
+        answer, *others = answers[who]
         wire, fault = answer.data, f.BROWNOUT if self._bus.servos[who].low else None
         if mischief.strikes(f.DROP, who):
             wire, fault = b"", f.DROP
@@ -171,10 +182,11 @@ class Line:
             due, fault = asked_ns + self._rng.randint(*self._bus.late_ns), f.LATE
         yield self.say(answer, RESPONSE, due, wire, fault)
         if wire and ~who in answers and mischief.strikes(f.DUPLICATE, who):
-            # the second one waits until the line is free
+            others = [*others, answers[~who][0]]
+        for other in others:
+            # a second one of the same id waits until the line is free
             after = self.free_ns + self._rng.randint(50 * US, 300 * US)
-            twin = answers[~who]
-            yield self.say(twin, RESPONSE, after, twin.data, f.DUPLICATE)
+            yield self.say(other, RESPONSE, after, other.data, f.DUPLICATE)
         return wire == answer.data
 
     def _noise(self) -> TrueFrame:

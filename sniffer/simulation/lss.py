@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.model import MALFORMED, UNKNOWN
 from sniffer.protocols.lss.grammar import (
     BROADCAST,
+    MODELS,
     MODIFIERS,
     REGISTERS,
     SERVO_IDS,
@@ -30,13 +31,15 @@ from sniffer.simulation.talk import (
     Servo,
     Talk,
     Value,
+    by_model,
     unheeded,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from sniffer.protocols.base import SlowFrame
+    from sniffer.registers import RegisterMap
     from sniffer.simulation.motion import Joint, Rig
 
 TURNAROUND_NS: Final = 1 * MS
@@ -64,32 +67,61 @@ def _command(
     return command(servo_id, word, value, dict(modifiers))
 
 
-DEFAULTS: Final[Mapping[str, int]] = MappingProxyType(
-    {r.name: r.default for r in REGISTERS if r.default is not None}
+FACTORY_ID: Final = 0
+"""Source: protocol page 106.1, Details 16. Identification Number."""
+
+DISABLED: Final = "DIS"
+"""Answer of a servo without a first position. Source: the same, Details 18."""
+
+FIRST: Final = ("first_position", "first_position_pulse")
+"""Each takes the place of the other. Source: protocol page 106.1, Command List 18 and 19."""
+
+SPEEDS: Final = tuple(
+    (f"{kept}{name}", f"{kept}{name}_in_rpm")
+    for kept in ("", "configured_")
+    for name in ("max_speed",)
 )
-"""By register name."""
+"""One value in two units: whichever was set last counts. Source: Details 12 and 13, CSD and CSR."""
+
+AWAITING_CONFIRM: Final = ("DEFAULT", "UPDATE")
+"""Take effect with CONFIRM; any other command ends them. Source: Details 29 and 30."""
+
+RC_MODES: Final = (1, 2)
+"""After a reset the servo hears no serial commands any more, and only its button brings it back.
+Source: Details 27. Configure RC Mode."""
 
 
 class LssServo(Servo):
     """What the servo knows, by the register names of the table."""
 
-    def __init__(self, servo_id: int, joint: Joint, rig: Rig) -> None:
-        self.kept: dict[str, int | str] = {
+    def __init__(self, servo_id: int, joint: Joint, rig: Rig, table: RegisterMap) -> None:
+        self._facts: dict[str, int | str] = {
             "model_string": "LSS-ST1",
             "serial_number": 12345670 + servo_id,
             "firmware_version": 368,
-            "servo_id": servo_id,
         }
+        self._defaults = {r.name: r.default for r in table.registers if r.default is not None}
+        self.kept: dict[str, int | str] = self._facts | {"servo_id": servo_id}
         self.session: dict[str, int] = {}
-        super().__init__(servo_id, joint, rig)
+        self.deaf = False
+        super().__init__(servo_id, joint, rig, table)
+
+    def shipped(self, baud: int) -> None:
+        """Come from the factory set to a baud rate."""
+        self.kept["baud_rate"] = baud
 
     def power_on(self) -> None:
-        """The session ends: limp, LED as configured."""
+        """The session ends: limp or on the way to the first position, LED as configured."""
         super().power_on()
         self.session.clear()
+        self._awaited = ""
         self._id = int(self.kept["servo_id"])
+        self.deaf = self.kept.get("rc_mode") in RC_MODES
         for name, value in self.kept.items():
             self._carry_over(name, value)
+        first = self.kept.get("first_position")
+        if isinstance(first, int):
+            self._go(first / TRAVEL + 0.5)
 
     def reading(self, name: str) -> int | str:
         """Return what stands behind the word in an answer that states a register."""
@@ -113,9 +145,13 @@ class LssServo(Servo):
                 return round(joint.speed * TRAVEL / 60)
             case "present_position_pulse":
                 return round(500 + 2000 * joint.position)
+            case "target_speed" | "target_speed_in_rpm":
+                return self.reading(name.replace("target", "max"))
+            case "first_position" | "first_position_pulse":
+                return self.kept.get(name, DISABLED)
         if name in self.session:
             return self.session[name]
-        return self.kept.get(name, DEFAULTS.get(name, 0))
+        return self.kept.get(name, self._defaults.get(name, 0))
 
     def _status(self, speed: float) -> int:
         if self.low:
@@ -130,7 +166,15 @@ class LssServo(Servo):
     def obey(self, word: str, values: tuple[Value, ...]) -> None:
         """Do what an action or a configuration says."""
         told = {name: value for _, name, value in values}
+        for by_degrees, by_turns in SPEEDS:
+            if by_degrees in told:
+                told[by_turns] = round(told[by_degrees] / 60)
+            elif by_turns in told:
+                told[by_degrees] = told[by_turns] * 60
+        awaited, self._awaited = self._awaited, word if word in AWAITING_CONFIRM else ""
         match word:
+            case "CONFIRM":
+                self._confirmed(awaited)
             case "D" if "goal_position" in told:
                 self._go(told["goal_position"] / TRAVEL + 0.5)
             case "MD" if "relative_move" in told:
@@ -141,6 +185,10 @@ class LssServo(Servo):
                 self.joint.enabled = False
             case "RESET":
                 self.power_on()
+            case "CFD" | "CFP":
+                for name in FIRST:
+                    self.kept.pop(name, None)
+                self.kept |= told
             case _ if WORDS[word].kind == "configuration":
                 self.kept |= told
                 for name, value in told.items():
@@ -148,8 +196,21 @@ class LssServo(Servo):
             case _:
                 self.session |= told
 
+    def asked(self) -> None:
+        """Hear a query: whatever waits for its confirmation does not any more."""
+        self._awaited = ""
+
+    def _confirmed(self, word: str) -> None:
+        if word == "DEFAULT":
+            # the line keeps its rate: at the one of the factory nobody would hear it any more
+            rate = self.kept["baud_rate"]
+            self.kept = self._facts | {"servo_id": FACTORY_ID, "baud_rate": rate}
+        if word in AWAITING_CONFIRM:
+            self.power_on()
+
     def halt(self) -> None:
         """Stay where it is."""
+        self._awaited = ""
         self._go(self.joint.position)
 
     @property
@@ -191,13 +252,9 @@ class LssBus(Bus):
     late_ns = (110 * MS, 160 * MS)
     pause_ns = (100 * US, 400 * US)
     servo_type = LssServo
+    tables = by_model(MODELS)
     servos: Mapping[int, LssServo]
     twins: Mapping[int, LssServo]
-
-    def __init__(self, seed: int, *, baud: int, rate_hz: int, servo_ids: Sequence[int]) -> None:
-        super().__init__(seed, baud=baud, rate_hz=rate_hz, servo_ids=servo_ids)
-        for servo in (*self.servos.values(), *self.twins.values()):
-            servo.kept["baud_rate"] = baud  # else nobody would hear it
 
     def start(self) -> Talk:
         """Ask who they are, then switch on."""
@@ -238,7 +295,8 @@ class LssBus(Bus):
     def heard(self, frame: SlowFrame, request: Message) -> Exchange:
         """Obey any line that the page explains; a query to all is answered by one after another."""
         everyone = frame.servo_id == BROADCAST
-        to = tuple(i for i in self.servos if everyone or i == frame.servo_id)
+        here = (i for i, servo in self.servos.items() if not servo.deaf)
+        to = tuple(i for i in here if everyone or i == frame.servo_id)
         if frame.flags & (MALFORMED | UNKNOWN) or not to:
             return unheeded(request)
         word = WORDS[request.op]
@@ -278,6 +336,7 @@ class LssBus(Bus):
 
 
 def _answer(servo: LssServo, word: str, register: int) -> Message:
+    servo.asked()
     value = servo.reading(REGISTERS[register].name)
     values = stated(servo.servo_id, register, value)
     return Message(_reply(servo.servo_id, word, value), servo.servo_id, word, values)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
 
 from sniffer.model import WHOLE
 from sniffer.registers import TYPES, Register, RegisterMap
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from sniffer.registers import Entry
     from sniffer.simulation.talk import Value
+
+NOTHING: Final[Mapping[str, int]] = MappingProxyType({})
 
 
 @functools.cache
@@ -33,27 +38,46 @@ def unpack(kind: str, data: bytes) -> int:
 
 
 class Memory:
-    """A servo's registers by name."""
+    """A servo's registers by name; ``shipped`` are values that the table has no default for."""
 
-    def __init__(self, table: RegisterMap) -> None:
+    def __init__(self, table: RegisterMap, shipped: Mapping[str, int] = NOTHING) -> None:
         self.table = table
         self._registers = {r.name: r for r in table.registers}
+        self._shipped = shipped
         self.raw: dict[str, int] = {}
         self._spans: dict[tuple[int, int], list[tuple[Entry, Register]]] = {}
         self.reset(volatile_only=False)
 
     def reset(self, *, volatile_only: bool) -> None:
-        """Take the defaults of the table, zero where it has none."""
+        """Take what a servo is shipped with; some registers come back with the power."""
         for register in self.table.registers:
             if register.volatile or not volatile_only:
-                self.raw[register.name] = register.default or 0
+                self.raw[register.name] = self.default(register.name)
+
+    def default(self, name: str) -> int:
+        """Return what a servo is shipped with: zero where neither table nor ``shipped`` says."""
+        return self._shipped.get(name, self.register(name).default or 0)
+
+    def has(self, name: str) -> bool:
+        """Tell whether the model has a register of that name."""
+        return name in self._registers
+
+    def choose(self, name: str, text: str) -> None:
+        """Set a register to the code that its table names so, if there is one."""
+        codes = {named: raw for raw, named in self.register(name).values.items()}
+        self.raw[name] = codes.get(text, self.raw[name])
 
     def register(self, name: str) -> Register:
         """Return a register's entry in the table."""
         return self._registers[name]
 
     def put(self, name: str, value: float) -> None:
-        """Set a register to ``value`` in its unit, as its table codes it, within its range."""
+        """Set a register to ``value`` in its unit, as its table codes it, within its range.
+
+        Nothing is set in a model that has no such register.
+        """
+        if not self.has(name):
+            return
         r = self.register(name)
         raw = round(value / r.scale)
         if r.sign_bit is not None:

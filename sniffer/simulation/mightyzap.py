@@ -1,4 +1,4 @@
-"""A mightyZAP L12 bus: goals to all by Symmetric Store, the present_* block of each by Load Data.
+"""A mightyZAP bus: goals to all by Symmetric Store, the present_* block of each by Load Data.
 
 Sources of times: user manual v1.02, Data Map 0x05 (return delay), and the vendor's guide for
 controllers (e-Manual: 5 ms between writes, 10 ms around reads; clients give up after 20 ms).
@@ -6,7 +6,6 @@ controllers (e-Manual: 5 ms between writes, 10 ms around reads; clients give up 
 
 from __future__ import annotations
 
-import functools
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.model import MALFORMED, UNKNOWN
@@ -16,25 +15,26 @@ from sniffer.protocols.mightyzap.grammar import (
     COMMANDS,
     ECHO,
     EXECUTE,
-    FEEDBACK,
+    HEADER,
     LOAD,
-    PACKET,
     SEND,
     STAND_ALONE,
     STORE,
+    SYMMETRIC,
     SYMMETRIC_STORE,
 )
-from sniffer.simulation.memory import Memory, pack
+from sniffer.simulation.memory import pack
+from sniffer.simulation.mightyzap_servo import TOP, MightyZapServo, command
 from sniffer.simulation.talk import (
     MS,
     US,
     Ask,
+    Broken,
     Bus,
     Exchange,
     Message,
-    Servo,
     Talk,
-    Value,
+    by_model,
     silently,
     unheeded,
 )
@@ -43,180 +43,23 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from sniffer.protocols.base import SlowFrame
-    from sniffer.simulation.motion import Joint, Rig
 
-TABLE: Final = MODELS[0]
 PATIENCE_NS: Final = 20 * MS
-TOP: Final = 4095
-"""Position counts of the full stroke. Source: user manual v1.02, (5) 19) Goal Position."""
 
-OVERLOAD: Final = 0.85
-"""Part of the greatest load beyond which the simulated servo complains."""
-
-KEPT: Final = 1 << 14
-"""Packets that are not built anew: a bus repeats itself."""
-
-PRESENT: Final = ("present_position", "present_temperature")
-"""First and last register of the block that the controller polls."""
+PRESENT: Final = ("present_position", ("present_temperature", "present_voltage"))
+"""First and last register of the block that the controller polls; the last one that a model has."""
 
 READS: Final = (COMMANDS[ECHO].name, COMMANDS[LOAD].name)
 
-
 LONGEST_LOAD: Final = 253
 """Bytes that SIZE, which also counts error and checksum, has room for."""
-
-SHIPPED: Final = {
-    "model_number": 12,
-    "firmware_version": 14,
-    "lowest_limit_voltage": 70,
-    "highest_limit_voltage": 130,
-    "short_stroke_pulse_width": 900,
-    "d_gain": 40,
-    "i_gain": 5,
-    "p_gain": 60,
-}
-"""Registers for which the table has no default."""
-
-
-@functools.lru_cache(KEPT)
-def packet(servo_id: int, code: int, factors: bytes = b"") -> bytes:
-    """Build a packet."""
-    body = {"servo_id": servo_id, "size": len(factors) + 2, "code": code, "factors": factors}
-    return bytes(PACKET.build({"body": {"value": body}}))
-
-
-@functools.lru_cache(KEPT)
-def _factors(code: int, factors: tuple[tuple[str, Any], ...]) -> bytes:
-    told = dict(factors)
-    if "targets" in told:
-        told["targets"] = [{"servo_id": i, "data": data} for i, data in told["targets"]]
-    return bytes(COMMANDS[code].factors.build(told))
-
-
-def command(servo_id: int, code: int, values: tuple[Value, ...] = (), **factors: Any) -> Message:
-    """Build a command from its factors by name; ``targets`` are pairs of servo and data."""
-    built = _factors(code, tuple(factors.items()))
-    return Message(packet(servo_id, code, built), servo_id, COMMANDS[code].name, values)
-
-
-@functools.cache
-def error_byte(*errors: str) -> int:
-    """Return the error byte of a feedback that reports these."""
-    return int(FEEDBACK.build({"error": dict.fromkeys(errors, True), "data": b""})[0])
-
-
-class MightyZapServo(Servo):
-    """Registers of the L12; its answers follow its Feedback Return Mode."""
-
-    def __init__(self, servo_id: int, joint: Joint, rig: Rig) -> None:
-        self.memory = Memory(TABLE)
-        self.staged: list[tuple[str, int]] = []
-        self.memory.raw |= SHIPPED | {"servo_id": servo_id}
-        super().__init__(servo_id, joint, rig)
-
-    def power_on(self) -> None:
-        """Volatile registers go back to their defaults."""
-        super().power_on()
-        self.staged.clear()
-        self.memory.reset(volatile_only=True)
-        self.memory.put("force_limit", self.memory.raw["max_force"])
-        self.memory.raw["goal_position"] = round(self.joint.position * TOP)
-
-    def measure(self) -> None:
-        """Fill the present_* registers."""
-        joint, memory = self.joint, self.memory
-        memory.raw["present_position"] = round(joint.position * TOP)
-        memory.put("present_speed", 640 * joint.speed)
-        memory.put("present_load", 1023 * joint.load)
-        memory.put("present_voltage", self.voltage)
-        memory.put("present_temperature", joint.temperature)
-        memory.raw["moving"] = int(abs(joint.speed) > 0.02)
-
-    @property
-    def new_id(self) -> int:
-        """The id register."""
-        return self.memory.raw["servo_id"]
-
-    def answer(
-        self, op: str, data: bytes = b"", values: tuple[Value, ...] = (), *, error: str = ""
-    ) -> Message:
-        """Build a feedback with the servo's errors of the moment, and that of the command."""
-        errors = ["input_voltage"] if self.low else []
-        if abs(self.joint.load) > OVERLOAD:
-            errors.append("overload")
-        if error:
-            errors.append(error)
-        return Message(packet(self.servo_id, error_byte(*errors), data), self.servo_id, op, values)
-
-    def acknowledge(self, op: str, *, error: str = "") -> Message | None:
-        """Answer a command that is no read, in mode 2."""
-        if self.memory.raw["feedback_return_mode"] != 2:
-            return None
-        return self.answer(op, error=error)
-
-    def load(self, address: int, length: int) -> Message | None:
-        """Answer a Load Data, in mode 1 and 2."""
-        if not self.memory.raw["feedback_return_mode"]:
-            return None
-        self.measure()
-        values = self.memory.values(self.servo_id, address, length)
-        return self.answer(COMMANDS[LOAD].name, self.memory.read(address, length), values)
-
-    def stage(self, name: str, raw: int) -> None:
-        """Keep a value until it is told to take effect."""
-        self.staged.append((name, raw))
-        self.memory.raw["received_data"] = 1
-
-    def execute(self) -> Message | None:
-        """Let staged values take effect; without any that is an error."""
-        nothing = not self.staged
-        for name, raw in self.staged:
-            self.store(name, raw)
-        self.staged.clear()
-        self.memory.raw["received_data"] = 0
-        return self.acknowledge(COMMANDS[EXECUTE].name, error="instruction" if nothing else "")
-
-    def store(self, name: str, raw: int) -> None:
-        """Take a value; the motor follows."""
-        self.memory.raw[name] = raw
-        if name == "force_on":
-            self.joint.enabled = bool(raw)
-        elif name == "goal_position":
-            self.joint.goal = raw / TOP
-
-    def store_own(self, values: tuple[Value, ...]) -> None:
-        """Take those values that are meant for it."""
-        for servo_id, name, raw in values:
-            if servo_id == self.servo_id:
-                self.store(name, raw)
-
-    def take(self, code: int, address: int, data: bytes) -> Message | None:
-        """Obey a write from an address on, unless a value is out of its range."""
-        op = COMMANDS[code].name
-        values = self.memory.written(address, data)
-        if not self.memory.allows(values):
-            return self.acknowledge(op, error="range")
-        answer = self.acknowledge(op)  # by the mode in force when the command came
-        for name, raw in values.items():
-            self.store(name, raw) if code == STORE else self.stage(name, raw)
-        return answer
-
-    def restart(self, op: str, *, shipped: bool) -> Message | None:
-        """Begin anew, as shipped but for id and baud rate."""
-        answer = self.acknowledge(op)
-        if shipped:
-            kept = {name: self.memory.raw[name] for name in ("servo_id", "baud_rate")}
-            self.memory.reset(volatile_only=False)
-            self.memory.raw |= SHIPPED | kept
-        self.power_on()
-        return answer
 
 
 class MightyZapBus(Bus):
     """See the module."""
 
     name = "mightyzap"
-    ids = range(1, 254)
+    ids = range(254)
     most = 83
     baud = 57600
     rate_hz = 25
@@ -225,6 +68,7 @@ class MightyZapBus(Bus):
     late_ns = (12 * MS, 18 * MS)
     pause_ns = (300 * US, 900 * US)
     servo_type = MightyZapServo
+    tables = by_model(MODELS)
     servos: Mapping[int, MightyZapServo]
 
     def start(self) -> Talk:
@@ -232,7 +76,7 @@ class MightyZapBus(Bus):
         for servo_id in self.servos:
             yield self._exchange(command(servo_id, ECHO), lambda s: s.answer(COMMANDS[ECHO].name))
         for servo_id in self.servos:
-            yield self._load(servo_id, "model_number", "punch_initial_value")
+            yield self._load(servo_id, "model_number", "punch_initial_value", "current_limit")
         last = max(self.servos)
         for servo_id in self.servos:
             # one servo answers reads only, as the newer models do from the factory
@@ -242,14 +86,14 @@ class MightyZapBus(Bus):
 
     def enable(self, servo_id: int) -> Talk:
         """Switch the force on at a modest speed."""
-        yield self._store(servo_id, "moving_speed", 600)
+        yield self._store(servo_id, self._speed(servo_id), 600)
         yield self._store(servo_id, "force_on", 1)
 
     def command(self, cycle: int) -> Talk:
         """Send goals to all at once."""
         del cycle
         goals = {i: round(self.goal(i) * TOP) for i in self.servos}
-        register = TABLE.registers[TABLE.index["goal_position"]]
+        register = self.table.register("goal_position")
         targets = tuple((i, pack(register.type, g)) for i, g in goals.items())
         request = command(
             BROADCAST,
@@ -265,44 +109,78 @@ class MightyZapBus(Bus):
 
         yield Exchange(request, tuple(self.servos), act)
 
+    def _speed(self, servo_id: int) -> str:
+        """Return the name that a model has for the speed of its moves."""
+        has = self.servos[servo_id].memory.has
+        return next(name for name in ("moving_speed", "goal_speed") if has(name))
+
     def poll(self, servo_id: int, cycle: int) -> Ask:
-        """Read position, speed, load, voltage and temperature in one go."""
+        """Read position, speed, load, voltage and temperature in one go, or what there is of it."""
         del cycle
-        return (yield self._load(servo_id, *PRESENT))
+        first, last = PRESENT
+        return (yield self._load(servo_id, first, *last))
 
     def extra(self, cycle: int) -> Talk:
         """Look at the rest now and then: limits, moving; a staged write to one servo."""
         servo_id = self.rng.choice(list(self.servos))
         if cycle % 10 == 4:
-            yield self._load(servo_id, "moving", "lock")
+            yield self._load(servo_id, "moving", "lock", "moving")
         elif cycle % 25 == 11:
             raw = self.rng.randrange(300, 1000)
-            if (yield self._write(servo_id, SEND, "moving_speed", raw)):
+            if (yield self._write(servo_id, SEND, self._speed(servo_id), raw)):
                 yield self._exchange(command(servo_id, EXECUTE), lambda s: s.execute())
         elif cycle % 25 == 21:
             yield self._store(servo_id, "led", self.rng.choice((0, 2, 4, 8)))
         elif cycle % 50 == 47:
-            yield self._load(servo_id, "goal_position", "force_limit")
+            yield self._load(servo_id, "goal_position", "force_limit", "goal_current")
 
     def heard(self, frame: SlowFrame, request: Message) -> Exchange:
-        """Obey any command; all servos obey the ids 0 and 254, and none answers the latter."""
-        everyone = frame.servo_id in (STAND_ALONE, BROADCAST)
+        """Obey any command; all servos obey the ids 0 and 254, and none answers the latter.
+
+        Echo and Load Data are for the servo of that very id, also where it is 0.
+        Source: user manual v1.02, (2) 2. ID.
+        """
+        alone = frame.servo_id == STAND_ALONE and request.op not in READS
+        everyone = alone or frame.servo_id == BROADCAST
         to = [i for i in self.servos if everyone or i == frame.servo_id]
         act = self._obedience(frame, request)
         if act is None or not to:
             return unheeded(request)
         if frame.servo_id == BROADCAST:
             return Exchange(request, tuple(to), silently(act))
-        delay = self.servos[to[0]].memory.raw["return_delay_time"] * US
+        delay = self.servos[to[0]].memory.raw.get("return_delay_time", 0) * US
         return Exchange(request, tuple(to), act, delay, chorus=everyone)
+
+    def damaged(self, data: bytes, at: int) -> Broken | None:
+        """Let whom a packet seems to be for complain if its checksum is wrong.
+
+        Source: user manual v1.02, (2) Feedback Packet, 4. ERROR, bit 4.
+        """
+        servo_id, size, code = (*data[at + 3 : at + 6], 0, 0, 0)[:3]
+        end = at + len(HEADER) + 2 + size
+        whole = data.startswith(HEADER, at) and size >= 2 and end <= len(data)
+        if not whole or servo_id not in self.servos:
+            return None
+        return Broken(end, self._refusal(servo_id, reads=code == LOAD))
+
+    def _refusal(self, servo_id: int, *, reads: bool) -> Exchange:
+        def act(servo: MightyZapServo) -> Message | None:
+            asked = 1 if reads else 2
+            told = servo.memory.raw["feedback_return_mode"] >= asked
+            return servo.answer("", error="checksum") if told else None
+
+        delay = self.servos[servo_id].memory.raw.get("return_delay_time", 0) * US
+        return Exchange(Message(b"", servo_id, ""), (servo_id,), act, delay)
 
     @staticmethod
     def _obedience(
         frame: SlowFrame, request: Message
     ) -> Callable[[MightyZapServo], Message | None] | None:
-        """Return what a servo does about a command, None if it does not know it."""
-        if frame.flags & (MALFORMED | UNKNOWN):
+        """Return what a servo does about a command, None if it makes nothing of it."""
+        if frame.flags & MALFORMED:
             return None
+        if frame.flags & UNKNOWN:
+            return lambda s: s.acknowledge(request.op, error="instruction")
         match request.op:
             case "echo":
                 return lambda s: s.answer(request.op)
@@ -313,22 +191,26 @@ class MightyZapBus(Bus):
             case "execution":
                 return lambda s: s.execute()
             case "restart":
-                return lambda s: s.restart(request.op, shipped=False)
+                return lambda s: s.restart(request.op)
             case "factory_reset" | "mightyzap_factory_reset":
-                return lambda s: s.restart(request.op, shipped=True)
+                return lambda s: s.clear(request.op, frame.data[0])
             case "symmetric_store":
-                return lambda s: s.store_own(request.values)
+                told = SYMMETRIC.parse(bytes([frame.address]) + frame.data)
+                targets = {t.servo_id: t.data for t in told.targets}
+                return lambda s: s.store_own(frame.address, targets)
         return None
 
     def _exchange(self, request: Message, act: Callable[[Any], Message | None]) -> Exchange:
         memory = self.servos[request.servo_id].memory
         answered = request.op in READS or memory.raw["feedback_return_mode"] == 2
         patience = PATIENCE_NS if answered else 0
-        delay = memory.raw["return_delay_time"] * US
+        delay = memory.raw.get("return_delay_time", 0) * US
         return Exchange(request, (request.servo_id,), act, delay, patience)
 
-    def _load(self, servo_id: int, first: str, last: str) -> Exchange:
-        a, z = (TABLE.registers[TABLE.index[name]] for name in (first, last))
+    def _load(self, servo_id: int, first: str, *last: str) -> Exchange:
+        """Read from one register to another: to the first of ``last`` that the model has."""
+        memory = self.servos[servo_id].memory
+        a, z = memory.register(first), memory.register(next(filter(memory.has, last)))
         length = z.address + z.width - a.address
         request = command(servo_id, LOAD, address=a.address, length=length)
         return self._exchange(request, lambda s: s.load(a.address, length))
@@ -337,7 +219,7 @@ class MightyZapBus(Bus):
         return self._write(servo_id, STORE, name, raw)
 
     def _write(self, servo_id: int, code: int, name: str, raw: int) -> Exchange:
-        register = TABLE.registers[TABLE.index[name]]
+        register = self.servos[servo_id].memory.register(name)
         value = (servo_id, name, raw)
         data = pack(register.type, raw)
         request = command(servo_id, code, (value,), address=register.address, data=data)

@@ -17,10 +17,10 @@ from sniffer.protocols import protocol_named
 from sniffer.protocols.base import State
 from sniffer.simulation.buses import mischief, put_up
 from sniffer.simulation.line import NOBODY, Line
-from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, Message, TrueFrame
+from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, USUAL, Message, TrueFrame
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from sniffer.protocols.base import SlowFrame
     from sniffer.simulation.faults import Fault
@@ -51,11 +51,12 @@ class Responder:
         baud: int | None = None,
         faults: Sequence[Fault] = (),
         carried: bool = False,
+        models: Mapping[int | None, str] = USUAL,
     ) -> None:
-        self.bus = put_up(protocol, seed=seed, servo_ids=servo_ids, baud=baud)
+        self.bus = put_up(protocol, seed=seed, servo_ids=servo_ids, baud=baud, models=models)
         self._line = Line(self.bus, mischief(protocol, faults, seed), seed)
         self._protocol = protocol_named(protocol)
-        self._state = State(self._protocol)
+        self._state = State(self._protocol, models)
         self._carried = carried
         self._held = bytearray()
         self._heard_ns = 0
@@ -84,6 +85,11 @@ class Responder:
         at = behind = 0
         while at < len(data):
             found = self._protocol.slow_parse(data, at, len(data))
+            if found is None and (broken := self.bus.damaged(data, at)) is not None:
+                out += self._noise(data[behind : broken.end], now_ns)
+                out += [Said(f, True) for f in self._line.complaint(broken.exchange)]
+                at = behind = broken.end
+                continue
             if found is None:
                 skipped = 1 if final else self._hopeless(data, at)
                 if not skipped:

@@ -1,11 +1,14 @@
-"""An RS305CR bus: goals and times to all by long packets, the block 42..59 of each by nibble 9.
+"""An RS30x bus: goals and times to all by long packets, the block 42..59 of each by nibble 9.
 
 Source of times: RS305CR manual, 4.2 No. 7, return delay: 100 us + 50 us * n behind the request.
+What is written to the ROM area holds at once, but for the baud rate, and survives a restart only if
+a flash write came before it. Source: RS305CR manual, table 4.1, bits 6 to 4.
 """
 
 from __future__ import annotations
 
 import functools
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.model import MALFORMED, UNKNOWN
@@ -39,7 +42,7 @@ from sniffer.simulation.talk import (
     Message,
     Servo,
     Talk,
-    Value,
+    by_model,
     silently,
     unheeded,
 )
@@ -48,9 +51,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from sniffer.protocols.base import SlowFrame
+    from sniffer.registers import RegisterMap
     from sniffer.simulation.motion import Joint, Rig
 
-TABLE: Final = MODELS[0]
 PATIENCE_NS: Final = 30 * MS
 """How long the controller waits for an answer, a figure of the simulation."""
 
@@ -65,8 +68,13 @@ IDENTITY, PRESENT, GOALS = 0x3, 0x9, 0xB
 KEPT: Final = 1 << 14
 """Packets that are not built anew: a bus repeats itself."""
 
-SHIPPED: Final = {"firmware_version": 3, "punch": 180}
-"""Registers for which the table has no default."""
+SHIPPED: Final[Mapping[str, int]] = MappingProxyType(
+    {"firmware_version": 3, "punch": 180, "servo_id": 1}
+)
+"""Registers for which a table has no default; the id is that of a factory reset."""
+
+ROM: Final = range(0x04, 0x1E)
+"""Addresses that a flash write keeps and a factory reset clears. Source: RS305CR manual, bit 4."""
 
 
 @functools.cache
@@ -100,19 +108,39 @@ def joined(length: int, servos: tuple[tuple[int, bytes], ...]) -> bytes:
     return bytes(long_data(length).build({"servos": parts}))
 
 
-class Rs305Servo(Servo):
-    """The memory map of the RS305CR."""
+class Rs30xServo(Servo):
+    """A memory map, and the flash that keeps the ROM area of it."""
 
-    def __init__(self, servo_id: int, joint: Joint, rig: Rig) -> None:
-        self.memory = Memory(TABLE)
-        self.memory.raw |= SHIPPED | {"servo_id": servo_id}
-        super().__init__(servo_id, joint, rig)
+    def __init__(self, servo_id: int, joint: Joint, rig: Rig, table: RegisterMap) -> None:
+        self.memory = Memory(table, SHIPPED)
+        self.memory.raw["servo_id"] = servo_id
+        self.flash: dict[str, int] = {}
+        self.burn()
+        super().__init__(servo_id, joint, rig, table)
+
+    def shipped(self, baud: int) -> None:
+        """Come from the factory set to a baud rate."""
+        self.memory.choose("baud_rate", str(baud))
+        self.burn()
 
     def power_on(self) -> None:
-        """Volatile registers go back to their defaults; the torque is off."""
+        """Volatile registers go back to their defaults, others to the flash; the torque is off."""
         super().power_on()
         self.memory.reset(volatile_only=True)
         self.memory.raw["max_torque"] = 100
+        self.memory.raw |= self.flash
+
+    def burn(self) -> None:
+        """Write the ROM area to the flash."""
+        self.flash = {name: self.memory.raw[name] for name in self._rom()}
+
+    def clear(self) -> None:
+        """Let the ROM area be as shipped: also the id. The flash keeps what it has."""
+        for name in self._rom():
+            self.memory.raw[name] = self.memory.default(name)
+
+    def _rom(self) -> list[str]:
+        return [r.name for r in self.memory.table.registers if r.address in ROM]
 
     def measure(self) -> None:
         """Fill the block 42..59."""
@@ -136,11 +164,9 @@ class Rs305Servo(Servo):
         values = self.memory.values(self.servo_id, address, length)
         return Message(built, self.servo_id, op, values)
 
-    def take(self, values: tuple[Value, ...]) -> None:
-        """Store what is meant for this servo; the motor follows."""
-        for servo_id, name, raw in values:
-            if servo_id == self.servo_id:
-                self.memory.raw[name] = raw
+    def take(self, values: Mapping[str, int]) -> None:
+        """Store values; the motor follows."""
+        self.memory.raw |= values
         self._follow()
 
     def write(self, address: int, data: bytes) -> None:
@@ -149,14 +175,6 @@ class Rs305Servo(Servo):
             if self.memory.allows({name: raw}):
                 self.memory.raw[name] = raw
         self._follow()
-
-    def restart(self, *, shipped: bool) -> None:
-        """Begin anew, as shipped but for id and baud rate."""
-        if shipped:
-            kept = {name: self.memory.raw[name] for name in ("servo_id", "baud_rate")}
-            self.memory.reset(volatile_only=False)
-            self.memory.raw |= SHIPPED | kept
-        self.power_on()
 
     def acknowledge(self, op: str) -> Message:
         """Answer with the bare byte."""
@@ -188,8 +206,9 @@ class Rs30xBus(Bus):
     supply_v = 7.4
     late_ns = (14 * MS, 24 * MS)  # return delay 255 would be 12.85 ms
     pause_ns = (150 * US, 500 * US)
-    servo_type = Rs305Servo
-    servos: Mapping[int, Rs305Servo]
+    servo_type = Rs30xServo
+    tables = by_model(MODELS)
+    servos: Mapping[int, Rs30xServo]
 
     def start(self) -> Talk:
         """Read the fixed and the ROM area, set compliance and delays, switch the torque on."""
@@ -220,7 +239,7 @@ class Rs30xBus(Bus):
         yield Exchange(
             Message(built, LONG, OPS[LONG_WRITE], values),
             tuple(self.servos),
-            lambda s: s.take(values),
+            lambda s: s.take(goals[s.servo_id]),
         )
 
     def poll(self, servo_id: int, cycle: int) -> Ask:
@@ -232,7 +251,7 @@ class Rs30xBus(Bus):
         """Look at other spans now and then, change the torque limit."""
         servo_id = self.rng.choice(list(self.servos))
         if cycle % 20 == 7:
-            position = TABLE.registers[TABLE.index["present_position"]]
+            position = self.table.register("present_position")
             yield self._read(servo_id, ASKS_ADDRESS, position.address, position.width)
         elif cycle % 20 == 15:
             yield self._read(servo_id, GOALS)
@@ -255,13 +274,13 @@ class Rs30xBus(Bus):
     @staticmethod
     def _obedience(
         frame: SlowFrame, request: Message
-    ) -> Callable[[Rs305Servo], Message | None] | None:
+    ) -> Callable[[Rs30xServo], Message | None] | None:
         """Return what a servo does about a packet, None if it does not know it."""
         if frame.flags & (MALFORMED | UNKNOWN):
             return None
         answer = _answer(frame, request.op)
 
-        def write(servo: Rs305Servo) -> Message | None:
+        def write(servo: Rs30xServo) -> Message | None:
             servo.write(frame.address, frame.data)
             return answer(servo)
 
@@ -271,22 +290,23 @@ class Rs30xBus(Bus):
             case "write":
                 return write
             case "long_write":
-                return lambda s: s.take(request.values)
+                targets = _targets(frame.raw)
+                return lambda s: s.write(frame.address, targets.get(s.servo_id, b""))
+            case "flash_write":
+                return lambda s: s.burn()
             case "reboot":
-                return lambda s: s.restart(shipped=False)
+                return lambda s: s.power_on()
             case "factory_reset":
-                return lambda s: s.restart(shipped=True)
-        return None  # the flash keeps what a simulated servo never forgets
+                return lambda s: s.clear()
+        return None
 
-    @staticmethod
-    def _span(values: dict[str, int]) -> tuple[int, int]:
+    def _span(self, values: Mapping[str, int]) -> tuple[int, int]:
         """Return address and length of registers that lie side by side, in order."""
-        registers = [TABLE.registers[TABLE.index[name]] for name in values]
+        registers = [self.table.register(name) for name in values]
         return registers[0].address, sum(r.width for r in registers)
 
-    @staticmethod
-    def _data(values: dict[str, int]) -> bytes:
-        registers = {name: TABLE.registers[TABLE.index[name]] for name in values}
+    def _data(self, values: Mapping[str, int]) -> bytes:
+        registers = {name: self.table.register(name) for name in values}
         return b"".join(pack(registers[name].type, raw) for name, raw in values.items())
 
     def _delay(self, servo_id: int) -> int:
@@ -303,13 +323,13 @@ class Rs30xBus(Bus):
             address, length = asked.address, asked.length
         return self._exchange(message, lambda s: s.give(address, length), PATIENCE_NS)
 
-    def _write(self, servo_id: int, values: dict[str, int], reply: int) -> Exchange:
+    def _write(self, servo_id: int, values: Mapping[str, int], reply: int) -> Exchange:
         address, length = self._span(values)
         built = request(servo_id, flag_byte(reply), address, length, 1, self._data(values))
         told = tuple((servo_id, name, raw) for name, raw in values.items())
 
-        def act(servo: Rs305Servo) -> Message | None:
-            servo.take(told)
+        def act(servo: Rs30xServo) -> Message | None:
+            servo.take(values)
             return servo.acknowledge(OPS[WRITE]) if reply else None
 
         message = Message(built, servo_id, OPS[WRITE], told)
@@ -322,7 +342,7 @@ class Rs30xBus(Bus):
         return Exchange(message, (message.servo_id,), act, delay, patience_ns)
 
 
-def _answer(frame: SlowFrame, op: str) -> Callable[[Rs305Servo], Message | None]:
+def _answer(frame: SlowFrame, op: str) -> Callable[[Rs30xServo], Message | None]:
     """Return what a servo says to the reply bits of a short packet."""
     if frame.token == ACK_TOKEN:
         return lambda s: s.acknowledge(op)
@@ -330,3 +350,9 @@ def _answer(frame: SlowFrame, op: str) -> Callable[[Rs305Servo], Message | None]
         return lambda s: None
     address, length = divmod(frame.token, 256)
     return lambda s: s.give(address, length, op)
+
+
+def _targets(raw: bytes) -> dict[int, bytes]:
+    """Return what a long packet tells each servo."""
+    body = PACKET.parse(raw).body.value
+    return {t.servo_id: t.data for t in long_data(body.length).parse(body.data).servos}

@@ -9,6 +9,7 @@ from __future__ import annotations
 import abc
 import random
 from collections.abc import Callable, Generator, Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
 from sniffer.model import KINDS, NS
@@ -16,11 +17,15 @@ from sniffer.simulation.motion import Joint, Rig, trajectory
 
 if TYPE_CHECKING:
     from sniffer.protocols.base import SlowFrame
+    from sniffer.registers import RegisterMap
 
 REQUEST, RESPONSE = KINDS
 NOISE: Final = "noise"
 MS: Final = NS // 1000
 US: Final = NS // 1_000_000
+
+USUAL: Final[Mapping[int | None, str]] = MappingProxyType({})
+"""No servo (and not all of them, None) is of another model than the usual one."""
 
 Value = tuple[int, str, int]
 """What a frame states about a register: (servo id, register name, raw)."""
@@ -59,16 +64,25 @@ class Message(NamedTuple):
     values: tuple[Value, ...] = ()
 
 
+def by_model(tables: Sequence[RegisterMap]) -> Mapping[str, RegisterMap]:
+    """Return register tables by the names of their models."""
+    return MappingProxyType({table.model: table for table in tables})
+
+
 class Servo:
     """One servo: a joint and, in the protocols that have them, registers."""
 
-    def __init__(self, servo_id: int, joint: Joint, rig: Rig) -> None:
+    def __init__(self, servo_id: int, joint: Joint, rig: Rig, table: RegisterMap) -> None:
+        self.table = table
         self.servo_id = servo_id
         self.joint = joint
         self.rig = rig
         self.deaf_until_ns = 0
         self.low_until_ns = 0
         self.power_on()
+
+    def shipped(self, baud: int) -> None:
+        """Come from the factory set to the baud rate of the bus; else nobody would hear it."""
 
     def power_on(self) -> None:
         """Take the state a servo has after power-on: the motor is off."""
@@ -105,6 +119,13 @@ class Exchange(NamedTuple):
     turnaround_ns: int = 0
     patience_ns: int = 0
     chorus: bool = False
+
+
+class Broken(NamedTuple):
+    """A broken frame that a servo complains of: where it ends, and what the servo does."""
+
+    end: int
+    exchange: Exchange
 
 
 def unheeded(request: Message) -> Exchange:
@@ -148,9 +169,19 @@ class Bus(abc.ABC):
     pause_ns: ClassVar[tuple[int, int]]
     """What the controller lets pass between two exchanges."""
     servo_type: ClassVar[type[Servo]]
+    tables: ClassVar[Mapping[str, RegisterMap]]
+    """Models that can be played, the usual one first."""
     servos: Mapping[int, Servo]
 
-    def __init__(self, seed: int, *, baud: int, rate_hz: int, servo_ids: Sequence[int]) -> None:
+    def __init__(
+        self,
+        seed: int,
+        *,
+        baud: int,
+        rate_hz: int,
+        servo_ids: Sequence[int],
+        models: Mapping[int | None, str] = USUAL,
+    ) -> None:
         self.bits_per_s = baud
         self.cycle_ns = NS // rate_hz
         self.rng = random.Random(f"{self.name} controller {seed}")
@@ -160,11 +191,21 @@ class Bus(abc.ABC):
         # a twin of each servo, for the day when two share an id: the same goal, other mechanics
         twins = [Joint(rng, self.goals[i](0.0) + rng.uniform(-0.01, 0.01)) for i in servo_ids]
         self.rig = Rig([*joints, *twins], self.supply_v)
+        usual = models.get(None, next(iter(self.tables)))
+        self.table = self.tables[usual]
+        """That of the servos of whom nothing else is said."""
+        tables = {i: self.tables[models.get(i, usual)] for i in servo_ids}
         kind = self.servo_type
         pairs = zip(servo_ids, joints, strict=True)
-        self.servos = {i: kind(i, joint, self.rig) for i, joint in pairs}
+        self.servos = {i: kind(i, joint, self.rig, tables[i]) for i, joint in pairs}
         pairs = zip(servo_ids, twins, strict=True)
-        self.twins: Mapping[int, Servo] = {i: kind(i, joint, self.rig) for i, joint in pairs}
+        self.twins: Mapping[int, Servo] = {
+            i: kind(i, joint, self.rig, tables[i]) for i, joint in pairs
+        }
+        for servo in (*self.servos.values(), *self.twins.values()):
+            servo.shipped(baud)
+        self.guests: Mapping[int, Sequence[tuple[Servo, Servo]]] = {}
+        """Servos, each with its twin, that were given an id which another one has already."""
         self.now_ns = 0
 
     def talk(self) -> Talk:
@@ -217,15 +258,35 @@ class Bus(abc.ABC):
         ``request.values`` are those that the frame states, whole ones.
         """
 
+    def damaged(self, data: bytes, at: int) -> Broken | None:
+        """Return what is done about a broken frame at ``at``, where no good one begins.
+
+        None where there is none, and where the protocol lets servos be silent about it.
+        """
+        del data, at
+        return None
+
     def renumber(self) -> None:
-        """Let servos that were given a new id go by it, unless that id is taken."""
-        for old, servo in list(self.servos.items()):
-            new = servo.new_id
-            if new != old and new in self.ids and new not in self.servos:
-                self.servos = {**{i: s for i, s in self.servos.items() if i != old}, new: servo}
-                twin = self.twins[old]
-                self.twins = {**{i: s for i, s in self.twins.items() if i != old}, new: twin}
-                servo.servo_id = twin.servo_id = new
+        """Let servos that were given a new id go by it, also beside one that has it already."""
+        pairs = [(self.servos[i], self.twins[i]) for i in self.servos]
+        pairs += [pair for guests in self.guests.values() for pair in guests]
+        if all(self._goes_by(servo) == servo.servo_id for servo, _ in pairs):
+            return
+        # who had an id before stays the first one
+        pairs.sort(key=lambda pair: self._goes_by(pair[0]) != pair[0].servo_id)
+        servos: dict[int, Servo] = {}
+        twins: dict[int, Servo] = {}
+        guests: dict[int, list[tuple[Servo, Servo]]] = {}
+        for servo, twin in pairs:
+            servo_id = servo.servo_id = twin.servo_id = self._goes_by(servo)
+            if servo_id in servos:
+                guests.setdefault(servo_id, []).append((servo, twin))
+            else:
+                servos[servo_id], twins[servo_id] = servo, twin
+        self.servos, self.twins, self.guests = servos, twins, guests
+
+    def _goes_by(self, servo: Servo) -> int:
+        return servo.new_id if servo.new_id in self.ids else servo.servo_id
 
     def goal(self, servo_id: int) -> float:
         """Return where a servo is to be now, 0..1."""

@@ -1,5 +1,7 @@
 """A wCK bus: goals to all by Synchronized Position Move, load and position of each by Status Read.
 
+Modules with an id above 30 hear the two commands of 10 bits only: a move and a read of each.
+
 Source of times: user's manual 1.07, 2-3, table Command Response Time, less the bytes on the wire;
 the time a module is deaf after power-on: the same section, Reset Time after Power Supply.
 """
@@ -11,6 +13,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.model import UNKNOWN
+from sniffer.protocols.wck.block import MODELS
 from sniffer.protocols.wck.grammar import (
     COMMANDS,
     INDEX,
@@ -18,7 +21,6 @@ from sniffer.protocols.wck.grammar import (
     REPLIES,
     build,
 )
-from sniffer.registers import RegisterMap, load_models
 from sniffer.simulation.memory import Memory
 from sniffer.simulation.talk import (
     MS,
@@ -30,16 +32,17 @@ from sniffer.simulation.talk import (
     Servo,
     Talk,
     Value,
+    by_model,
     unheeded,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from sniffer.protocols.base import SlowFrame
+    from sniffer.registers import RegisterMap
     from sniffer.simulation.motion import Joint, Rig
 
-TABLE: Final[RegisterMap] = load_models("wck")[0]
 TURNAROUND_NS: Final = {
     4800: 659 * US,
     9600: 833 * US,
@@ -54,6 +57,10 @@ EEPROM_NS: Final = 120_451 * US
 
 PATIENCE_NS, EEPROM_PATIENCE_NS = 20 * MS, 400 * MS
 """How long the controller waits for an answer: figures of the simulation."""
+
+FIVE_BITS: Final = 30
+"""Greatest id of a command that names it in five bits; 31 is everybody.
+Source: manual 1.07, A-1-1."""
 
 TOP, TOP_10BIT = 254, 1022
 """Greatest positions. Source: manual 1.07, 3-1 Position Control, Control Angle."""
@@ -90,10 +97,14 @@ def _reply(op: str, fields: Items) -> bytes:
 class WckServo(Servo):
     """Settings and readings of a module by their register names."""
 
-    def __init__(self, servo_id: int, joint: Joint, rig: Rig) -> None:
-        self.memory = Memory(TABLE)
+    def __init__(self, servo_id: int, joint: Joint, rig: Rig, table: RegisterMap) -> None:
+        self.memory = Memory(table)
         self.memory.raw["servo_id"] = servo_id
-        super().__init__(servo_id, joint, rig)
+        super().__init__(servo_id, joint, rig, table)
+
+    def shipped(self, baud: int) -> None:
+        """Come from the factory set to a baud rate."""
+        self.memory.choose("baud_rate", str(baud))
 
     @property
     def new_id(self) -> int:
@@ -154,7 +165,7 @@ class WckBus(Bus):
     """See the module."""
 
     name = "wck"
-    ids = range(31)
+    ids = range(254)
     most = 31
     baud = 115200
     rate_hz = 50
@@ -163,32 +174,50 @@ class WckBus(Bus):
     late_ns = (7 * MS, 15 * MS)
     pause_ns = (100 * US, 400 * US)
     servo_type = WckServo
+    tables = by_model(MODELS)
     servos: Mapping[int, WckServo]
 
     def start(self) -> Talk:
         """Read the settings; give two modules other ones, which takes an EEPROM write each."""
         reads = ("status_read", "pd_gain_read", "i_gain_read", "speed_read", "overload_read")
-        for servo_id in self.servos:
+        near = self._near()
+        for servo_id in near:
             for op in (*reads, "boundary_read"):
                 yield self._plain(op, servo_id)
-        first, last = min(self.servos), max(self.servos)
+        if not near:
+            return
+        first, last = min(near), max(near)
         yield self._set("overload_set", first, overload=104)
         yield self._set("pd_gain_set", first, p_gain=24, d_gain=36)
         yield self._set("boundary_set", last, lower_boundary=4, upper_boundary=250)
         yield self._set("runtime_pd_gain_set", last, runtime_p_gain=30, runtime_d_gain=40)
-        for servo_id in self.servos:
+        for servo_id in near:
             yield from self.enable(servo_id)
+
+    def _near(self) -> list[int]:
+        """Return the ids that five bits reach."""
+        return [i for i in self.servos if i <= FIVE_BITS]
 
     def enable(self, servo_id: int) -> Talk:
         """Choose speed and acceleration, which is not answered; moves switch the motor on."""
+        if servo_id > FIVE_BITS:
+            return
         yield self._set("runtime_speed_set", servo_id, runtime_speed=18, runtime_acceleration=60)
 
     def command(self, cycle: int) -> Talk:
-        """Send the goals of all modules from 0 on at once."""
+        """Send the goals of all modules from 0 to 30 at once, then each of the others its own."""
         del cycle
-        count = max(self.servos) + 1
-        targets = [127] * count
+        near = self._near()
+        if near:
+            yield self._sync(near)
         for servo_id in self.servos:
+            if servo_id > FIVE_BITS:
+                yield self._move_10bit(servo_id)
+
+    def _sync(self, near: Sequence[int]) -> Exchange:
+        count = max(near) + 1
+        targets = [127] * count
+        for servo_id in near:
             targets[servo_id] = round(self.goal(servo_id) * TOP)
         fields = {"data1": {"torque_level": TORQUE}, "data2": {"count": count}}
         built = _command("sync_position_move", (*_items(fields), ("targets", tuple(targets))))
@@ -201,16 +230,21 @@ class WckBus(Bus):
         def act(servo: WckServo) -> None:
             servo.move(targets[servo.servo_id] / TOP)
 
-        yield Exchange(Message(built, ALL, "sync_position_move", values), tuple(self.servos), act)
+        return Exchange(Message(built, ALL, "sync_position_move", values), tuple(near), act)
 
     def poll(self, servo_id: int, cycle: int) -> Ask:
-        """Read load and position."""
+        """Read load and position; beyond five bits, the position only."""
         del cycle
+        if servo_id > FIVE_BITS:
+            return (yield self._read_10bit(servo_id))
         return (yield self._plain("status_read", servo_id))
 
     def extra(self, cycle: int) -> Talk:
         """Move single modules, one in 10 bits; use the external port; relax one for a cycle."""
-        servo_id = self.rng.choice(list(self.servos))
+        near = self._near()
+        if not near:
+            return
+        servo_id = self.rng.choice(near)
         if cycle % 20 == 6:
             yield self._move(servo_id)
         elif cycle % 20 == 12:
@@ -238,10 +272,12 @@ class WckBus(Bus):
         to = [i for i in sorted(self.servos) if everyone or i == frame.servo_id]
         if not to:
             return unheeded(request)
+        # a break names who answers in five bits
+        first = to[0] if not everyone or to[0] <= FIVE_BITS else None
 
         def act(servo: WckServo) -> Message | None:
             servo.obey(op, request.values)
-            if not known.reply or servo.servo_id != to[0]:
+            if not known.reply or servo.servo_id != first:
                 return None
             return servo.answer(op, echo={**fields, "id": servo.servo_id})
 

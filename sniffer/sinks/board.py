@@ -102,7 +102,11 @@ class Board:
         return max(min(self.newest_ns, status.now_ns), status.now_ns - NS)
 
     def load(self, bus: BusStatus, end_ns: int) -> float:
-        """Return how much of its time a line was busy lately, in percent."""
+        """Return how much of its time a line was busy lately, in percent.
+
+        More than 100 % is no load: bytes of a longer time came at once (a pseudo-terminal, a reader
+        that was held up), or the line is faster than the rate says.
+        """
         heard = self._bytes.get(bus.bus)
         if heard is None or bus.state != "listening" or not bus.baud:
             return 0.0

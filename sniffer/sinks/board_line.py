@@ -39,7 +39,7 @@ def line(status: Status, board: Board) -> str:
         "bytes": sum(b.bytes for b in status.buses),
         "frames": sum(tally.frames for tally in tallies),
         "frames_per_s": f"{sum(int(n[0]) / seconds for n, seconds in rates):.1f}",
-        **{f"load.{_key(b.bus)}": f"{board.load(b, end_ns):.1f}" for b in status.buses},
+        **{f"load.{_key(b.bus)}": f"{min(board.load(b, end_ns), 100):.1f}" for b in status.buses},
         "missing": sum(int(tally.servos.missing.sum()) for tally in tallies),
         "errors": levels[Severity.ERROR],
         "warnings": levels[Severity.WARN],

@@ -209,7 +209,8 @@ class Picture:
     def _load(self, nth: int, word: str) -> Line:
         load = self._loads[nth]
         style = "bad" if load >= 90 else "doubt" if load >= CROWDED else ""
-        return [(f"{word}{min(load, 999):3.0f} %  ", style)]
+        told = f"{load:3.0f} %" if round(load) <= 100 else ">100%"
+        return [(f"{word}{told}  ", style)]
 
     def _bytes(self, nth: int) -> Line:
         """Say where the bytes of a bus are: each is in a frame, in a gap, or was left out."""

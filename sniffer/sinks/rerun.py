@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import functools
 import itertools
-import uuid
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -26,6 +25,7 @@ from sniffer.sinks.rerun_layout import (
     Colours,
     Rgb,
     Track,
+    application_id,
     blueprint,
 )
 
@@ -78,8 +78,7 @@ class RerunSink:
             if not _is_utf8(path):
                 raise OutputError(f"{path}: the Rerun SDK takes names in UTF-8 only")
             open_binary(path).close()
-            # The viewer keeps one layout an application, so each file is one.
-            self._rec = rr.RecordingStream(f"sniffer {path.stem} {uuid.uuid4().hex[:6]}")
+            self._rec = rr.RecordingStream(application_id(path.stem))
             try:
                 self._rec.save(path)
             except RuntimeError as error:

@@ -1,10 +1,12 @@
 """The layout of a recording in the Rerun viewer, and the colours of its servos.
 
-Written for rerun-sdk 0.41. Called by ``sniffer.sinks.rerun`` only; imports rerun lazily as it does.
+Written for rerun-sdk 0.41. Called by ``sniffer.sinks.rerun`` and ``sniffer.viewing``; imports rerun lazily as it does.
 """
 
 from __future__ import annotations
 
+import re
+import uuid
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -83,6 +85,15 @@ class Colours:
             slot = next((k for k in slots if k not in taken), first)
             self._slot[servo_id] = slot
         return PALETTE[slot]
+
+
+def application_id(name: str) -> str:
+    """Return a name of its own for what is shown: the viewer keeps one layout an application.
+
+    It warns of every sign that it does not allow in one (seen with rerun-sdk 0.41).
+    """
+    allowed = re.sub(r"[^A-Za-z0-9 _:-]", "-", name)
+    return f"sniffer {allowed[:40]} {uuid.uuid4().hex[:6]}"
 
 
 def blueprint(

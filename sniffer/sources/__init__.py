@@ -16,12 +16,12 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.limits import BUSES_MOST
-from sniffer.model import Chunk, DamagedInputError, InputError
+from sniffer.model import Chunk, DamagedInputError, InputError, SnifferError
 from sniffer.sources.binary import read_binary
 from sniffer.sources.candump import read_candump
 from sniffer.sources.hexdump import read_hexdump, read_od, read_xxd
 from sniffer.sources.jsonl import read_jsonl
-from sniffer.sources.opening import Origin, find
+from sniffer.sources.opening import Origin, Spooled, find
 from sniffer.sources.plain import read_decimal, read_hex
 from sniffer.sources.recognise import HEAD, recognise
 from sniffer.sources.refusals import refuse_utf16
@@ -45,12 +45,15 @@ GROUP_CHUNKS: Final = 1 << 15
 
 
 def _read_mcap(opened: Opened) -> Iterator[Chunk]:
-    if opened.path is None:
-        why = "an MCAP recording is read from a file: save it and give its name"
-        raise InputError(f"{opened.name}: {why}")
+    assert opened.path is not None, "open_source spools what has none"
     from sniffer.sources import mcap  # the mcap library is loaded only where it is needed
 
-    return mcap.chunks(opened.path)
+    try:
+        yield from mcap.chunks(opened.path)
+    except SnifferError as error:
+        # what was spooled has a name that says nothing
+        told = str(error).replace(str(opened.path), opened.name)
+        raise type(error)(told) from None
 
 
 SOURCES: Final[Mapping[str, Reader]] = MappingProxyType(
@@ -201,6 +204,8 @@ def open_source(
     origin = find(path)
     try:
         chosen = _chosen(origin, input_format, decimal=radix == "decimal")
+        if chosen == "mcap" and origin.path is None:
+            origin = Spooled(origin)  # a recording is read by its index, here and there
         source = Source(origin, chosen, bus)
         if chosen not in ("bin", "mcap"):
             source.rehearse()

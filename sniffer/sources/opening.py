@@ -12,6 +12,7 @@ import os
 import select
 import stat
 import sys
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final, Protocol
 
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from sniffer.sources.text import Stream
 
 STDIN: Final = "-"
+
+SPOOLED_AT_ONCE: Final = 1 << 20
+"""Bytes that go to a temporary file at once."""
 
 PATIENCE_S: Final = 0.2
 """How long the beginning of a pipe is gathered before it is looked at, in seconds."""
@@ -136,6 +140,36 @@ class Pipe:
         """Close a pipe that was opened here; standard input stays open."""
         if self._owned:
             self._stream.close()
+
+
+class Spooled(File):
+    """An input that is no file, written to a temporary one; it is waited for to its end.
+
+    Raises:
+        InputError: there is no room for it.
+    """
+
+    def __init__(self, origin: Origin) -> None:
+        self._file = tempfile.NamedTemporaryFile(prefix="sniffer-", suffix=".mcap")  # noqa: SIM115
+        try:
+            with origin.open() as stream:
+                while data := stream.read(SPOOLED_AT_ONCE):
+                    self._file.write(data)
+            self._file.flush()
+        except OSError as error:
+            self._file.close()
+            folder = tempfile.gettempdir()
+            why = f"{origin.name}: cannot be kept in {folder} ({error.strerror})"
+            raise InputError(f"{why}: save it and give its name") from None
+        except BaseException:
+            self._file.close()
+            raise
+        super().__init__(Path(self._file.name))
+        self.name = origin.name
+
+    def close(self) -> None:
+        """Remove the temporary file."""
+        self._file.close()
 
 
 class _Arriving:

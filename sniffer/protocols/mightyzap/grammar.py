@@ -57,8 +57,10 @@ lists bits 5 and 0 only."""
 REFUSALS: Final = 1 << 6 | 1 << 4 | 1 << 3
 """Error bits that say the command was not carried out: instruction, checksum, range."""
 
+HEADER: Final = b"\xff\xff\xff"
+
 PACKET: Final = Struct(
-    "header" / Const(b"\xff\xff\xff"),
+    "header" / Const(HEADER),
     "body"
     / RawCopy(
         Struct(
