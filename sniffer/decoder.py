@@ -25,6 +25,7 @@ from sniffer.model import (
     Batch,
     Chunk,
     Clock,
+    Cut,
     Frames,
     Gap,
     Remark,
@@ -109,15 +110,22 @@ class Decoder:
         return self._decode(final=True)
 
     def close(self) -> Batch:
-        """Decode what is left; the decoder may be fed again afterwards."""
-        is_live = self._stamps.clock == Clock.READ
-        cut = is_live and not self._stamps.silent_since(self._now_ns)
-        return self._decode(final=True, is_cut=cut)
+        """Decode what is left; the decoder may be fed again afterwards.
+
+        What nobody knows to have been silent behind the last byte is cut there, not over.
+        """
+        cut = not self._stamps.silent_since(self._now_ns)
+        return self._diagnostics.finish(self._decode(final=True, is_cut=cut))
 
     @property
     def pending(self) -> int:
         """Bytes held back because their fate is not decided."""
         return len(self._buffer)
+
+    @property
+    def heard_ns(self) -> int:
+        """The latest stamp; 0 where there is none."""
+        return self._stamps.last_ns
 
     @property
     def position(self) -> int:
@@ -157,7 +165,7 @@ class Decoder:
             Transactions.empty(),
             Samples.empty(),
             remarks=self._remarks.until(base + cut),
-            is_cut=is_cut,
+            cut=self._left_open(frames, block) if is_cut else None,
         )
         batch = self._records(block, batch, until)
         del self._buffer[:cut]
@@ -168,6 +176,14 @@ class Decoder:
             self._asked_until = base + int(frames.end[-1]) if waits else -1
         self._stamps.forget(self._base)
         return batch
+
+    def _left_open(self, frames: Frames, block: Block) -> Cut:
+        """Return what more bytes could still have changed, where the capture ends with a block."""
+        _, decided = self.protocol.frame(Block(block.data, block.barriers, False))
+        waits = open_request(frames, decided, self.protocol.reach)
+        closed = int(block.barriers[-1]) if len(block.barriers) else 0
+        asked = decided if waits is None or waits < closed else min(waits, decided)
+        return Cut(self._base + asked, self._base + decided)
 
     def _records(self, block: Block, batch: Batch, until: int) -> Batch:
         """Add what follows from the frames: transactions, values, anomalies."""

@@ -301,6 +301,17 @@ class Remark(NamedTuple):
         return self.start + self.length
 
 
+class Cut(NamedTuple):
+    """What the end of a capture leaves open, as absolute offsets.
+
+    From ``asked`` on a request may still have been answered, from ``torn`` on bytes may have been
+    the beginning of a frame.
+    """
+
+    asked: int
+    torn: int
+
+
 @dataclass(frozen=True, slots=True)
 class Batch:
     """All that one pass decided: ``data`` is the bytes it accounts for."""
@@ -314,8 +325,8 @@ class Batch:
     values: Samples
     anomalies: tuple[Anomaly, ...] = ()
     remarks: tuple[Remark, ...] = ()
-    is_cut: bool = False
-    """Whether a live tap ended so soon behind the last byte that what is open may just be cut."""
+    cut: Cut | None = None
+    """Set where the capture ends with this batch and nobody knows of a silence behind it."""
 
     @property
     def samples(self) -> Samples:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoder import Decoder
 from sniffer.detect import ENOUGH, SURE, Detection, UndecidedError, detect
-from sniffer.model import Batch, Chunk, Mark, MarkKind, OutputError
+from sniffer.model import Batch, Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.protocols import protocol_named
 from sniffer.summary import Summary
+from sniffer.timing import LATENCY_NS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -25,6 +26,9 @@ FIRST_LOOK: Final = 512
 
 PATIENCE: Final = 1 << 20
 """Bytes of a live bus that are kept for decoding while its protocol is not known."""
+
+AFTER_NS: Final = LATENCY_NS[Clock.READ]
+"""By how much the stamps of one bus may lag behind those of another."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,6 +192,8 @@ class Pipeline:
                 self._start(bus)
             except UndecidedError as error:
                 undecided = undecided or error
+        # Where one bus goes on, the end of another is a silence, not a cut.
+        self.idle(max((d.heard_ns for d in self._decoders.values()), default=0) - AFTER_NS)
         for bus, decoder in self._decoders.items():
             self._deliver(bus, decoder, decoder.close())
         if undecided is not None:
@@ -297,7 +303,7 @@ class Pipeline:
         self._deliver(bus, decoder, decoder.feed(*chunks))
 
     def _deliver(self, bus: str, decoder: Decoder, batch: Batch) -> None:
-        if not batch.data and not batch.remarks:
+        if not batch.data and not batch.remarks and not batch.anomalies:
             return
         if len(batch.frames):
             self._first.pop(bus, None)

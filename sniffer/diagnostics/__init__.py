@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from sniffer.diagnostics.device import DeviceRules
+from sniffer.diagnostics.hearing import Hearing
 from sniffer.diagnostics.pairing import PairingRules
 from sniffer.diagnostics.rules import CaptureRules, gap_anomalies, protocol_anomalies
 from sniffer.diagnostics.tap import TapRules, without_our_fault
@@ -28,6 +29,7 @@ class Diagnostics:
         self._device = DeviceRules(protocol)
         self._capture = CaptureRules()
         self._tap = TapRules()
+        self._hearing = Hearing()
 
     def judge(self, batch: Batch) -> Batch:
         """Return the batch with its anomalies."""
@@ -40,5 +42,14 @@ class Diagnostics:
             *self._tap.judge(batch),
         ]
         found = without_our_fault(batch, found, self._protocol.tail_ns)
+        found = self._hearing.judge(batch, found)
         found.sort(key=lambda a: (a.known_at, a.t_ns, a.code))
+        return replace(batch, anomalies=tuple(found))
+
+    def finish(self, batch: Batch) -> Batch:
+        """Return the last batch with what was held back until the end."""
+        held = self._hearing.finish()
+        if not held:
+            return batch
+        found = sorted((*held, *batch.anomalies), key=lambda a: (a.known_at, a.t_ns, a.code))
         return replace(batch, anomalies=tuple(found))

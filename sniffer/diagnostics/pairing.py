@@ -16,7 +16,6 @@ from sniffer.model import (
     NOT_EXPECTED,
     OK,
     UNSOLICITED,
-    Clock,
 )
 
 if TYPE_CHECKING:
@@ -64,7 +63,6 @@ class PairingRules:
         self._protocol = protocol
         self._open: _Open | None = None
         self._last: tuple[int, Span] | None = None
-        self._begun = False
         self._names: dict[int, str] = {}
 
     def judge(self, batch: Batch) -> Iterator[Anomaly]:
@@ -78,8 +76,6 @@ class PairingRules:
             wrong[late] = True
         for row in self._rows(batch, np.flatnonzero(wrong)):
             yield self._one(batch, row)
-            self._begun = True
-        self._begun = True
         answered = np.flatnonzero(t.outcome == OK)
         if len(answered):
             self._last = self._answer(batch, int(t.response[answered[-1]]))
@@ -177,9 +173,6 @@ class PairingRules:
     def _unasked(self, batch: Batch, row: _Row) -> Anomaly:
         f, t = batch.frames, batch.transactions
         who, r = row.servo_id, row.response
-        if batch.clock == Clock.READ and not (self._begun or row.at):
-            text = "the tap was started between a request and its answer"
-            return anomaly("capture-start", row.t_ns, who, text, row.answered)
         last = self._last
         if row.at and t.outcome[row.at - 1] == OK:
             last = self._answer(batch, int(t.response[row.at - 1]))
