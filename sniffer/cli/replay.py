@@ -83,6 +83,9 @@ def replay(
         report = compare(Path(file), options, say=say)
         click.echo(str(report))
         return 0 if report.equal else 1
+    if start or stop is not None:
+        until = "its end" if stop is None else f"second {stop:g}"
+        say(f"a part of it: from second {start:g} to {until}; what is open at its edges is cut")
     status, played = 0, False
     while not status and (loop or not played):
         source = open_source(file, input_format)
