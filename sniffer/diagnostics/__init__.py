@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from sniffer.diagnostics.device import DeviceRules
+from sniffer.diagnostics.doubled import DoubledAnswers
 from sniffer.diagnostics.hearing import Hearing
 from sniffer.diagnostics.pairing import PairingRules
 from sniffer.diagnostics.rules import CaptureRules, gap_anomalies, protocol_anomalies
@@ -29,6 +30,7 @@ class Diagnostics:
         self._device = DeviceRules(protocol)
         self._capture = CaptureRules()
         self._tap = TapRules()
+        self._doubled = DoubledAnswers(protocol)
         self._hearing = Hearing()
 
     def judge(self, batch: Batch) -> Batch:
@@ -41,6 +43,7 @@ class Diagnostics:
             *self._capture.judge(batch),
             *self._tap.judge(batch),
         ]
+        found = self._doubled.judge(batch, found)
         found = without_our_fault(batch, found, self._protocol.tail_ns)
         found = self._hearing.judge(batch, found)
         found.sort(key=lambda a: (a.known_at, a.t_ns, a.code))
