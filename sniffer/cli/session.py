@@ -23,6 +23,7 @@ from sniffer.sinks import open_sink, suffix_known
 from sniffer.sinks.base import Sink
 from sniffer.sinks.files import files_of
 from sniffer.sources import Source
+from sniffer.wires import MIXED, in_order
 
 
 class Standard:
@@ -175,6 +176,15 @@ class _Patience:
             raise KeyboardInterrupt
 
 
+def merged(
+    source: Source, groups: Iterable[Sequence[Chunk]], options: Options, *, quiet: bool = False
+) -> Iterable[Sequence[Chunk]]:
+    """Return the groups of a source; lines of two taps that their host mixed are merged."""
+    if source.format not in MIXED:
+        return groups
+    return in_order(groups, options, (lambda message: None) if quiet else say)
+
+
 def run_source(
     source: Source,
     options: Options,
@@ -200,13 +210,17 @@ def run_source(
         if not quiet:
             say(f"{bus}: {detection}")
 
-    pipeline = Pipeline(options.with_facts(source.facts()), sinks, on_detection=found)
+    def heard(given: Iterable[Sequence[Chunk]]) -> Iterable[Sequence[Chunk]]:
+        return merged(source, given, options, quiet=quiet) if groups is None else given
+
+    options = options.with_facts(source.facts())
+    pipeline = Pipeline(options, sinks, on_detection=found)
     patience = _Patience()
     status, told = 0, ""
     with patience.installed():
         try:
             try:
-                for group in patience.groups(source if groups is None else groups):
+                for group in heard(patience.groups(source if groups is None else groups)):
                     pipeline.feed(group)
                 pipeline.close()
             except DamagedInputError as error:

@@ -137,4 +137,5 @@ class DoubledAnswers:
         answers = spans.end[spans.kind == RESPONSE]
         covered = np.zeros(len(tries), np.int64)
         np.add.at(covered, block.segment(spans.start), spans.end - spans.start)
-        return (np.isin(ends, answers) & (covered == [len(one) for one in tries])).tolist()
+        whole: list[bool] = (np.isin(ends, answers) & (covered == [len(t) for t in tries])).tolist()
+        return whole
