@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoder import Decoder
-from sniffer.detect import ENOUGH, SURE, Detection, UndecidedError, detect
+from sniffer.detect import CLEAR, ENOUGH, GUESSED, SURE, Detection, UndecidedError, detect
 from sniffer.model import Batch, Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.protocols import protocol_named
 from sniffer.summary import Summary
@@ -67,6 +67,20 @@ class Options:
                     models[int(servo) if servo else None] = model
             told = replace(told, models=models)
         return told
+
+
+@dataclass(frozen=True, slots=True)
+class Mistake:
+    """A bus that was said to speak ``named``, which explains only ``share`` of its bytes."""
+
+    bus: str
+    named: str
+    share: float
+    found: Detection
+
+    def __str__(self) -> str:
+        shown = f"only {self.share:.1%} of the bytes are frames" if self.share else "no frame"
+        return f"{self.bus}: {shown} of {self.named}"
 
 
 class Pipeline:
@@ -196,18 +210,23 @@ class Pipeline:
         self.idle(max((d.heard_ns for d in self._decoders.values()), default=0) - AFTER_NS)
         for bus, decoder in self._decoders.items():
             self._deliver(bus, decoder, decoder.close())
+        for mistake in self.mistaken():
+            self.summary.buses[mistake.bus].looks_like = mistake.found.protocol
         if undecided is not None:
             raise undecided
 
-    def mistaken(self) -> list[tuple[str, Detection]]:
-        """Return the buses whose named protocol has no frame there, though another one has."""
+    def mistaken(self) -> list[Mistake]:
+        """Return the buses whose named protocol explains little, though another one does."""
         out = []
         for bus, chunks in self._first.items():
             totals = self.summary.buses.get(bus)
-            if totals is None or totals.bytes_in_frames:
+            if totals is None or totals.bytes_in_frames > CLEAR * totals.bytes:
                 continue
             with contextlib.suppress(UndecidedError):
-                out.append((bus, detect(chunks)))
+                found = detect(chunks)
+                share = totals.bytes_in_frames / totals.bytes
+                if found.protocol != totals.protocol and (not share or found.certainty != GUESSED):
+                    out.append(Mistake(bus, totals.protocol, share, found))
         return out
 
     def finish(self) -> None:
@@ -305,9 +324,10 @@ class Pipeline:
     def _deliver(self, bus: str, decoder: Decoder, batch: Batch) -> None:
         if not batch.data and not batch.remarks and not batch.anomalies:
             return
-        if len(batch.frames):
-            self._first.pop(bus, None)
         self.summary.add(bus, decoder.protocol, batch)
+        totals = self.summary.buses[bus]
+        if totals.bytes >= ENOUGH and totals.bytes_in_frames > CLEAR * totals.bytes:
+            self._first.pop(bus, None)  # it speaks what was named
         self._each(lambda sink: sink.write(bus, decoder.protocol, batch))
 
 

@@ -236,10 +236,12 @@ def run_source(
             pipeline.finish()
     if patience.asked and not status:
         status, told = 130, "interrupted"
-    for bus, other in pipeline.mistaken():
-        named = pipeline.summary.buses[bus].protocol
-        told = told or f"{bus}: no frame of {named} is in there, name another protocol: {other}"
-        status = status or 2
+    for mistake in pipeline.mistaken():
+        if not mistake.share:
+            told = told or f"{mistake} is in there, name another protocol: {mistake.found}"
+            status = status or 2
+        elif not quiet:
+            say(f"{mistake}: it looks like {mistake.found}")
     if told:
         say(told)
     elif not quiet:
