@@ -132,7 +132,7 @@ _CODES: Final = (
         "duplicate-response",
         "pairing",
         ERROR,
-        "A second answer from the same id to one request; where answers have no header, bytes that would be one, three times in a row and more.",
+        "A second answer from the same id to one request; where answers have no header: bytes behind them that would be another one, time and again.",
         "Two servos share an id.",
         "Disconnect one of them and give it another id.",
     ),
