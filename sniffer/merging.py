@@ -16,9 +16,9 @@ one is missing and the stamps allow two places, the one that moves bytes less is
 The stamps of the merged stream never decrease. What stands before a piece came before it, so its
 stamp is lowered to the earliest one behind it, which is still the latest moment it can have come:
 never by more than the latency, and what the tap itself came late (``HELD``). A stamp is raised, to
-the one before it, only where bytes are placed too late: a chunk that is fed after its place was handed on, or both wires speaking at once while
-one of them begins what turns out to be no frame. Pieces whose stamp was changed are marked
-``REORDERED``, with how far.
+the one before it, only where bytes are placed too late: a chunk that is fed after its place was
+handed on, or both wires speaking at once while one of them begins what turns out to be no frame.
+Pieces whose stamp was changed are marked ``REORDERED``, with how far.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from sniffer.framing import Block
 from sniffer.model import OK, RESPONSE
 
 if TYPE_CHECKING:
-    from sniffer.model import Anomaly, Batch
+    from sniffer.model import I16, I64, Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
 
 OFTEN: Final = 3
@@ -55,22 +55,23 @@ class DoubledAnswers:
                 self._twins.setdefault(a.servo_id, a.known_at)
         t, f = batch.transactions, batch.frames
         rows = np.flatnonzero((t.outcome == OK) & (t.response >= 0) & (t.request >= 0))
+        who = f.servo_id[t.response[rows]] & 255
         stray = {a.evidence[0]: i for i, a in enumerate(found) if a.code == "noise"}
         behind: list[tuple[_Exchange, int, int]] = []
         if stray:
-            ends = dict(
-                zip((f.end[t.response[rows]] + batch.base).tolist(), rows.tolist(), strict=True)
-            )
+            numbers = self._count[who] + _ranks(who)
+            ends = (f.end[t.response[rows]] + batch.base).tolist()
+            places = {end: k for k, end in enumerate(ends)}
             for at, length in sorted(stray):
-                row = ends.get(at)
-                last = self._last
-                if row is not None:
-                    behind.append((self._exchange(batch, rows, row), at, length))
+                k, last = places.get(at), self._last
+                if k is not None:
+                    answer = _exchange(batch, int(rows[k]), int(numbers[k]))
+                    behind.append((answer, at, length))
                 elif last is not None and last.end == at == batch.base:
                     behind.append((last, at, length))
         if len(rows):
-            self._last = self._exchange(batch, rows, int(rows[-1]))
-            np.add.at(self._count, f.servo_id[t.response[rows]] & 255, 1)
+            self._count += np.bincount(who, minlength=len(self._count))
+            self._last = _exchange(batch, int(rows[-1]), int(self._count[who[-1]]) - 1)
         elif len(f) or (self._last is not None and self._last.end < batch.base + len(batch.data)):
             self._last = None
         if not behind:
@@ -79,32 +80,20 @@ class DoubledAnswers:
         for (answer, at, length), many in zip(behind, self._answers(batch, behind), strict=True):
             if not many:
                 continue
-            who = answer.servo_id
-            before = self._twice.get(who, [])
+            servo = answer.servo_id
+            before = self._twice.get(servo, [])
             often = [n for n in (*before, answer.number) if answer.number - n < WITHIN]
-            self._twice[who] = often[-OFTEN:]
-            if len(often) < OFTEN and self._twins.get(who, at) >= at:
+            self._twice[servo] = often[-OFTEN:]
+            if len(often) < OFTEN and self._twins.get(servo, at) >= at:
                 continue
-            self._twins.setdefault(who, at)
+            self._twins.setdefault(servo, at)
             i = stray[at, length]
             shown = batch.data[at - batch.base : at - batch.base + length].hex(" ").upper()
             times = "twice" if many == 1 else f"{many + 1} times"
-            text = f"servo {who} answered {times}: {shown} stands right behind its answer"
+            text = f"servo {servo} answered {times}: {shown} stands right behind its answer"
             span = answer.start, answer.end - answer.start
-            out[i] = anomaly(
-                "duplicate-response", out[i].t_ns, answer.servo_id, text, span, (at, length)
-            )
+            out[i] = anomaly("duplicate-response", out[i].t_ns, servo, text, span, (at, length))
         return out
-
-    def _exchange(self, batch: Batch, rows: np.ndarray, row: int) -> _Exchange:
-        t, f = batch.transactions, batch.frames
-        q, r = int(t.request[row]), int(t.response[row])
-        who = int(f.servo_id[r])
-        answers = f.servo_id[t.response[rows[: int(np.searchsorted(rows, row))]]]
-        number = int(self._count[who & 255]) + int((answers & 255 == who & 255).sum())
-        asked = batch.data[int(f.start[q]) : int(f.end[q])]
-        start, end = batch.base + int(f.start[r]), batch.base + int(f.end[r])
-        return _Exchange(who, number, asked, start, end)
 
     def _answers(self, batch: Batch, behind: list[tuple[_Exchange, int, int]]) -> list[int]:
         """Return how many answers the bytes behind each answer would be; 0: they are none.
@@ -139,3 +128,19 @@ class DoubledAnswers:
         np.add.at(covered, block.segment(spans.start), spans.end - spans.start)
         whole: list[bool] = (np.isin(ends, answers) & (covered == [len(t) for t in tries])).tolist()
         return whole
+
+
+def _exchange(batch: Batch, row: int, number: int) -> _Exchange:
+    t, f = batch.transactions, batch.frames
+    q, r = int(t.request[row]), int(t.response[row])
+    asked = batch.data[int(f.start[q]) : int(f.end[q])]
+    start, end = batch.base + int(f.start[r]), batch.base + int(f.end[r])
+    return _Exchange(int(f.servo_id[r]), number, asked, start, end)
+
+
+def _ranks(key: I16) -> I64:
+    """Return for each row how many rows with its key came before."""
+    order = np.argsort(key, kind="stable")
+    out = np.empty(len(key), np.int64)
+    out[order] = np.arange(len(key)) - np.searchsorted(key[order], key[order])
+    return out
