@@ -8,9 +8,10 @@ from sniffer.model import Batch, Chunk, DamagedInputError
 from sniffer.pipeline import AUTO, Options, Pipeline
 from sniffer.rows import Row, rows
 from sniffer.sources import open_source
+from sniffer.wires import MIXED, in_order
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from sniffer.protocols.base import BusProtocol
@@ -118,10 +119,14 @@ def decode(
     keep = _Keep()
     given = open_source(source, input_format)
     options = Options(protocol=protocol, baud=baud, models=models or {}, latency_ns=latency_ns)
-    pipeline = Pipeline(options.with_facts(given.facts()), [keep])
+    options = options.with_facts(given.facts())
+    pipeline = Pipeline(options, [keep])
     damage = None
+    groups: Iterable[Sequence[Chunk]] = given
+    if given.format in MIXED:
+        groups = in_order(given, options, lambda message: None)
     try:
-        for group in given:
+        for group in groups:
             pipeline.feed(group)
     except DamagedInputError as error:
         damage = str(error)

@@ -115,7 +115,8 @@ class Pairing:
 
     def cut(self, frames: Frames, partner: I64, decided: int, block: Block) -> int | None:
         """Return the row of a block's cut: nothing before it is open. None: behind all frames."""
-        first = self._first_open(frames, partner, decided, block)
+        alone = self.open_rows(frames, partner, decided, block)
+        first = int(alone[0]) if len(alone) else None
         if self._held is not None:
             first = self._held if first is None else min(first, self._held)
         return None if first is None else _clear(frames, partner, first)
@@ -124,8 +125,8 @@ class Pairing:
         """Keep what the next block must know; it begins at ``cut``, with row ``kept``."""
         self._echoes.forget(frames, block, kept, cut)
 
-    def _first_open(self, frames: Frames, partner: I64, decided: int, block: Block) -> int | None:
-        """Return the first request that bytes from ``decided`` on may still answer.
+    def open_rows(self, frames: Frames, partner: I64, decided: int, block: Block) -> I64:
+        """Return the rows of the requests that bytes from ``decided`` on may still answer.
 
         That others have closed it does not count: torn bytes may still be its answer.
         """
@@ -135,13 +136,10 @@ class Pairing:
         tail = frames.take(slice(near, None))
         asks = (tail.kind == REQUEST) & (tail.reply != NEVER) & (tail.flags & ECHO == 0)
         asks &= decided - tail.end <= self._protocol.reach
-        if not asks.any():
-            return None
         behind = partner[near:]
         answered = np.zeros(len(tail), bool)
         answered[behind[behind >= near] - near] = True
-        alone = np.flatnonzero(asks & (~answered | (tail.reply == MANY)))
-        return near + int(alone[0]) if len(alone) else None
+        return near + np.flatnonzero(asks & (~answered | (tail.reply == MANY)))
 
     def pair(
         self, frames: Frames, whole: Frames, partner: I64, block: Block, decided: int, base: int

@@ -32,9 +32,11 @@ from sniffer.model import (
     I64,
     NEVER,
     REQUEST,
+    RESPONSE,
     Batch,
     Chunk,
     Clock,
+    Cut,
     Frames,
     Gap,
     Remark,
@@ -130,15 +132,22 @@ class Decoder:
         return self._decode(final=True)
 
     def close(self) -> Batch:
-        """Decode what is left; the decoder may be fed again afterwards."""
-        is_live = self._stamps.clock == Clock.READ
-        cut = is_live and not self._stamps.silent_since(self._now_ns)
-        return self._decode(final=True, is_cut=cut)
+        """Decode what is left; the decoder may be fed again afterwards.
+
+        What nobody knows to have been silent behind the last byte is cut there, not over.
+        """
+        cut = not self._stamps.silent_since(self._now_ns)
+        return self._diagnostics.finish(self._decode(final=True, is_cut=cut))
 
     @property
     def pending(self) -> int:
         """Bytes held back because their fate is not decided."""
         return len(self._buffer)
+
+    @property
+    def heard_ns(self) -> int:
+        """The latest stamp; 0 where there is none."""
+        return self._stamps.last_ns
 
     @property
     def position(self) -> int:
@@ -178,7 +187,7 @@ class Decoder:
             Transactions.empty(),
             Samples.empty(),
             remarks=self._remarks.until(base + cut),
-            is_cut=is_cut,
+            cut=self._left_open(frames, partner, block) if is_cut else None,
             before=paired.before if len(paired.before) else None,
         )
         batch = self._records(block, batch, paired)
@@ -190,6 +199,23 @@ class Decoder:
             self._asked_until = base + int(frames.end[-1]) if waits else -1
         self._stamps.forget(self._base)
         return batch
+
+    def _left_open(self, frames: Frames, partner: I64, block: Block) -> Cut:
+        """Return what more bytes could still have changed, where the capture ends with a block.
+
+        A request whose time for an answer was over is not among it: by the clock; without one,
+        where the controller asked again after an answer to somebody else.
+        """
+        _, decided = self.protocol.frame(Block(block.data, block.barriers, False))
+        rows = self._pairing.open_rows(frames, partner, decided, block)
+        tail = frames.take(rows)
+        answer = frames.kind == RESPONSE
+        turns = np.flatnonzero(answer[:-1] & ~answer[1:])
+        may = rows > (turns[-1] if len(turns) else -1)
+        waited = self._stamps.last_ns - tail.t_end - tail.uncertainty
+        may = np.where(tail.uncertainty >= 0, waited <= self.protocol.window_ns(tail), may)
+        asked = min([decided, *frames.start[rows[may]].tolist()])
+        return Cut(self._base + asked, self._base + decided)
 
     def _records(self, block: Block, batch: Batch, paired: Paired) -> Batch:
         """Add what follows from the frames: transactions, values, anomalies."""

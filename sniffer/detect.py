@@ -21,6 +21,9 @@ CLEAR: Final = 0.5
 SURE: Final = "sure"
 """What is said of more than nine tenths of the bytes explained."""
 
+GUESSED: Final = "not sure"
+"""What is said of a much damaged capture."""
+
 FEW: Final = 0.05
 """Below CLEAR, a much damaged capture is still taken from this share and three frames on."""
 
@@ -77,7 +80,7 @@ def detect(chunks: Sequence[Chunk]) -> Detection:
     if best >= CLEAR and best >= 1.5 * second:
         return Detection(ranked[0], SURE if best > 0.9 else "likely", scores)
     if best >= FEW and frames[ranked[0]] >= 3 and best >= 4 * second:
-        return Detection(ranked[0], "not sure", scores)
+        return Detection(ranked[0], GUESSED, scores)
     raise UndecidedError(
         f"cannot tell the protocol of these {size} bytes ({_shares(scores)}): "
         "name it with --protocol, or check that this is a bus capture"

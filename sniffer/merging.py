@@ -15,10 +15,10 @@ one is missing and the stamps allow two places, the one that moves bytes less is
 
 The stamps of the merged stream never decrease. What stands before a piece came before it, so its
 stamp is lowered to the earliest one behind it, which is still the latest moment it can have come:
-never by more than the latency. A stamp is raised, to the one before it, only where bytes are placed
-too late: a chunk that is fed after its place was handed on, or both wires speaking at once while
-one of them begins what turns out to be no frame. Pieces whose stamp was changed are marked
-``REORDERED``, with how far.
+never by more than the latency, and what the tap itself came late (``HELD``). A stamp is raised, to
+the one before it, only where bytes are placed too late: a chunk that is fed after its place was
+handed on, or both wires speaking at once while one of them begins what turns out to be no frame.
+Pieces whose stamp was changed are marked ``REORDERED``, with how far.
 """
 
 from __future__ import annotations
@@ -50,6 +50,7 @@ from sniffer.model import (
 )
 from sniffer.ordering import (
     BARE,
+    BURST,
     CELLS,
     TRIALS,
     Bare,
@@ -63,6 +64,7 @@ from sniffer.ordering import (
     Unit,
     by_cause,
     by_time,
+    held_of,
 )
 from sniffer.timing import byte_time_ns
 
@@ -219,15 +221,22 @@ class Merger:
 
     def _order(self, asked: list[Unit], heard: list[Unit], known_ns: int) -> list[Step]:
         asks = self._place.ask is not None or any(u.said for u in asked)
-        if not asks or not heard or len(asked) * len(heard) > CELLS:
+        # What the tap read late came in any order: more of it must be weighed at once.
+        more = BURST if any(held_of(c) for lane in self._lanes for c in lane.chunks) else 1
+        if not asks or not heard or len(asked) * len(heard) > CELLS * more:
             return by_time(asked, heard, self._place)
-        heard, bare = self._bare_answers(asked, heard)
-        if len(asked) * len(heard) > CELLS:
+        heard, bare = self._bare_answers(asked, heard, TRIALS * more)
+        if len(asked) * len(heard) > CELLS * more:
             return by_time(asked, heard, self._place)
         return by_cause(asked, heard, self._place, known_ns, bare)
 
-    def _bare_answers(self, asked: list[Unit], heard: list[Unit]) -> tuple[list[Unit], Bare]:
-        """Find answers without a header; return the servos' units, cut at them, and where."""
+    def _bare_answers(
+        self, asked: list[Unit], heard: list[Unit], most: int
+    ) -> tuple[list[Unit], Bare]:
+        """Find answers without a header; return the servos' units, cut at them, and where.
+
+        ``most`` is how many bytes are tried as their beginning.
+        """
         lane = self._lanes[RX]
         offsets, stops = _unclaimed(heard)
         requests = [(0, self._place.ask, 0)]
@@ -242,7 +251,7 @@ class Merger:
             if ask is None:
                 continue
             until = asked[i].last_ns if i < len(asked) else NEVER_NS
-            if len(tries) + len(offsets) > TRIALS:
+            if len(tries) + len(offsets) > most:
                 return heard, {}
             for at, stop in zip(offsets, stops, strict=True):
                 t = lane.times[at]
@@ -277,8 +286,8 @@ class Merger:
         for lane, end in zip(self._lanes, done, strict=True):
             lane.forget(end)
         stamps: list[int] = []
-        for *_, t_ns in reversed(pieces):
-            ahead = max(min(ahead, t_ns), t_ns - self._latency_ns)
+        for chunk, *_, t_ns in reversed(pieces):
+            ahead = max(min(ahead, t_ns), t_ns - self._latency_ns - held_of(chunk))
             stamps.append(ahead)
         out: list[Chunk] = []
         for piece in pieces:

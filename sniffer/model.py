@@ -73,6 +73,7 @@ class MarkKind(enum.IntEnum):
     SKIPPED = 8  # the recorder had no time to decode what stands before; ``count`` bytes
     ENDED = 9  # the recording was stopped here: what is open was not waited for
     HELD = 10  # the tap itself came late: these bytes may be older than stamped by ``count`` ns
+    MERGED = 11  # of two taps' lines in a log, merged: each stamp may lag by ``count`` ns
 
 
 class Mark(NamedTuple):
@@ -307,6 +308,17 @@ class Remark(NamedTuple):
         return self.start + self.length
 
 
+class Cut(NamedTuple):
+    """What the end of a capture leaves open, as absolute offsets.
+
+    From ``asked`` on a request may still have been answered, from ``torn`` on bytes may have been
+    the beginning of a frame.
+    """
+
+    asked: int
+    torn: int
+
+
 @dataclass(frozen=True, slots=True)
 class Batch:
     """All that one pass decided: ``data`` is the bytes it accounts for."""
@@ -320,8 +332,8 @@ class Batch:
     values: Samples
     anomalies: tuple[Anomaly, ...] = ()
     remarks: tuple[Remark, ...] = ()
-    is_cut: bool = False
-    """Whether a live tap ended so soon behind the last byte that what is open may just be cut."""
+    cut: Cut | None = None
+    """Set where the capture ends with this batch and nobody knows of a silence behind it."""
     before: Frames | None = None
     """Requests of earlier batches that are answered in this one; their starts are negative."""
 

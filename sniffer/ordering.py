@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.framing import Block
-from sniffer.model import ANY_ID, ECHO_DIFFERS, NEVER_NS, NO_ALT, RESPONSE, Chunk
+from sniffer.model import ANY_ID, ECHO_DIFFERS, NEVER_NS, NO_ALT, RESPONSE, Chunk, MarkKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -51,6 +51,9 @@ REMEMBERED: Final = 4096
 
 CELLS: Final = 640
 """Pairs of places on both wires that one pass weighs, else pieces stay by their time."""
+
+BURST: Final = 16
+"""How many times as much of either is weighed where the tap came late: rare, and all at once."""
 
 DIRECT, BEHIND, ANSWERED = range(3)
 """What stands since the last request: nothing, bytes no frame claims, an answer."""
@@ -101,6 +104,11 @@ Piece = tuple[Chunk, int, int, int]
 """A part of a chunk, from byte to byte, and the latest moment of its last byte."""
 
 
+def held_of(chunk: Chunk) -> int:
+    """Return by how much a chunk may be older still because the tap itself came late, in ns."""
+    return max((m.count for m in chunk.marks if m.kind == MarkKind.HELD), default=0)
+
+
 def stamp_of(chunk: Chunk) -> int:
     """Return the stamp of a chunk that a lane holds."""
     assert chunk.t_ns is not None  # the lane gave it one
@@ -134,6 +142,7 @@ class Lane:
         # The adapter held the first byte no longer than its latency, and the others came behind it;
         # a read that holds more than comes in that time has been held up elsewhere.
         spare = max(self._latency_ns - (n - 1) * self._byte_ns, 0) or self._latency_ns
+        spare += held_of(chunk)
         self.soonest += [t_ns - k * self._byte_ns - spare for k in range(n - 1, -1, -1)]
 
     def due_ns(self, hold_ns: int) -> int:
@@ -141,8 +150,10 @@ class Lane:
         if not self.chunks:
             return NEVER_NS
         stamp = stamp_of(self.chunks[0])
+        if not self.chunks[0].data or held_of(self.chunks[0]):
+            return stamp + hold_ns  # what was held up with it on the other wire may come after it
         # A long read may be due before it came; then it is as soon as all of its time has come.
-        return max(self.times[0] + hold_ns, stamp) if self.chunks[0].data else stamp + hold_ns
+        return max(self.times[0] + hold_ns, stamp)
 
     def unit(self, start: int, end: int, *, framed: bool = False, said: Said | None = None) -> Unit:
         """Return the bytes between two offsets as a unit."""

@@ -8,11 +8,12 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoder import Decoder
-from sniffer.detect import ENOUGH, SURE, Detection, UndecidedError, detect
+from sniffer.detect import CLEAR, ENOUGH, GUESSED, SURE, Detection, UndecidedError, detect
 from sniffer.limits import BAUDS, DURATION_MOST_NS, IDS, number_in
-from sniffer.model import Batch, Chunk, Mark, MarkKind, OutputError
+from sniffer.model import Batch, Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.protocols import protocol_named
 from sniffer.summary import Summary
+from sniffer.timing import LATENCY_NS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -26,6 +27,9 @@ FIRST_LOOK: Final = 512
 
 PATIENCE: Final = 1 << 20
 """Bytes of a live bus that are kept for decoding while its protocol is not known."""
+
+AFTER_NS: Final = LATENCY_NS[Clock.READ]
+"""By how much the stamps of one bus may lag behind those of another."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +65,20 @@ class Options:
                     models[number] = model
             told = replace(told, models=models)
         return told
+
+
+@dataclass(frozen=True, slots=True)
+class Mistake:
+    """A bus that was said to speak ``named``, which explains only ``share`` of its bytes."""
+
+    bus: str
+    named: str
+    share: float
+    found: Detection
+
+    def __str__(self) -> str:
+        shown = f"only {self.share:.1%} of the bytes are frames" if self.share else "no frame"
+        return f"{self.bus}: {shown} of {self.named}"
 
 
 class Pipeline:
@@ -186,20 +204,27 @@ class Pipeline:
                 self._start(bus)
             except UndecidedError as error:
                 undecided = undecided or error
+        # Where one bus goes on, the end of another is a silence, not a cut.
+        self.idle(max((d.heard_ns for d in self._decoders.values()), default=0) - AFTER_NS)
         for bus, decoder in self._decoders.items():
             self._deliver(bus, decoder, decoder.close())
+        for mistake in self.mistaken():
+            self.summary.buses[mistake.bus].looks_like = mistake.found.protocol
         if undecided is not None:
             raise undecided
 
-    def mistaken(self) -> list[tuple[str, Detection]]:
-        """Return the buses whose named protocol has no frame there, though another one has."""
+    def mistaken(self) -> list[Mistake]:
+        """Return the buses whose named protocol explains little, though another one does."""
         out = []
         for bus, chunks in self._first.items():
             totals = self.summary.buses.get(bus)
-            if totals is None or totals.bytes_in_frames:
+            if totals is None or totals.bytes_in_frames > CLEAR * totals.bytes:
                 continue
             with contextlib.suppress(UndecidedError):
-                out.append((bus, detect(chunks)))
+                found = detect(chunks)
+                share = totals.bytes_in_frames / totals.bytes
+                if found.protocol != totals.protocol and (not share or found.certainty != GUESSED):
+                    out.append(Mistake(bus, totals.protocol, share, found))
         return out
 
     def finish(self) -> None:
@@ -295,11 +320,12 @@ class Pipeline:
         self._deliver(bus, decoder, decoder.feed(*chunks))
 
     def _deliver(self, bus: str, decoder: Decoder, batch: Batch) -> None:
-        if not batch.data and not batch.remarks:
+        if not batch.data and not batch.remarks and not batch.anomalies:
             return
-        if len(batch.frames):
-            self._first.pop(bus, None)
         self.summary.add(bus, decoder.protocol, batch)
+        totals = self.summary.buses[bus]
+        if totals.bytes >= ENOUGH and totals.bytes_in_frames > CLEAR * totals.bytes:
+            self._first.pop(bus, None)  # it speaks what was named
         self._each(lambda sink: sink.write(bus, decoder.protocol, batch))
 
 

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from sniffer.model import NS, Chunk, Clock, DamagedInputError, InputError
+from sniffer.model import NS, Chunk, Clock, DamagedInputError, InputError, Mark, MarkKind
 from sniffer.timing import byte_time_ns
 
 if TYPE_CHECKING:
@@ -65,23 +65,30 @@ def timed(chunks: Iterable[Chunk], baud: int) -> Iterator[Chunk]:
 
 
 def within(chunks: Iterable[Chunk], window: Window) -> Iterator[Chunk]:
-    """Yield the chunks of a window.
+    """Yield the chunks of a window, and where it ends before them all, that it ends there.
 
     Raises:
         InputError: there are none in it.
     """
     first: int | None = None
-    at, some = 0.0, False
+    at = 0.0
+    heard: dict[str, Chunk] = {}
     for chunk in chunks:
         t = chunk.t_ns or 0
         first = t if first is None else first
         at = (t - first) / NS
         if window.stop is not None and at > window.stop:
+            # nothing else was said until then: who had time enough to answer is silent, not cut
+            end = first + int(window.stop * NS)
+            yield from (
+                replace(last, data=b"", t_ns=end, marks=(Mark(MarkKind.ENDED, 0, count=0),))
+                for last in heard.values()
+            )
             break
         if at >= window.start:
-            some = True
+            heard[chunk.bus] = chunk
             yield chunk
-    if first is not None and not some:
+    if first is not None and not heard:
         until = "" if window.stop is None else f" to {window.stop:g}"
         raise InputError(
             f"nothing was said from second {window.start:g}{until}: the recording has {at:.3f} s"

@@ -69,6 +69,10 @@ class BusTotals:
     """Servo id -> what a reply time of zero may be at most, in ns: one read held it all."""
     samples: int = 0
     first: dict[str, Anomaly] = field(default_factory=dict)
+    by_servo: dict[str, Counter[int]] = field(default_factory=dict)
+    """Code -> anomalies of each servo that is to blame."""
+    looks_like: str | None = None
+    """The protocol that the bytes speak, where another one was named."""
     clock: str = "none"
     t_first_ns: int | None = None
     t_last_ns: int | None = None
@@ -87,6 +91,8 @@ class BusTotals:
             self.codes[a.code] += 1
             self.severities[a.severity] += 1
             self.first.setdefault(a.code, a)
+            if a.servo_id is not None:
+                self.by_servo.setdefault(a.code, Counter())[a.servo_id] += 1
         if not len(f):
             return
         self.bytes_in_frames += int(f.length.sum())
@@ -184,8 +190,13 @@ def _totals(b: BusTotals) -> dict[str, Any]:
         "reasons": dict(b.gaps),
         "outcomes": {k: n for k, n in b.outcomes.items() if n},
         "codes": dict(b.codes),
+        "codes_by_servo": {
+            code: {str(servo): n for servo, n in servos.most_common()}
+            for code, servos in b.by_servo.items()
+        },
         "severities": {s.name.lower(): n for s, n in b.severities.items()},
         "clock": b.clock,
+        **({"looks_like": b.looks_like} if b.looks_like else {}),
         "response_times_ns": {
             str(servo): {"count": q.count, "p50": q.at(0.5), "p99": q.at(0.99), "max": q.most}
             for servo, q in sorted(b.times.items())

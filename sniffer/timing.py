@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.model import I64, NS, U8, Chunk, Clock, Direction, Frames, MarkKind
+from sniffer.model import I64, NS, U8, Chunk, Clock, Direction, Frames, MarkKind, Mask
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -43,6 +43,17 @@ def _held(chunks: tuple[Chunk, ...]) -> I64:
         for mark in chunk.marks:
             if mark.kind == MarkKind.HELD:
                 out[i] = max(mark.count, out[i])
+    return out
+
+
+def _merged(chunks: tuple[Chunk, ...], latency: I64) -> Mask:
+    """Tell which chunks are of two taps; their latency is raised to what their marks say."""
+    out = np.zeros(len(chunks), bool)
+    for i, chunk in enumerate(chunks):
+        out[i] = chunk.clock == Clock.READ and chunk.direction != Direction.UNKNOWN
+        for mark in chunk.marks:
+            if mark.kind == MarkKind.MERGED:
+                out[i], latency[i] = True, max(mark.count, int(latency[i]))
     return out
 
 
@@ -92,8 +103,7 @@ class Stamps:
             if self._last is None:
                 slack[0] = latency[0]
             # Of two taps the pause on the wire is not known: each stamp may be late by all of it.
-            merged = [k.clock == Clock.READ and k.direction != Direction.UNKNOWN for k in chunks]
-            slack = np.where(np.array(merged, bool), latency, slack)
+            slack = np.where(_merged(chunks, latency), latency, slack)
             # The bytes of a tap that came late may follow those before without a pause.
             barriers = (end - sizes)[lull - held > self._tail_ns]
             self._last = int(t[-1])

@@ -35,7 +35,7 @@ FLOORS: Final = (
     ("decoder", "reference", "rows"),
     ("summary", "detect", "messages", "simulation", "merging", "ordering", "status"),
     ("sources", "sinks"),
-    ("pipeline", "replaying", "explaining", "doctoring", "playing"),
+    ("pipeline", "wires", "replaying", "explaining", "doctoring", "playing"),
     ("api", "recovery", "comparing", "viewing", "recording", "parcels"),
     ("watching", "watcher"),
     ("__init__",),

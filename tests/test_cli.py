@@ -249,7 +249,7 @@ def test_anomalies_fail_the_command_only_where_asked(
 
 def test_a_level_that_is_not_reached_does_not_fail(tmp_path: Path, capsys: Capsys) -> None:
     path = tmp_path / "tail.bin"
-    path.write_bytes(packet(1, 0xF1) + packet(1, 0) + packet(1, 0xF1) + packet(1, 0)[:-2])
+    path.write_bytes(packet(1, 0xF1) + packet(1, 0) + b"\xfe" + packet(1, 0xF1) + packet(1, 0))
     assert within(capsys, "decode", path, "--quiet", "--fail-on", "warn").status == 1
     assert within(capsys, "decode", path, "--quiet", "--fail-on", "error").status == 0
 

@@ -52,9 +52,11 @@ def test_torn_bytes_behind_a_request_are_a_damaged_answer_not_a_silent_servo() -
     assert "no-response" not in codes(READ, REPLY[:6], READ, REPLY)
 
 
-def test_a_frame_cut_by_the_next_one_is_truncated_and_at_the_end_an_idle_tail() -> None:
+def test_a_frame_is_truncated_by_the_next_one_an_idle_tail_by_silence_and_cut_by_the_end() -> None:
     assert "truncated-frame" in codes(READ, REPLY, REPLY[:7], READ, REPLY)
-    assert codes(READ, REPLY, READ[:7]) == ["idle-tail"]
+    silence = anomalies(at(0, READ), at(3, REPLY), at(9, READ[:7]), at(300, READ), at(303, REPLY))
+    assert [a.code for a in silence] == ["idle-tail"]
+    assert codes(READ, REPLY, READ[:7]) == ["capture-end"]
 
 
 def test_bytes_before_the_first_frame_are_the_start_of_the_capture_and_later_ones_noise() -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import FALLBACK_BAUD, Finite, decoding, examples, pipeline_options
-from sniffer.cli.session import Standard, run_source, say
+from sniffer.cli.session import Standard, merged, run_source, say
 from sniffer.detect import ENOUGH, UndecidedError, detect
 from sniffer.model import Chunk
 from sniffer.pipeline import AUTO, Options
@@ -83,10 +83,14 @@ def replay(
         report = compare(Path(file), options, say=say)
         click.echo(str(report))
         return 0 if report.equal else 1
+    if start or stop is not None:
+        until = "its end" if stop is None else f"second {stop:g}"
+        say(f"a part of it: from second {start:g} to {until}; what is open at its edges is cut")
     status, played = 0, False
     while not status and (loop or not played):
         source = open_source(file, input_format)
-        chunks: Iterable[Chunk] = (chunk for group in source for chunk in group)
+        heard = merged(source, source, options, quiet=played)
+        chunks: Iterable[Chunk] = (chunk for group in heard for chunk in group)
         if options.protocol == AUTO and not options.protocols:
             # found beforehand: what is to be played in real time cannot wait for it
             head, chunks = peek(chunks, ENOUGH)

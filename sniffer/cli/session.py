@@ -25,6 +25,7 @@ from sniffer.sinks.base import Sink
 from sniffer.sinks.files import files_of, is_lost, occupied, probe, refuse_occupied
 from sniffer.sinks.lines import one_line
 from sniffer.sources import Source
+from sniffer.wires import MIXED, in_order
 
 
 class Standard:
@@ -208,6 +209,15 @@ class _Patience:
             raise KeyboardInterrupt
 
 
+def merged(
+    source: Source, groups: Iterable[Sequence[Chunk]], options: Options, *, quiet: bool = False
+) -> Iterable[Sequence[Chunk]]:
+    """Return the groups of a source; lines of two taps that their host mixed are merged."""
+    if source.format not in MIXED:
+        return groups
+    return in_order(groups, options, (lambda message: None) if quiet else say)
+
+
 def run_source(
     source: Source,
     options: Options,
@@ -233,13 +243,17 @@ def run_source(
         if not quiet:
             say(f"{bus}: {detection}")
 
-    pipeline = Pipeline(options.with_facts(source.facts()), sinks, on_detection=found)
+    def heard(given: Iterable[Sequence[Chunk]]) -> Iterable[Sequence[Chunk]]:
+        return merged(source, given, options, quiet=quiet) if groups is None else given
+
+    options = options.with_facts(source.facts())
+    pipeline = Pipeline(options, sinks, on_detection=found)
     patience = _Patience()
     status, told = 0, ""
     with patience.installed():
         try:
             try:
-                for group in patience.groups(source if groups is None else groups):
+                for group in heard(patience.groups(source if groups is None else groups)):
                     pipeline.feed(group)
                 pipeline.close()
             except DamagedInputError as error:
@@ -255,10 +269,12 @@ def run_source(
             pipeline.finish()
     if patience.asked and not status:
         status, told = 130, "interrupted"
-    for bus, other in pipeline.mistaken():
-        named = pipeline.summary.buses[bus].protocol
-        told = told or f"{bus}: no frame of {named} is in there, name another protocol: {other}"
-        status = status or 2
+    for mistake in pipeline.mistaken():
+        if not mistake.share:
+            told = told or f"{mistake} is in there, name another protocol: {mistake.found}"
+            status = status or 2
+        elif not quiet:
+            say(f"{mistake}: it looks like {mistake.found}")
     if told:
         say(told)
     elif not quiet:

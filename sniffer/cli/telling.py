@@ -63,11 +63,10 @@ class Teller:
 
     def mistaken(self, recorder: Recorder) -> None:
         """Tell of buses that speak something else than was said."""
-        for bus, other in recorder.pipeline.mistaken():
-            named = recorder.pipeline.speaks(bus)
-            if bus not in self._told:
-                self._told.add(bus)
-                self.warn(f"{bus}: no frame of {named} so far, it looks like {other}")
+        for mistake in recorder.pipeline.mistaken():
+            if mistake.bus not in self._told:
+                self._told.add(mistake.bus)
+                self.warn(f"{mistake} so far, it looks like {mistake.found}")
 
     def look(self, recorder: Recorder) -> None:
         """Tell what has gone wrong, once each."""

@@ -10,6 +10,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from sniffer.diagnostics.device import DeviceRules
+from sniffer.diagnostics.doubled import DoubledAnswers
+from sniffer.diagnostics.hearing import Hearing
 from sniffer.diagnostics.pairing import PairingRules
 from sniffer.diagnostics.rules import CaptureRules, gap_anomalies, protocol_anomalies
 from sniffer.diagnostics.tap import TapRules, without_our_fault
@@ -28,6 +30,8 @@ class Diagnostics:
         self._device = DeviceRules(protocol)
         self._capture = CaptureRules()
         self._tap = TapRules()
+        self._doubled = DoubledAnswers(protocol)
+        self._hearing = Hearing()
 
     def judge(self, batch: Batch) -> Batch:
         """Return the batch with its anomalies."""
@@ -42,6 +46,16 @@ class Diagnostics:
         unsure = {a.evidence[-1] for a in found if a.code == "ambiguous-response"}
         if unsure:  # what repeats another request is no fault where it may be that one's
             found = [a for a in found if a.code != "echo-mismatch" or a.evidence[0] not in unsure]
+        found = self._doubled.judge(batch, found)
         found = without_our_fault(batch, found, self._protocol.tail_ns)
+        found = self._hearing.judge(batch, found)
         found.sort(key=lambda a: (a.known_at, a.t_ns, a.code))
+        return replace(batch, anomalies=tuple(found))
+
+    def finish(self, batch: Batch) -> Batch:
+        """Return the last batch with what was held back until the end."""
+        held = self._hearing.finish()
+        if not held:
+            return batch
+        found = sorted((*held, *batch.anomalies), key=lambda a: (a.known_at, a.t_ns, a.code))
         return replace(batch, anomalies=tuple(found))

@@ -18,7 +18,6 @@ from sniffer.model import (
     NOT_EXPECTED,
     OK,
     UNSOLICITED,
-    Clock,
 )
 
 if TYPE_CHECKING:
@@ -67,7 +66,6 @@ class PairingRules:
         self._protocol = protocol
         self._open: deque[_Open] = deque(maxlen=DEPTH)
         self._last: tuple[int, Span] | None = None
-        self._begun = False
         self._names: dict[int, str] = {}
 
     def judge(self, batch: Batch) -> Iterator[Anomaly]:
@@ -82,10 +80,8 @@ class PairingRules:
         missed: list[_Open] = [o for o in self._open if self._may_be_open(o, batch.base)]
         for row in self._rows(batch, np.flatnonzero(wrong)):
             yield self._one(batch, row)
-            self._begun = True
             if row.outcome in (NO_RESPONSE, DAMAGED):
                 missed.append(self._open[-1])
-        self._begun = True
         answered = t.response[t.outcome == OK]
         if len(answered):
             self._last = self._answer(batch, int(answered.max()))
@@ -237,9 +233,6 @@ class PairingRules:
     def _unasked(self, batch: Batch, row: _Row) -> Anomaly:
         f, t = batch.frames, batch.transactions
         who, r = row.servo_id, row.response
-        if batch.clock == Clock.READ and not (self._begun or row.at):
-            text = "the tap was started between a request and its answer"
-            return anomaly("capture-start", row.t_ns, who, text, row.answered)
         last = self._last
         if r and bool((t.response[t.outcome == OK] == r - 1).any()):
             last = self._answer(batch, r - 1)

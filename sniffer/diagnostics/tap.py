@@ -11,7 +11,7 @@ from sniffer.model import NEVER, NS, REQUEST, Anomaly, MarkKind, Remark, Severit
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from sniffer.model import Batch
+    from sniffer.model import Batch, Cut
 
 NOTE, WARN, ERROR = Severity.NOTE, Severity.WARN, Severity.ERROR
 
@@ -61,8 +61,8 @@ TAP_CODES: Final[Mapping[str, tuple[str, Severity, str, str, str]]] = {
     "capture-end": (
         "capture",
         NOTE,
-        "The recording was stopped in the middle of a frame, or between a request and its answer.",
-        "The tap was stopped while the bus was talking.",
+        "The capture ends in the middle of a frame, or between a request and its answer.",
+        "The tap was stopped, or the capture cut, while the bus was talking.",
         "Nothing to do.",
     ),
     "late-read": (
@@ -151,18 +151,29 @@ def without_our_fault(batch: Batch, found: list[Anomaly], tail_ns: int) -> list[
         ):
             begins = _open_before(batch, r.start)
             found = [a for a in found if not _is_open(a, begins, r.start)]
-    if not batch.is_cut:
+    if batch.cut is None:
         return found
-    end = batch.base + len(batch.data)
-    begins = _open_before(batch, end)
-    cut = [a for a in found if _is_open(a, begins, end)]
+    cut = [a for a in found if _is_cut(a, batch, batch.cut)]
     if not cut:
         return found
     group, severity, *_ = TAP_CODES["capture-end"]
-    text = f"the tap was stopped before this was over: {cut[0].detail}"
-    at = (begins, end - begins)
+    text = f"the capture ends before this was over: {cut[0].detail}"
+    begins = min(min(a.evidence)[0] for a in cut)
+    at = (begins, batch.base + len(batch.data) - begins)
     note = Anomaly(cut[0].t_ns, severity, group, "capture-end", cut[0].servo_id, text, (at,))
     return [*(a for a in found if a not in cut), note]
+
+
+def _is_cut(anomaly: Anomaly, batch: Batch, cut: Cut) -> bool:
+    """Tell whether an anomaly says no more than that the capture ends here."""
+    start, length = min(anomaly.evidence)
+    if anomaly.code not in _OPEN:
+        return False
+    if anomaly.code not in ("no-response", "damaged-response"):
+        return start >= cut.torn
+    # Of an answer that is there, but damaged, nothing is open any more.
+    behind = (g for g in batch.gaps if start + length <= batch.base + g.start < cut.torn)
+    return start >= cut.asked and all(g.reason == "noise" for g in behind)
 
 
 def _heard_ns(batch: Batch, place: int) -> int:

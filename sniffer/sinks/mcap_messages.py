@@ -8,6 +8,7 @@ were on the wire by the best estimate.
 from __future__ import annotations
 
 import json
+import re
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from google.protobuf.message import Message
 
+    from sniffer.model import Anomaly as Found
     from sniffer.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
     from sniffer.registers import Register
@@ -317,7 +319,7 @@ class BusWriter:
             Log(
                 timestamp=Timestamp(seconds=a.t_ns // NS, nanos=a.t_ns % NS),
                 level=LEVELS[a.severity],
-                message=f"{_who(a.servo_id, a.detail)}{a.detail} [{a.code}]",
+                message=f"{_who(a)}{a.detail} [{a.code}]",
                 name=self.name,
             )
             for a in found
@@ -368,7 +370,9 @@ class BusWriter:
         return np.arange(first, first + n).astype(np.uint32)
 
 
-def _who(servo_id: int | None, detail: str) -> str:
-    """Return whose a message is, where it does not begin with that."""
-    name = f"servo {servo_id}"
-    return "" if servo_id is None or detail.startswith(f"{name} ") else f"{name}: "
+def _who(anomaly: Found) -> str:
+    """Return the servo, unless the detail begins with it or names it."""
+    who = f"servo {anomaly.servo_id}"
+    if anomaly.servo_id is None or re.search(rf"\b{who}\b", anomaly.detail):
+        return ""
+    return f"{who}: "

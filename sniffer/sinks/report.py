@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 from rich.padding import Padding
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 GLUE: Final = "\u2800"
 """Stands for a blank at which no line is broken, until all is laid out."""
+
+SERVOS: Final = 3
+"""How many servos are named beside an anomaly."""
 
 _PADDING: Final = re.compile(r" *(\x1b\[0m)? *$")
 
@@ -68,6 +72,8 @@ def _print_bus(name: str, b: BusTotals, console: Console) -> None:
     outcomes = [f"{n} {_OUTCOMES.get(k, k.replace('_', ' '))}" for k, n in b.outcomes.items() if n]
     if outcomes:
         lines.append("exchanges: " + ", ".join(outcomes))
+    if b.looks_like:
+        lines.append(f"this looks like {b.looks_like}: decode it with --protocol {b.looks_like}")
     console.print(Text(short(plain(title)), style="bold"))
     for line in lines:
         console.print(Padding(Text(line), (0, 0, 0, 2)))
@@ -122,6 +128,8 @@ def _anomalies(b: BusTotals) -> Table:
     table.add_column("level", no_wrap=True)
     table.add_column("anomaly", no_wrap=True)
     table.add_column("count", justify="right", no_wrap=True)
+    if b.by_servo:
+        table.add_column("servos", overflow="fold")
     table.add_column("at byte", justify="right", no_wrap=True)
     table.add_column("the first one", overflow="fold")
     for code, n in sorted(b.codes.items(), key=lambda e: (-CATALOGUE[e[0]].severity, -e[1])):
@@ -131,7 +139,17 @@ def _anomalies(b: BusTotals) -> Table:
             Text(level, style=_COLOUR[level]),
             Text(code, style=_COLOUR[level]),
             str(n),
+            *((_servos(b.by_servo.get(code, Counter())),) if b.by_servo else ()),
             str(first.evidence[0][0]),
             Text(first.detail),
         )
     return table
+
+
+def _servos(counts: Counter[int]) -> str:
+    """Return which servos, those with most first, each with its count where there are several."""
+    if len(counts) < 2:
+        return "".join(map(str, counts))
+    shown = [f"{servo}×{n}" for servo, n in counts.most_common(SERVOS)]
+    left = len(counts) - len(shown)
+    return " ".join([*shown, f"+{left}"] if left else shown)

@@ -37,6 +37,7 @@ _EDGE: Final = re.compile(rb"[#*\r]")
 # Runs of lines that say nothing are one piece each: a line of hostile bytes makes no object a byte.
 _EMPTY: Final = re.compile(rb"(?:[#*]+\r)+")
 _CUT: Final = re.compile(rb"(?:[#*][^#*\r]{0,%d})+(?=[#*])" % (LONGEST - 1))
+_MARKS: Final = re.compile(rb"[#*]+(?=[#*]|\Z)")
 _ID_EXPECTED: Final = f"an id of 1 to {ID_DIGITS} digits"
 
 
@@ -159,6 +160,9 @@ def explain(run: bytes, start: int) -> list[Gap]:
             out.append(Gap(start + at, end - at, "noise", {"blank": True}))
         elif (found := _NOISE.match(run, at)) is not None:
             end = found.end()
+            out.append(Gap(start + at, end - at, "noise"))
+        elif (found := _MARKS.match(run, at)) is not None:
+            end = found.end()  # a mark with nothing behind it tells a line no better than noise
             out.append(Gap(start + at, end - at, "noise"))
         elif (found := _EMPTY.match(run, at)) is not None:
             end = found.end()

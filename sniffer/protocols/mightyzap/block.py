@@ -223,10 +223,10 @@ def explain(run: bytes, start: int) -> list[Gap]:
         while at >= 0 and run[at + _ID : at + _ID + 1] == b"\xff":
             at += 1  # an id is never FF: the header is the last three of a run
         if at < 0 or at + _ID >= n:
-            tail = _torn_header(run, p) if at < 0 else n - at
-            noise(n - tail)
-            if tail:
-                out.append(Gap(start + n - tail, tail, "truncated", {"have": tail}))
+            # Less than a header tells a packet no better than a stray byte: noise.
+            noise(n if at < 0 else at)
+            if at >= 0:
+                out.append(Gap(start + at, n - at, "truncated", {"have": n - at}))
             break
         noise(at)
         size = run[at + _SIZE] if at + _SIZE < n else None
@@ -260,14 +260,6 @@ def explain(run: bytes, start: int) -> list[Gap]:
             )
         p = end
     return out
-
-
-def _torn_header(run: bytes, p: int) -> int:
-    """Return how many bytes at the end may be a header's beginning."""
-    tail = 0
-    while tail < len(PLAN.header) - 1 and len(run) - tail > p and run[-1 - tail] == PLAN.header[0]:
-        tail += 1
-    return tail
 
 
 def _as_read(raw: bytes) -> dict[str, object]:

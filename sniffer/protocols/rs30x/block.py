@@ -293,8 +293,6 @@ _TORN: Final = re.compile(
 )
 """Packets that break off before their length is known, for the next header: they are one gap."""
 
-_FIRST: Final = {p.header[:1] for p in (PLAN, RETURN_PLAN)}
-
 
 def explain(run: bytes, start: int) -> list[Gap]:
     """Say why no frame claims these bytes: plain Python, for the rare stretch of damage."""
@@ -310,9 +308,8 @@ def explain(run: bytes, start: int) -> list[Gap]:
     while p < n:
         found = _HEADER.search(run, p)
         if found is None:
-            torn = run[-1:] in _FIRST
-            add(n - torn, "noise", {})
-            add(n, "truncated", {"have": 1})
+            # Half a header tells a packet no better than a stray byte: noise.
+            add(n, "noise", {})
             break
         at = found.start()
         add(at, "noise", {})

@@ -1,0 +1,126 @@
+"""Does the tap hear both sides? Until it has, what only one side says is no fault of a servo.
+
+Where the first answer has not come yet, unanswered requests are held back, not many of them: then
+it is plain whether one servo is silent or all of them are. Where the first request has not come
+yet, answers are those to requests before the capture.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnostics.rules import anomaly
+from sniffer.model import NEVER_NS, REQUEST, RESPONSE, Anomaly, Direction
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from sniffer.model import Batch
+
+ENOUGH: Final = 8
+"""Requests without any answer (answers without any request) from which on only one side is heard.
+Above what a client tries before it gives up (3 to 5 times), far below what annoys."""
+
+SHOWN: Final = 5
+"""Servos that are named."""
+
+
+class Hearing:
+    """Remembers whether requests and answers were heard, and what is held back until both are."""
+
+    def __init__(self) -> None:
+        self._hears_requests = self._hears_answers = False
+        self._answers = 0  # without a request so far
+        self._held: list[Anomaly] = []
+        self._count = 0  # requests that should have been answered, none so far
+        self._servos: set[int] = set()
+        self._told = False
+        self._wires: set[int] = set()
+
+    def judge(self, batch: Batch, found: list[Anomaly]) -> list[Anomaly]:
+        """Return the anomalies without those that follow from hearing one side only."""
+        if self._hears_requests and self._hears_answers:
+            return found
+        f = batch.frames
+        self._wires.update(np.unique(f.direction).tolist())
+        asked = self._first(batch, REQUEST, heard=self._hears_requests)
+        answered = self._first(batch, RESPONSE, heard=self._hears_answers)
+        out: list[Anomaly] = []
+        for a in sorted(found, key=lambda a: a.evidence[0]):
+            start = a.evidence[0][0]
+            if a.code == "unsolicited-response" and start < asked:
+                out += self._unasked(batch, a)
+            elif a.code == "no-response" and start < answered:
+                out += self._unanswered(a)
+            else:
+                out.append(a)
+        self._hears_requests |= asked < NEVER_NS
+        if answered < NEVER_NS:
+            self._hears_answers = True
+            out += self.finish()
+        return out
+
+    def finish(self) -> list[Anomaly]:
+        """Return what is held back: nothing more will tell."""
+        held, self._held = self._held, []
+        return held
+
+    @staticmethod
+    def _first(batch: Batch, kind: int, *, heard: bool) -> int:
+        """Return where in the stream the first frame of a kind stands."""
+        rows = np.flatnonzero(batch.frames.kind == kind)
+        if heard:
+            return -1
+        return batch.base + int(batch.frames.start[rows[0]]) if len(rows) else NEVER_NS
+
+    def _unasked(self, batch: Batch, a: Anomaly) -> Iterable[Anomaly]:
+        """Judge an answer before the first request."""
+        start = a.evidence[0][0] - batch.base
+        if any(g.start + g.length == start and g.reason != "noise" for g in batch.gaps):
+            return (a,)  # its request is there, but damaged
+        self._answers += 1
+        who = -1 if a.servo_id is None else a.servo_id
+        if self._answers == 1:
+            text = "the capture begins between a request and its answer"
+            return (anomaly("capture-start", a.t_ns, who, text, *a.evidence),)
+        if self._answers != ENOUGH:
+            return ()
+        text = (
+            f"{ENOUGH} answers and no request so far: the tap hears only the servos' wire"
+            f"{self._marked(Direction.RX)}"
+        )
+        return (anomaly("no-request-heard", a.t_ns, -1, text, *a.evidence),)
+
+    def _unanswered(self, a: Anomaly) -> Iterable[Anomaly]:
+        """Judge an unanswered request before the first answer."""
+        self._count += 1
+        if a.servo_id is not None:
+            self._servos.add(a.servo_id)
+        if self._told:
+            return ()
+        if self._count < ENOUGH:
+            self._held.append(a)
+            return ()
+        first, *_ = [*self.finish(), a]
+        if len(self._servos) > 1:
+            self._told = True
+            text = (
+                f"none of {self._count} requests, to {self._named()}, was answered: the tap hears "
+                f"only the controller's wire, or no servo answers{self._marked(Direction.TX)}"
+            )
+            return (anomaly("no-answer-heard", a.t_ns, -1, text, *first.evidence, *a.evidence),)
+        if self._count > ENOUGH:
+            return ()
+        text = f"{first.detail}, nor the {ENOUGH - 1} requests behind it"
+        return (first._replace(t_ns=a.t_ns, detail=text, evidence=(*first.evidence, *a.evidence)),)
+
+    def _named(self) -> str:
+        servos = sorted(self._servos)
+        more = f" and {len(servos) - SHOWN} more" if len(servos) > SHOWN else ""
+        return f"servos {', '.join(map(str, servos[:SHOWN]))}{more}"
+
+    def _marked(self, wire: Direction) -> str:
+        """Tell where the input itself says that all came from one wire."""
+        return f" (all of it is marked {wire.name})" if self._wires == {wire} else ""
