@@ -34,9 +34,10 @@ from sniffer.model import (
     UNSOLICITED,
     WHOLE,
     Chunk,
+    Clock,
 )
 from sniffer.protocols.base import BusProtocol, SlowFrame, State
-from sniffer.timing import byte_time_ns
+from sniffer.timing import byte_time_ns, clipped, clock_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -83,6 +84,7 @@ class Reference:
     def decode(self, chunks: Sequence[Chunk]) -> Result:
         """Return all records of the stream."""
         times: list[int] = []
+        clocks: list[Clock] = []
         data = bytearray()
         silences: list[int] = []
         last: int | None = None
@@ -90,23 +92,26 @@ class Reference:
             n = len(chunk.data)
             if not n:
                 continue
+            clock = clock_of(chunk)
             if chunk.t_ns is None:
                 t = (last if last is not None else 0) + n * self.byte_ns
             else:
-                t = chunk.t_ns
-                if last is not None and t - n * self.byte_ns - last > self.protocol.tail_ns:
+                t = clipped(chunk.t_ns)
+                # Nominal times at the very beginning say nothing of the pause behind them.
+                lull = t - n * self.byte_ns - last if last is not None and any(clocks) else 0
+                if lull > self.protocol.tail_ns:
                     silences.append(len(data))
             times += [t - (n - 1 - k) * self.byte_ns for k in range(n)]
+            clocks += [clock] * n
             data += chunk.data
             last = t
-        self.times = times
+        self.times, self.clocks = times, clocks
         edges = [0, *silences, len(data)]
-        clocked = any(k.t_ns is not None for k in chunks)
         for a, b in itertools.pairwise(edges):
-            self._stretch(bytes(data), a, b, clocked=clocked)
+            self._stretch(bytes(data), a, b)
         return self.out
 
-    def _stretch(self, data: bytes, a: int, b: int, *, clocked: bool) -> None:
+    def _stretch(self, data: bytes, a: int, b: int) -> None:
         frames: list[SlowFrame] = []
         p = a
         while p < b:
@@ -123,7 +128,7 @@ class Reference:
                 frame.data_start += start
                 frames.append(frame)
                 p = end
-        pairs = self._pair(frames, b, clocked=clocked)
+        pairs = self._pair(frames, b)
         self._judge(pairs, frames, data, b)
         for f in frames:
             self.out.frames.append(
@@ -146,10 +151,15 @@ class Reference:
             )
 
     def _t_start(self, f: SlowFrame) -> int:
+        first = self.times[f.start] - self.byte_ns
         latest = self.times[f.end - 1] - (f.end - f.start) * self.byte_ns
-        return min(self.times[f.start] - self.byte_ns, latest)
+        if not self.clocks[f.start] and self.clocks[f.end - 1]:
+            return latest  # a nominal time is none beside a stamp
+        if self.clocks[f.start] == Clock.SAMPLE:
+            return min(first, self.times[f.end - 1])
+        return min(first, latest)
 
-    def _pair(self, frames: list[SlowFrame], stop: int, *, clocked: bool) -> list[_Pair]:
+    def _pair(self, frames: list[SlowFrame], stop: int) -> list[_Pair]:
         pairs: list[_Pair] = []
         pending: SlowFrame | None = None
         answered = False
@@ -179,7 +189,8 @@ class Reference:
             f.op = pending.op
             f.servo_id = f.servo_id if f.servo_id >= 0 else pending.servo_id
             f.address = f.address if f.address >= 0 else pending.address
-            took = max(self._t_start(f) - self.times[pending.end - 1], 0) if clocked else -1
+            known = self.clocks[f.end - 1] and self.clocks[pending.end - 1]
+            took = max(self._t_start(f) - self.times[pending.end - 1], 0) if known else -1
             pairs.append(_Pair(pending, f, OK if fits else MISMATCHED, took))
             answered = True
             if pending.reply != MANY:
