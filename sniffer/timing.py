@@ -125,7 +125,8 @@ class Stamps:
             t = before + np.cumsum(sizes) * self.byte_ns
             slack = np.full(len(end), -1)
             barriers = np.empty(0, np.int64)
-        self._last, self._slack_before = int(t[-1]), int(slack[-1])
+            self._slack_before = -1
+        self._last = int(t[-1])
         self._stamped = self._stamped or bool(told.any())
         self._end = np.concatenate([self._end, end])
         self._t = np.concatenate([self._t, t])
@@ -170,6 +171,7 @@ class Stamps:
         # What follows nothing that has a stamp may be late by the whole latency.
         beside = since & np.concatenate([[self._slack_before >= 0], told[:-1]])
         slack = self._reckoned(np.where(beside, lull, latency), latency)
+        self._slack_before = int(slack[-1]) if told[-1] else -1
         # Of two taps the pause on the wire is not known: each stamp may be late by all of it.
         merged = [
             c == Clock.READ and k.direction != Direction.UNKNOWN
@@ -187,12 +189,12 @@ class Stamps:
             return np.zeros(len(lull), np.int64)
         # Where no stamp contradicts those before it: the running maximum of the earliest times.
         spare = np.cumsum(lull)
-        floor = np.concatenate([[-self._slack_before], spare - latency])
+        last = max(self._slack_before, 0)
+        floor = np.concatenate([[-last], spare - latency])
         slack: I64 = spare - np.maximum.accumulate(floor)[1:]
         if (slack >= 0).all():
             return slack
         out: list[int] = []
-        last = self._slack_before
         for spared, most in zip(lull.tolist(), latency.tolist(), strict=True):
             last = min(max(spared + last, 0), most)
             out.append(last)
