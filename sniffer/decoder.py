@@ -35,7 +35,7 @@ from sniffer.model import (
 from sniffer.protocols import protocol_named
 from sniffer.remarks import Remarks
 from sniffer.samples import Scaling
-from sniffer.timing import Stamps
+from sniffer.timing import Stamps, byte_time_ns
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -52,6 +52,9 @@ class Decoder:
         models: servo id (None: all) -> model name, for register tables other than the default.
         latency_ns: how long the adapter may hold bytes back; by kind of clock where None.
         base: offset in the stream of the first byte that it will be fed.
+        slowest: the slowest rate that the line may have, where nobody stated it: no silence and no
+            late answer is told that it would explain. As ``baud`` where None.
+        doubtful: the line may well be as slow as that: uncertainties cover it.
 
     Raises:
         SnifferError: unknown protocol or model.
@@ -65,6 +68,8 @@ class Decoder:
         models: Mapping[int | None, str] | None = None,
         latency_ns: int | None = None,
         base: int = 0,
+        slowest: int | None = None,
+        doubtful: bool = False,
     ) -> None:
         self.protocol = protocol_named(protocol) if isinstance(protocol, str) else protocol
         known = [m.model for m in self.protocol.models]
@@ -80,7 +85,15 @@ class Decoder:
         self._barriers: list[int] = []
         self._remarks = Remarks()
         self._asked_until = -1  # end of the last frame, if it is a request that has an answer
-        self._stamps = Stamps(self.baud, self.protocol.tail_ns, latency_ns, base)
+        self._slower_ns = byte_time_ns(slowest or self.baud) - byte_time_ns(self.baud)
+        self._stamps = Stamps(
+            self.baud,
+            self.protocol.tail_ns,
+            latency_ns,
+            base,
+            slowest=slowest or self.baud,
+            doubtful=doubtful,
+        )
         self._expectations = Expectations()
         self._scaling = Scaling(self.protocol, models)
         self._diagnostics = Diagnostics(self.protocol)
@@ -158,6 +171,7 @@ class Decoder:
             Samples.empty(),
             remarks=self._remarks.until(base + cut),
             is_cut=is_cut,
+            slower_ns=self._slower_ns,
         )
         batch = self._records(block, batch, until)
         del self._buffer[:cut]

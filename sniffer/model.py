@@ -316,6 +316,8 @@ class Batch:
     remarks: tuple[Remark, ...] = ()
     is_cut: bool = False
     """Whether a live tap ended so soon behind the last byte that what is open may just be cut."""
+    slower_ns: int = 0
+    """By how much a byte may have taken longer than it is laid out for: nobody stated the rate."""
 
     @property
     def samples(self) -> Samples:

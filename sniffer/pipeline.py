@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.decoder import Decoder
 from sniffer.detect import ENOUGH, SURE, Detection, UndecidedError, detect
 from sniffer.model import Batch, Chunk, Mark, MarkKind, OutputError
+from sniffer.pacing import Pace, pace
 from sniffer.protocols import protocol_named
 from sniffer.summary import Summary
 
@@ -72,6 +73,9 @@ class Pipeline:
         options: how to decode.
         sinks: what takes the records.
         on_detection: is told which protocol a bus was found to speak.
+        on_pace: is told by what a bus is timed, before its first record.
+        ahead: the first chunks of an input that is fed piece by piece: what they tell about rate
+            and latency counts, not how they are grouped.
         live: more bytes may come for ever: a bus whose protocol cannot be told yet is waited for.
 
     Raises:
@@ -84,6 +88,8 @@ class Pipeline:
         sinks: Sequence[Sink],
         *,
         on_detection: Callable[[str, Detection], None] = lambda bus, found: None,
+        on_pace: Callable[[str, Pace], None] = lambda bus, told: None,
+        ahead: Iterable[Chunk] = (),
         live: bool = False,
     ) -> None:
         if options.protocol != AUTO:
@@ -93,7 +99,13 @@ class Pipeline:
         self._sinks = list(sinks)
         self._failure: OutputError | None = None
         self._on_detection = on_detection
+        self._on_pace = on_pace
+        self._ahead: dict[str, list[Chunk]] = {}
+        for chunk in ahead:
+            self._ahead.setdefault(chunk.bus, []).append(chunk)
         self._live = live
+        self.paces: dict[str, Pace] = {}
+        """By what each bus is timed, once it is decoded."""
         self._decoders: dict[str, Decoder] = {}
         self._waiting: dict[str, list[Chunk]] = {}
         self._look_at: dict[str, int] = {}
@@ -272,20 +284,30 @@ class Pipeline:
             name = found.protocol
         else:
             self._first[bus] = []
+        o = self._options
+        self.paces[bus] = pace(
+            protocol_named(name),
+            self._ahead.pop(bus, chunks),
+            baud=o.bauds.get(bus, o.baud),
+            latency_ns=o.latencies.get(bus) if o.latency_ns is None else o.latency_ns,
+        )
+        self.summary.paces[bus] = self.paces[bus]
+        self._on_pace(bus, self.paces[bus])
         self._decoders[bus] = self._decoder(bus, name)
         self._decode(bus, self._waiting.pop(bus))
 
     def _decoder(self, bus: str, protocol: str) -> Decoder:
-        o = self._options
-        models = o.models
+        models, told = self._options.models, self.paces[bus]
         if self._live:  # they were named for all buses, which may speak different protocols
             known = {m.model for m in protocol_named(protocol).models}
             models = {servo: model for servo, model in models.items() if model in known}
         return Decoder(
             protocol,
-            baud=o.bauds.get(bus, o.baud),
+            baud=told.baud,
             models=models,
-            latency_ns=o.latencies.get(bus) if o.latency_ns is None else o.latency_ns,
+            latency_ns=told.latency_ns,
+            slowest=told.slowest,
+            doubtful=told.doubtful,
             base=self._begin.get(bus, 0),
         )
 

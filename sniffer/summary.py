@@ -11,6 +11,7 @@ import numpy as np
 from sniffer.model import I64, KINDS, NS, OK, OUTCOMES, Anomaly, Batch, Severity
 
 if TYPE_CHECKING:
+    from sniffer.pacing import Pace
     from sniffer.protocols.base import BusProtocol
 
 _PER_OCTAVE: Final = 32
@@ -141,6 +142,8 @@ class Summary:
 
     def __init__(self) -> None:
         self.buses: dict[str, BusTotals] = {}
+        self.paces: dict[str, Pace] = {}
+        """By what each bus is timed, where that is known."""
 
     def add(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Count a batch in."""

@@ -82,6 +82,7 @@ class Stamps:
         latency_ns: how long the adapter may hold bytes back; by kind of clock where None.
         base: offset of the first byte.
         slowest: the slowest that the line may be; pauses are reckoned by it. ``baud`` where None.
+        doubtful: the line may well be as slow as that.
     """
 
     def __init__(
@@ -92,10 +93,12 @@ class Stamps:
         base: int = 0,
         *,
         slowest: int | None = None,
+        doubtful: bool = False,
     ) -> None:
         self.byte_ns = byte_time_ns(baud)
         self.clock = Clock.NONE
         self._pause_ns = byte_time_ns(slowest or baud)
+        self._doubt_ns = self._pause_ns - self.byte_ns if doubtful else 0
         self._tail_ns = tail_ns
         self._latency_ns = latency_ns
         self._end = np.empty(0, np.int64)
@@ -246,6 +249,8 @@ class Stamps:
         t_start = np.where((self._slack[j] < 0) & (self._slack[k] >= 0), whole, t_start)
         doubt = np.maximum(laid, behind) * self.byte_ns // TOLERANCE
         unsure = np.maximum(self._slack[k], self._slack[j] - (t_first - t_start))
+        if self._doubt_ns:
+            unsure = unsure + np.maximum(frames.length, behind) * self._doubt_ns
         directions: U8 = self._direction[k]
         return replace(
             frames,

@@ -91,7 +91,10 @@ class PairingRules:
         if not len(known):
             return known
         window = self._protocol.window_ns(batch.frames.take(t.request[known]))
-        return known[t.response_time_ns[known] - t.uncertainty_ns[known] > window]
+        took = t.response_time_ns[known] - t.uncertainty_ns[known]
+        if batch.slower_ns:  # a slower line takes longer for the answer itself
+            took = took - batch.frames.length[t.response[known]] * batch.slower_ns
+        return known[took > window]
 
     def _rows(self, batch: Batch, rows: I64) -> Iterator[_Row]:
         f, t = batch.frames, batch.transactions
