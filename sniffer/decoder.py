@@ -119,7 +119,10 @@ class Decoder:
         self._now_ns = max(self._now_ns, now_ns)
         if not self._buffer or not self._stamps.silent_since(now_ns):
             return self._nothing()
-        return self._decode(final=True)
+        batch = self._decode(final=True)
+        # Nothing crosses this place any more, also if the bytes to come say that there was no pause.
+        self._barriers.append(self._base)
+        return batch
 
     def close(self) -> Batch:
         """Decode what is left; the decoder may be fed again afterwards."""

@@ -73,6 +73,7 @@ class MarkKind(enum.IntEnum):
     SKIPPED = 8  # the recorder had no time to decode what stands before; ``count`` bytes
     ENDED = 9  # the recording was stopped here: what is open was not waited for
     HELD = 10  # the tap itself came late: these bytes may be older than stamped by ``count`` ns
+    SILENT = 11  # the line was taken for silent here: what was open was ended, whatever came later
 
 
 class Mark(NamedTuple):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoder import Decoder
 from sniffer.detect import ENOUGH, SURE, Detection, UndecidedError, detect
-from sniffer.model import Batch, Chunk, Mark, MarkKind, OutputError
+from sniffer.model import Batch, Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.pacing import Pace, pace
 from sniffer.protocols import protocol_named
 from sniffer.summary import Summary
@@ -140,10 +140,19 @@ class Pipeline:
             self._start(bus)
 
     def idle(self, now_ns: int) -> None:
-        """Tell all decoders how late it is."""
+        """Tell all decoders how late it is.
+
+        Where one ends what was open, that is recorded: bytes that an adapter held for longer than
+        it should may say later that there was no pause, and decoding again must not believe them.
+        """
         for bus, decoder in self._decoders.items():
-            if decoder.pending:
-                self._deliver(bus, decoder, decoder.idle(now_ns))
+            if not decoder.pending:
+                continue
+            batch = decoder.idle(now_ns)
+            if batch.data:
+                silent = Chunk(b"", now_ns, Clock.READ, bus, marks=(Mark(MarkKind.SILENT, 0),))
+                self.record(bus, [silent])
+            self._deliver(bus, decoder, batch)
 
     def skip(self, bus: str, count: int, chunk: Chunk) -> None:
         """Leave out ``count`` bytes that nobody had time to decode, and go on with ``chunk``.

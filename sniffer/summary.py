@@ -157,7 +157,7 @@ class Summary:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the summary record of the JSON lines: totals, then each bus."""
-        each = {name: _totals(b) for name, b in self.buses.items()}
+        each = {name: _totals(b, self.paces.get(name)) for name, b in self.buses.items()}
         out: dict[str, Any] = {"type": "summary"}
         for key in ("bytes", "bytes_in_frames", "bytes_in_gaps", "frames", "gaps", "transactions"):
             out[key] = sum(b[key] for b in each.values())
@@ -172,7 +172,20 @@ class Summary:
         return out
 
 
-def _totals(b: BusTotals) -> dict[str, Any]:
+def _timing(told: Pace | None) -> dict[str, Any]:
+    if told is None:
+        return {}
+    return {
+        "baud": told.baud,
+        "rate": told.rate,
+        "slowest_baud": told.slowest,
+        "latency_ns": told.latency_ns,
+        "latency": told.latency or "usual",
+        "impossible": bool(told.faster),
+    }
+
+
+def _totals(b: BusTotals, told: Pace | None) -> dict[str, Any]:
     return {
         "protocol": b.protocol,
         "bytes": b.bytes,
@@ -189,6 +202,7 @@ def _totals(b: BusTotals) -> dict[str, Any]:
         "codes": dict(b.codes),
         "severities": {s.name.lower(): n for s, n in b.severities.items()},
         "clock": b.clock,
+        **_timing(told),
         "response_times_ns": {
             str(servo): {"count": q.count, "p50": q.at(0.5), "p99": q.at(0.99), "max": q.most}
             for servo, q in sorted(b.times.items())

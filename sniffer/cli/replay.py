@@ -87,9 +87,9 @@ def replay(
     while not status and (loop or not played):
         source = open_source(file, input_format)
         chunks: Iterable[Chunk] = (chunk for group in source for chunk in group)
+        # looked at beforehand: what is to be played in real time cannot wait for it
+        head, chunks = peek(chunks, ENOUGH)
         if options.protocol == AUTO and not options.protocols:
-            # found beforehand: what is to be played in real time cannot wait for it
-            head, chunks = peek(chunks, ENOUGH)
             options = dataclasses.replace(options, protocols=_told(head))
         groups = paced(steps(within(timed(chunks, _baud(options)), Window(start, stop))), speed)
         sink: Sink
@@ -102,7 +102,9 @@ def replay(
 
             sink = Standard(TextSink(sys.stdout), alone=True)
         name = "standard input" if file == "-" else file
-        _, status = run_source(source, options, [sink], name=name, quiet=played, groups=groups)
+        _, status = run_source(
+            source, options, [sink], name=name, quiet=played, groups=groups, ahead=head
+        )
         played = True
     return status
 

@@ -17,6 +17,7 @@ from sniffer import __version__
 from sniffer.detect import Detection, UndecidedError
 from sniffer.messages import TOOL
 from sniffer.model import Batch, Chunk, DamagedInputError, InputError, OutputError
+from sniffer.pacing import Pace
 from sniffer.pipeline import Options, Pipeline
 from sniffer.protocols.base import BusProtocol
 from sniffer.sinks import open_sink, suffix_known
@@ -183,12 +184,14 @@ def run_source(
     name: str,
     quiet: bool = False,
     groups: Iterable[Sequence[Chunk]] | None = None,
+    ahead: Iterable[Chunk] = (),
 ) -> tuple[Pipeline, int]:
     """Decode everything into the sinks; return the pipeline and the exit status.
 
     Damage further in, or an interruption, keeps what was decoded: the sinks are finished first.
-    ``groups`` are the source's own where None, else what somebody made of them. A recording may
-    break off: whoever records can be killed.
+    ``groups`` are the source's own where None, else what somebody made of them; then ``ahead`` are
+    its first chunks, by which times are judged. A recording may break off: whoever records can be
+    killed.
 
     Raises:
         InputError: there is nothing in it, or its protocol cannot be told.
@@ -200,7 +203,13 @@ def run_source(
         if not quiet:
             say(f"{bus}: {detection}")
 
-    pipeline = Pipeline(options.with_facts(source.facts()), sinks, on_detection=found)
+    def timed(bus: str, told: Pace) -> None:
+        for remark in () if quiet else told.remarks:
+            say(f"{bus}: {remark}")
+
+    pipeline = Pipeline(
+        options.with_facts(source.facts()), sinks, on_detection=found, on_pace=timed, ahead=ahead
+    )
     patience = _Patience()
     status, told = 0, ""
     with patience.installed():

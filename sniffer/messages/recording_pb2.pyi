@@ -49,6 +49,7 @@ class Mark(_message.Message):
         SKIPPED: _ClassVar[Mark.Kind]
         ENDED: _ClassVar[Mark.Kind]
         HELD: _ClassVar[Mark.Kind]
+        SILENT: _ClassVar[Mark.Kind]
     UNKNOWN: Mark.Kind
     FRAMING: Mark.Kind
     PARITY: Mark.Kind
@@ -60,6 +61,7 @@ class Mark(_message.Message):
     SKIPPED: Mark.Kind
     ENDED: Mark.Kind
     HELD: Mark.Kind
+    SILENT: Mark.Kind
     KIND_FIELD_NUMBER: _ClassVar[int]
     START_FIELD_NUMBER: _ClassVar[int]
     LENGTH_FIELD_NUMBER: _ClassVar[int]

@@ -11,12 +11,14 @@ from rich.table import Table
 from rich.text import Text
 
 from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.pacing import STATED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from rich.console import Console
 
+    from sniffer.pacing import Pace
     from sniffer.summary import BusTotals, Summary
 
 GLUE: Final = "\u2800"
@@ -47,13 +49,13 @@ def print_summary(summary: Summary, console: Console) -> None:
         for nth, (name, bus) in enumerate(summary.buses.items()):
             if nth:
                 console.print()
-            _print_bus(name, bus, console)
+            _print_bus(name, bus, summary.paces.get(name), console)
     # tables are padded to their width: nobody wants that in a file
     lines = printed.get().replace(GLUE, " ").splitlines()
     console.file.write("".join(_PADDING.sub(r"\1", line) + "\n" for line in lines))
 
 
-def _print_bus(name: str, b: BusTotals, console: Console) -> None:
+def _print_bus(name: str, b: BusTotals, told: Pace | None, console: Console) -> None:
     frames, gaps = counted(sum(b.kinds.values()), "frame"), counted(sum(b.gaps.values()), "gap")
     share = 100 * b.bytes_in_frames / b.bytes if b.bytes else 0.0
     length = b.seconds
@@ -63,6 +65,8 @@ def _print_bus(name: str, b: BusTotals, console: Console) -> None:
         f"{counted(b.bytes, 'byte')} = {b.bytes_in_frames} in {frames} ({held:.2f} %)",
         f"over {length:.3f} s" if length else "no clock in the input: times are nominal",
     ]
+    if told is not None and length:
+        lines += _timing(told)
     lines[0] += f" + {b.bytes_in_gaps} in {gaps}"
     outcomes = [f"{n} {_OUTCOMES.get(k, k.replace('_', ' '))}" for k, n in b.outcomes.items() if n]
     if outcomes:
@@ -78,6 +82,17 @@ def _print_bus(name: str, b: BusTotals, console: Console) -> None:
         console.print(_anomalies(b))
     else:
         console.print("  no anomalies")
+
+
+def _timing(told: Pace) -> list[str]:
+    """Say by what times were reckoned, where nobody stated it."""
+    out = []
+    if told.rate != STATED:
+        slower = f"; the line may be as slow as {told.slowest}" if told.doubtful else ""
+        unlike = slower if told.slowest < told.baud else ""
+        out.append(f"{told.rate} to run at {told.baud} baud{unlike}")
+    out += told.remarks
+    return out
 
 
 def _table() -> Table:
