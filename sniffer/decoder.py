@@ -120,7 +120,7 @@ class Decoder:
         if not self._buffer or not self._stamps.silent_since(now_ns):
             return self._nothing()
         batch = self._decode(final=True)
-        # Nothing crosses this place any more, also if the bytes to come say that there was no pause.
+        # Nothing crosses this place any more, also if the next bytes say that there was no pause.
         self._barriers.append(self._base)
         return batch
 

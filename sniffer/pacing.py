@@ -1,10 +1,10 @@
 """What the stamps of a log tell about who made it: the line's rate, and how long bytes were held.
 
-Nobody states either with a text log. A rate that was not stated is estimated where stamps inside one
-frame, or of answers of several lengths, allow it, and else assumed; the slowest one that the stamps
-do not contradict bounds what is doubtful about it. A host that hands bytes on by a timer (FTDI's is
-16 ms as delivered) shows as answers that come with their question, in deliveries that are never
-closer than the timer.
+Nobody states either with a text log. A rate that was not stated is estimated where stamps inside
+one frame, or of answers of several lengths, allow it, and else assumed; the slowest one that the
+stamps do not contradict bounds what is doubtful about it. A host that hands bytes on by a timer
+(FTDI's is 16 ms as delivered) shows as answers that come with their question, in deliveries that
+are never closer than the timer.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ TIMER_NS: Final = 16 * MS
 """The FTDI latency timer's default (AN232B-04, 2.1), which most hosts leave as it is."""
 
 LONGEST_NS: Final = 40 * MS
-"""Deliveries further apart than this are the controller's doing; then the timer's default stands."""
+"""Deliveries further apart than this are the controller's doing: the timer's default stands."""
 
 BEYOND_NS: Final = 50 * MS
 """No adapter holds bytes as long: stamps that are off by more contradict the rate."""

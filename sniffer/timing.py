@@ -120,8 +120,8 @@ class Stamps:
         self.clock = max(self.clock, Clock(int(clocks.max())))
         if told.any():
             t = self._known(chunks, sizes)
-            slack, barriers = self._slacks(chunks, sizes, t, clocks)
-            barriers = (end - sizes)[barriers]
+            slack, silent = self._slacks(chunks, sizes, t, clocks)
+            barriers = (end - sizes)[silent]
         else:  # nominal, all of them
             before = end[0] * self.byte_ns - sizes[0] * self.byte_ns
             before = before if self._last is None else self._last

@@ -1,4 +1,4 @@
-"""Hosts between a bus and a log: what a timer, packets and a program do to the stamps of true bytes."""
+"""Hosts between a bus and a log: what a timer, packets and a program do to the stamps."""
 
 from __future__ import annotations
 

@@ -46,10 +46,10 @@ class Kept:
         """Do nothing."""
 
 
-def live(name: str, steps: Sequence[Chunk | int], **options: int) -> Kept:
+def live(name: str, steps: Sequence[Chunk | int], baud: int | None = None) -> Kept:
     """Feed chunks, tell times (int), as a recorder does."""
     kept = Kept()
-    pipeline = Pipeline(Options(name, **options), [kept], live=True)
+    pipeline = Pipeline(Options(name, baud=baud), [kept], live=True)
     for step in steps:
         if isinstance(step, int):
             pipeline.idle(step)
@@ -59,9 +59,9 @@ def live(name: str, steps: Sequence[Chunk | int], **options: int) -> Kept:
     return kept
 
 
-def again(name: str, recorded: Sequence[Chunk], **options: int) -> Kept:
+def again(name: str, recorded: Sequence[Chunk], baud: int | None = None) -> Kept:
     kept = Kept()
-    pipeline = Pipeline(Options(name, **options), [kept])
+    pipeline = Pipeline(Options(name, baud=baud), [kept])
     if recorded:
         pipeline.feed(recorded)
     pipeline.close()
@@ -90,9 +90,8 @@ def test_a_silence_declared_at_any_time_is_one_when_the_recording_is_decoded_aga
             steps.append(data.draw(st.integers(before.t_ns, chunk.t_ns)))
         steps.append(chunk)
     baud = data.draw(st.sampled_from([None, PROTOCOLS[name].baud]))
-    options = {} if baud is None else {"baud": baud}
-    one = live(name, steps, **options)
-    two = again(name, one.chunks, **options)
+    one = live(name, steps, baud)
+    two = again(name, one.chunks, baud)
     assert b"".join(c.data for c in one.chunks) == s
     assert records(one.batches) == records(two.batches)
     assert gaps(one.batches) == gaps(two.batches)
@@ -103,7 +102,7 @@ def test_a_burst_that_fills_the_pause_after_half_a_frame_is_read_alike_live_and_
     stalled = REQUEST + (REPLY + REQUEST) * 125  # 390 ms of line time
     first, rest = stalled[:5], stalled[5:]
     end_ns = START_NS + 400 * MS
-    steps = [
+    steps: list[Chunk | int] = [
         Chunk(first, START_NS, Clock.READ),
         START_NS + 390 * MS,
         Chunk(rest, end_ns, Clock.READ),

@@ -206,7 +206,7 @@ class Recorder:
     def _round(self) -> None:
         heard_ns = self._take()
         if self._file is not None:
-            # Before decoding, which may take long or never end; its records wait for the next round.
+            # Before decoding, which may take long or never end; its records wait for a round.
             self._file.flush()
         began = time.monotonic()
         if began >= self._decode_at:

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.pacing import STATED
+from sniffer.summary import FIGURES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,12 +31,6 @@ _COLOUR = {"error": "red", "warn": "yellow", "note": "cyan"}
 
 _OUTCOMES: Final[Mapping[str, str]] = {"not_expected": "need no reply"}
 """Outcomes in other words than their own."""
-
-
-def _ms(ns: int | None, blur: int) -> str:
-    if ns is not None and ns < 1000 and blur:
-        return f"<{blur / 1e6:.2f}"
-    return "" if ns is None else f"{ns / 1e6:.2f}"
 
 
 def counted(n: int, what: str) -> str:
@@ -122,9 +117,8 @@ def _commands(b: BusTotals) -> Table:
         row = [str(servo) if servo >= 0 else "-", str(sum(mine.values()))]
         if b.times:
             q = b.times.get(servo)
-            blur = b.blur.get(servo, 0)
-            times = (q.at(0.5), q.at(0.99), q.most) if q else (None, None, None)
-            row += [_ms(ns, blur) for ns in times]
+            times = [q.at(share) if q else None for share in FIGURES.values()]
+            row += [bounds.ms() if bounds is not None else "" for bounds in times]
         if failed:
             row.append(str(b.bad_by_servo.get(servo) or ""))
         table.add_row(*row, told)
