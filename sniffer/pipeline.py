@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.decoder import Decoder
 from sniffer.detect import ENOUGH, SURE, Detection, UndecidedError, detect
 from sniffer.model import Batch, Chunk, Clock, Mark, MarkKind, OutputError
-from sniffer.pacing import Pace, pace
+from sniffer.pacing import ASSUMED, Pace, pace
 from sniffer.protocols import protocol_named
 from sniffer.summary import Summary
 
@@ -46,7 +46,7 @@ class Options:
         if self.protocol == AUTO:
             known = {k.partition(".")[2]: v for k, v in facts.items() if k.startswith("protocol.")}
             told = replace(told, protocols={**known, **self.protocols})
-        if self.baud is None:
+        if self.baud is None and facts.get("rate") != ASSUMED:
             bauds = {k: v for k, v in facts.items() if k.startswith("baud.") and v.isdecimal()}
             told = replace(
                 told,
@@ -55,6 +55,8 @@ class Options:
         if self.latency_ns is None:
             known = {k: v for k, v in facts.items() if k.startswith("latency_ns.")}
             latencies = {k.partition(".")[2]: int(v) for k, v in known.items() if v.isdecimal()}
+            if (every := facts.get("latency_ns", "")).isdecimal():
+                told = replace(told, latency_ns=int(every))
             told = replace(told, latencies={**latencies, **self.latencies})
         if not self.models:
             models: dict[int | None, str] = {}

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import threading
-
-import pytest
+from typing import TYPE_CHECKING
 
 from sniffer.sources import waiting
 from sniffer.sources.waiting import Account
 from tests.terminals import LINUX_ONLY
+
+if TYPE_CHECKING:
+    import pytest
 
 
 def burn(stop: threading.Event, rounds: list[int]) -> None:

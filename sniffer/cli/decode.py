@@ -65,7 +65,7 @@ def decode(
     """
     options = pipeline_options(protocol, baud, models, latency)
     source = open_source(file, input_format)
-    sinks: list[Sink] = open_outputs(outputs, session_facts(file, options), file)
+    sinks: list[Sink] = open_outputs(outputs, session_facts(file, options, source.facts()), file)
     if not quiet and not summary:
         sinks.append(Standard(_printer(output_format), alone=not outputs))
     name = "standard input" if file == "-" else file

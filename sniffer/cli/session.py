@@ -17,7 +17,7 @@ from sniffer import __version__
 from sniffer.detect import Detection, UndecidedError
 from sniffer.messages import TOOL
 from sniffer.model import Batch, Chunk, DamagedInputError, InputError, OutputError
-from sniffer.pacing import Pace
+from sniffer.pacing import ASSUMED, Pace
 from sniffer.pipeline import Options, Pipeline
 from sniffer.protocols.base import BusProtocol
 from sniffer.sinks import open_sink, suffix_known
@@ -83,16 +83,30 @@ def say(message: str) -> None:
     click.echo(f"sniffer: {line if line.isprintable() else ascii(line)[1:-1]}", err=True)
 
 
-def session_facts(source: str, options: Options) -> Mapping[str, str]:
-    """Return the facts of a recording that are known before its first byte."""
+def session_facts(
+    source: str, options: Options, known: Mapping[str, str] | None = None
+) -> Mapping[str, str]:
+    """Return the facts of a recording that are known before its first byte.
+
+    ``known`` are those of the recording that is read: its rates and latencies are handed on.
+    """
     facts = {
         "tool": f"{TOOL} {__version__}",
         "source": source,
         "protocol": options.protocol,
         "written": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
+    told = {k: v for k, v in (known or {}).items() if k.startswith(("baud.", "latency_ns."))}
     if options.baud is not None:
         facts["baud"] = str(options.baud)
+    elif (known or {}).get("rate") != ASSUMED and any(k.startswith("baud.") for k in told):
+        facts |= {k: v for k, v in told.items() if k.startswith("baud.")}
+    else:
+        facts["rate"] = ASSUMED  # what stands as a bus's rate is the protocol's usual one
+    if options.latency_ns is not None:
+        facts["latency_ns"] = str(options.latency_ns)
+    else:
+        facts |= {k: v for k, v in told.items() if k.startswith("latency_ns.")}
     for servo, model in options.models.items():
         facts["model" if servo is None else f"model.{servo}"] = model
     return facts
