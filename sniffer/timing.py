@@ -115,12 +115,15 @@ class Stamps:
         """Take chunks in; return the stream offsets of the silences (barriers) before them."""
         sizes = np.array([len(k.data) for k in chunks], np.int64)
         end = self._offset + np.cumsum(sizes)
-        clocks = np.array([clock_of(k) for k in chunks], np.uint8)
+        clocks = np.array([k.clock for k in chunks], np.uint8)
+        untold = np.array([k.t_ns is None for k in chunks], bool)
+        clocks = np.where(untold, Clock.NONE, np.where(clocks == Clock.NONE, Clock.FILE, clocks))
+        directions = np.array([k.direction for k in chunks], np.uint8)
         told = clocks != Clock.NONE
         self.clock = max(self.clock, Clock(int(clocks.max())))
         if told.any():
             t = self._known(chunks, sizes)
-            slack, silent = self._slacks(chunks, sizes, t, clocks)
+            slack, silent = self._slacks(chunks, sizes, t, clocks, directions)
             barriers = (end - sizes)[silent]
         else:  # nominal, all of them
             before = end[0] * self.byte_ns - sizes[0] * self.byte_ns
@@ -135,13 +138,15 @@ class Stamps:
         self._t = np.concatenate([self._t, t])
         self._slack = np.concatenate([self._slack, slack])
         self._exact = np.concatenate([self._exact, clocks == Clock.SAMPLE])
-        directions = np.array([k.direction for k in chunks], np.uint8)
         self._direction = np.concatenate([self._direction, directions])
         self._offset = int(end[-1])
         return barriers[barriers > self._first]
 
     def _known(self, chunks: tuple[Chunk, ...], sizes: I64) -> I64:
         """Return the stamps; a chunk without one follows the chunk before it without a pause."""
+        told = [k.t_ns for k in chunks if k.t_ns is not None]
+        if len(told) == len(chunks) and EARLIEST_NS <= min(told) and max(told) <= LATEST_NS:
+            return np.array(told, np.int64)
         out: list[int] = []
         last = self._last
         for chunk, size in zip(chunks, sizes.tolist(), strict=True):
@@ -154,7 +159,7 @@ class Stamps:
         return np.array(out, np.int64)
 
     def _slacks(
-        self, chunks: tuple[Chunk, ...], sizes: I64, t: I64, clocks: U8
+        self, chunks: tuple[Chunk, ...], sizes: I64, t: I64, clocks: U8, directions: U8
     ) -> tuple[I64, Mask]:
         """Return the slack of each chunk, and whether a silence precedes it."""
         told = clocks != Clock.NONE
@@ -176,11 +181,8 @@ class Stamps:
         slack = self._reckoned(np.where(beside, lull, latency), latency)
         self._slack_before = int(slack[-1]) if told[-1] else -1
         # Of two taps the pause on the wire is not known: each stamp may be late by all of it.
-        merged = [
-            c == Clock.READ and k.direction != Direction.UNKNOWN
-            for c, k in zip(clocks.tolist(), chunks, strict=True)
-        ]
-        slack = np.where(np.array(merged, bool), latency, slack)
+        merged = (clocks == Clock.READ) & (directions != Direction.UNKNOWN)
+        slack = np.where(merged, latency, slack)
         slack[~told] = -1
         # The bytes of a tap that came late may follow those before without a pause.
         pause = t - sizes * self._pause_ns - previous - held
