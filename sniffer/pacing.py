@@ -27,6 +27,9 @@ STATED: Final = "stated"
 ESTIMATED: Final = "estimated"
 ASSUMED: Final = "assumed"
 
+FAR: Final = 4
+"""A line that may be so many times slower than assumed is worth a word."""
+
 LOOK: Final = 4096
 """Chunks that are looked at: a minute of a bus that is asked fifty times a second."""
 
@@ -92,6 +95,13 @@ class Pace:
     def remarks(self) -> tuple[str, ...]:
         """What a person should know, in words."""
         out = []
+        if self.rate == ESTIMATED:
+            out.append(f"by its stamps the line runs at {self.baud} baud (--baud states it)")
+        if self.doubtful and self.slowest * FAR <= self.baud:
+            out.append(
+                f"{self.baud} baud are assumed, but no answer came faster than {self.slowest} baud "
+                "would have it: times are that uncertain (--baud states it)"
+            )
         if self.faster:
             out.append(
                 f"{self.baud} baud ({self.rate}) cannot be: by their stamps, bytes came "

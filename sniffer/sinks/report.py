@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.pacing import STATED
+from sniffer.pacing import ASSUMED
 from sniffer.summary import FIGURES
 
 if TYPE_CHECKING:
@@ -82,10 +82,10 @@ def _print_bus(name: str, b: BusTotals, told: Pace | None, console: Console) -> 
 def _timing(told: Pace) -> list[str]:
     """Say by what times were reckoned, where nobody stated it."""
     out = []
-    if told.rate != STATED:
+    if told.rate == ASSUMED:
         slower = f"; the line may be as slow as {told.slowest}" if told.doubtful else ""
         unlike = slower if told.slowest < told.baud else ""
-        out.append(f"{told.rate} to run at {told.baud} baud{unlike}")
+        out.append(f"assumed to run at {told.baud} baud{unlike}")
     out += told.remarks
     return out
 
