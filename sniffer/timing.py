@@ -145,7 +145,7 @@ class Stamps:
     def _known(self, chunks: tuple[Chunk, ...], sizes: I64) -> I64:
         """Return the stamps; a chunk without one follows the chunk before it without a pause."""
         told = [k.t_ns for k in chunks if k.t_ns is not None]
-        if len(told) == len(chunks) and EARLIEST_NS <= min(told) and max(told) <= LATEST_NS:
+        if len(told) == len(chunks) and min(told) >= EARLIEST_NS and max(told) <= LATEST_NS:
             return np.array(told, np.int64)
         out: list[int] = []
         last = self._last
