@@ -47,7 +47,7 @@ from sniffer.model import (
 from sniffer.protocols import protocol_named
 from sniffer.remarks import Remarks
 from sniffer.samples import Scaling
-from sniffer.timing import Stamps
+from sniffer.timing import Stamps, byte_time_ns
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -65,6 +65,9 @@ class Decoder:
         models: servo id (None: all) -> model name, for register tables other than the default.
         latency_ns: how long the adapter may hold bytes back; by kind of clock where None.
         base: offset in the stream of the first byte that it will be fed.
+        slowest: the slowest rate that the line may have, where nobody stated it: no silence and no
+            late answer is told that it would explain. As ``baud`` where None.
+        doubtful: the line may well be as slow as that: uncertainties cover it.
 
     Raises:
         SnifferError: unknown protocol or model, or a number that cannot be; its calls raise it
@@ -79,6 +82,8 @@ class Decoder:
         models: Mapping[int | None, str] | None = None,
         latency_ns: int | None = None,
         base: int = 0,
+        slowest: int | None = None,
+        doubtful: bool = False,
     ) -> None:
         self.protocol = protocol_named(protocol) if isinstance(protocol, str) else protocol
         if not hasattr(self.protocol, "models"):
@@ -101,7 +106,15 @@ class Decoder:
         self._barriers: list[int] = []
         self._remarks = Remarks()
         self._asked_until = -1  # end of the last frame, if it is a request that has an answer
-        self._stamps = Stamps(self.baud, self.protocol.tail_ns, latency_ns, base)
+        self._slower_ns = byte_time_ns(slowest or self.baud) - byte_time_ns(self.baud)
+        self._stamps = Stamps(
+            self.baud,
+            self.protocol.tail_ns,
+            latency_ns,
+            base,
+            slowest=slowest or self.baud,
+            doubtful=doubtful,
+        )
         self._pairing = Pairing(self.protocol)
         self._expectations = Expectations()
         self._scaling = Scaling(self.protocol, models)
@@ -129,7 +142,10 @@ class Decoder:
         self._now_ns = max(self._now_ns, now_ns)
         if not self._buffer or not self._stamps.silent_since(now_ns):
             return self._nothing()
-        return self._decode(final=True)
+        batch = self._decode(final=True)
+        # Nothing crosses this place any more, also if the next bytes say that there was no pause.
+        self._barriers.append(self._base)
+        return batch
 
     def close(self) -> Batch:
         """Decode what is left; the decoder may be fed again afterwards.
@@ -189,6 +205,7 @@ class Decoder:
             remarks=self._remarks.until(base + cut),
             cut=self._left_open(frames, partner, block) if is_cut else None,
             before=paired.before if len(paired.before) else None,
+            slower_ns=self._slower_ns,
         )
         batch = self._records(block, batch, paired)
         del self._buffer[:cut]

@@ -74,6 +74,7 @@ class MarkKind(enum.IntEnum):
     ENDED = 9  # the recording was stopped here: what is open was not waited for
     HELD = 10  # the tap itself came late: these bytes may be older than stamped by ``count`` ns
     MERGED = 11  # of two taps' lines in a log, merged: each stamp may lag by ``count`` ns
+    SILENT = 12  # the line was taken for silent here: what was open was ended, whatever came later
 
 
 class Mark(NamedTuple):
@@ -336,6 +337,8 @@ class Batch:
     """Set where the capture ends with this batch and nobody knows of a silence behind it."""
     before: Frames | None = None
     """Requests of earlier batches that are answered in this one; their starts are negative."""
+    slower_ns: int = 0
+    """By how much a byte may have taken longer than it is laid out for: nobody stated the rate."""
 
     @property
     def samples(self) -> Samples:

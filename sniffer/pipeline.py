@@ -11,6 +11,7 @@ from sniffer.decoder import Decoder
 from sniffer.detect import CLEAR, ENOUGH, GUESSED, SURE, Detection, UndecidedError, detect
 from sniffer.limits import BAUDS, DURATION_MOST_NS, IDS, number_in
 from sniffer.model import Batch, Chunk, Clock, Mark, MarkKind, OutputError
+from sniffer.pacing import ASSUMED, Pace, pace
 from sniffer.protocols import protocol_named
 from sniffer.summary import Summary
 from sniffer.timing import LATENCY_NS
@@ -50,11 +51,14 @@ class Options:
         if self.protocol == AUTO:
             known = {k.partition(".")[2]: v for k, v in facts.items() if k.startswith("protocol.")}
             told = replace(told, protocols={**known, **self.protocols})
-        if self.baud is None:
+        if self.baud is None and facts.get("rate") != ASSUMED:
             bauds = _numbers(facts, "baud.", *BAUDS)
             told = replace(told, bauds={**bauds, **self.bauds})
         if self.latency_ns is None:
             latencies = _numbers(facts, "latency_ns.", 0, DURATION_MOST_NS)
+            every = number_in(facts.get("latency_ns", ""), 0, DURATION_MOST_NS)
+            if every is not None:
+                told = replace(told, latency_ns=every)
             told = replace(told, latencies={**latencies, **self.latencies})
         if not self.models:
             models: dict[int | None, str] = {}
@@ -88,6 +92,9 @@ class Pipeline:
         options: how to decode.
         sinks: what takes the records.
         on_detection: is told which protocol a bus was found to speak.
+        on_pace: is told by what a bus is timed, before its first record.
+        ahead: the first chunks of an input that is fed piece by piece: what they tell about rate
+            and latency counts, not how they are grouped.
         live: more bytes may come for ever: a bus whose protocol cannot be told yet is waited for.
 
     Raises:
@@ -100,6 +107,8 @@ class Pipeline:
         sinks: Sequence[Sink],
         *,
         on_detection: Callable[[str, Detection], None] = lambda bus, found: None,
+        on_pace: Callable[[str, Pace], None] = lambda bus, told: None,
+        ahead: Iterable[Chunk] = (),
         live: bool = False,
     ) -> None:
         if options.protocol != AUTO:
@@ -109,7 +118,13 @@ class Pipeline:
         self._sinks = list(sinks)
         self._failure: OutputError | None = None
         self._on_detection = on_detection
+        self._on_pace = on_pace
+        self._ahead: dict[str, list[Chunk]] = {}
+        for chunk in ahead:
+            self._ahead.setdefault(chunk.bus, []).append(chunk)
         self._live = live
+        self.paces: dict[str, Pace] = {}
+        """By what each bus is timed, once it is decoded."""
         self._decoders: dict[str, Decoder] = {}
         self._waiting: dict[str, list[Chunk]] = {}
         self._look_at: dict[str, int] = {}
@@ -144,10 +159,19 @@ class Pipeline:
             self._start(bus)
 
     def idle(self, now_ns: int) -> None:
-        """Tell all decoders how late it is."""
+        """Tell all decoders how late it is.
+
+        Where one ends what was open, that is recorded: bytes that an adapter held for longer than
+        it should may say later that there was no pause, and decoding again must not believe them.
+        """
         for bus, decoder in self._decoders.items():
-            if decoder.pending:
-                self._deliver(bus, decoder, decoder.idle(now_ns))
+            if not decoder.pending:
+                continue
+            batch = decoder.idle(now_ns)
+            if batch.data:
+                silent = Chunk(b"", now_ns, Clock.READ, bus, marks=(Mark(MarkKind.SILENT, 0),))
+                self.record(bus, [silent])
+            self._deliver(bus, decoder, batch)
 
     def skip(self, bus: str, count: int, chunk: Chunk) -> None:
         """Leave out ``count`` bytes that nobody had time to decode, and go on with ``chunk``.
@@ -295,20 +319,30 @@ class Pipeline:
             name = found.protocol
         else:
             self._first[bus] = []
+        o = self._options
+        self.paces[bus] = pace(
+            protocol_named(name),
+            self._ahead.pop(bus, chunks),
+            baud=o.bauds.get(bus, o.baud),
+            latency_ns=o.latencies.get(bus) if o.latency_ns is None else o.latency_ns,
+        )
+        self.summary.paces[bus] = self.paces[bus]
+        self._on_pace(bus, self.paces[bus])
         self._decoders[bus] = self._decoder(bus, name)
         self._decode(bus, self._waiting.pop(bus))
 
     def _decoder(self, bus: str, protocol: str) -> Decoder:
-        o = self._options
-        models = o.models
+        models, told = self._options.models, self.paces[bus]
         if self._live:  # they were named for all buses, which may speak different protocols
             known = {m.model for m in protocol_named(protocol).models}
             models = {servo: model for servo, model in models.items() if model in known}
         return Decoder(
             protocol,
-            baud=o.bauds.get(bus, o.baud),
+            baud=told.baud,
             models=models,
-            latency_ns=o.latencies.get(bus) if o.latency_ns is None else o.latency_ns,
+            latency_ns=told.latency_ns,
+            slowest=told.slowest,
+            doubtful=told.doubtful,
             base=self._begin.get(bus, 0),
         )
 

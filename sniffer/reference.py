@@ -32,10 +32,11 @@ from sniffer.model import (
     UNSOLICITED,
     WHOLE,
     Chunk,
+    Clock,
 )
 from sniffer.pending import matched
 from sniffer.protocols.base import BusProtocol, SlowFrame, State
-from sniffer.timing import byte_time_ns
+from sniffer.timing import byte_time_ns, clipped, clock_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -84,6 +85,7 @@ class Reference:
     def decode(self, chunks: Sequence[Chunk]) -> Result:
         """Return all records of the stream."""
         times: list[int] = []
+        clocks: list[Clock] = []
         data = bytearray()
         silences: list[int] = []
         last: int | None = None
@@ -91,24 +93,27 @@ class Reference:
             n = len(chunk.data)
             if not n:
                 continue
+            clock = clock_of(chunk)
             if chunk.t_ns is None:
                 t = (last if last is not None else 0) + n * self.byte_ns
             else:
-                t = chunk.t_ns
-                if last is not None and t - n * self.byte_ns - last > self.protocol.tail_ns:
+                t = clipped(chunk.t_ns)
+                # Nominal times at the very beginning say nothing of the pause behind them.
+                lull = t - n * self.byte_ns - last if last is not None and any(clocks) else 0
+                if lull > self.protocol.tail_ns:
                     silences.append(len(data))
             times += [t - (n - 1 - k) * self.byte_ns for k in range(n)]
+            clocks += [clock] * n
             data += chunk.data
             last = t
-        self.times = times
+        self.times, self.clocks = times, clocks
         edges = [0, *silences, len(data)]
-        clocked = any(k.t_ns is not None for k in chunks)
         for a, b in itertools.pairwise(edges):
-            self._stretch(bytes(data), a, b, clocked=clocked)
+            self._stretch(bytes(data), a, b)
         self.out.transactions.sort(key=in_order)
         return self.out
 
-    def _stretch(self, data: bytes, a: int, b: int, *, clocked: bool) -> None:
+    def _stretch(self, data: bytes, a: int, b: int) -> None:
         frames: list[SlowFrame] = []
         p = a
         while p < b:
@@ -132,7 +137,7 @@ class Reference:
         echoes, self.echoes = slow_echoes(frames, self.echoes)
         for row in echoes:
             frames[row].flags |= ECHO
-        pairs = self._pair(frames, clocked=clocked)
+        pairs = self._pair(frames)
         self._judge(pairs, frames, data, b)
         for f in frames:
             self.out.frames.append(
@@ -155,10 +160,15 @@ class Reference:
             )
 
     def _t_start(self, f: SlowFrame) -> int:
+        first = self.times[f.start] - self.byte_ns
         latest = self.times[f.end - 1] - (f.end - f.start) * self.byte_ns
-        return min(self.times[f.start] - self.byte_ns, latest)
+        if not self.clocks[f.start] and self.clocks[f.end - 1]:
+            return latest  # a nominal time is none beside a stamp
+        if self.clocks[f.start] == Clock.SAMPLE:
+            return min(first, self.times[f.end - 1])
+        return min(first, latest)
 
-    def _pair(self, frames: list[SlowFrame], *, clocked: bool) -> list[_Pair]:
+    def _pair(self, frames: list[SlowFrame]) -> list[_Pair]:
         pairs = [_Pair(f, None, NOT_EXPECTED) for f in frames if f.flags & ECHO]
         sent = {a.start: b for a, b in itertools.pairwise(frames) if b.flags & ECHO}
         frames = [f for f in frames if not f.flags & ECHO]
@@ -178,7 +188,8 @@ class Reference:
             f.servo_id = f.servo_id if f.servo_id >= 0 else q.servo_id
             f.address = f.address if own or f.address >= 0 else q.address
             end = sent.get(q.start, q).end  # an echo tells when it was on the wire
-            took = max(self._t_start(f) - self.times[end - 1], 0) if clocked else -1
+            known = self.clocks[f.end - 1] and self.clocks[end - 1]
+            took = max(self._t_start(f) - self.times[end - 1], 0) if known else -1
             pairs.append(_Pair(q, f, outcome, took))
         pairs += [_Pair(frames[row], None, NO_RESPONSE) for row in alone]
         pairs.sort(key=_place)

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 LINE_ERRORS: Final = frozenset({MarkKind.FRAMING, MarkKind.PARITY, MarkKind.BREAK})
 """Kinds that say: the byte may not be what was on the line."""
 
-TEARS: Final = frozenset({MarkKind.LOST, MarkKind.BACK, MarkKind.SKIPPED})
-"""Kinds that say: bytes are missing here for long; nothing crosses this place."""
+TEARS: Final = frozenset({MarkKind.LOST, MarkKind.BACK, MarkKind.SKIPPED, MarkKind.SILENT})
+"""Kinds that say: bytes are missing here, or none came, for long; nothing crosses this place."""
 
 
 class Remarks:

@@ -4,48 +4,84 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from sniffer.model import I64, KINDS, NS, OK, OUTCOMES, Anomaly, Batch, Severity
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.pacing import Pace
     from sniffer.protocols.base import BusProtocol
 
 _PER_OCTAVE: Final = 32
 _BINS: Final = 64 * _PER_OCTAVE
 
 
+FIGURES: Final[Mapping[str, float]] = MappingProxyType({"p50": 0.5, "p99": 0.99, "max": 1.0})
+"""The figures that are told of response times, and the share of all that stay below."""
+
+POINT: Final = 0.1
+"""A figure is told as a point if its bounds are no further from it than this share of it."""
+
+
+class Bounds(NamedTuple):
+    """A duration as far as the stamps tell it: at least and at most, in ns."""
+
+    low: int
+    high: int
+
+    @property
+    def point(self) -> int | None:
+        """The duration where the bounds are close enough to call it one; None elsewhere."""
+        middle = (self.low + self.high) // 2
+        return middle if self.high - self.low <= 2 * POINT * middle else None
+
+    def ms(self) -> str:
+        """Return it in ms: a point, an upper bound, or both bounds."""
+        if self.point is not None:
+            return f"{self.point / 1e6:.2f}"
+        high = f"{self.high / 1e6:.2f}"
+        return f"{self.low / 1e6:.2f}-{high}" if 2 * self.low > self.high else f"<{high}"
+
+
 class Quantiles:
-    """Quantiles of durations to 2 % in fixed memory: a histogram of their logarithms."""
+    """Quantiles of durations that are known within bounds, in fixed memory.
+
+    Two histograms of logarithms, to 2 %: where each duration lies between its bounds, each quantile
+    lies between the same quantile of the lower bounds and that of the upper ones.
+    """
 
     def __init__(self) -> None:
-        self._bins = np.zeros(_BINS, np.int64)
+        self._bins = np.zeros((2, _BINS), np.int64)
+        self._most = [0, 0]
         self.count = 0
-        self.least: int | None = None
-        self.most: int | None = None
 
-    def add(self, ns: I64) -> None:
-        """Count durations, in ns; negative ones are not known and left out."""
-        ns = ns[ns >= 0]
+    def add(self, ns: I64, spread: I64) -> None:
+        """Count durations, in ns, each known to ``spread``; negative ones are not known at all."""
+        known = ns >= 0
+        ns, spread = ns[known], np.maximum(spread[known], 0)
         if not len(ns):
             return
-        at = np.log2(np.maximum(ns, 1)) * _PER_OCTAVE
-        self._bins += np.bincount(at.astype(np.int64), minlength=_BINS)
         self.count += len(ns)
-        low, high = int(ns.min()), int(ns.max())
-        self.least = low if self.least is None else min(self.least, low)
-        self.most = high if self.most is None else max(self.most, high)
+        for k, bound in enumerate((np.maximum(ns - spread, 0), ns + spread)):
+            at = (np.log2(np.maximum(bound, 1)) * _PER_OCTAVE).astype(np.int64)
+            self._bins[k] += np.bincount(at, minlength=_BINS)
+            self._most[k] = max(self._most[k], int(bound.max()))
 
-    def at(self, share: float) -> int | None:
-        """Return the duration that ``share`` of all stay below, in ns."""
-        if self.least is None or self.most is None:
+    def at(self, share: float) -> Bounds | None:
+        """Return the duration that ``share`` of all stay below, and 1 the longest; None: no one."""
+        if not self.count:
             return None
-        wanted = share * self.count
-        k = int(np.searchsorted(np.cumsum(self._bins), wanted))
-        middle = 2 ** ((k + 0.5) / _PER_OCTAVE)
-        return int(min(max(middle, self.least), self.most))
+        out = []
+        for k, bins in enumerate(self._bins):
+            row = int(np.searchsorted(np.cumsum(bins), share * self.count))
+            edge = 2 ** ((row + k) / _PER_OCTAVE) if row or k else 0
+            out.append(min(int(edge), self._most[k]))
+        return Bounds(*out)
 
 
 @dataclass(slots=True)
@@ -65,8 +101,6 @@ class BusTotals:
     """(servo id, command, kind) -> frames; servo -1 is none."""
     bad_by_servo: Counter[int] = field(default_factory=Counter)
     times: dict[int, Quantiles] = field(default_factory=dict)
-    blur: dict[int, int] = field(default_factory=dict)
-    """Servo id -> what a reply time of zero may be at most, in ns: one read held it all."""
     samples: int = 0
     first: dict[str, Anomaly] = field(default_factory=dict)
     by_servo: dict[str, Counter[int]] = field(default_factory=dict)
@@ -128,11 +162,10 @@ class BusTotals:
             return
         servo = f.servo_id[t.response[known]]
         took = t.response_time_ns[known]
-        blur = np.where(took == 0, t.uncertainty_ns[known], 0)
+        spread = t.uncertainty_ns[known]
         for who in np.unique(servo).tolist():
             mine = servo == who
-            self.times.setdefault(who, Quantiles()).add(took[mine])
-            self.blur[who] = max(self.blur.get(who, 0), int(blur[mine].max()))
+            self.times.setdefault(who, Quantiles()).add(took[mine], spread[mine])
 
     @property
     def seconds(self) -> float | None:
@@ -147,6 +180,8 @@ class Summary:
 
     def __init__(self) -> None:
         self.buses: dict[str, BusTotals] = {}
+        self.paces: dict[str, Pace] = {}
+        """By what each bus is timed, where that is known."""
 
     def add(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Count a batch in."""
@@ -160,7 +195,7 @@ class Summary:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the summary record of the JSON lines: totals, then each bus."""
-        each = {name: _totals(b) for name, b in self.buses.items()}
+        each = {name: _totals(b, self.paces.get(name)) for name, b in self.buses.items()}
         out: dict[str, Any] = {"type": "summary"}
         for key in ("bytes", "bytes_in_frames", "bytes_in_gaps", "frames", "gaps", "transactions"):
             out[key] = sum(b[key] for b in each.values())
@@ -175,7 +210,30 @@ class Summary:
         return out
 
 
-def _totals(b: BusTotals) -> dict[str, Any]:
+def _timing(told: Pace | None) -> dict[str, Any]:
+    if told is None:
+        return {}
+    return {
+        "baud": told.baud,
+        "rate": told.rate,
+        "slowest_baud": told.slowest,
+        "latency_ns": told.latency_ns,
+        "latency": told.latency or "usual",
+        "impossible": bool(told.faster),
+    }
+
+
+def _figures(q: Quantiles) -> dict[str, Any]:
+    """Return the figures of one servo: a number only where the stamps carry one."""
+    bounds = {name: q.at(share) for name, share in FIGURES.items()}
+    return {
+        "count": q.count,
+        **{name: b.point if b is not None else None for name, b in bounds.items()},
+        **{f"{name}_bounds": list(b) if b is not None else None for name, b in bounds.items()},
+    }
+
+
+def _totals(b: BusTotals, told: Pace | None) -> dict[str, Any]:
     return {
         "protocol": b.protocol,
         "bytes": b.bytes,
@@ -197,8 +255,6 @@ def _totals(b: BusTotals) -> dict[str, Any]:
         "severities": {s.name.lower(): n for s, n in b.severities.items()},
         "clock": b.clock,
         **({"looks_like": b.looks_like} if b.looks_like else {}),
-        "response_times_ns": {
-            str(servo): {"count": q.count, "p50": q.at(0.5), "p99": q.at(0.99), "max": q.most}
-            for servo, q in sorted(b.times.items())
-        },
+        **_timing(told),
+        "response_times_ns": {str(servo): _figures(q) for servo, q in sorted(b.times.items())},
     }

@@ -20,7 +20,7 @@ FILES: Final = sorted(
 CORE: Final = (
     *("model", "limits", "registers", "checksums", "framing", "plan", "timing", "bus", "samples"),
     *("decoder", "reference", "diagnostics", "protocols", "rows", "summary", "remarks"),
-    *("merging", "ordering", "pending", "matching", "echo"),
+    *("merging", "ordering", "pacing", "pending", "matching", "echo"),
 )
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
 
@@ -33,7 +33,7 @@ FLOORS: Final = (
     ("bus", "samples"),
     ("diagnostics",),
     ("decoder", "reference", "rows"),
-    ("summary", "detect", "messages", "simulation", "merging", "ordering", "status"),
+    ("summary", "detect", "pacing", "messages", "simulation", "merging", "ordering", "status"),
     ("sources", "sinks"),
     ("pipeline", "wires", "replaying", "explaining", "doctoring", "playing"),
     ("api", "recovery", "comparing", "viewing", "recording", "parcels"),

@@ -67,7 +67,8 @@ def decode(
     """
     options = pipeline_options(protocol, baud, models, latency)
     source = open_source(file, input_format)
-    sinks: list[Sink] = open_outputs(outputs, session_facts(file, options), file, force=force)
+    facts = session_facts(file, options, source.facts())
+    sinks: list[Sink] = open_outputs(outputs, facts, file, force=force)
     if not quiet and not summary:
         sinks.append(Standard(_printer(output_format), alone=not outputs))
     name = "standard input" if file == "-" else file

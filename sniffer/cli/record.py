@@ -159,7 +159,7 @@ def record(
         try:
             view = recording.live_view(show, tapping, paths[0].stem, tell.talk)
             source = ", ".join(spec.port for spec in ports)
-            facts = {**session_facts(source, options), **tapping.facts}
+            facts = {**session_facts(source, options, tapping.facts), **tapping.facts}
             file, sinks = recording.open_files(files, facts)
         except BaseException:
             tapping.listener.stop()

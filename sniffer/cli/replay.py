@@ -91,9 +91,9 @@ def replay(
         source = open_source(file, input_format)
         heard = merged(source, source, options, quiet=played)
         chunks: Iterable[Chunk] = (chunk for group in heard for chunk in group)
+        # looked at beforehand: what is to be played in real time cannot wait for it
+        head, chunks = peek(chunks, ENOUGH)
         if options.protocol == AUTO and not options.protocols:
-            # found beforehand: what is to be played in real time cannot wait for it
-            head, chunks = peek(chunks, ENOUGH)
             options = dataclasses.replace(options, protocols=_told(head))
         groups = paced(steps(within(timed(chunks, _baud(options)), Window(start, stop))), speed)
         sink: Sink
@@ -106,7 +106,9 @@ def replay(
 
             sink = Standard(TextSink(sys.stdout), alone=True)
         name = "standard input" if file == "-" else file
-        _, status = run_source(source, options, [sink], name=name, quiet=played, groups=groups)
+        _, status = run_source(
+            source, options, [sink], name=name, quiet=played, groups=groups, ahead=head
+        )
         played = True
     return status
 

@@ -18,6 +18,7 @@ from sniffer import __version__
 from sniffer.detect import Detection, UndecidedError
 from sniffer.messages import TOOL
 from sniffer.model import Batch, Chunk, DamagedInputError, InputError, OutputError
+from sniffer.pacing import ASSUMED, Pace
 from sniffer.pipeline import Options, Pipeline
 from sniffer.protocols.base import BusProtocol
 from sniffer.sinks import open_sink, suffix_known
@@ -90,16 +91,30 @@ def say(message: str) -> None:
         click.echo(f"sniffer: {one_line(message)}", err=True)
 
 
-def session_facts(source: str, options: Options) -> Mapping[str, str]:
-    """Return the facts of a recording that are known before its first byte."""
+def session_facts(
+    source: str, options: Options, known: Mapping[str, str] | None = None
+) -> Mapping[str, str]:
+    """Return the facts of a recording that are known before its first byte.
+
+    ``known`` are those of the recording that is read: its rates and latencies are handed on.
+    """
     facts = {
         "tool": f"{TOOL} {__version__}",
         "source": source,
         "protocol": options.protocol,
         "written": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
+    told = {k: v for k, v in (known or {}).items() if k.startswith(("baud.", "latency_ns."))}
     if options.baud is not None:
         facts["baud"] = str(options.baud)
+    elif (known or {}).get("rate") != ASSUMED and any(k.startswith("baud.") for k in told):
+        facts |= {k: v for k, v in told.items() if k.startswith("baud.")}
+    else:
+        facts["rate"] = ASSUMED  # what stands as a bus's rate is the protocol's usual one
+    if options.latency_ns is not None:
+        facts["latency_ns"] = str(options.latency_ns)
+    else:
+        facts |= {k: v for k, v in told.items() if k.startswith("latency_ns.")}
     for servo, model in options.models.items():
         facts["model" if servo is None else f"model.{servo}"] = model
     return facts
@@ -226,12 +241,14 @@ def run_source(
     name: str,
     quiet: bool = False,
     groups: Iterable[Sequence[Chunk]] | None = None,
+    ahead: Iterable[Chunk] = (),
 ) -> tuple[Pipeline, int]:
     """Decode everything into the sinks; return the pipeline and the exit status.
 
     Damage further in, or an interruption, keeps what was decoded: the sinks are finished first.
-    ``groups`` are the source's own where None, else what somebody made of them. A recording may
-    break off: whoever records can be killed.
+    ``groups`` are the source's own where None, else what somebody made of them; then ``ahead`` are
+    its first chunks, by which times are judged. A recording may break off: whoever records can be
+    killed.
 
     Raises:
         InputError: there is nothing in it, or its protocol cannot be told.
@@ -246,8 +263,12 @@ def run_source(
     def heard(given: Iterable[Sequence[Chunk]]) -> Iterable[Sequence[Chunk]]:
         return merged(source, given, options, quiet=quiet) if groups is None else given
 
+    def timed(bus: str, told: Pace) -> None:
+        for remark in () if quiet else told.remarks:
+            say(f"{bus}: {remark}")
+
     options = options.with_facts(source.facts())
-    pipeline = Pipeline(options, sinks, on_detection=found)
+    pipeline = Pipeline(options, sinks, on_detection=found, on_pace=timed, ahead=ahead)
     patience = _Patience()
     status, told = 0, ""
     with patience.installed():

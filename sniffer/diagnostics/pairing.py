@@ -143,8 +143,19 @@ class PairingRules:
         known = np.flatnonzero((t.outcome == OK) & (t.response_time_ns >= 0))
         if not len(known):
             return known
-        window = self._protocol.window_ns(batch.asked(t.request[known]))
-        return known[t.response_time_ns[known] - t.uncertainty_ns[known] > window]
+        asked, answer = t.request[known], t.response[known]
+        window = self._protocol.window_ns(batch.asked(asked))
+        took = t.response_time_ns[known] - t.uncertainty_ns[known]
+        f = batch.frames
+        if batch.slower_ns:  # a slower line takes longer for the answer itself
+            took = took - f.length[answer] * batch.slower_ns
+        # Nobody can answer while another one speaks: the time counts from when the line was free.
+        waits = np.flatnonzero((answer > 0) & (asked != answer - 1))
+        free = (
+            f.t_start[answer[waits]] - f.t_end[answer[waits] - 1] - t.uncertainty_ns[known[waits]]
+        )
+        took[waits] = np.minimum(took[waits], free)
+        return known[took > window]
 
     def _rows(self, batch: Batch, rows: I64) -> Iterator[_Row]:
         f, t = batch.frames, batch.transactions

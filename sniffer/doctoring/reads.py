@@ -127,4 +127,6 @@ def _times(heard: Heard, pairs: _Pairs | None) -> Verdict:
     if typical <= EXACT_NS:
         return Verdict(Level.OK, "times", text, numbers=numbers)
     advice = "short response times cannot be measured here; a logic analyser's capture is exact"
-    return Verdict(Level.WARN, "times", text, advice, numbers=numbers)
+    # A guess is nothing to warn of.
+    level = Level.NOTE if heard.latency_ns is None else Level.WARN
+    return Verdict(level, "times", text, advice, numbers=numbers)

@@ -50,6 +50,7 @@ class Mark(_message.Message):
         ENDED: _ClassVar[Mark.Kind]
         HELD: _ClassVar[Mark.Kind]
         MERGED: _ClassVar[Mark.Kind]
+        SILENT: _ClassVar[Mark.Kind]
     UNKNOWN: Mark.Kind
     FRAMING: Mark.Kind
     PARITY: Mark.Kind
@@ -62,6 +63,7 @@ class Mark(_message.Message):
     ENDED: Mark.Kind
     HELD: Mark.Kind
     MERGED: Mark.Kind
+    SILENT: Mark.Kind
     KIND_FIELD_NUMBER: _ClassVar[int]
     START_FIELD_NUMBER: _ClassVar[int]
     LENGTH_FIELD_NUMBER: _ClassVar[int]

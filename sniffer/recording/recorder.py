@@ -1,9 +1,9 @@
 """The worker of a recording: takes what the reader queued, records it first, then decodes it.
 
-One round every ``TICK_S``. What the ports delivered is handed to the recording before anything is
-decoded, and is in the file when the round ends: a recorder that is killed loses no more than a
-round. Decoding that takes long goes on in the next round; if it falls too far behind, bytes are
-recorded without being decoded, and marked so.
+One round every ``TICK_S``. What the ports delivered is handed to the recording and written to the
+file before anything is decoded: a recorder that is killed loses no byte that it had taken, whatever
+decoding does. Decoding that takes long goes on in the next round; if it falls too far behind, bytes
+are recorded without being decoded, and marked so.
 """
 
 from __future__ import annotations
@@ -205,6 +205,9 @@ class Recorder:
 
     def _round(self) -> None:
         heard_ns = self._take()
+        if self._file is not None:
+            # Before decoding, which may take long or never end; its records wait for a round.
+            self._file.flush()
         began = time.monotonic()
         if began >= self._decode_at:
             done = self._decode(began + OVERDUE_S)
@@ -222,8 +225,6 @@ class Recorder:
             pause = min(max((time.monotonic() - began) / DUTY, DECODE_S[0]), DECODE_S[1])
             # half a round early, so that rounds that come a little late are not missed
             self._decode_at = began + pause - TICK_S / 2 if done else 0.0
-        if self._file is not None:
-            self._file.flush()
 
     def _take(self) -> int:
         """Hand what came to the recording; return up to which time that is all there is."""
@@ -311,6 +312,8 @@ class Recorder:
             ended = (Mark(MarkKind.ENDED, 0, count=0),)
             end = Chunk(b"", now_ns, Clock.READ, bus, tap.direction, ended)
             self._hand_over(bus, [end])
+        if self._file is not None:
+            self._file.flush()
         while not (self.wishes.hurry or self._decode(0.0)):
             pass
         self.skipped += sum(waiting.size for waiting in self._waiting.values())

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from sniffer.registers import Register
     from sniffer.sinks.board_state import BusTally
+    from sniffer.summary import Bounds
 
 Cell = tuple[str, str]
 """A text that cannot steer the terminal, and a style of the board by name."""
@@ -98,13 +99,13 @@ def told_value(register: Register, raw: int, value: float) -> str:
     return f"{value:.{decimals(register)}f}{UNITS.get(unit, f' {unit}' if unit else '')}"
 
 
-def milliseconds(ns: int, spread: int) -> str:
-    """Return a reply time; ``spread`` is how uncertain it is, where that makes it a bound."""
-    if ns < 0:
+def milliseconds(bounds: Bounds | None) -> str:
+    """Return a reply time; where the stamps carry no figure, what it is below."""
+    if bounds is None:
         return "-"
-    ms = (ns + spread) / 1e6
+    ms = (bounds.high if bounds.point is None else bounds.point) / 1e6
     digits = 2 if ms < 9.995 else 1 if ms < 99.95 else 0
-    return f"{'<' if spread else ''}{ms:.{digits}f}"
+    return f"{'<' if bounds.point is None else ''}{ms:.{digits}f}"
 
 
 def share(count: int, of: int) -> str:
@@ -141,7 +142,7 @@ class Rows:
         self._now_ns = now_ns
         sums, seconds = tally.answers.until(end_ns)
         self._rates = sums / seconds
-        self._p50, self._p99, self._spread = tally.times(end_ns)
+        self._p50, self._p99 = tally.times(end_ns)
         self._alarmed = tally.alarmed()
         trouble = tally.servos.trouble_ns
         self._recent = (trouble > 0) & (now_ns - trouble < RECENT_NS)
@@ -172,10 +173,8 @@ class Rows:
             rate = float(self._rates[row])
             return f"{rate:.1f}" if rate < 99.95 else f"{rate:.0f}", "" if rate else "dim"
         if key in ("p50", "p99"):
-            half, spread = int(self._p50[row]), int(self._spread[row])
-            ns = half if key == "p50" else int(self._p99[row])
-            # Both are bounds where one is: a p99 below the bound of p50 would be no sense.
-            return milliseconds(ns, spread if spread > half else 0), "" if ns >= 0 else "dim"
+            bounds = (self._p50 if key == "p50" else self._p99)[row]
+            return milliseconds(bounds), "dim" if bounds is None else ""
         if key in ("missing", "damaged"):
             count = int((s.missing if key == "missing" else s.damaged)[row])
             style = "dim" if not count else "bad" if self._recent[row] else "doubt"

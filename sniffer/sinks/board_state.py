@@ -28,6 +28,7 @@ from sniffer.model import (
     Mask,
     Severity,
 )
+from sniffer.summary import Bounds
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -161,7 +162,7 @@ class BusTally:
         self.servos = Servos.none()
         self.answers = Sliding(NS // 4, RATE_NS, 0)
         self._times = Sliding(2 * NS, TIMES_NS, 0, np.int32)
-        self._spreads = Sliding(2 * NS, TIMES_NS, 0)
+        self._most = Sliding(2 * NS, TIMES_NS, 0, np.int32)
         self._row = np.full(IDS, -1, np.int64)
         registers = protocol.registers
         self._quantity = np.array(
@@ -202,19 +203,23 @@ class BusTally:
                 if row >= 0:
                     self.servos.trouble_ns[row] = max(int(self.servos.trouble_ns[row]), a.t_ns)
 
-    def times(self, end_ns: int) -> tuple[I64, I64, I64]:
-        """Return each servo's reply times lately: p50 and p99 (-1: none), mean uncertainty."""
+    def times(self, end_ns: int) -> tuple[list[Bounds | None], list[Bounds | None]]:
+        """Return each servo's reply times lately, p50 and p99; None: there are none."""
         n = len(self.servos)
-        counts = self._times.until(end_ns)[0].reshape(n, BINS)
-        spreads = self._spreads.until(end_ns)[0]
-        summed = counts.cumsum(axis=1)
-        total = summed[:, -1] if n else np.zeros(0, np.int64)
+        edges = []
+        for k, histogram in enumerate((self._times, self._most)):
+            counts = histogram.until(end_ns)[0].reshape(n, BINS)
+            summed = counts.cumsum(axis=1)
+            total = summed[:, -1] if n else np.zeros(0, np.int64)
+            for share in (0.5, 0.99):
+                at = (summed < np.maximum(share * total, 1)[:, None]).sum(axis=1)
+                ns = 2 ** ((at + k) / PER_OCTAVE + FIRST_OCTAVE)
+                edges.append(np.where(total > 0, np.where(at + k > 0, ns, 0), -1).astype(np.int64))
         out = []
-        for share in (0.5, 0.99):
-            k = (summed < np.maximum(share * total, 1)[:, None]).sum(axis=1)
-            ns = 2 ** ((k + 0.5) / PER_OCTAVE + FIRST_OCTAVE)
-            out.append(np.where(total > 0, np.where(k > 0, ns, 0), -1).astype(np.int64))
-        return out[0], out[1], spreads // np.maximum(total, 1)
+        for low, high in ((edges[0], edges[2]), (edges[1], edges[3])):
+            pairs = zip(low.tolist(), high.tolist(), strict=True)
+            out.append([Bounds(a, b) if b >= 0 else None for a, b in pairs])
+        return out[0], out[1]
 
     def alarms(self, row: int) -> list[str]:
         """Return the faults that a servo reported last."""
@@ -248,7 +253,7 @@ class BusTally:
         self.servos.append(new.astype(np.int16))
         self.answers.grow(n)
         self._times.grow(n * BINS)
-        self._spreads.grow(n)
+        self._most.grow(n * BINS)
         for name in ("value", "raw", "register", "seen_ns", "_alarm_raw"):
             column = getattr(self, name)
             more = np.full((len(new), column.shape[1]), -1, column.dtype)
@@ -288,11 +293,10 @@ class BusTally:
         known = np.flatnonzero(~bad & (took >= 0))
         if len(known):
             kept, who, took = kept[known], who[known], took[known]
-            k = (np.log2(np.maximum(took, 1)) - FIRST_OCTAVE) * PER_OCTAVE
-            k = np.clip(k.astype(np.int64), 0, BINS - 1)
+            spread = np.maximum(t.uncertainty_ns[kept], 0)
             at = f.t_end[t.response[kept]]
-            self._times.add(at, who * BINS + k)
-            self._spreads.add(at, who, t.uncertainty_ns[kept])
+            self._times.add(at, who * BINS + _bins(took - spread))
+            self._most.add(at, who * BINS + _bins(took + spread))
 
     def _read_status(self, batch: Batch) -> None:
         """Take the faults that servos report; a refusal is an event, not a state."""
@@ -322,6 +326,12 @@ class BusTally:
         for k, index in enumerate(self._alarm_registers):
             mine = np.flatnonzero(true & (v.register == index))
             self._alarm_raw[who[mine], k] = v.raw[mine]
+
+
+def _bins(ns: I64) -> I64:
+    """Return where durations stand in a histogram of their logarithms."""
+    k = (np.log2(np.maximum(ns, 1)) - FIRST_OCTAVE) * PER_OCTAVE
+    return np.clip(k.astype(np.int64), 0, BINS - 1)
 
 
 @dataclass(slots=True)

@@ -12,13 +12,16 @@ from rich.table import Table
 from rich.text import Text
 
 from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.pacing import ASSUMED
 from sniffer.sinks.lines import plain, short
+from sniffer.summary import FIGURES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from rich.console import Console
 
+    from sniffer.pacing import Pace
     from sniffer.summary import BusTotals, Summary
 
 GLUE: Final = "\u2800"
@@ -35,12 +38,6 @@ _OUTCOMES: Final[Mapping[str, str]] = {"not_expected": "need no reply"}
 """Outcomes in other words than their own."""
 
 
-def _ms(ns: int | None, blur: int) -> str:
-    if ns is not None and ns < 1000 and blur:
-        return f"<{blur / 1e6:.2f}"
-    return "" if ns is None else f"{ns / 1e6:.2f}"
-
-
 def counted(n: int, what: str) -> str:
     """Return a number with its noun."""
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
@@ -52,13 +49,13 @@ def print_summary(summary: Summary, console: Console) -> None:
         for nth, (name, bus) in enumerate(summary.buses.items()):
             if nth:
                 console.print()
-            _print_bus(name, bus, console)
+            _print_bus(name, bus, summary.paces.get(name), console)
     # tables are padded to their width: nobody wants that in a file
     lines = printed.get().replace(GLUE, " ").splitlines()
     console.file.write("".join(_PADDING.sub(r"\1", line) + "\n" for line in lines))
 
 
-def _print_bus(name: str, b: BusTotals, console: Console) -> None:
+def _print_bus(name: str, b: BusTotals, told: Pace | None, console: Console) -> None:
     frames, gaps = counted(sum(b.kinds.values()), "frame"), counted(sum(b.gaps.values()), "gap")
     share = 100 * b.bytes_in_frames / b.bytes if b.bytes else 0.0
     length = b.seconds
@@ -68,6 +65,8 @@ def _print_bus(name: str, b: BusTotals, console: Console) -> None:
         f"{counted(b.bytes, 'byte')} = {b.bytes_in_frames} in {frames} ({held:.2f} %)",
         f"over {length:.3f} s" if length else "no clock in the input: times are nominal",
     ]
+    if told is not None and length:
+        lines += _timing(told)
     lines[0] += f" + {b.bytes_in_gaps} in {gaps}"
     outcomes = [f"{n} {_OUTCOMES.get(k, k.replace('_', ' '))}" for k, n in b.outcomes.items() if n]
     if outcomes:
@@ -85,6 +84,17 @@ def _print_bus(name: str, b: BusTotals, console: Console) -> None:
         console.print(_anomalies(b))
     else:
         console.print("  no anomalies")
+
+
+def _timing(told: Pace) -> list[str]:
+    """Say by what times were reckoned, where nobody stated it."""
+    out = []
+    if told.rate == ASSUMED:
+        slower = f"; the line may be as slow as {told.slowest}" if told.doubtful else ""
+        unlike = slower if told.slowest < told.baud else ""
+        out.append(f"assumed to run at {told.baud} baud{unlike}")
+    out += told.remarks
+    return out
 
 
 def _table() -> Table:
@@ -114,9 +124,8 @@ def _commands(b: BusTotals) -> Table:
         row = [str(servo) if servo >= 0 else "-", str(sum(mine.values()))]
         if b.times:
             q = b.times.get(servo)
-            blur = b.blur.get(servo, 0)
-            times = (q.at(0.5), q.at(0.99), q.most) if q else (None, None, None)
-            row += [_ms(ns, blur) for ns in times]
+            times = [q.at(share) if q else None for share in FIGURES.values()]
+            row += [bounds.ms() if bounds is not None else "" for bounds in times]
         if failed:
             row.append(str(b.bad_by_servo.get(servo) or ""))
         table.add_row(*row, told)

@@ -28,6 +28,7 @@ from sniffer.sinks.rerun_layout import (
     application_id,
     blueprint,
 )
+from sniffer.summary import FIGURES, Quantiles
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -96,7 +97,7 @@ class RerunSink:
         self._colours = Colours()
         self._dated: bool | None = None
         self._span: tuple[int, int] | None = None
-        self._doubt_ns: dict[str, int] = {}
+        self._doubt: dict[str, Quantiles] = {}
         self._laid_out = 0  # entities in the layout last sent
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
@@ -183,8 +184,8 @@ class RerunSink:
         servo = f.servo_id[response].astype(np.int64)
         servo = np.where(servo >= 0, servo, f.servo_id[t.request[timed]])
         if len(timed):
-            doubt = int(t.uncertainty_ns[timed].max())
-            self._doubt_ns[bus] = max(doubt, self._doubt_ns.get(bus, 0))
+            spread = t.uncertainty_ns[timed]
+            self._doubt.setdefault(bus, Quantiles()).add(spread, np.zeros_like(spread))
         for key, rows in _groups(servo):
             took = t.response_time_ns[timed[rows]] / 1e6
             self._line(bus, protocol, key, -1).add(f.t_end[response[rows]], took)
@@ -279,7 +280,11 @@ class RerunSink:
             logs,
             span_ns=None if self._live else self._span,
             window_s=self._window_s if self._live else None,
-            doubt_ns=self._doubt_ns,
+            doubt_ns={
+                bus: bounds.high
+                for bus, q in self._doubt.items()
+                if (bounds := q.at(FIGURES["p99"])) is not None
+            },
         )
         if plan is not None:
             self._rec.send_blueprint(plan)

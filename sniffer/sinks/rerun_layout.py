@@ -114,7 +114,7 @@ def blueprint(
         logs: bus -> path of its anomaly log, for buses that have one.
         span_ns: first and last time, shown whole.
         window_s: instead, follow the newest time with this much before it.
-        doubt_ns: bus -> how far its response times may be off.
+        doubt_ns: bus -> how far its response times may be off, 99 of 100 of them.
     """
     import rerun.blueprint as rrb
 
@@ -248,7 +248,7 @@ def _plots(
     for (group, unit), paths in together.items():
         name = f"{group.replace('_', ' ').capitalize()} [{_UNITS.get(unit, unit)}]"
         if group == RESPONSE_TIME and doubt_ns >= 100_000:
-            name += f", known to ±{doubt_ns / 1e6:.1f}"
+            name += f", 99 % known to ±{doubt_ns / 1e6:.1f}"
         out[group, unit] = rrb.TimeSeriesView(
             name=name,
             origin="/",

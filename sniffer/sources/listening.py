@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.model import NEVER_NS, NS, SnifferError
 from sniffer.sources.ports import Counters, Port, PortLostError, PortOptions, open_port
+from sniffer.sources.waiting import Account
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -201,25 +202,27 @@ class Listener:
 
     def _wait_for(self, line: _Line, number: int) -> None:
         """Read a port that cannot be polled."""
-        while not self._stop.is_set():
-            if line.port is not None:
+        with Account() as account:
+            while not self._stop.is_set():
+                if line.port is not None:
+                    self._heard[number] = self._anchor.now()
+                    account.since()
+                    if self._read(line, account=account) is None:
+                        line.close()
+                    self._count(line)
+                    continue
+                self._heard[number] = NEVER_NS
+                port = _opened(line)
                 self._heard[number] = self._anchor.now()
-                if self._read(line) is None:
-                    line.close()
-                self._count(line)
-                continue
-            self._heard[number] = NEVER_NS
-            port = _opened(line)
-            self._heard[number] = self._anchor.now()
-            if port is not None:
-                self._take_back(line, port)
-            else:
-                self._stop.wait(RETRY_S)
+                if port is not None:
+                    self._take_back(line, port)
+                else:
+                    self._stop.wait(RETRY_S)
         self._read_rest(line)
 
     def _poll(self, lines: Sequence[_Line], number: int) -> None:
         """Read all ports that can be polled."""
-        with selectors.DefaultSelector() as selector:
+        with selectors.DefaultSelector() as selector, Account() as account:
             selector.register(self._waker, selectors.EVENT_READ, None)
             for line in lines:
                 selector.register(line.fileno(), selectors.EVENT_READ, line)
@@ -232,6 +235,9 @@ class Listener:
                 held_ns = _held_ns(before, looked, came)
                 if held_ns:  # the kernel moves up what did not fit, once for all ports
                     time.sleep(BREATH_NS / NS)
+                waited_ns = account.since()
+                if waited_ns > BREATH_NS:  # the breath is part of the latency
+                    held_ns = max(held_ns, min(waited_ns, self._anchor.now() - before))
                 if is_new:  # a port may hold bytes that came before it was set up
                     ready = [(k, 0) for k in selector.get_map().values() if k.data is not None]
                     is_new = False
@@ -278,10 +284,17 @@ class Listener:
         while line.port is not None and time.monotonic() < until and self._read(line):
             pass
 
-    def _read(self, line: _Line, held_ns: int = 0, came: int | None = None) -> bytes | None:
+    def _read(
+        self,
+        line: _Line,
+        held_ns: int = 0,
+        came: int | None = None,
+        account: Account | None = None,
+    ) -> bytes | None:
         """Read what is there; return None when the port is no longer there.
 
-        ``held_ns`` is how long it may have waited until ``came``.
+        ``held_ns`` is how long it may have waited until ``came``; ``account`` tells how long the
+        thread waits while it reads.
         """
         port = line.port
         assert port is not None
@@ -299,7 +312,7 @@ class Listener:
             is_gone = True
         now = self._anchor.now()
         if data:
-            late = now - came if came is not None else 0
+            late = now - came if came is not None else account.since() if account else 0
             held_ns = held_ns + late if held_ns or late > LATE_NS else 0
             self._events.append(Read(line.number, now, data, held_ns))
         if is_gone:

@@ -1,0 +1,225 @@
+"""What the stamps of a log tell: its rate, how long its host held bytes, what they cannot tell."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import pytest
+
+from sniffer.model import NS, OK, Chunk, Clock
+from sniffer.pacing import ASSUMED, ESTIMATED, STATED, Pace
+from sniffer.pipeline import Options, Pipeline
+from sniffer.simulation import faults as f
+from sniffer.simulation.buses import BUSES, simulate
+from sniffer.simulation.faults import Fault
+from sniffer.simulation.render import frame_reads, usb_reads
+from sniffer.summary import Bounds, Quantiles
+from tests.commands import sniffer
+from tests.hosts import MS, lines, reads, truths
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+    from sniffer.model import Batch
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.simulation.talk import TrueFrame
+
+START_NS = 1_700_000_000 * NS
+EVERY = pytest.mark.parametrize("name", BUSES)
+
+
+class Judged:
+    """A log decoded as ``decode`` does, beside the truth."""
+
+    def __init__(
+        self, name: str, truth: Sequence[TrueFrame], chunks: Iterable[Chunk], **options: int
+    ) -> None:
+        self.codes: Counter[str] = Counter()
+        self.count = self.outside = 0
+        self._true = truths(truth)
+        pipeline = Pipeline(Options(name, **options), [self])  # type: ignore[arg-type]
+        pipeline.feed(chunks)
+        pipeline.close()
+        self.pace: Pace = pipeline.paces["bus0"]
+        self.summary = pipeline.summary
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        self.codes.update(a.code for a in batch.anomalies)
+        t = batch.transactions
+        for response, outcome, took, unsure in zip(
+            t.response.tolist(),
+            t.outcome.tolist(),
+            t.response_time_ns.tolist(),
+            t.uncertainty_ns.tolist(),
+            strict=True,
+        ):
+            at = batch.base + int(batch.frames.start[response])
+            if outcome == OK and at in self._true:
+                self.count += 1
+                # times on the line are whole nanoseconds a byte
+                self.outside += abs(took - self._true[at]) > unsure + 100
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def bus(name: str, seconds: float = 8, seed: int = 1, **options: int) -> list[TrueFrame]:
+    return list(
+        simulate(
+            name,
+            seed=seed,
+            start_ns=START_NS,
+            duration_s=seconds,
+            **options,  # type: ignore[arg-type]
+        )
+    )
+
+
+def stamped(told: Iterable[tuple[int, bytes]]) -> list[Chunk]:
+    return [Chunk(data, t, Clock.FILE) for t, data in told]
+
+
+@EVERY
+@pytest.mark.parametrize("form", [reads, lines, usb_reads])
+@pytest.mark.parametrize("stated", [True, False])
+def test_behind_a_16_ms_host_the_truth_is_within_what_is_stated_and_nobody_is_late(
+    name: str, form: object, stated: bool
+) -> None:
+    truth, baud = bus(name), BUSES[name].baud
+    if form is usb_reads:
+        log = stamped(usb_reads(truth, baud, latency_ns=16 * MS))
+    else:
+        log = (reads if form is reads else lines)(truth, baud, seed=3)
+    judged = Judged(name, truth, log, **({"baud": baud} if stated else {}))
+    assert judged.count > 100
+    assert judged.outside <= judged.count // 100
+    assert judged.codes["late-response"] == 0
+    if form is not usb_reads:
+        assert judged.pace.latency == ESTIMATED
+        assert 16 * MS <= (judged.pace.latency_ns or 0) <= 25 * MS
+
+
+@EVERY
+def test_a_prompt_host_is_not_said_to_hold_anything(name: str) -> None:
+    truth, baud = bus(name), BUSES[name].baud
+    for told in (frame_reads(truth), usb_reads(truth, baud)):
+        judged = Judged(name, truth, stamped(told))
+        assert judged.pace.latency_ns is None
+        assert not judged.pace.remarks
+        assert judged.outside == 0
+
+
+@EVERY
+def test_a_servo_that_is_late_is_late_in_a_prompt_log_whose_rate_nobody_stated(name: str) -> None:
+    faults = (Fault(f.LATE, 0.05),)
+    truth = list(simulate(name, seed=5, start_ns=START_NS, duration_s=8, faults=faults))
+    told = Judged(name, truth, stamped(frame_reads(truth)), baud=BUSES[name].baud)
+    assumed = Judged(name, truth, stamped(frame_reads(truth)))
+    assert assumed.codes["late-response"] == told.codes["late-response"] > 0
+
+
+def test_the_latency_that_the_user_states_wins() -> None:
+    truth = bus("mightyzap")
+    judged = Judged("mightyzap", truth, reads(truth, 57600), latency_ns=5 * MS)
+    assert (judged.pace.latency_ns, judged.pace.latency) == (5 * MS, STATED)
+
+
+@EVERY
+@pytest.mark.parametrize("form", ["frames", "usb"])
+def test_a_9600_log_whose_rate_nobody_stated_accuses_no_servo(name: str, form: str) -> None:
+    truth = bus(name, 20, baud=9600)
+    log = stamped(frame_reads(truth) if form == "frames" else usb_reads(truth, 9600))
+    stated, assumed = (Judged(name, truth, log, **o) for o in ({"baud": 9600}, {}))
+    assert assumed.codes == stated.codes
+    assert assumed.outside <= assumed.count // 100
+    assert assumed.pace.slowest == 9600
+    if form == "usb":
+        assert (assumed.pace.rate, assumed.pace.baud) == (ESTIMATED, 9600)
+
+
+def test_a_rate_that_answers_of_two_lengths_tell_is_estimated() -> None:
+    truth = bus("rs30x", 8, baud=9600)
+    judged = Judged("rs30x", truth, stamped(frame_reads(truth)))
+    assert (judged.pace.rate, judged.pace.baud) == (ESTIMATED, 9600)
+
+
+def test_a_log_faster_than_the_usual_rate_is_not_timed_by_it() -> None:
+    truth = bus("mightyzap", 8, baud=400_000, rate_hz=400)
+    judged = Judged("mightyzap", truth, stamped(frame_reads(truth)))
+    assert judged.pace.baud > 57600
+    assert judged.pace.rate == ESTIMATED
+    assert judged.outside == 0
+
+
+def test_a_rate_that_cannot_be_is_called_that() -> None:
+    truth = bus("rs30x", 8)
+    judged = Judged("rs30x", truth, stamped(frame_reads(truth)), baud=9600)
+    assert judged.pace.faster > 2
+    assert "9600 baud (stated) cannot be" in judged.pace.remarks[0]
+    assert not Judged("rs30x", truth, stamped(frame_reads(truth)), baud=115200).pace.remarks
+
+
+def test_few_lines_tell_nothing_and_the_usual_is_assumed() -> None:
+    truth = bus("mightyzap", 0.02)
+    judged = Judged("mightyzap", truth, stamped(frame_reads(truth)))
+    assert (judged.pace.rate, judged.pace.baud, judged.pace.latency_ns) == (ASSUMED, 57600, None)
+
+
+def test_decoding_a_log_says_what_was_inferred_of_its_host(tmp_path: Path) -> None:
+    truth = bus("lss", 4)
+    log = tmp_path / "lss.log"
+    log.write_text(
+        "".join(
+            f"({(k.t_ns or 0) // NS}.{(k.t_ns or 0) % NS:09d}) bus0 000#{k.data.hex().upper()}\n"
+            for k in reads(truth, BUSES["lss"].baud)
+        )
+    )
+    ran = sniffer("decode", log, "--protocol", "lss", "--summary")
+    assert ran.status == 0
+    assert "the host seems to have held bytes for up to" in ran.err
+    assert "assumed to run at 115200 baud" in ran.out
+    whole = sniffer("decode", log, "--protocol", "lss", "--format", "jsonl")
+    again = sniffer("decode", log, "--protocol", "lss", "--quiet", "-o", tmp_path / "lss.mcap")
+    assert again.status == 0
+    redecoded = sniffer("decode", tmp_path / "lss.mcap", "--protocol", "lss", "--format", "jsonl")
+    assert redecoded.out == whole.out
+
+
+# --- figures -------------------------------------------------------------------------------------
+
+
+def test_every_quantile_has_bounds_that_hold_the_truth_and_do_not_cross() -> None:
+    truth = bus("mightyzap", 20)
+    judged = Judged("mightyzap", truth, reads(truth, 57600))
+    true = sorted(truths(truth).values())
+    for q in judged.summary.buses["bus0"].times.values():
+        found = [q.at(share) for share in (0.1, 0.5, 0.9, 0.99, 1.0)]
+        bounds = [b for b in found if b is not None]
+        assert len(bounds) == 5
+        for one, next_one in itertools.pairwise(bounds):
+            assert one.low <= next_one.low
+            assert one.high <= next_one.high
+        assert bounds[-1].low <= true[-1] <= bounds[-1].high
+        assert bounds[1].low <= true[len(true) // 2] <= bounds[1].high
+
+
+def test_a_figure_that_the_stamps_do_not_carry_is_no_number() -> None:
+    import numpy as np
+
+    unsure, exact = Quantiles(), Quantiles()
+    unsure.add(np.array([0, 0, 31_000]), np.array([298_000_000] * 3))
+    exact.add(np.array([500_000] * 3), np.array([1000] * 3))
+    assert [unsure.at(s).point for s in (0.5, 0.99, 1.0)] == [None] * 3  # type: ignore[union-attr]
+    point = exact.at(0.5)
+    assert point is not None
+    assert point.point == pytest.approx(500_000, rel=0.05)
+    assert point.low <= 500_000 <= point.high
+    assert Bounds(0, 2_000_000).ms() == "<2.00"
+    assert Bounds(9_000_000, 12_000_000).ms() == "9.00-12.00"
+    assert Bounds(9_900_000, 10_100_000).ms() == "10.00"
