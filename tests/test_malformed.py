@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from sniffer.decoder import Decoder
@@ -11,7 +13,7 @@ from sniffer.protocols.base import view
 from tests import heard
 from tests.records import batches
 
-MALFORMED = {
+MALFORMED: dict[str, tuple[str, str, dict[str, Any]]] = {
     "symmetric_store of half a servo": (
         "mightyzap",
         "FFFFFFFE0873860201FF0302F9",
