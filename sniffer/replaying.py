@@ -64,8 +64,8 @@ def timed(chunks: Iterable[Chunk], baud: int) -> Iterator[Chunk]:
             yield replace(chunk, data=data, t_ns=last)
 
 
-def within(chunks: Iterable[Chunk], window: Window) -> Iterator[Chunk]:
-    """Yield the chunks of a window, and where it ends before them all, that it ends there.
+def within(chunks: Iterable[Chunk], window: Window, *, ends: bool = False) -> Iterator[Chunk]:
+    """Yield the chunks of a window; ``ends``: also, where it ends before them all, that it does.
 
     Raises:
         InputError: there are none in it.
@@ -82,7 +82,7 @@ def within(chunks: Iterable[Chunk], window: Window) -> Iterator[Chunk]:
             end = first + int(window.stop * NS)
             yield from (
                 replace(last, data=b"", t_ns=end, marks=(Mark(MarkKind.ENDED, 0, count=0),))
-                for last in heard.values()
+                for last in (heard.values() if ends else ())
             )
             break
         if at >= window.start:

@@ -95,7 +95,8 @@ def replay(
         head, chunks = peek(chunks, ENOUGH)
         if options.protocol == AUTO and not options.protocols:
             options = dataclasses.replace(options, protocols=_told(head))
-        groups = paced(steps(within(timed(chunks, _baud(options)), Window(start, stop))), speed)
+        part = within(timed(chunks, _baud(options)), Window(start, stop), ends=True)
+        groups = paced(steps(part), speed)
         sink: Sink
         if in_rerun:
             from sniffer.viewing import live_sink
