@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
+import sniffer
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
@@ -164,7 +166,12 @@ def loaded_with(*modules: str) -> set[Path]:
 
 
 def test_libraries_that_load_slowly_are_loaded_when_they_are_needed() -> None:
-    files = loaded_with("sniffer", "sniffer.__main__")
+    rooms = {
+        value.__module__
+        for name in sniffer.__all__
+        if hasattr(value := getattr(sniffer, name), "__module__")
+    }
+    files = loaded_with("sniffer", "sniffer.__main__", "sniffer.cli", *rooms)
     assert {Path("decoder.py"), Path("cli/decode.py"), Path("sinks/jsonl.py")} <= files
     for file in files:
         drawn = {m.split(".")[0] for m in imports(file, lazy=False, typing=False)} & {*LAZY}

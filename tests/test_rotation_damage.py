@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import random
 import re
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -21,6 +25,9 @@ from sniffer.sources.mcap import chunks, session
 from tests.recordings import talk
 from tests.terminals import PATIENCE_S
 from tests.test_rotation import record, spoken, streams
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
@@ -138,3 +145,69 @@ def test_names_that_are_no_utf_8_are_told_as_far_as_they_can_be(tmp_path: Path) 
     assert facts["previous"] == r"caf\udce9.mcap"
     assert facts["source"] == r"/dev/tty\udce9"
     assert facts["tool"] == "caf\u00e9"
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 256 kB."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mount, umount = shutil.which("mount"), shutil.which("umount")
+    if mount is None or umount is None:
+        pytest.skip("mount is not here")
+    command = [mount, "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(folder)]
+    if subprocess.run(command, check=False, capture_output=True).returncode:
+        pytest.skip("file systems may not be mounted here")
+    yield folder
+    subprocess.run([umount, "-l", str(folder)], check=True)
+
+
+def test_no_file_follows_one_that_did_not_get_its_last_bytes(small_disk: Path) -> None:
+    """The oldest file is deleted, so the disk has room again: but not for what is missing."""
+    rng = random.Random(1)
+    file = RotatingMcap(small_disk / "run.mcap", {"tool": "test"}, rotate_bytes=60_000, keep=1)
+    sent = 0
+
+    def say(size: int) -> int:
+        nonlocal sent
+        file.raw("bus0", [Chunk(rng.randbytes(size))])
+        sent += size
+        return sent
+
+    say(100_000)
+    file.flush()
+    file.turn({"bus0": sent})  # a new file is due: what comes is held back
+    behind = say(160_000)
+    say(1_000)
+    with pytest.raises(OutputError, match="No space left"):
+        file.turn({"bus0": behind})
+    file.close()
+    parts = sorted(small_disk.glob("run-*.mcap"))
+    assert [part.name for part in parts] == ["run-0001.mcap"]
+    assert sum(len(chunk.data) for part in parts for chunk in readable(part)) >= 100_000
+
+
+def readable(path: Path) -> list[Chunk]:
+    out: list[Chunk] = []
+    with contextlib.suppress(DamagedInputError):
+        out.extend(chunks(path))
+    return out
+
+
+def test_a_file_that_is_deleted_while_it_is_written_is_followed_by_a_new_one(
+    tmp_path: Path,
+) -> None:
+    file = RotatingMcap(tmp_path / "run.mcap", {"tool": "test"})
+    file.raw("bus0", [Chunk(b"lost")])
+    file.flush()
+    (tmp_path / "run.mcap").unlink()
+    file.turn({"bus0": 4})
+    file.raw("bus0", [Chunk(b"kept")])
+    file.turn({"bus0": 8})
+    file.raw("bus0", [Chunk(b"too")])
+    file.close()
+    assert file.deleted == (tmp_path / "run.mcap",)
+    assert file.files == (tmp_path / "run-0002.mcap",)
+    assert not file.is_lost
+    kept = b"".join(chunk.data for chunk in chunks(tmp_path / "run-0002.mcap"))
+    assert kept.endswith(b"too")
