@@ -171,7 +171,7 @@ def _quietly(path: str, flags: int) -> int:
 def test_a_port_says_what_a_recording_should_know(line: Terminal, opened: Port) -> None:
     assert opened.name == opened.path == line.path
     assert opened.latency_ns == 1_000_000
-    assert (opened.marks_errors, opened.counts_errors) == (False, False)
+    assert (opened.marks_errors, opened.counts_errors) == (True, False)
     assert not opened.usb
     assert opened.counters() is None
     assert opened.facts() == {

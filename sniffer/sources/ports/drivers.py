@@ -38,8 +38,8 @@ class Tells:
     counts_sent: bool = False
 
 
-NO_LINE: Final = Tells(False, False, "none: a pseudo terminal has no line")
-"""A program is at the other end."""
+NO_LINE: Final = Tells(True, False, "none: a pseudo terminal has no line")
+"""A program is at the other end: none being marked, there are none."""
 
 UART: Final = Tells(True, True, "marked; counted", counts_sent=True)
 """A UART on board: its status register has the error of each byte (serial8250_rx_chars, pl011)."""
