@@ -1,6 +1,7 @@
 """The layout of a recording in the Rerun viewer, and the colours of its servos.
 
-Written for rerun-sdk 0.41. Called by ``sniffer.sinks.rerun`` and ``sniffer.viewing``; imports rerun lazily as it does.
+Written for rerun-sdk 0.41. Called by ``sniffer.sinks.rerun`` and ``sniffer.viewing``; imports rerun
+lazily as they do.
 """
 
 from __future__ import annotations
