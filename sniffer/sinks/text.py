@@ -205,6 +205,8 @@ class TextSink:
         if not told:
             op = protocol.op_name(int(f.op[i]))
             fields = frame_row(batch, protocol, "", i, values).fields
+            if fields.get("text") == fields.get("value"):
+                fields = {k: x for k, x in fields.items() if k != "value"}
             told = [text for k, x in fields.items() if (text := _plainly(k, x, op, own))]
         return ", ".join(told)
 

@@ -138,7 +138,7 @@ class MightyZap:
         if not data:
             return []
         if command is None or row.flags & MALFORMED:
-            read = leading(row.op, data)
+            read = leading(row.op, data) if row.kind == REQUEST else {}
             rest = data[len(read) :]
             out = [FieldSpan(offset + i, 1, k, str(v)) for i, (k, v) in enumerate(read.items())]
             at = offset + len(read)
