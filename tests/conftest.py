@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -12,8 +12,11 @@ from tests.commands import talk
 from tests.viewer import HeadlessViewer, headless
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
+
+MANY: Final = 3000
+"""More tests than any selection of them is."""
 
 # No deadline and no "too slow": the tests run on shared machines. "ci" draws the same examples for
 # the same code, so a build that fails can be repeated; "fast" and "long" go and look for new ones.
@@ -22,6 +25,16 @@ settings.register_profile("fast", _SHARED, max_examples=60)
 settings.register_profile("ci", _SHARED, max_examples=100, derandomize=True)
 settings.register_profile("long", _SHARED, max_examples=3000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_node_collection_finished(node: Any, ids: Sequence[str]) -> None:
+    """Say once how many tests there are, before the dots that show how far they are."""
+    if node.gateway.id == "gw0":
+        said = f"{len(ids)} tests, a dot each, and behind each line how far it is"
+        long = "; all of them take about 5 minutes on two idle cores, longer on busy ones"
+        reporter = node.config.pluginmanager.get_plugin("terminalreporter")
+        reporter.write_line(said + (long if len(ids) > MANY else ""))
 
 
 @pytest.fixture(scope="session")

@@ -7,6 +7,7 @@ import select
 import signal
 import subprocess
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from sniffer.comparing import compare
@@ -19,7 +20,6 @@ from tests.terminals import PATIENCE_S, Terminal, wait
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
-    from pathlib import Path
 
     from sniffer.protocols.base import BusProtocol
 
@@ -57,6 +57,8 @@ class Recorder:
         told = [a.replace("{}", paths.pop(0)) if "{}" in a else a for a in told]
         if "-o" not in told:
             told += ["-o", str(self.path)]
+        behind = [Path(told[at + 1]) for at, word in enumerate(told) if word == "-o"]
+        self._recordings = [folder / path for path in behind if path.suffix == ".mcap"]
         self._out, self._err = folder / "stdout.txt", folder / "stderr.txt"
         with self._out.open("wb") as out, self._err.open("wb") as err:
             self.process = subprocess.Popen(
@@ -86,7 +88,9 @@ class Recorder:
 
     def _has_begun(self) -> bool:
         """Tell whether its file is there: its ports hear by then, for they are opened before."""
-        return self.process.poll() is not None or any(self.folder.glob("**/*.mcap"))
+        if self.process.poll() is not None or not self._recordings:
+            return True
+        return any(any(path.parent.glob(f"{path.stem}*")) for path in self._recordings)
 
     @property
     def said(self) -> str:

@@ -159,6 +159,15 @@ def test_the_load_is_that_of_the_line_and_nothing_when_it_is_silent() -> None:
     assert any("silent" in one for one in lines_of(board, silent, 80, 24))
 
 
+def test_more_bytes_than_a_line_can_carry_are_no_load() -> None:
+    w = wire("arm", "rs30x")
+    board, status = shown_by(w), status_of(w.status())
+    slow = status_of(dataclasses.replace(status.buses[0], baud=9600))
+    assert board.load(slow.buses[0], board.end_ns(slow)) > 105
+    assert " load.arm=100.0 " in line(slow, board)
+    assert any("load >100%  " in one for one in lines_of(board, slow, 120, 24))
+
+
 def test_old_values_are_dimmed_and_rates_run_out() -> None:
     w = wire("arm", "mightyzap")
     board = shown_by(w)

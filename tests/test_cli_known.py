@@ -188,3 +188,16 @@ def test_an_unknown_model_says_which_there_are(capsys: Capsys) -> None:
     ran = within(capsys, "registers", "nix")
     assert (ran.status, ran.out) == (2, "")
     assert all(m.model in ran.complaint for m in MODELS)
+
+
+def test_a_protocol_stands_for_the_registers_of_its_models(capsys: Capsys) -> None:
+    ran = within(capsys, "registers", "mightyzap")
+    assert ran.status == 0
+    models = [m.model for m in PROTOCOLS["mightyzap"].models]
+    heads = [line.split(":")[0] for line in ran.out.splitlines() if line.startswith("mightyzap-")]
+    assert heads == models
+    rows = within(capsys, "registers", "mightyzap", "--format", "jsonl").out.splitlines()
+    assert list(dict.fromkeys(json.loads(row)["model"] for row in rows)) == models
+    # lss is a model as well as a protocol: the model is meant
+    assert within(capsys, "registers", "lss").out.startswith("lss: ")
+    assert "did you mean mightyzap?" in within(capsys, "registers", "mightyzp").complaint

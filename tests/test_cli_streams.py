@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import importlib
 import signal
 import subprocess
@@ -187,3 +188,26 @@ def test_every_output_is_closed_once_even_if_closing_one_fails(good: Path) -> No
         session.run_source(open_source(good), Options("mightyzap"), sinks, name="x")
     assert all(sink.closed for sink in sinks)
     assert sinks[0].data == sinks[2].data == good.read_bytes()
+
+
+def test_a_recording_is_read_from_a_pipe_as_the_advice_for_packed_files_says(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "run.mcap"
+    (tmp_path / "talk.bin").write_bytes(talk(50))
+    assert sniffer("decode", tmp_path / "talk.bin", "--summary", "-o", path).status == 0
+    packed = tmp_path / "run.mcap.gz"
+    packed.write_bytes(gzip.compress(path.read_bytes()))
+    assert "`gunzip -c FILE | sniffer decode -`" in sniffer("decode", packed).complaint
+    spool = tmp_path / "spool"
+    spool.mkdir()
+    whole, piped = (
+        sniffer("decode", name, "--format", "jsonl", data=data, env={"TMPDIR": str(spool)})
+        for name, data in ((path, None), ("-", gzip.decompress(packed.read_bytes())))
+    )
+    assert (piped.status, piped.out) == (0, whole.out)
+    assert list(spool.iterdir()) == [], "nothing is left behind"
+    cut = sniffer("decode", "-", "--summary", data=path.read_bytes()[:1500])
+    assert cut.status == 3
+    assert "standard input: " in cut.err
+    assert str(spool) not in cut.err

@@ -16,7 +16,7 @@ import pytest
 
 import sniffer
 from sniffer.rows import FrameRow, GapRow
-from sniffer.sinks.text import fit
+from sniffer.sinks.text import WIDE, fit
 from tests.commands import COMMAND, damaged, environment, log, talk, within
 from tests.streams.mightyzap import packet
 from tests.streams.rs30x import long
@@ -299,3 +299,25 @@ def test_colour_is_for_terminals_and_changes_nothing_else(
 def test_no_color_is_respected() -> None:
     plain = on_a_terminal("decode", CAPTURES / "wck_damaged.log", COLUMNS="80", NO_COLOR="1")
     assert not re.search(r"\x1b\[[34]\d", plain)
+
+
+def test_the_widths_that_the_readme_names_are_those_of_the_table(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    found = re.search(r"From (\d+) columns on the\s+table has .*?from (\d+) on the bytes", text)
+    assert found is not None
+    path = tmp_path / "good.bin"
+    path.write_bytes(talk(2))
+    heads = {}
+    for width in (WIDE - 1, WIDE, int(found[2]) - 1, int(found[2])):
+        command = [*COMMAND, "decode", str(path)]
+        done = subprocess.run(
+            command, capture_output=True, env=environment(COLUMNS=str(width)), check=True
+        )
+        heads[width] = done.stdout.decode().splitlines()[0].split()
+    assert int(found[1]) == WIDE
+    assert [("bus" in h, "bytes" in h) for h in heads.values()] == [
+        (False, False),
+        (True, False),
+        (True, False),
+        (True, True),
+    ]

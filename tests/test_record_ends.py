@@ -109,7 +109,7 @@ def test_a_recording_ends_when_nothing_is_said_any_more(tmp_path: Path, line: Pa
             time.sleep(0.2)
         ran = run.ended()
     assert ran.status == 0
-    assert "sniffer: stopped: no byte for 4 s" in ran.err
+    assert "sniffer: stopped: no byte for 4.0 s" in ran.err
     assert raw(run.path) == {"bus0": TALK * 4}
 
 

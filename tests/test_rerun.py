@@ -28,6 +28,7 @@ from sniffer.decoder import Decoder
 from sniffer.model import Chunk, Clock, OutputError
 from sniffer.sinks.rerun import RerunSink
 from sniffer.sinks.rerun_layout import PALETTE, Colours
+from tests.commands import sniffer
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
@@ -397,3 +398,11 @@ def test_web_serves_the_viewer_and_the_recording_until_it_is_stopped(
 def _listens(port: int) -> bool:
     with socket.socket() as probe:
         return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+@pytest.mark.parametrize("name", ["run.v1", "r\u00fcn (2)", "x" * 200])
+def test_the_name_of_an_output_draws_no_warning_of_the_viewer(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "talk.bin"
+    path.write_bytes(b"".join(chunk.data for chunk in talk()))
+    done = sniffer("decode", path, "--quiet", "-o", tmp_path / f"{name}.rrd")
+    assert (done.status, done.err) == (0, "")

@@ -203,6 +203,19 @@ def test_an_lss_in_rc_mode_hears_nothing_more_after_a_reset() -> None:
     ]
 
 
+def test_an_lss_pro_speaks_in_hundredths_of_a_degree_and_says_what_it_is() -> None:
+    talk = Talk("lss", 5, 6, models={6: "lss-pro"})
+    words = ("#%dQMS\r", "#%dD300\r", "#%dQDT\r", "#%dSR10\r", "#%dQSD\r", "#%dQEF\r", "#%dQ\r")
+    said = {who: [talk.ask((word % who).encode()) for word in words] for who in (5, 6)}
+    assert said[5][:5] == [b"*5QMSLSS-ST1\r", b"", b"*5QDT300\r", b"", b"*5QSD600\r"]
+    assert said[6][:5] == [b"*6QMSLSS-P-S1\r", b"", b"*6QDT300\r", b"", b"*6QSD6000\r"]
+    assert (said[5][5], said[6][5]) == (b"", b"*6QEF0\r")
+    places = [talk.ask(f"#{who}QD\r".encode()) for who in (5, 6)]
+    assert places == [b"*5QD300\r", b"*6QD300\r"]
+    whereabouts = [talk.servos.bus.servos[who].joint.position - 0.5 for who in (5, 6)]
+    assert whereabouts[0] == pytest.approx(10 * whereabouts[1], rel=0.05)
+
+
 # --- wCK -----------------------------------------------------------------------------------------
 
 
@@ -321,7 +334,10 @@ def controller(*arguments: str) -> Iterator[serial.Serial]:
 
 
 ADDRESSED: Final = [
-    (name, table.model) for name in ("mightyzap", "rs30x") for table in PROTOCOLS[name].models
+    ("mightyzap", "mightyzap-l12"),
+    ("mightyzap", "mightyzap-12lf"),
+    ("rs30x", "rs305cr"),
+    ("rs30x", "rs405cb"),
 ]
 
 

@@ -98,8 +98,10 @@ def _mistaken(text: str) -> str:
     numbers = [re.fullmatch(r"\d+(?:\.\d+)?%?", part) for part in said]
     if said and len(said) <= 2 and all(numbers):
         # a rate is told from a servo by its sign alone
-        *servo, last = (part.rstrip("%") for part in said)
+        *servo, last = (part.rstrip("%") for part in sorted(said, key=lambda part: "%" in part))
         asked = ":".join([kind, *servo, f"{last}%"])
+        if len(said) == 2 and said[0].endswith("%"):
+            return f"the servo comes first: write {asked}"
         if len(said) < len(rest):
             return f"leave a servo that is not named out with its colon: write {asked}"
         return f"a rate ends in %: write {asked}"

@@ -44,11 +44,16 @@ if TYPE_CHECKING:
 
 TURNAROUND_NS: Final = 1 * MS
 PATIENCE_NS: Final = 200 * MS
-TRAVEL: Final = 1800
-"""Tenths of a degree: the default angular range. Source: protocol page 106.1, AR."""
+TRAVEL_DEG: Final = 180
+"""The default angular range. Source: protocol page 106.1, AR."""
 
-LIMP, ACCELERATING, TRAVELING, DECELERATING, HOLDING, SAFE = 1, 3, 4, 5, 6, 10
-"""Answers to Q. Source: protocol page 106.1, Query Status."""
+PRO: Final = "lss-pro"
+
+MODEL_STRINGS: Final[Mapping[str, str]] = MappingProxyType({"lss": "LSS-ST1", PRO: "LSS-P-S1"})
+"""Answers to QMS. Source: protocol page 106.1, Details 20; the register table of the LSS-PRO."""
+
+RPM: Final = 6
+"""Degrees per second of one turn a minute."""
 
 TURN: Final = ("QV", "QT", "QC", "Q", "QWD", "QDT")
 FACTS: Final = ("QMS", "QN", "QF", "QAR", "QO", "QLED")
@@ -96,9 +101,16 @@ class LssServo(Servo):
 
     def __init__(self, servo_id: int, joint: Joint, rig: Rig, table: RegisterMap) -> None:
         self._facts: dict[str, int | str] = {
-            "model_string": "LSS-ST1",
+            "model_string": MODEL_STRINGS[table.model],
             "serial_number": 12345670 + servo_id,
             "firmware_version": 368,
+        }
+        self.model = MODELS.index(table)
+        self.per_deg = round(1 / table.register("present_position").scale)
+        self.travel = TRAVEL_DEG * self.per_deg
+        self._amperes = table.register("present_current").unit == "A"
+        self._states = {
+            name: code for code, name in table.register("present_status").values.items()
         }
         self._defaults = {r.name: r.default for r in table.registers if r.default is not None}
         self.kept: dict[str, int | str] = self._facts | {"servo_id": servo_id}
@@ -121,28 +133,28 @@ class LssServo(Servo):
             self._carry_over(name, value)
         first = self.kept.get("first_position")
         if isinstance(first, int):
-            self._go(first / TRAVEL + 0.5)
+            self._go(first / self.travel + 0.5)
 
     def reading(self, name: str) -> int | str:
         """Return what stands behind the word in an answer that states a register."""
         joint = self.joint
         match name:
             case "present_position":
-                return tenths(joint.position)
+                return self.place(joint.position)
             case "target_position":
-                return tenths(joint.goal)
-            case "present_speed":
-                return round(joint.speed * TRAVEL)
+                return self.place(joint.goal)
+            case "present_speed" | "current_speed":
+                return round(joint.speed * self.travel)
             case "present_voltage":
                 return round(self.voltage * 1000)
-            case "present_temperature":
+            case "present_temperature" | "motor_temperature" | "mcu_temperature":
                 return round(joint.temperature * 10)
             case "present_current":
-                return round(joint.current_ma)
+                return round(joint.current_ma / (1000 if self._amperes else 1))
             case "present_status":
-                return self._status(joint.speed * TRAVEL)
+                return self._states.get(self._status(joint.speed * TRAVEL_DEG), 0)
             case "present_speed_in_rpm":
-                return round(joint.speed * TRAVEL / 60)
+                return round(joint.speed * TRAVEL_DEG / RPM)
             case "present_position_pulse":
                 return round(500 + 2000 * joint.position)
             case "target_speed" | "target_speed_in_rpm":
@@ -153,32 +165,38 @@ class LssServo(Servo):
             return self.session[name]
         return self.kept.get(name, self._defaults.get(name, 0))
 
-    def _status(self, speed: float) -> int:
+    def place(self, position: float) -> int:
+        """Return the number for a place 0..1, in parts of a degree."""
+        return round((position - 0.5) * self.travel)
+
+    def _status(self, speed_deg_s: float) -> str:
+        """Name the state, as the tables name the answers to Q."""
         if self.low:
-            return SAFE
+            return "safe_mode" if "safe_mode" in self._states else "error"
         if not self.joint.enabled:
-            return LIMP
-        if abs(speed) < 20:
-            return HOLDING
-        ahead = (self.joint.goal - self.joint.position) * speed
-        return DECELERATING if ahead < 0 else TRAVELING if abs(speed) > 300 else ACCELERATING
+            return "limp"
+        if abs(speed_deg_s) < 2:
+            return "holding"
+        ahead = (self.joint.goal - self.joint.position) * speed_deg_s
+        fast = abs(speed_deg_s) > 30
+        return "decelerating" if ahead < 0 else "traveling" if fast else "accelerating"
 
     def obey(self, word: str, values: tuple[Value, ...]) -> None:
         """Do what an action or a configuration says."""
         told = {name: value for _, name, value in values}
         for by_degrees, by_turns in SPEEDS:
             if by_degrees in told:
-                told[by_turns] = round(told[by_degrees] / 60)
+                told[by_turns] = round(told[by_degrees] / (RPM * self.per_deg))
             elif by_turns in told:
-                told[by_degrees] = told[by_turns] * 60
+                told[by_degrees] = told[by_turns] * RPM * self.per_deg
         awaited, self._awaited = self._awaited, word if word in AWAITING_CONFIRM else ""
         match word:
             case "CONFIRM":
                 self._confirmed(awaited)
             case "D" if "goal_position" in told:
-                self._go(told["goal_position"] / TRAVEL + 0.5)
+                self._go(told["goal_position"] / self.travel + 0.5)
             case "MD" if "relative_move" in told:
-                self._go(self.joint.position + told["relative_move"] / TRAVEL)
+                self._go(self.joint.position + told["relative_move"] / self.travel)
             case "P" if "goal_position_pulse" in told:
                 self._go((told["goal_position_pulse"] - 500) / 2000)
             case "L":
@@ -229,11 +247,6 @@ class LssServo(Servo):
             self.session[session] = value
 
 
-def tenths(position: float) -> int:
-    """Return tenths of a degree of a place 0..1."""
-    return round((position - 0.5) * TRAVEL)
-
-
 def stated(servo_id: int, register: int, value: int | str | None) -> tuple[Value, ...]:
     """Return what a line says about a register; a text is no value."""
     return ((servo_id, REGISTERS[register].name, value),) if isinstance(value, int) else ()
@@ -262,20 +275,20 @@ class LssBus(Bus):
             for word in FACTS:
                 yield self._ask(servo_id, word)
         for servo_id in self.servos:
-            yield self._tell(servo_id, "CSD", 1800)
+            yield self._tell(servo_id, "CSD", self.servos[servo_id].travel)
             yield from self.enable(servo_id)
 
     def enable(self, servo_id: int) -> Talk:
         """Limit the speed, show a colour, go to the first goal in half a second."""
-        yield self._tell(servo_id, "SD", 1800)
+        yield self._tell(servo_id, "SD", self.servos[servo_id].travel)
         yield self._tell(servo_id, "LED", 2)
-        yield self._tell(servo_id, "D", tenths(self.goal(servo_id)), {"T": 500})
+        yield self._tell(servo_id, "D", self._place(servo_id), {"T": 500})
 
     def command(self, cycle: int) -> Talk:
         """Send a goal to each."""
         del cycle
         for servo_id in self.servos:
-            yield self._tell(servo_id, "D", tenths(self.goal(servo_id)))
+            yield self._tell(servo_id, "D", self._place(servo_id))
 
     def poll(self, servo_id: int, cycle: int) -> Ask:
         """Read the position and, in turn, one of the other values."""
@@ -292,6 +305,10 @@ class LssBus(Bus):
         elif cycle % 60 == 50:
             yield self._tell(servo_id, "H")
 
+    def _place(self, servo_id: int) -> int:
+        """Return where a servo is to be now, in its own parts of a degree."""
+        return self.servos[servo_id].place(self.goal(servo_id))
+
     def heard(self, frame: SlowFrame, request: Message) -> Exchange:
         """Obey any line that the page explains; a query to all is answered by one after another."""
         everyone = frame.servo_id == BROADCAST
@@ -302,20 +319,20 @@ class LssBus(Bus):
         word = WORDS[request.op]
         if not word.is_query:
             return Exchange(request, to, lambda s: _obey(s, request))
-        register = word.selectors.get(max(frame.address, 0))
-        if register is None:
+        selector = max(frame.address, 0)
+        to = tuple(i for i in to if _asked(self.servos[i], word.name, selector) is not None)
+        if not to:
             return unheeded(request)
         return Exchange(
-            request, to, lambda s: _answer(s, word.name, register), TURNAROUND_NS, chorus=everyone
+            request, to, lambda s: _answer(s, word.name, selector), TURNAROUND_NS, chorus=everyone
         )
 
     def _ask(self, servo_id: int, word: str) -> Exchange:
-        register = WORDS[word].selectors[0]
         request = Message(_command(servo_id, word, None, ()), servo_id, word)
         return Exchange(
             request,
             (servo_id,),
-            lambda servo: _answer(servo, word, register),
+            lambda servo: _answer(servo, word, 0),
             TURNAROUND_NS,
             PATIENCE_NS,
         )
@@ -327,16 +344,28 @@ class LssBus(Bus):
         value: int | None = None,
         modifiers: Mapping[str, int] = MappingProxyType({}),
     ) -> Exchange:
-        values = stated(servo_id, WORDS[word].register, value)
+        model = self.servos[servo_id].model
+        values = stated(servo_id, WORDS[word].registers[model], value)
         for modifier, number in modifiers.items():
-            values += stated(servo_id, MODIFIERS[modifier].register, number)
+            values += stated(servo_id, MODIFIERS[modifier].registers[model], number)
         built = _command(servo_id, word, value, tuple(modifiers.items()))
         request = Message(built, servo_id, word, values)
         return Exchange(request, (servo_id,), lambda servo: servo.obey(word, values))
 
 
-def _answer(servo: LssServo, word: str, register: int) -> Message:
+def _asked(servo: LssServo, word: str, selector: int) -> int | None:
+    """Return the register that a query is about; None where the servo's model knows no such one."""
+    register = WORDS[word].answers[servo.model].get(selector)
+    if register is None or REGISTERS[register].model != servo.table.model:
+        return None
+    return register
+
+
+def _answer(servo: LssServo, word: str, selector: int) -> Message | None:
     servo.asked()
+    register = _asked(servo, word, selector)
+    if register is None:  # another servo of that id is of a model that has it
+        return None
     value = servo.reading(REGISTERS[register].name)
     values = stated(servo.servo_id, register, value)
     return Message(_reply(servo.servo_id, word, value), servo.servo_id, word, values)

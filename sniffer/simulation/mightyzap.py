@@ -67,6 +67,7 @@ class MightyZapBus(Bus):
     supply_v = 12.2
     late_ns = (12 * MS, 18 * MS)
     pause_ns = (300 * US, 900 * US)
+    begins = HEADER
     servo_type = MightyZapServo
     tables = by_model(MODELS)
     servos: Mapping[int, MightyZapServo]

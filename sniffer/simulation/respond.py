@@ -92,6 +92,8 @@ class Responder:
                 continue
             if found is None:
                 skipped = 1 if final else self._hopeless(data, at)
+                if self.bus.begins and (begin := data.find(self.bus.begins, at + 1)) >= 0:
+                    skipped = min(skipped, begin - at)  # there may be what a servo complains of
                 if not skipped:
                     break
                 at += skipped

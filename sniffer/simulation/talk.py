@@ -164,6 +164,8 @@ class Bus(abc.ABC):
     rate_hz: ClassVar[int]
     servo_ids: ClassVar[tuple[int, ...]]
     supply_v: ClassVar[float]
+    begins: ClassVar[bytes] = b""
+    """First bytes of a frame, in protocols whose servos complain of broken ones."""
     late_ns: ClassVar[tuple[int, int]]
     """How long a late answer takes: beyond the window, within the controller's patience."""
     pause_ns: ClassVar[tuple[int, int]]
