@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.framing import Block
-    from sniffer.model import I64, Frames, Mask
+    from sniffer.model import Frames, Mask
     from sniffer.protocols.base import SlowFrame
 
 CONFIRMED: Final = 8

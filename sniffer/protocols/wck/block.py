@@ -170,14 +170,16 @@ def _in_turn(block: Block, start: I64, end: I64, asks: Mask, replies: I64, decid
     how far every byte has its fate: a row to which bytes that come may belong has none yet.
     """
     n = len(start)
+    limit = np.broadcast_to(block.limit(start), start.shape)
     linked = np.zeros(n, bool)
     linked[1:] = asks[1:] & asks[:-1] & (replies[:-1] == 0) & (start[1:] == end[:-1])
-    if n and not block.final and asks[-1] and not replies[-1] and end[-1] == decided:
+    linked[1:] &= limit[1:] == limit[:-1]
+    waits = n > 0 and bool(asks[-1]) and not replies[-1] and end[-1] == decided
+    if waits and block.open(limit[-1]):
         decided = _row_begins(start, linked, n - 1)
     if not linked.any():
         return decided
-    data, limit = block.data, block.limit(start)
-    limit = np.broadcast_to(limit, start.shape)
+    data = block.data
     for row in np.flatnonzero(linked & (replies > 0)).tolist():
         first = row
         while linked[first] and row - first < DEPTH - 1:
