@@ -157,8 +157,10 @@ def frame(block: Block) -> tuple[Spans, int]:
         start, end, has = start[sure], end[sure], has[sure]
     rows, decided = settle(start, end + REPLY * has, waiting, n)
     start, end, replies = start[rows], end[rows], has[rows].astype(np.int64)
-    kind = KIND[np.ndarray((n + 2,), "<u2", data, DATA1, (1,))[start]]
-    decided = _in_turn(block, start, end, _ASKS[kind], replies, decided)
+    # Nearly always each command that has an answer has it: only where two stand together it lacks.
+    if len(start) and (not replies[-1] or (end[:-1] == start[1:]).any()):
+        kind = KIND[np.ndarray((n + 2,), "<u2", data, DATA1, (1,))[start]]
+        decided = _in_turn(block, start, end, _ASKS[kind], replies, decided)
     told = int(np.searchsorted(start, decided))
     return _spans(start[:told], end[:told], replies[:told]), decided
 
