@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.framing import Block
-    from sniffer.model import I64, Frames, Mask
+    from sniffer.model import Frames, Mask
     from sniffer.protocols.base import SlowFrame
 
 CONFIRMED: Final = 8
@@ -51,6 +51,8 @@ class Echoes:
         self._seconds = self._proofs = self._singles = none
         sends = frames.kind == REQUEST
         second = self._doubled(frames, block, sends, silent=silent)
+        if self._last and n and not second[0]:
+            self._count = 0  # that was a single one
         if not second.any() and not self._count:
             self._singles = sends
             return none, None
@@ -59,11 +61,11 @@ class Echoes:
         # The last row may still be echoed; then it is no single one.
         waits = np.zeros(n, bool)
         if n and sends[-1] and not second[-1] and not block.final:
-            waits[-1] = frames.end[-1] == decided and decided == block.n
+            waits[-1] = frames.end[-1] == decided
         segment = block.segment(frames.start)
         self._seconds = second
         self._singles = sends & ~second & ~first
-        self._proofs = _proofs(frames, second, segment)
+        self._proofs = _proofs(frames, second, block)
         single = self._singles & ~waits
         run = np.cumsum(single)
         total = np.cumsum(self._proofs) + self._count
@@ -107,8 +109,12 @@ class Echoes:
 
     def forget(self, frames: Frames, block: Block, kept: int, cut: int) -> None:
         """Keep what the next block must know; it begins at ``cut``, with row ``kept``."""
+        if not kept:
+            if cut:  # bytes that no frame claims
+                self._count, self._last = (0 if self._last else self._count), b""
+            return
         self._last = b""
-        if kept and frames.kind[kept - 1] == REQUEST and not self._seconds[kept - 1]:
+        if frames.kind[kept - 1] == REQUEST and not self._seconds[kept - 1]:
             start, end = int(frames.start[kept - 1]), int(frames.end[kept - 1])
             if end == cut:
                 self._last = block.data[start:end].tobytes()
@@ -117,17 +123,21 @@ class Echoes:
         self._count = int(self._proofs[begin:kept].sum()) + (0 if len(singles) else self._count)
 
 
-def _proofs(frames: Frames, second: Mask, segment: I64) -> Mask:
+def _proofs(frames: Frames, second: Mask, block: Block) -> Mask:
     """Tell which second requests have one answer, and not more, right behind them."""
     n = len(frames)
     out = np.zeros(n, bool)
     rows = np.flatnonzero(second & (frames.reply != NEVER) & (frames.reply != MANY))
     rows = rows[rows + 1 < n]
+    segment = block.segment(frames.start)
     answered = (frames.kind[rows + 1] == RESPONSE) & (segment[rows + 1] == segment[rows])
     rows = rows[answered]
     more = np.minimum(rows + 2, n - 1)
     twice = (rows + 2 < n) & (frames.kind[more] == RESPONSE) & (segment[more] == segment[rows])
-    out[rows[~twice]] = True
+    # The last answer may not be the only one: that shows when something else stands behind it.
+    last = 0 if not len(block.barriers) else int(block.barriers[-1])
+    unknown = (rows + 2 == n) & (not block.final) & (frames.start[rows] >= last)
+    out[rows[~twice & ~unknown]] = True
     return out
 
 

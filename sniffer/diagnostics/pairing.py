@@ -23,7 +23,7 @@ from sniffer.model import (
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from sniffer.model import I64, Anomaly, Batch
+    from sniffer.model import I64, Anomaly, Batch, Frames, Mask
     from sniffer.protocols.base import BusProtocol
 
 Span = tuple[int, int]
@@ -66,6 +66,7 @@ class PairingRules:
         self._protocol = protocol
         self._open: deque[_Open] = deque(maxlen=DEPTH)
         self._last: tuple[int, Span] | None = None
+        self._answers: Mask = np.empty(0, bool)  # which frames of the batch answer a request
         self._names: dict[int, str] = {}
 
     def judge(self, batch: Batch) -> Iterator[Anomaly]:
@@ -77,6 +78,8 @@ class PairingRules:
         wrong = (t.outcome != OK) & (t.outcome != NOT_EXPECTED)
         if len(late):
             wrong[late] = True
+        self._answers = np.zeros(len(batch.frames), bool)
+        self._answers[t.response[t.outcome == OK]] = True
         missed: list[_Open] = [o for o in self._open if self._may_be_open(o, batch.base)]
         for row in self._rows(batch, np.flatnonzero(wrong)):
             yield self._one(batch, row)
@@ -103,11 +106,14 @@ class PairingRules:
         asked, answer = batch.asked(t.request[rows]), t.response[rows]
         after, before = asked.start + batch.base, f.start[answer] + batch.base
         order = np.argsort(after, kind="stable")
+        in_order = after[order]
         told: set[int] = set()
         for still in missed:
             end = sum(still.span)
-            first = int(np.searchsorted(after[order], end))
+            first = int(np.searchsorted(in_order, end))
             for k in order[first : first + DEPTH].tolist():
+                if after[k] - end > max(self._protocol.reach, 0):
+                    break
                 r = int(answer[k])
                 raw = self._raw(batch, int(asked.start[k]), int(asked.length[k]))
                 if r in told or raw is None or raw == still.raw:
@@ -120,9 +126,14 @@ class PairingRules:
                         (int(asked.servo_id[k]), int(asked.token[k]))
                         == (still.servo_id, still.token)
                     )
-                if either:
+                if either and not self._given_up(still, asked.take(slice(k, k + 1))):
                     told.add(r)
                     yield self._either(batch, r, still, (int(after[k]), int(asked.length[k])))
+
+    def _given_up(self, still: _Open, asked: Frames) -> bool:
+        """Tell whether the controller waited out the earlier request before it sent another."""
+        pause = int(asked.t_start[0]) - still.t_ns - max(int(asked.uncertainty[0]), 0)
+        return pause > int(self._protocol.window_ns(asked)[0])
 
     def _raw(self, batch: Batch, start: int, length: int) -> bytes | None:
         return batch.data[start : start + length] if start >= 0 else None
@@ -222,8 +233,9 @@ class PairingRules:
     def _remember(self, batch: Batch, row: _Row, op: str) -> None:
         f, q = batch.frames, row.request
         who = -1 if f.alt_id[q] == ANY_ID else row.servo_id
-        raw = batch.data[int(f.start[q]) : int(f.end[q])]
-        self._open.append(_Open(who, int(f.token[q]), int(f.t_end[q]), op, row.asked, raw))
+        raw = batch.data[int(f.start[q]) : int(f.start[q] + f.length[q])]
+        open_ = _Open(who, int(f.token[q]), int(f.t_end[q]), op, row.asked, raw)
+        self._open.append(open_)
 
     def _answer(self, batch: Batch, r: int) -> tuple[int, Span]:
         f = batch.frames
@@ -242,10 +254,10 @@ class PairingRules:
         )
 
     def _unasked(self, batch: Batch, row: _Row) -> Anomaly:
-        f, t = batch.frames, batch.transactions
+        f = batch.frames
         who, r = row.servo_id, row.response
         last = self._last
-        if r and bool((t.response[t.outcome == OK] == r - 1).any()):
+        if r and self._answers[r - 1]:
             last = self._answer(batch, r - 1)
         if last is not None and last[0] == who and sum(last[1]) == row.answered[0]:
             text = f"servo {who} answered twice in a row"

@@ -167,8 +167,10 @@ def frame(block: Block) -> tuple[Spans, int]:
         has = np.concatenate([has, np.zeros(len(begun), bool)])[order]
     rows, decided = settle(start, end + REPLY * has, waiting, n)
     start, end, replies = start[rows], end[rows], has[rows].astype(np.int64)
-    kind = KIND[np.ndarray((n + 2,), "<u2", data, DATA1, (1,))[start]]
-    decided = _in_turn(block, start, end, _ASKS[kind], replies, decided)
+    # Nearly always each command that has an answer has it: only where two stand together it lacks.
+    if len(start) and (not replies[-1] or (end[:-1] == start[1:]).any()):
+        kind = KIND[np.ndarray((n + 2,), "<u2", data, DATA1, (1,))[start]]
+        decided = _in_turn(block, start, end, _ASKS[kind], replies, decided)
     told = int(np.searchsorted(start, decided))
     return _spans(start[:told], end[:told], replies[:told]), decided
 
@@ -180,14 +182,16 @@ def _in_turn(block: Block, start: I64, end: I64, asks: Mask, replies: I64, decid
     how far every byte has its fate: a row to which bytes that come may belong has none yet.
     """
     n = len(start)
+    limit = np.broadcast_to(block.limit(start), start.shape)
     linked = np.zeros(n, bool)
     linked[1:] = asks[1:] & asks[:-1] & (replies[:-1] == 0) & (start[1:] == end[:-1])
-    if n and not block.final and asks[-1] and not replies[-1] and end[-1] == decided:
+    linked[1:] &= limit[1:] == limit[:-1]
+    waits = n > 0 and bool(asks[-1]) and not replies[-1] and end[-1] == decided
+    if waits and block.open(limit[-1]):
         decided = _row_begins(start, linked, n - 1)
     if not linked.any():
         return decided
-    data, limit = block.data, block.limit(start)
-    limit = np.broadcast_to(limit, start.shape)
+    data = block.data
     for row in np.flatnonzero(linked & (replies > 0)).tolist():
         first = row
         while linked[first] and row - first < DEPTH - 1:
