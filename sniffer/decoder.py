@@ -174,11 +174,10 @@ class Decoder:
         frames, transactions, torn = pair(
             batch.frames, block, until, self.protocol.reach, self.protocol.blank
         )
-        values = self._scaling.decode(block, frames, transactions)
-        writes = self._scaling.feedback_writes(frames, values)
-        transactions = self._expectations.judge(frames, transactions, torn, writes)
-        batch = replace(batch, frames=frames, transactions=transactions, values=values)
-        return self._diagnostics.judge(batch)
+        meaning = self._scaling.decode(block, frames, transactions, batch.base)
+        transactions = self._expectations.judge(frames, transactions, torn, meaning.feedback)
+        batch = replace(batch, frames=frames, transactions=transactions, values=meaning.samples)
+        return self._diagnostics.judge(batch, meaning)
 
     def _cut(self, frames: Frames, decided: int, block: Block) -> int:
         """Return where this batch ends: nothing before it is open."""

@@ -270,7 +270,10 @@ class Severity(enum.IntEnum):
 
 
 class Anomaly(NamedTuple):
-    """What the listener found; ``evidence`` is a tuple of (absolute offset, length)."""
+    """What the listener found; ``evidence`` is a tuple of (absolute offset, length).
+
+    ``remedy`` is what to try in this very case; empty: what the catalogue says of its code.
+    """
 
     t_ns: int
     severity: Severity
@@ -279,6 +282,7 @@ class Anomaly(NamedTuple):
     servo_id: int | None
     detail: str
     evidence: tuple[tuple[int, int], ...]
+    remedy: str = ""
 
     @property
     def known_at(self) -> int:

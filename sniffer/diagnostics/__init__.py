@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from sniffer.diagnostics.device import DeviceRules
+from sniffer.diagnostics.models import ModelRules
 from sniffer.diagnostics.pairing import PairingRules
 from sniffer.diagnostics.rules import CaptureRules, gap_anomalies, protocol_anomalies
 from sniffer.diagnostics.tap import TapRules, without_our_fault
@@ -17,6 +18,7 @@ from sniffer.diagnostics.tap import TapRules, without_our_fault
 if TYPE_CHECKING:
     from sniffer.model import Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
+    from sniffer.samples import Meaning
 
 
 class Diagnostics:
@@ -26,16 +28,18 @@ class Diagnostics:
         self._protocol = protocol
         self._pairing = PairingRules(protocol)
         self._device = DeviceRules(protocol)
+        self._models = ModelRules(protocol)
         self._capture = CaptureRules()
         self._tap = TapRules()
 
-    def judge(self, batch: Batch) -> Batch:
-        """Return the batch with its anomalies."""
+    def judge(self, batch: Batch, meaning: Meaning | None = None) -> Batch:
+        """Return the batch with its anomalies; ``meaning``: what was learned about the servos."""
         found: list[Anomaly] = [
             *gap_anomalies(batch),
             *protocol_anomalies(batch, self._protocol),
             *self._pairing.judge(batch),
             *self._device.judge(batch),
+            *(self._models.judge(batch, meaning) if meaning is not None else ()),
             *self._capture.judge(batch),
             *self._tap.judge(batch),
         ]

@@ -127,6 +127,12 @@ def _command(out: SlowFrame, line: Any, word: Word | None) -> None:
         out.alt_id = ANY_ID
 
 
+def parts(frame: SlowFrame) -> list[tuple[int, int, bytes]]:
+    """Return nothing: registers have no addresses here."""
+    del frame
+    return []
+
+
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
     """Return the number of a line, then those of its modifiers."""
     del state

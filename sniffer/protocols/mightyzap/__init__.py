@@ -52,6 +52,7 @@ class MightyZap:
     values = staticmethod(block.values)
     slow_parse = staticmethod(slow.parse)
     slow_describe = staticmethod(slow.describe)
+    slow_parts = staticmethod(slow.parts)
     slow_values = staticmethod(slow.values)
 
     def op_name(self, op: int) -> str:

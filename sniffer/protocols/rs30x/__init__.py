@@ -72,6 +72,7 @@ class Rs30x:
     values = staticmethod(block.values)
     slow_parse = staticmethod(slow.parse)
     slow_describe = staticmethod(slow.describe)
+    slow_parts = staticmethod(slow.parts)
     slow_values = staticmethod(slow.values)
 
     def op_name(self, op: int) -> str:

@@ -149,6 +149,12 @@ def _describe_reply(raw: bytes, before: SlowFrame) -> SlowFrame:
     return out
 
 
+def parts(frame: SlowFrame) -> list[tuple[int, int, bytes]]:
+    """Return nothing: registers have no addresses here."""
+    del frame
+    return []
+
+
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
     """Return what the fields say, by the registers that bear their names."""
     name = "unknown" if frame.op >= UNKNOWN_BASE else OPS[frame.op].name
