@@ -81,11 +81,9 @@ class Changes:
     ) -> tuple[list[Change], list[Change]]:
         """Return the changes in order, and what is staged behind them; nothing is remembered.
 
-        Args:
-            hits: where in ``v`` registers stand that may change something.
-            accepted: by row, whether what it states became true.
-            trusted: by value, whether a loose one counts; None: none does.
-            each: whether repetitions matter, too.
+        ``hits`` are the values (row numbers of ``v``) that may change something, ``accepted`` tells
+        by frame whether what it states became true, ``trusted`` by value whether a loose one counts
+        (None: none does). ``each``: repetitions matter, too.
         """
         flags = np.where(accepted, frames.flags & (RESETS | RELEASES | STAGED), 0)
         asked = frames.kind[v.row[hits]] == REQUEST

@@ -38,6 +38,10 @@ SURE: Final = 4
 writes of registers that only it has, or its number."""
 
 
+_WIDEST: Final = 2
+"""Bytes of the numbers looked at: no table with addresses has wider ones."""
+
+
 @dataclass(frozen=True, slots=True)
 class Clue:
     """One observation that models explain unequally well, ``points`` for each.
@@ -178,7 +182,8 @@ class Clues:
             (r.address, r.type)
             for m in self._models
             for r in m.registers
-            if address <= r.address and r.address + r.width <= address + length
+            if r.width <= _WIDEST and address <= r.address
+            if r.address + r.width <= address + length
         )
         for where, kind in sorted(places):
             check = Check(where - address, kind, 0, 0, (), where)
@@ -194,7 +199,9 @@ class Clues:
                 single = {x for b in bounds for x in (b[0] - 1, b[0], b[1], b[1] + 1)}
                 single |= {raw for r in same for raw in (*r.special, *r.values)}
                 single |= {r.default for r in same if r.default is not None}
-            tells = {raw for raw in single if any(True for _ in self.value(check, raw, written=written))}
+            tells = {
+                raw for raw in single if any(True for _ in self.value(check, raw, written=written))
+            }
             if tells:
                 others = tuple(sorted(raw for raw in tells if low <= raw <= high))
                 yield check._replace(low=low, high=high, others=others)

@@ -86,9 +86,7 @@ class Evidence:
         model, origin = state.model.copy(), state.origin.copy()
         top, lead = self._decide()
         turned = np.flatnonzero((model != state.model) | (origin != state.origin))
-        turns = [
-            Turn(row, s, int(state.model[s]), int(state.origin[s])) for s in turned.tolist()
-        ]
+        turns = [Turn(row, s, int(state.model[s]), int(state.origin[s])) for s in turned.tolist()]
         verdicts = []
         for servo in dict.fromkeys(s & 255 for s in servos):
             best, ahead, was = int(top[servo]), int(lead[servo]), int(model[servo])
@@ -133,10 +131,10 @@ class Evidence:
         return top, lead
 
 
-def loose_counts(origin: int, *, asked: bool) -> bool:
+def loose_counts(origin: int) -> bool:
     """Whether a register that selects a scale is believed from bytes that no one table names.
 
-    A write across them is for another model. A read may be a dump of the whole map: it counts if
-    the model is known.
+    A write across them is for another model, and never counts. A read may be a dump of the whole
+    map: it counts if the model is known.
     """
-    return not asked and origin != ASSUMED
+    return origin != ASSUMED

@@ -289,9 +289,9 @@ class Reference:
             to_all = asked and servo in self.protocol.everyone
             if not sound:
                 continue
-            if r.name in self.state.modes and loose and loose[n]:
-                if not loose_counts(int(self.state.origin[servo & 255]), asked=asked):
-                    continue
+            known = not asked and loose_counts(int(self.state.origin[servo & 255]))
+            if r.name in self.state.modes and loose and loose[n] and not known:
+                continue
             source = servo
             if r.effect == "servo_id":
                 if not asked or not 0 <= raw <= 255:

@@ -109,7 +109,9 @@ def scale_limit(register: Register, mode: int) -> float:
         return math.inf
     table = register.scale_by[1]
     scale = table.get(mode)
-    return math.inf if scale is None else BEYOND * register.range[1] * unseen_scale(register) / scale
+    return (
+        math.inf if scale is None else BEYOND * register.range[1] * unseen_scale(register) / scale
+    )
 
 
 def unseen_scale(register: Register) -> float:

@@ -22,7 +22,11 @@ from sniffer.model import (
     I64,
     OBSERVED,
     OK,
+    PROFILE,
+    RELEASES,
     REQUEST,
+    RESETS,
+    STAGED,
     U8,
     WHOLE,
     Frames,
@@ -41,6 +45,8 @@ if TYPE_CHECKING:
 
 
 SIGNED, SPECIAL, MODED, EVENT = 1, 2, 4, 8
+CHANGES = RESETS | RELEASES | STAGED
+PROVENANCE = (ASSUMED, PROFILE, OBSERVED)
 UNSEEN = 256
 """Column of the scales for a mode nobody has seen yet."""
 
@@ -111,27 +117,29 @@ class Scaling:
         state = self.state
         v = self.protocol.values(block, frames, rows, state)
         traits = self._traits[v.register]
-        changes, staged = self._find(frames, transactions, v, traits, accepted)
-        before = state.model.copy(), state.origin.copy()
+        present = int(np.bitwise_or.reduce(traits)) if len(traits) else 0
+        is_eventful = bool(present & EVENT) or bool((frames.flags & CHANGES).any())
+        changes: list[Change] = []
+        if is_eventful:
+            changes, staged = self._find(frames, transactions, v, traits, accepted)
+        known = state.model.copy(), state.origin.copy()
         weighed = self._weighing.weigh(block, frames, v.sightings, accepted, changes, base)
-        after = state.model, state.origin
-        state.model, state.origin = before
-        state.turns = weighed.turns
+        now = state.model, state.origin
+        (state.model, state.origin), state.turns = known, weighed.turns
         if weighed.turns and len(self.protocol.models) > 1:
             v = self.protocol.values(block, frames, rows, state)
             traits = self._traits[v.register]
-        if weighed.turns or before[1].any():
-            origin = state.origins_of(v.row, v.servo_id)
-        else:
-            origin = np.full(len(v), ASSUMED, np.uint8)
-        (state.model, state.origin), state.turns = after, ()
+            present = int(np.bitwise_or.reduce(traits)) if len(traits) else 0
+        origin = state.origins_of(v.row, v.servo_id)
+        (state.model, state.origin), state.turns = now, ()
         if weighed.turns or v.loose is not None:
-            known = np.array([loose_counts(o, asked=False) for o in range(OBSERVED + 1)])
-            trusted = known[origin] & (frames.kind[v.row] != REQUEST)
+            trusted = np.array([loose_counts(o) for o in PROVENANCE])[origin]
+            trusted &= frames.kind[v.row] != REQUEST
             changes, staged = self._find(frames, transactions, v, traits, accepted, trusted)
-        self._changes.keep(staged)
+            is_eventful = True
+        if is_eventful:
+            self._changes.keep(staged)
         value = v.raw * self._scale[v.register]
-        present = int(np.bitwise_or.reduce(traits)) if len(traits) else 0
         if present & SIGNED:
             mine = np.flatnonzero(traits & SIGNED)
             raw, bit = v.raw[mine], self._sign_bit[v.register[mine]]
@@ -140,7 +148,7 @@ class Scaling:
             value[mine] = signed * self._scale[v.register[mine]]
         takes = accepted[v.row]
         misfits: list[Misfit] = []
-        if state.modes:
+        if changes or weighed.anew or present & MODED:
             moved = [c for c in changes if c.what != FEEDBACK]
             misfits = self._apply_modes(v, traits, takes, moved, weighed.anew, value, origin)
         if present & SPECIAL:
@@ -221,9 +229,10 @@ class Scaling:
     ) -> list[Misfit]:
         """Scale what a mode scales, in stretches between the changes; return what fits no mode."""
         state = self.state
-        acts = [(c.at, c.row, c) for c in changes]
-        forgets = [(int(np.searchsorted(v.row, t.row)), t.row, t) for t in anew]
-        events = sorted([*acts, *forgets], key=lambda e: e[:2])
+        events: list[tuple[int, int, Change | Turn | None]]
+        events = [(c.at, c.row, c) for c in changes]
+        events += [(int(np.searchsorted(v.row, t.row)), t.row, t) for t in anew]
+        events.sort(key=lambda e: e[:2])
         mine = np.flatnonzero(traits & MODED)
         servo = (v.servo_id[mine] & 255).astype(np.int64)
         register, raw = v.register[mine], v.raw[mine]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -79,19 +80,16 @@ class Weighing:
                 for i in self._news(frames, sightings, accepted, all_of_them=bool(moves))
             ]
         todo.sort()
-        for n, (row, is_move, i) in enumerate(todo):
+        for (row, is_move), entries in itertools.groupby(todo, key=lambda e: e[:2]):
             if is_move:
-                self._move(moves[i], out)
+                for _, _, i in entries:
+                    self._move(moves[i], out)
                 continue
             assert sightings is not None
-            self._count(block, frames, sightings, i, base)
             # the clues of one row are one decision
-            if n + 1 == len(todo) or todo[n + 1][:2] != (row, 0):
-                first = n
-                while first and todo[first - 1][:2] == (row, 0):
-                    first -= 1
-                servos = [int(sightings.servo_id[k]) for _, _, k in todo[first : n + 1]]
-                self._settle(row, servos, out)
+            news = [i for _, _, i in entries if self._count(block, frames, sightings, i, base)]
+            if news:
+                self._settle(row, row, [int(sightings.servo_id[i]) for i in news], out)
         return out
 
     def _news(
@@ -104,8 +102,10 @@ class Weighing:
         good: I64 = np.flatnonzero(told)
         if all_of_them or not len(good):
             return list(map(int, good))
-        key = (s.servo_id[good].astype(np.int64) & 255) << 32 | s.clue[good] << 1 | asked[good]
-        first = np.sort(np.unique(key, return_index=True)[1])
+        key = (s.clue[good] << 1 | asked[good]) << 8 | (s.servo_id[good] & 255)
+        place = np.full(len(s.clues) << 9, -1)
+        place[key[::-1]] = np.arange(len(key))[::-1]  # the first of each
+        first = np.sort(place[place >= 0])
         out = []
         for i in good[first].tolist():
             servo, clue = int(s.servo_id[i]), s.clues[int(s.clue[i])]
@@ -117,26 +117,29 @@ class Weighing:
     def _is_to_all(self, frames: Frames, row: int, servo: int) -> bool:
         return servo in self._protocol.everyone and int(frames.kind[row]) == REQUEST
 
-    def _count(self, block: Block, frames: Frames, s: Sightings, i: int, base: int) -> None:
+    def _count(self, block: Block, frames: Frames, s: Sightings, i: int, base: int) -> bool:
         row, servo, clue = int(s.row[i]), int(s.servo_id[i]), s.clues[int(s.clue[i])]
         at, to_all = int(s.at[i]), self._is_to_all(frames, row, servo)
         if not self._evidence.weigh(servo, clue, to_all=to_all):
-            return
+            return False
         data = block.data[at : at + min(clue.width, 16)].tobytes()
         span = base + int(frames.start[row]), int(frames.length[row])
         met = Weighed(clue, data, int(frames.op[row]), span)
         for who in range(256) if to_all else (servo & 255,):
             self._met[who] = (*self._met.get(who, ()), met)[-SHOWN:]
+        return True
 
     def _move(self, change: Change, out: Outcome) -> None:
         new = new_id(change)
         self._evidence.move(change.servo, new)
         self._met[new] = self._met.get(change.servo & 255, ())
-        out.turns += self._evidence.settle(change.row + 1, ())[0]
+        self._settle(change.row, change.row + 1, [new], out)
 
-    def _settle(self, row: int, servos: Sequence[int], out: Outcome) -> None:
+    def _settle(self, row: int, since: int, servos: Sequence[int], out: Outcome) -> None:
+        """Decide at ``row`` what holds ``since`` a row."""
         before = self._evidence.state.model.copy()
-        turns, verdicts = self._evidence.settle(row, servos)
+        turns, verdicts = self._evidence.settle(since, servos)
         out.turns += turns
-        out.anew += [t for t in turns if t.model != before[t.servo]]
+        if since == row:
+            out.anew += [t for t in turns if t.model != before[t.servo]]
         out.told += [Told(row, v, self._met.get(v.servo, ())) for v in verdicts]

@@ -99,7 +99,8 @@ class ModelRules:
 
     def _misfit(self, batch: Batch, m: Misfit) -> Anomaly:
         r = self._protocol.registers[m.register]
-        assert r.scale_by is not None and r.range is not None
+        assert r.scale_by is not None
+        assert r.range is not None
         name, scales = r.scale_by
         most = r.range[1] * unseen_scale(r)
         text = (
@@ -112,7 +113,9 @@ class ModelRules:
             if (same := x.at(r.address)) is not None and same.type == r.type and not same.scale_by
         ]
         options = " or ".join(_option(self._protocol, m.servo_id, model) for model in others)
-        remedy = f"Read {name} on the wire." + (f" If it is another model: {options}." if options else "")
+        remedy = f"Read {name} on the wire." + (
+            f" If it is another model: {options}." if options else ""
+        )
         row = m.row
         at = batch.base + int(batch.frames.start[row]), int(batch.frames.length[row])
         t_ns = int(batch.frames.t_end[row])

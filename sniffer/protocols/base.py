@@ -72,6 +72,8 @@ class State:
 
     def models_of(self, rows: I64, servos: I16) -> I64:
         """Return by which table (row in ``protocol.models``) each servo is read at its row."""
+        if not self.turns and not self.model.any():
+            return np.zeros(len(servos), np.int64)
         out: I64 = self.model[servos & 255]
         for turn in self.turns:
             after = slice(int(np.searchsorted(rows, turn.row)), None)
@@ -80,6 +82,8 @@ class State:
 
     def origins_of(self, rows: I64, servos: I16) -> U8:
         """Return on what grounds each servo's table is taken at its row, as a provenance."""
+        if not self.turns and not self.origin.any():
+            return np.zeros(len(servos), np.uint8)
         out: U8 = self.origin[servos & 255]
         for turn in self.turns:
             after = slice(int(np.searchsorted(rows, turn.row)), None)

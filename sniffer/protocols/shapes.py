@@ -13,11 +13,11 @@ from sniffer.protocols.base import Sightings, Values
 from sniffer.registers import TYPES, Entry
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from sniffer.clues import Check, Clue
     from sniffer.framing import Block
-    from sniffer.model import I16, I64, Frames, Mask
+    from sniffer.model import I16, I64, U8, Frames, Mask
     from sniffer.protocols.base import State
     from sniffer.registers import RegisterMap
 
@@ -42,12 +42,12 @@ def by_shape(
     parts: Parts,
     keys: I64,
     shape: Callable[[int], Sequence[Entry]],
-    look: Callable[[int, I64], None] | None = None,
+    look: Callable[[int, I64, Mapping[tuple[int, str], I64]], None] | None = None,
 ) -> Values:
     """Read the values of ``parts``; those of equal ``keys`` carry the same registers alike.
 
     Entries count from ``at``; ``shape(key)`` is asked once a key and a pass, cache it. ``look`` is
-    shown the part numbers of each key.
+    shown the part numbers of each key and the numbers read, by where they stand and their type.
     """
     data = block.data
     groups = _alike(keys)
@@ -62,20 +62,25 @@ def by_shape(
     loose = np.zeros(total, bool) if any(e.loose for plan in plans for e in plan) else None
     for group, plan in zip(groups, plans, strict=True):
         at, out = parts.at[group], first[group]
+        read = {}
         for k, entry in enumerate(plan):
-            dtype = TYPES[entry.type]
-            strided = np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, 0, (1,))
             here = out + k
-            raw[here] = strided[at + entry.at]
+            raw[here] = read[entry.at, entry.type] = _column(data, entry.type, at + entry.at)
             register[here] = entry.register
             if entry.part != WHOLE:
                 part[here] = entry.part
             if loose is not None and entry.loose:
                 loose[here] = True
         if look is not None:
-            look(int(keys[group[0]]), group)
+            look(int(keys[group[0]]), group, read)
     servo: I16 = np.repeat(parts.servo_id, per_part)
     return Values(np.repeat(parts.row, per_part), servo, register, raw, part, loose)
+
+
+def _column(data: U8, kind: str, at: I64) -> I64:
+    dtype = TYPES[kind]
+    column: I64 = np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, 0, (1,))[at]
+    return column
 
 
 def _alike(keys: I64) -> list[I64]:
@@ -123,9 +128,7 @@ class Addressed:
         values = by_shape(block, parts, keys, self._shape, seen.look)
         return replace(values, sightings=seen.found())
 
-    def _parts(
-        self, block: Block, frames: Frames, rows: I64, address: I64, step: I64
-    ) -> Parts:
+    def _parts(self, block: Block, frames: Frames, rows: I64, address: I64, step: I64) -> Parts:
         """Take packets to several servos apart."""
         servo, at = frames.servo_id[rows], frames.data_start[rows]
         length, written = frames.data_length[rows], frames.kind[rows] == REQUEST
@@ -164,7 +167,8 @@ class Sights:
         self.rules = Clues(models)
         self.clues: list[Clue] = []
         self._number: dict[Clue, int] = {}
-        self._told: dict[tuple[int, int, str, bool], list[int]] = {}
+        self.sets: list[tuple[int, ...]] = [()]
+        self._told: dict[tuple[int, str, bool], I64] = {}
 
     def of(self, block: Block, parts: Parts) -> Look:
         """Begin a pass."""
@@ -177,14 +181,19 @@ class Sights:
             self.clues.append(clue)
         return n
 
-    def told_by(self, check: Check, raw: int, *, written: bool) -> list[int]:
-        """Return the clues that one number gives, cached: servos repeat themselves."""
-        key = (check.address, raw, check.type, written)
-        known = self._told.get(key)
-        if known is None:
-            found = self.rules.value(check, raw, written=written)
-            known = self._told[key] = [self.number(clue) for clue in found]
-        return known
+    def told_by(self, check: Check, raw: I64, *, written: bool) -> I64:
+        """Return which of ``sets`` each number tells; every number is worked out but once."""
+        key = check.address, check.type, written
+        table = self._told.get(key)
+        if table is None:
+            table = self._told[key] = np.full(1 << 16, -1, np.int64)
+        place = raw.astype(np.int64) & 0xFFFF
+        for new in np.unique(raw[table[place] < 0]).tolist():
+            found = tuple(self.number(c) for c in self.rules.value(check, new, written=written))
+            if found not in self.sets:
+                self.sets.append(found)
+            table[new & 0xFFFF] = self.sets.index(found)
+        return table[place]
 
 
 class Look:
@@ -196,7 +205,7 @@ class Look:
         self._parts = parts
         self._found: list[tuple[I64, int, int]] = []
 
-    def look(self, key: int, group: I64) -> None:
+    def look(self, key: int, group: I64, read: Mapping[tuple[int, str], I64]) -> None:
         """Look at the parts ``group``, which are alike."""
         address, length, written = (key >> 10 & 511) - 1, key >> 1 & 511, bool(key & 1)
         if address < 0:
@@ -206,21 +215,21 @@ class Look:
         if span is not None:
             self._found.append((group, self._sights.number(span.clue), span.at))
         for check in rules.checks(address, length, written=written):
-            dtype = TYPES[check.type]
-            size = len(self._data) - dtype.itemsize + 1
-            strided = np.ndarray((size,), dtype, self._data, 0, (1,))
-            raw = strided[self._parts.at[group] + check.at]
-            odd = np.zeros(len(raw), bool)
-            if check.low > -(2**62) or check.high < 2**62:
-                odd = (raw < check.low) | (raw > check.high)
+            raw = read.get((check.at, check.type))
+            if raw is None:
+                raw = _column(self._data, check.type, self._parts.at[group] + check.at)
+            odd = raw > check.high
+            if check.low > np.iinfo(raw.dtype).min:
+                odd |= raw < check.low
             for other in check.others:
                 odd |= raw == other
             if not odd.any():
                 continue
-            for value in np.unique(raw[odd]).tolist():
-                told = self._sights.told_by(check, value, written=written)
-                same = group[raw == value] if told else group[:0]
-                self._found += [(same, number, check.at) for number in told]
+            some = group[odd]
+            told = self._sights.told_by(check, raw[odd], written=written)
+            for which in np.flatnonzero(np.bincount(told)).tolist():
+                same = some[told == which]
+                self._found += [(same, number, check.at) for number in self._sights.sets[which]]
 
     def found(self) -> Sightings | None:
         """Return what was found, in the order of the rows."""
@@ -230,8 +239,9 @@ class Look:
         times = [len(group) for group, _, _ in self._found]
         clue = np.repeat([number for _, number, _ in self._found], times)
         at = np.repeat([at for _, _, at in self._found], times)
-        order = np.lexsort((clue, at, part))
-        part, clue, at = part[order], clue[order], at[order]
+        if len(times) > 1:
+            order = np.lexsort((clue, at, part))
+            part, clue, at = part[order], clue[order], at[order]
         p = self._parts
         return Sightings(p.row[part], p.servo_id[part], clue, p.at[part] + at, self._sights.clues)
 
