@@ -176,7 +176,13 @@ class Decoder:
         )
         meaning = self._scaling.decode(block, frames, transactions, batch.base)
         transactions = self._expectations.judge(frames, transactions, torn, meaning.feedback)
-        batch = replace(batch, frames=frames, transactions=transactions, values=meaning.samples)
+        batch = replace(
+            batch,
+            frames=frames,
+            transactions=transactions,
+            values=meaning.samples,
+            models=self._scaling.models(frames),
+        )
         return self._diagnostics.judge(batch, meaning)
 
     def _cut(self, frames: Frames, decided: int, block: Block) -> int:

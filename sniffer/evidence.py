@@ -104,7 +104,7 @@ class Evidence:
             return AGAINST if differs and told != AGAINST else 0
         if ahead >= SURE:
             return TAKEN if best != was or told in (LIKELY, GIVEN_UP) else 0
-        if was != self.state.model[servo]:
+        if told == TAKEN:
             return GIVEN_UP
         likely = ahead >= WORTH_TELLING and best != was
         return LIKELY if likely and not told else 0

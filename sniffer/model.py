@@ -10,7 +10,7 @@ Offsets inside a batch count from ``Batch.data[0]``; ``Batch.base`` makes them a
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
@@ -320,6 +320,9 @@ class Batch:
     remarks: tuple[Remark, ...] = ()
     is_cut: bool = False
     """Whether a live tap ended so soon behind the last byte that what is open may just be cut."""
+    models: Mapping[int, tuple[str, int]] = field(default_factory=dict)
+    """Of servos met here whose model is not just assumed: its name, and on what grounds it is taken
+    (``PROFILE``: it was named, ``OBSERVED``: the wire showed it), as the batch ends."""
 
     @property
     def samples(self) -> Samples:

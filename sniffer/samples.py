@@ -172,6 +172,18 @@ class Scaling:
         )
         return Meaning(samples, _feedback(changes), weighed.told, misfits)
 
+    def models(self, frames: Frames) -> dict[int, tuple[str, int]]:
+        """Return model and grounds of the servos in ``frames``, where it is not just assumed."""
+        state = self.state
+        if not state.origin.any():
+            return {}
+        met = np.bincount(frames.servo_id[frames.servo_id >= 0], minlength=256) > 0
+        met[[s for s in self.protocol.everyone if s]] = False
+        return {
+            servo: (self.protocol.models[int(state.model[servo])].model, int(state.origin[servo]))
+            for servo in np.flatnonzero(met & (state.origin != ASSUMED)).tolist()
+        }
+
     def _find(
         self,
         frames: Frames,

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.model import I64, KINDS, NS, OK, OUTCOMES, Anomaly, Batch, Severity
+from sniffer.model import (
+    I64,
+    KINDS,
+    NS,
+    OK,
+    OUTCOMES,
+    PROVENANCES,
+    Anomaly,
+    Batch,
+    Severity,
+)
 
 if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
@@ -69,6 +79,8 @@ class BusTotals:
     """Servo id -> what a reply time of zero may be at most, in ns: one read held it all."""
     samples: int = 0
     first: dict[str, Anomaly] = field(default_factory=dict)
+    models: dict[int, tuple[str, int]] = field(default_factory=dict)
+    """Servo id -> model and grounds (a provenance), where it was named or the wire showed it."""
     clock: str = "none"
     t_first_ns: int | None = None
     t_last_ns: int | None = None
@@ -89,6 +101,7 @@ class BusTotals:
             self.first.setdefault(a.code, a)
         if not len(f):
             return
+        self.models.update(batch.models)
         self.bytes_in_frames += int(f.length.sum())
         if self.t_first_ns is None:
             self.t_first_ns = int(f.t_start[0])
@@ -170,7 +183,7 @@ class Summary:
 
 
 def _totals(b: BusTotals) -> dict[str, Any]:
-    return {
+    out: dict[str, Any] = {
         "protocol": b.protocol,
         "bytes": b.bytes,
         "bytes_in_frames": b.bytes_in_frames,
@@ -191,3 +204,9 @@ def _totals(b: BusTotals) -> dict[str, Any]:
             for servo, q in sorted(b.times.items())
         },
     }
+    if b.models:
+        out["models"] = {
+            str(servo): {"model": model, "scale": PROVENANCES[grounds]}
+            for servo, (model, grounds) in sorted(b.models.items())
+        }
+    return out

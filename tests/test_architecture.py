@@ -20,16 +20,16 @@ FILES: Final = sorted(
 CORE: Final = (
     *("model", "registers", "checksums", "framing", "plan", "timing", "bus", "samples"),
     *("decoder", "reference", "diagnostics", "protocols", "rows", "summary", "remarks"),
-    *("merging", "ordering"),
+    *("merging", "ordering", "clues", "evidence", "changes", "weighing"),
 )
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
 
 FLOORS: Final = (
     ("model",),
-    ("registers", "checksums"),
+    ("registers", "checksums", "clues"),
     ("plan", "framing", "timing", "remarks"),
     ("protocols",),
-    ("bus", "samples"),
+    ("bus", "samples", "evidence", "changes", "weighing"),
     ("diagnostics",),
     ("decoder", "reference", "rows"),
     ("summary", "detect", "messages", "simulation", "merging", "ordering", "status"),

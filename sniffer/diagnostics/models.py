@@ -64,13 +64,16 @@ class ModelRules:
             other = _option(self._protocol, v.servo, names[rival])
             remedy = f"Decode again with {option}, or with {other} if it is that."
         spans = dict.fromkeys(w.span for w in reversed(told.weighed))
-        return anomaly(
-            "model-evidence",
-            int(batch.frames.t_end[told.row]),
-            v.servo,
-            f"{text}: {clues}",
-            *list(spans)[:SPANS],
-        )._replace(remedy=remedy)
+        t_ns, here = self._place(batch, told.row)
+        detail = f"{text}: {clues}" if clues else text
+        evidence = list(spans)[:SPANS] or [here]
+        return anomaly("model-evidence", t_ns, v.servo, detail, *evidence)._replace(remedy=remedy)
+
+    @staticmethod
+    def _place(batch: Batch, row: int) -> tuple[int, tuple[int, int]]:
+        """Return when and where a frame stands."""
+        f = batch.frames
+        return int(f.t_end[row]), (batch.base + int(f.start[row]), int(f.length[row]))
 
     def _clue(self, w: Weighed, best: int, rival: int) -> str:
         """Say what one clue is, by the names the two models have for its bytes."""
@@ -116,11 +119,11 @@ class ModelRules:
         remedy = f"Read {name} on the wire." + (
             f" If it is another model: {options}." if options else ""
         )
-        row = m.row
-        at = batch.base + int(batch.frames.start[row]), int(batch.frames.length[row])
-        t_ns = int(batch.frames.t_end[row])
+        t_ns, at = self._place(batch, m.row)
         return anomaly("model-evidence", t_ns, m.servo_id, text, at)._replace(remedy=remedy)
 
 
 def _option(protocol: BusProtocol, servo: int, model: str) -> str:
-    return f"`--model {model}`" if servo in protocol.everyone[1:] else f"`--model {servo}={model}`"
+    """Return the option that names a model; an id that only addresses all names none."""
+    is_one = servo not in protocol.everyone or servo == 0  # 0 may be the id of a servo, too
+    return f"`--model {servo}={model}`" if is_one else f"`--model {model}`"

@@ -193,7 +193,8 @@ class Sights:
             if found not in self.sets:
                 self.sets.append(found)
             table[new & 0xFFFF] = self.sets.index(found)
-        return table[place]
+        told: I64 = table[place]
+        return told
 
 
 class Look:

@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.model import OBSERVED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -67,6 +68,11 @@ def _print_bus(name: str, b: BusTotals, console: Console) -> None:
     outcomes = [f"{n} {_OUTCOMES.get(k, k.replace('_', ' '))}" for k, n in b.outcomes.items() if n]
     if outcomes:
         lines.append("exchanges: " + ", ".join(outcomes))
+    shown = ", ".join(
+        f"{servo} {model}" for servo, (model, how) in sorted(b.models.items()) if how == OBSERVED
+    )
+    if shown:
+        lines.append(f"models told by the wire: {shown}")
     console.print(Text(title if title.isprintable() else ascii(title), style="bold"))
     for line in lines:
         console.print(Padding(Text(line), (0, 0, 0, 2)))
