@@ -12,6 +12,7 @@ from rich.text import Text
 
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.model import OBSERVED
+from sniffer.protocols import protocol_named
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -68,8 +69,11 @@ def _print_bus(name: str, b: BusTotals, console: Console) -> None:
     outcomes = [f"{n} {_OUTCOMES.get(k, k.replace('_', ' '))}" for k, n in b.outcomes.items() if n]
     if outcomes:
         lines.append("exchanges: " + ", ".join(outcomes))
+    default = protocol_named(b.protocol).models[0].model
     shown = ", ".join(
-        f"{servo} {model}" for servo, (model, how) in sorted(b.models.items()) if how == OBSERVED
+        f"{servo} {model}"
+        for servo, (model, how) in sorted(b.models.items())
+        if how == OBSERVED and model != default
     )
     if shown:
         lines.append(f"models told by the wire: {shown}")
