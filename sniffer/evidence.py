@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from sniffer.clues import Clue
+    from sniffer.model import I64
     from sniffer.protocols.base import BusProtocol, State
 
 WORTH_TELLING: Final = 2
@@ -48,7 +49,10 @@ class Evidence:
         self._keys: dict[tuple[int, int, tuple[int, ...]], int] = {}
         self._known = np.zeros((256, 64), bool)
         self._told = np.zeros(256, np.int64)
-        self._decide()
+        self._top = np.zeros(256, np.int64)
+        self._lead = np.zeros(256, np.int64)
+        self._stale: set[int] = set()
+        self._decide(np.arange(256))
 
     def is_news(self, servo: int, clue: Clue, *, to_all: bool) -> bool:
         """Whether a clue has not been counted yet for a servo, or for one of them all."""
@@ -67,29 +71,36 @@ class Evidence:
         who = who[~self._known[who, column]]
         self._known[who, column] = True
         self._points[who] += np.array(clue.points)
+        self._stale.update(who.tolist())
         return bool(len(who))
+
+    @property
+    def knows(self) -> bool:
+        """Whether anything is known of any servo."""
+        return bool(self._keys) or bool(self.state.chosen.any())
 
     def move(self, old: int, new: int) -> None:
         """A servo took a new id: what is known about it goes along, unless the user named that."""
-        if not 0 <= new <= 255:
-            return
         old &= 255
         state = self.state
         if not state.named[new]:
             state.chosen[new], state.choice[new] = state.chosen[old], state.choice[old]
         for known in (self._points, self._known, self._told):
             known[new] = known[old]
+        self._stale.add(new)
 
     def settle(self, row: int, servos: Iterable[int]) -> tuple[list[Turn], list[Verdict]]:
         """Decide anew: return what changes from ``row`` on, and what there is to tell of whom."""
         state = self.state
-        model, origin = state.model.copy(), state.origin.copy()
-        top, lead = self._decide()
-        turned = np.flatnonzero((model != state.model) | (origin != state.origin))
+        who = np.union1d(list(self._stale), self._everyone).astype(np.int64)
+        self._stale.clear()
+        model, origin = state.model.copy(), state.origin[who]
+        self._decide(who)
+        turned = who[(model[who] != state.model[who]) | (origin != state.origin[who])]
         turns = [Turn(row, s, int(state.model[s]), int(state.origin[s])) for s in turned.tolist()]
         verdicts = []
         for servo in dict.fromkeys(s & 255 for s in servos):
-            best, ahead, was = int(top[servo]), int(lead[servo]), int(model[servo])
+            best, ahead, was = int(self._top[servo]), int(self._lead[servo]), int(model[servo])
             what = self._verdict(servo, best, ahead, was)
             if what:
                 self._told[servo] = what
@@ -109,26 +120,24 @@ class Evidence:
         likely = ahead >= WORTH_TELLING and best != was
         return LIKELY if likely and not told else 0
 
-    def _decide(self) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.int64]], ...]:
-        """Set the models in ``state``; return the best one of each servo and its lead."""
-        state, points = self.state, self._points
-        top = points.argmax(axis=1)
-        lead = np.zeros(256, np.int64)
+    def _decide(self, who: I64) -> None:
+        """Decide anew which models the servos ``who`` are."""
+        state, points = self.state, self._points[who]
+        top = self._top[who] = points.argmax(axis=1)
         if points.shape[1] > 1:
             ranked = np.sort(points, axis=1)
-            lead = ranked[:, -1] - ranked[:, -2]
-        sure = lead >= SURE
-        state.model[:] = np.where(state.chosen, state.choice, np.where(sure, top, 0))
-        state.origin[:] = np.where(state.chosen, PROFILE, np.where(sure, OBSERVED, ASSUMED))
+            self._lead[who] = ranked[:, -1] - ranked[:, -2]
+        chosen, sure = state.chosen[who], self._lead[who] >= SURE
+        state.model[who] = np.where(chosen, state.choice[who], np.where(sure, top, 0))
+        state.origin[who] = np.where(chosen, PROFILE, np.where(sure, OBSERVED, ASSUMED))
         # What is told to all is read by the table of all, if they have one.
-        of_all = self._everyone[~(sure | state.chosen)[self._everyone]]
+        of_all = self._everyone[state.origin[self._everyone] == ASSUMED]
         if len(of_all):
-            settled = sure | state.chosen
+            settled = state.origin != ASSUMED
             settled[self._everyone] = False
-            models = np.unique(state.model[settled])
-            if len(models) == 1:
-                state.model[of_all] = models[0]
-        return top, lead
+            models = state.model[settled]
+            one = len(models) and models.min() == models.max()
+            state.model[of_all] = models[0] if one else 0
 
 
 def loose_counts(origin: int) -> bool:

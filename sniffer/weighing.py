@@ -130,6 +130,8 @@ class Weighing:
         return True
 
     def _move(self, change: Change, out: Outcome) -> None:
+        if not self._evidence.knows:
+            return
         new = new_id(change)
         self._evidence.move(change.servo, new)
         self._met[new] = self._met.get(change.servo & 255, ())

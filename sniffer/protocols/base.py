@@ -72,22 +72,26 @@ class State:
 
     def models_of(self, rows: I64, servos: I16) -> I64:
         """Return by which table (row in ``protocol.models``) each servo is read at its row."""
-        if not self.turns and not self.model.any():
-            return np.zeros(len(servos), np.int64)
-        out: I64 = self.model[servos & 255]
-        for turn in self.turns:
-            after = slice(int(np.searchsorted(rows, turn.row)), None)
-            out[after][servos[after] & 255 == turn.servo] = turn.model
-        return out
+        return self._at(self.model, [t.model for t in self.turns], rows, servos)
 
     def origins_of(self, rows: I64, servos: I16) -> U8:
         """Return on what grounds each servo's table is taken at its row, as a provenance."""
-        if not self.turns and not self.origin.any():
-            return np.zeros(len(servos), np.uint8)
-        out: U8 = self.origin[servos & 255]
-        for turn in self.turns:
-            after = slice(int(np.searchsorted(rows, turn.row)), None)
-            out[after][servos[after] & 255 == turn.servo] = turn.origin
+        out = self._at(self.origin, [t.origin for t in self.turns], rows, servos)
+        return out.astype(np.uint8)
+
+    def _at(self, known: I64 | U8, turned: Sequence[int], rows: I64, servos: I16) -> I64:
+        """Return what holds for each servo at its row: what is known, until it turns."""
+        if not turned and not known.any():
+            return np.zeros(len(servos), np.int64)
+        who = servos & 255
+        out: I64 = known[who].astype(np.int64)
+        since = np.array([t.row for t in self.turns])
+        of, value = np.array([t.servo for t in self.turns]), np.array(turned)
+        for servo in dict.fromkeys(t.servo for t in self.turns):
+            mine, own = np.flatnonzero(who == servo), of == servo
+            last = np.searchsorted(since[own], rows[mine], "right") - 1
+            after = last >= 0
+            out[mine[after]] = value[own][last[after]]
         return out
 
 

@@ -168,7 +168,7 @@ class Sights:
         self.clues: list[Clue] = []
         self._number: dict[Clue, int] = {}
         self.sets: list[tuple[int, ...]] = [()]
-        self._told: dict[tuple[int, str, bool], I64] = {}
+        self._told: dict[tuple[int, str, bool], I16] = {}
 
     def of(self, block: Block, parts: Parts) -> Look:
         """Begin a pass."""
@@ -186,14 +186,14 @@ class Sights:
         key = check.address, check.type, written
         table = self._told.get(key)
         if table is None:
-            table = self._told[key] = np.full(1 << 16, -1, np.int64)
+            table = self._told[key] = np.full(1 << 16, -1, np.int16)
         place = raw.astype(np.int64) & 0xFFFF
         for new in np.unique(raw[table[place] < 0]).tolist():
             found = tuple(self.number(c) for c in self.rules.value(check, new, written=written))
             if found not in self.sets:
                 self.sets.append(found)
             table[new & 0xFFFF] = self.sets.index(found)
-        told: I64 = table[place]
+        told: I64 = table[place].astype(np.int64)
         return told
 
 
