@@ -271,20 +271,8 @@ class Reference:
             value, provenance = self._scaled(servo, index, raw, sound=sound)
             if part != WHOLE or raw in r.special:
                 value = math.nan
-            self.out.samples.append(
-                (
-                    self.times[f.end - 1],
-                    servo,
-                    index,
-                    r.role,
-                    raw,
-                    repr(float(value)),
-                    provenance,
-                    part,
-                    f.start,
-                    accepted,
-                )
-            )
+            stated = (servo, index, r.role, raw, repr(float(value)), provenance, part)
+            self.out.samples.append((self.times[f.end - 1], *stated, f.start, accepted))
             asked = f.kind == REQUEST
             to_all = asked and servo in self.protocol.everyone
             if not sound:
