@@ -29,6 +29,7 @@ from sniffer.sinks import open_sink
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from sniffer.bus import Paired
     from sniffer.framing import Block
 
 BLOCK = 1 << 18
@@ -38,9 +39,12 @@ ROUNDS = 5
 
 
 class FramesOnly(Decoder):
-    """The decoder without pairing, values and anomalies: frames with fields, times and gaps."""
+    """The decoder without values and anomalies: frames with fields, times and gaps.
 
-    def _records(self, block: Block, batch: Batch, until: int) -> Batch:
+    Which request an answer belongs to is among it: it decides where a block may be cut.
+    """
+
+    def _records(self, block: Block, batch: Batch, paired: Paired) -> Batch:
         return batch
 
 

@@ -341,11 +341,15 @@ def _torn_in_turn(frames: Frames, torn: Mask, turn: I64, partner: I64, reach: in
 
 @dataclass(frozen=True, slots=True)
 class FeedbackWrite:
-    """A servo's return mode became known at a row; ``servo_id`` -1 stands for every servo."""
+    """A servo's return mode became known (-1: unknown) at a row; ``servo_id`` -1: every servo's.
+
+    With a ``new_id`` the servo took that one, and its return mode goes along.
+    """
 
     row: int
     servo_id: int
     mode: int
+    new_id: int = -1
 
 
 class Expectations:
@@ -372,7 +376,10 @@ class Expectations:
             if number:
                 write = writes[number - 1]
                 where = slice(None) if write.servo_id < 0 else write.servo_id & 255
-                self._mode[where] = write.mode
+                if write.new_id >= 0:
+                    self._mode[write.new_id] = self._mode[write.servo_id & 255]
+                else:
+                    self._mode[where] = write.mode
             if b > a:
                 self._judge(frames, transactions, torn, outcome, slice(a, b))
         return replace(transactions, outcome=outcome)

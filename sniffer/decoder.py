@@ -236,11 +236,16 @@ class Decoder:
 
     def _records(self, block: Block, batch: Batch, paired: Paired) -> Batch:
         """Add what follows from the frames: transactions, values, anomalies."""
-        values = self._scaling.decode(block, paired)
-        writes = self._scaling.feedback_writes(paired.frames, values)
-        transactions = paired.told(self._expectations.judge(paired, writes))
-        batch = replace(batch, frames=paired.frames, transactions=transactions, values=values)
-        return self._diagnostics.judge(batch)
+        meaning = self._scaling.decode(block, paired, batch.base)
+        transactions = paired.told(self._expectations.judge(paired, meaning.feedback))
+        batch = replace(
+            batch,
+            frames=paired.frames,
+            transactions=transactions,
+            values=meaning.samples,
+            models=self._scaling.models(paired.frames),
+        )
+        return self._diagnostics.judge(batch, meaning)
 
     def _cut(self, frames: Frames, partner: I64, decided: int, block: Block) -> tuple[int, int]:
         """Return where this batch ends, and how many frames that are: nothing before it is open."""

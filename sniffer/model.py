@@ -10,7 +10,7 @@ Offsets inside a batch count from ``Batch.data[0]``; ``Batch.base`` makes them a
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
@@ -278,7 +278,10 @@ class Severity(enum.IntEnum):
 
 
 class Anomaly(NamedTuple):
-    """What the listener found; ``evidence`` is a tuple of (absolute offset, length)."""
+    """What the listener found; ``evidence`` is a tuple of (absolute offset, length).
+
+    ``remedy`` is what to try in this very case; empty: what the catalogue says of its code.
+    """
 
     t_ns: int
     severity: Severity
@@ -287,6 +290,7 @@ class Anomaly(NamedTuple):
     servo_id: int | None
     detail: str
     evidence: tuple[tuple[int, int], ...]
+    remedy: str = ""
 
     @property
     def known_at(self) -> int:
@@ -339,6 +343,9 @@ class Batch:
     """Requests of earlier batches that are answered in this one; their starts are negative."""
     slower_ns: int = 0
     """By how much a byte may have taken longer than it is laid out for: nobody stated the rate."""
+    models: Mapping[int, tuple[str, int]] = field(default_factory=dict)
+    """Of servos met here whose model is not just assumed: its name, and on what grounds it is taken
+    (``PROFILE``: it was named, ``OBSERVED``: the wire showed it), as the batch ends."""
 
     @property
     def samples(self) -> Samples:

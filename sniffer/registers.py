@@ -7,6 +7,7 @@ Pure apart from reading the tables once. A table is one servo model; rules for i
 from __future__ import annotations
 
 import functools
+import math
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -97,6 +98,29 @@ class Register:
         return None
 
 
+BEYOND: Final = 1.1
+"""A position this much beyond the whole stroke contradicts its scale: a rod that stands at its end
+is measured a little outside, never by a tenth, and the next finer resolution is a factor of two."""
+
+
+def scale_limit(register: Register, mode: int) -> float:
+    """Return the highest raw value that fits the register's range under a mode of its scale."""
+    if register.scale_by is None or register.range is None:
+        return math.inf
+    table = register.scale_by[1]
+    scale = table.get(mode)
+    return (
+        math.inf if scale is None else BEYOND * register.range[1] * unseen_scale(register) / scale
+    )
+
+
+def unseen_scale(register: Register) -> float:
+    """Return the scale that is assumed until the mode is seen."""
+    if register.scale_by is None or register.scale != 1.0:
+        return register.scale
+    return next(iter(register.scale_by[1].values()))
+
+
 def bit_names(bits: Mapping[int, str], raw: int) -> list[str]:
     """Name the bits set in ``raw``, lowest first; a bit without a name is ``bit<n>``."""
     return [bits.get(k, f"bit{k}") for k in range(raw.bit_length()) if raw >> k & 1]
@@ -106,15 +130,14 @@ def bit_names(bits: Mapping[int, str], raw: int) -> list[str]:
 class Entry:
     """One register inside a packet's data: ``at`` counts from the data's first byte.
 
-    The servo is the frame's own, a fixed one (``servo``), or named by the byte at ``servo_at``.
+    ``loose``: it selects a scale, and other bytes of the span are not named by the table.
     """
 
     register: int
     at: int
     type: str
     part: int = 0
-    servo_at: int | None = None
-    servo: int | None = None
+    loose: bool = False
 
 
 class RegisterMap:
@@ -135,6 +158,7 @@ class RegisterMap:
         self.registers = registers
         self.first = first
         self.index = {r.name: first + i for i, r in enumerate(registers)}
+        self._selects = {r.scale_by[0] for r in registers if r.scale_by is not None}
         self._by_byte = {
             r.address + k: i
             for i, r in enumerate(registers)
@@ -158,6 +182,7 @@ class RegisterMap:
         """Split ``length`` bytes from ``address`` by the table; unnamed bytes are left out."""
         out: list[Entry] = []
         a, stop = address, address + length
+        known = all(b in self._by_byte for b in range(address, stop))
         while a < stop:
             i = self._by_byte.get(a)
             if i is None:
@@ -167,7 +192,8 @@ class RegisterMap:
             end = min(r.address + r.width, stop)
             here = at + a - address
             if a == r.address and end == r.address + r.width:
-                out.append(Entry(self.first + i, here, r.type))
+                loose = not known and r.name in self._selects
+                out.append(Entry(self.first + i, here, r.type, loose=loose))
             else:
                 part = 3 if r.width != 2 else 1 if a == r.address else 2
                 out.append(Entry(self.first + i, here, "u8", part))
@@ -262,5 +288,7 @@ __all__ = [
     "bit_names",
     "load_models",
     "read_table",
+    "scale_limit",
     "schema_path",
+    "unseen_scale",
 ]

@@ -300,7 +300,7 @@ def anomaly_row(anomaly: Anomaly, bus: str) -> AnomalyRow:
         [list(span) for span in anomaly.evidence],
         known.means,
         known.causes,
-        known.remedy,
+        anomaly.remedy or known.remedy,
     )
 
 

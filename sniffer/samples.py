@@ -1,20 +1,24 @@
 """Values become samples: scaled, and accepted or not.
 
-The only memory is the *mode registers*: those that alter what later bytes mean (a resolution that
-scales positions, a servo's id). They are applied as stretches between the rare rows that set them.
+The only memory is what changes the meaning of later bytes: *mode registers* (a resolution that
+scales positions), a servo's id, and which model it is. They are applied as stretches between the
+rare rows that set them.
 """
 
 from __future__ import annotations
 
-import functools
 import itertools
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from sniffer.bus import FeedbackWrite
+from sniffer.changes import EVERY, FEEDBACK, RESET, SET, Change, Changes, new_id
+from sniffer.evidence import loose_counts
 from sniffer.model import (
     ASSUMED,
+    ECHO,
     F64,
     I64,
     OBSERVED,
@@ -28,17 +32,44 @@ from sniffer.model import (
     Frames,
     Mask,
     Samples,
+    Transactions,
 )
-from sniffer.protocols.base import BusProtocol, State, Values
+from sniffer.protocols.base import BusProtocol, State, Turn, Values
+from sniffer.registers import scale_limit, unseen_scale
+from sniffer.weighing import Told, Weighing
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping, Sequence
 
     from sniffer.bus import Paired
     from sniffer.framing import Block
 
 
-SIGNED, SPECIAL, MODED, EVENT, FEEDBACK = 1, 2, 4, 8, 16
+SIGNED, SPECIAL, MODED, EVENT = 1, 2, 4, 8
+CHANGES = RESETS | RELEASES | STAGED
+PROVENANCE = (ASSUMED, PROFILE, OBSERVED)
+UNSEEN = 256
+"""Column of the scales for a mode nobody has seen yet."""
+
+
+class Misfit(NamedTuple):
+    """A value that cannot be under the scale that was in force, by row of the frames."""
+
+    row: int
+    servo_id: int
+    register: int
+    raw: int
+    mode: int
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What frames state, and what was learned from it on the way."""
+
+    samples: Samples
+    feedback: Sequence[FeedbackWrite]
+    told: Sequence[Told]
+    misfits: Sequence[Misfit]
 
 
 class Scaling:
@@ -49,21 +80,22 @@ class Scaling:
     ) -> None:
         self.protocol = protocol
         self.state = State(protocol, models)
+        self._changes = Changes(protocol, self.state)
+        self._weighing = Weighing(protocol, self.state)
         registers = protocol.registers
         self._scale = np.array([r.scale for r in registers])
         self._role = np.array([r.role for r in registers], np.uint8)
         self._sign_bit = np.array([r.sign_bit or 0 for r in registers])
         self._special = {i: list(r.special) for i, r in enumerate(registers) if r.special}
         self._moded = {i: r.scale_by for i, r in enumerate(registers) if r.scale_by is not None}
-        # Scale by register and mode; the last column is for a mode nobody has seen yet.
-        self._by_mode = np.full((len(registers), 257), np.nan)
+        self._mode_of = np.array([r.scale_by[0] if r.scale_by else "" for r in registers])
+        # Scale by register and mode, and the highest value that fits it.
+        self._by_mode = np.full((len(registers), UNSEEN + 1), np.nan)
+        self._limit = np.full((len(registers), UNSEEN + 1), np.inf)
         for i, (_, table) in self._moded.items():
             self._by_mode[i, list(table)] = list(table.values())
-            unseen = registers[i].scale
-            self._by_mode[i, 256] = unseen if unseen != 1.0 else next(iter(table.values()))
-        self._setters = {i: r.name for i, r in enumerate(registers) if r.name in self.state.modes}
-        self._ids = {i for i, r in enumerate(registers) if r.effect == "servo_id"}
-        self._feedback = {i for i, r in enumerate(registers) if r.effect == "feedback"}
+            self._by_mode[i, UNSEEN] = unseen_scale(registers[i])
+            self._limit[i, list(table)] = [scale_limit(registers[i], mode) for mode in table]
         # What there is to do for a register, as bits: one look-up tells it for all values.
         self._traits = np.zeros(len(registers), np.uint8)
         for i, r in enumerate(registers):
@@ -71,31 +103,55 @@ class Scaling:
                 SIGNED * (r.sign_bit is not None)
                 | SPECIAL * bool(r.special)
                 | MODED * (r.scale_by is not None)
-                | EVENT * (i in self._setters or (i in self._ids and bool(self.state.modes)))
-                | FEEDBACK * (i in self._feedback)
+                | EVENT * bool(self._changes.traits[i])
             )
-        self._staged: list[tuple[int, str, int]] = []
 
-    def decode(self, block: Block, paired: Paired) -> Samples:
-        """Return every value the frames state, scaled; see ``Samples.accepted``."""
-        frames, accepted = paired.frames, paired.accepted
+    def decode(self, block: Block, paired: Paired, base: int = 0) -> Meaning:
+        """Return every value the frames state, scaled; ``base`` is the block's offset.
+
+        See ``Samples.accepted``.
+        """
+        frames, transactions = paired.frames, paired.transactions
+        # What only comes again as an echo takes effect once.
+        accepted = paired.accepted & (frames.flags & ECHO == 0)
         rows = np.flatnonzero(paired.readable)
-        v = self.protocol.values(block, frames, rows, self.state)
-        takes = accepted[v.row]
-        value = v.raw * self._scale[v.register]
+        state = self.state
+        v = self.protocol.values(block, frames, rows, state)
         traits = self._traits[v.register]
         present = int(np.bitwise_or.reduce(traits)) if len(traits) else 0
+        is_eventful = bool(present & EVENT) or bool((frames.flags & CHANGES).any())
+        changes: list[Change] = []
+        if is_eventful:
+            changes, staged = self._find(frames, transactions, v, traits, accepted)
+        known = state.model.copy(), state.origin.copy()
+        weighed = self._weighing.weigh(block, frames, v.sightings, accepted, changes, base)
+        now = state.model, state.origin
+        (state.model, state.origin), state.turns = known, weighed.turns
+        if weighed.turns and len(self.protocol.models) > 1:
+            v = self.protocol.values(block, frames, rows, state)
+            traits = self._traits[v.register]
+            present = int(np.bitwise_or.reduce(traits)) if len(traits) else 0
+        origin = state.origins_of(v.row, v.servo_id)
+        (state.model, state.origin), state.turns = now, ()
+        if weighed.turns or v.loose is not None:
+            trusted = np.array([loose_counts(o) for o in PROVENANCE])[origin]
+            trusted &= frames.kind[v.row] != REQUEST
+            changes, staged = self._find(frames, transactions, v, traits, accepted, trusted)
+            is_eventful = True
+        if is_eventful:
+            self._changes.keep(staged)
+        value = v.raw * self._scale[v.register]
         if present & SIGNED:
             mine = np.flatnonzero(traits & SIGNED)
             raw, bit = v.raw[mine], self._sign_bit[v.register[mine]]
             magnitude = raw & ((1 << bit) - 1)
             signed = np.where(raw >> bit & 1, magnitude, -magnitude)
             value[mine] = signed * self._scale[v.register[mine]]
-        provenance = np.full(len(v), ASSUMED, np.uint8)
-        if self.state.chosen.any():
-            provenance[self.state.chosen[v.servo_id & 255]] = PROFILE
-        if self.state.modes:
-            self._apply_modes(frames, v, traits, accepted, value, provenance)
+        takes = accepted[v.row]
+        misfits: list[Misfit] = []
+        if changes or weighed.anew or present & MODED:
+            moved = [c for c in changes if c.what != FEEDBACK]
+            misfits = self._apply_modes(v, traits, takes, moved, weighed.anew, value, origin)
         if present & SPECIAL:
             mine = np.flatnonzero(traits & SPECIAL)
             for i in np.unique(v.register[mine]).tolist():
@@ -103,132 +159,150 @@ class Scaling:
                 value[own[np.isin(v.raw[own], self._special[i])]] = np.nan
         if v.part.any():
             value[v.part != WHOLE] = np.nan
-        return Samples(
+        samples = Samples(
             t_ns=frames.t_end[v.row],
             servo_id=v.servo_id,
             register=v.register,
             role=self._role[v.register],
             raw=v.raw,
             value=value,
-            provenance=provenance,
+            provenance=origin,
             part=v.part,
             row=v.row,
             accepted=takes,
         )
+        return Meaning(samples, _feedback(changes), weighed.told, misfits)
 
-    def feedback_writes(self, frames: Frames, samples: Samples) -> list[FeedbackWrite]:
-        """Return where a servo's return mode became known."""
-        if not self._feedback:
-            return []
-        at = self._traits[samples.register] & FEEDBACK > 0
-        at &= samples.accepted & (samples.part == WHOLE)
-        out = []
-        for i in np.flatnonzero(at).tolist():
-            row, servo = int(samples.row[i]), int(samples.servo_id[i])
-            told_all = int(frames.kind[row]) == REQUEST and servo in self.protocol.everyone
-            out.append(FeedbackWrite(row, -1 if told_all else servo, int(samples.raw[i])))
-        return out
+    def models(self, frames: Frames) -> dict[int, tuple[str, int]]:
+        """Return model and grounds of the servos in ``frames``, where it is not just assumed."""
+        state = self.state
+        if not state.origin.any():
+            return {}
+        met = np.bincount(frames.servo_id[frames.servo_id >= 0], minlength=256) > 0
+        met[[s for s in self.protocol.everyone if s]] = False
+        return {
+            servo: (self.protocol.models[int(state.model[servo])].model, int(state.origin[servo]))
+            for servo in np.flatnonzero(met & (state.origin != ASSUMED)).tolist()
+        }
 
-    def _apply_modes(
+    def _find(
         self,
         frames: Frames,
+        transactions: Transactions,
         v: Values,
         traits: U8,
         accepted: Mask,
+        trusted: Mask | None = None,
+    ) -> tuple[list[Change], list[Change]]:
+        hits = np.flatnonzero(traits & EVENT)
+        return self._changes.find(
+            frames,
+            transactions,
+            v,
+            hits,
+            accepted,
+            trusted,
+            each=self._may_misfit(v, traits, hits),
+        )
+
+    def _may_misfit(self, v: Values, traits: U8, hits: I64) -> bool:
+        """Whether a value may contradict one of the modes that are, or may come to be, in force."""
+        if not self.state.modes or not len(hits):
+            return False
+        modes = {int(m) & 255 for m in np.unique(v.raw[hits])}
+        modes |= {int(m) for known in self.state.modes.values() for m in np.unique(known)}
+        modes.discard(-1)
+        mine = np.flatnonzero(traits & MODED)
+        lowest = self._limit[:, sorted(modes)].min(axis=1, initial=np.inf)
+        return bool((v.raw[mine] > lowest[v.register[mine]]).any())
+
+    def _apply_modes(
+        self,
+        v: Values,
+        traits: U8,
+        takes: Mask,
+        changes: Sequence[Change],
+        anew: Sequence[Turn],
         value: F64,
         provenance: U8,
-    ) -> None:
+    ) -> list[Misfit]:
+        """Scale what a mode scales, in stretches between the changes; return what fits no mode."""
         state = self.state
-        events = self._events(frames, v, traits, accepted)
+        events: list[tuple[int, int, Change | Turn | None]]
+        events = [(c.at, c.row, c) for c in changes]
+        events += [(int(np.searchsorted(v.row, t.row)), t.row, t) for t in anew]
+        events.sort(key=lambda e: e[:2])
         mine = np.flatnonzero(traits & MODED)
         servo = (v.servo_id[mine] & 255).astype(np.int64)
-        register = v.register[mine]
-        modes = {name: known[servo] for name, known in state.modes.items()}
-        seen = {name: known[servo] for name, known in state.seen.items()}
-        for (at, act), (until, _) in itertools.pairwise([*events, (len(v), None)]):
+        register, raw = v.register[mine], v.raw[mine]
+        name_of = self._mode_of[register] if len(state.modes) > 1 else None
+        column = np.full(len(mine), UNSEEN)
+        seen = np.zeros(len(mine), bool)
+        sound = takes[mine] & (v.part[mine] == WHOLE)
+        misfits: list[Misfit] = []
+        for (at, _, act), (until, _, _) in itertools.pairwise(
+            [(0, -1, None), *events, (len(v), -1, None)]
+        ):
             if act is not None:
-                act()
-            k = slice(*np.searchsorted(mine, [at, until]).tolist())
+                self._act(act)
+            k = np.arange(*np.searchsorted(mine, [at, until]).tolist())
+            if not len(k):
+                continue
             for name, known in state.modes.items():
-                modes[name][k], seen[name][k] = known[servo[k]], state.seen[name][servo[k]]
-        for name, mode in modes.items():
-            of_name = [i for i, (by, _) in self._moded.items() if by == name]
-            one = np.isin(register, of_name) if len(modes) > 1 else slice(None)
-            which, by = mine[one], mode[one]
-            column = np.where(by < 0, 256, by & 255)
-            value[which] = v.raw[which] * self._by_mode[register[one], column]
-            provenance[which[seen[name][one]]] = OBSERVED
+                own = k if name_of is None else k[name_of[k] == name]
+                who = servo[own]
+                mode = known[who]
+                column[own] = np.where(mode < 0, UNSEEN, mode & 255)
+                seen[own] = state.seen[name][who]
+                over = sound[own] & (raw[own] > self._limit[register[own], column[own]])
+                while over.any():
+                    # From the first value that cannot be, the mode of its servo is not believed.
+                    first = int(np.argmax(over))
+                    one, index = int(who[first]), int(own[first])
+                    misfits.append(
+                        Misfit(
+                            int(v.row[mine[index]]),
+                            int(v.servo_id[mine[index]]),
+                            int(register[index]),
+                            int(raw[index]),
+                            int(known[one]),
+                        )
+                    )
+                    known[one], state.seen[name][one] = -1, False
+                    gone = own[first:][who[first:] == one]
+                    column[gone], seen[gone] = UNSEEN, False
+                    over &= who != one
+        value[mine] = raw * self._by_mode[register, column]
+        origin = provenance[mine]
+        provenance[mine] = np.where(seen, OBSERVED, np.where(origin == OBSERVED, ASSUMED, origin))
+        return sorted(misfits)
 
-    def _events(
-        self, frames: Frames, v: Values, traits: U8, accepted: Mask
-    ) -> list[tuple[int, Callable[[], None] | None]]:
-        """Return (position in the values, what happens before it), in order."""
-        hits = np.flatnonzero(traits & EVENT)
-        hits = hits[accepted[v.row[hits]] & (v.part[hits] == WHOLE)]
-        flags = np.where(accepted, frames.flags & (RESETS | RELEASES | STAGED), 0)
-        special = np.flatnonzero(flags & RESETS)
-        if self._staged or (flags[v.row[hits]] & STAGED).any():
-            special = np.union1d(special, np.flatnonzero(flags & RELEASES))
-        if not len(special) and len(hits) > 16:
-            hits = self._changes(frames, v, hits)
-        out: list[tuple[int, int, Callable[[], None]]] = []
-        for i in hits.tolist():
-            row = int(v.row[i])
-            out.append((i + 1, row, self._setter(frames, v, i, row)))
-        for row in special.tolist():
-            at = int(np.searchsorted(v.row, row, "right"))
-            servo = int(frames.servo_id[row])
-            act = self._reset if flags[row] & RESETS else self._release
-            out.append((at, row, functools.partial(act, servo)))
-        out.sort(key=lambda e: e[:2])
-        return [(at, act) for at, _, act in out]
-
-    def _changes(self, frames: Frames, v: Values, hits: I64) -> I64:
-        """Drop events that repeat what is known already (a controller polling the register)."""
-        servo, register, raw = v.servo_id[hits], v.register[hits], v.raw[hits]
-        told_all = np.isin(servo, self.protocol.everyone) & (frames.kind[v.row[hits]] == REQUEST)
-        if told_all.any() or np.isin(register, list(self._ids)).any():
-            return hits
-        order = np.lexsort((hits, register, servo))
-        s, r, x = servo[order], register[order], raw[order]
-        same = np.zeros(len(order), bool)
-        same[1:] = (s[1:] == s[:-1]) & (r[1:] == r[:-1]) & (x[1:] == x[:-1])
-        return np.sort(hits[order[~same]])
-
-    def _setter(self, frames: Frames, v: Values, i: int, row: int) -> Callable[[], None]:
-        register, raw, servo = int(v.register[i]), int(v.raw[i]), int(v.servo_id[i])
-        asked = int(frames.kind[row]) == REQUEST
-        if register in self._ids:
-            return lambda: self._renumber(servo, raw) if asked else None
-        name = self._setters[register]
-        if int(frames.flags[row]) & STAGED:
-            return lambda: self._staged.append((servo, name, raw))
-        all_of_them = asked and servo in self.protocol.everyone
-        return lambda: self._set(name, None if all_of_them else servo, raw)
-
-    def _set(self, name: str, servo: int | None, raw: int) -> None:
-        where = slice(None) if servo is None else servo & 255
-        self.state.modes[name][where] = raw
-        self.state.seen[name][where] = True
-
-    def _renumber(self, old: int, new: int) -> None:
-        """A servo took a new id: what is known about it moves along."""
-        if not 0 <= new <= 255:
+    def _act(self, change: Change | Turn) -> None:
+        """Let a change take effect on the modes."""
+        modes, seen = self.state.modes, self.state.seen
+        if isinstance(change, Turn):
+            for name in modes:
+                modes[name][change.servo], seen[name][change.servo] = -1, False
             return
-        for known in (*self.state.modes.values(), *self.state.seen.values()):
-            known[new] = known[old & 255]
+        where = slice(None) if change.servo == EVERY else change.servo & 255
+        if change.what == SET:
+            modes[change.name][where], seen[change.name][where] = change.value, True
+            return
+        if change.what == RESET:
+            for name in modes:
+                modes[name][where], seen[name][where] = -1, False
+        new = new_id(change)
+        if new >= 0:
+            for known in (*modes.values(), *seen.values()):
+                known[new] = known[where]
 
-    def _reset(self, servo: int) -> None:
-        where = slice(None) if servo in self.protocol.everyone else servo & 255
-        for name, known in self.state.modes.items():
-            known[where] = -1
-            self.state.seen[name][where] = False
 
-    def _release(self, servo: int) -> None:
-        """Staged writes take effect."""
-        due = self._staged
-        if servo not in self.protocol.everyone:
-            due = [s for s in due if s[0] == servo]
-        for who, name, raw in due:
-            self._set(name, None if who in self.protocol.everyone else who, raw)
-        self._staged = [s for s in self._staged if s not in due]
+def _feedback(changes: Sequence[Change]) -> list[FeedbackWrite]:
+    """Return where a servo's return mode became known, unknown, or that of another id."""
+    out = []
+    for c in changes:
+        if c.what in (FEEDBACK, RESET):
+            out.append(FeedbackWrite(c.row, c.servo, c.value if c.what == FEEDBACK else -1))
+        if new_id(c) >= 0:
+            out.append(FeedbackWrite(c.row, c.servo, -1, new_id(c)))
+    return out

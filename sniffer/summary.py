@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.model import I64, KINDS, NS, OK, OUTCOMES, Anomaly, Batch, Severity
+from sniffer.model import (
+    I64,
+    KINDS,
+    NS,
+    OK,
+    OUTCOMES,
+    PROVENANCES,
+    Anomaly,
+    Batch,
+    Severity,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -107,6 +117,8 @@ class BusTotals:
     """Code -> anomalies of each servo that is to blame."""
     looks_like: str | None = None
     """The protocol that the bytes speak, where another one was named."""
+    models: dict[int, tuple[str, int]] = field(default_factory=dict)
+    """Servo id -> model and grounds (a provenance), where it was named or the wire showed it."""
     clock: str = "none"
     t_first_ns: int | None = None
     t_last_ns: int | None = None
@@ -129,6 +141,7 @@ class BusTotals:
                 self.by_servo.setdefault(a.code, Counter())[a.servo_id] += 1
         if not len(f):
             return
+        self.models.update(batch.models)
         self.bytes_in_frames += int(f.length.sum())
         if self.t_first_ns is None:
             self.t_first_ns = int(f.t_start[0])
@@ -234,7 +247,7 @@ def _figures(q: Quantiles) -> dict[str, Any]:
 
 
 def _totals(b: BusTotals, told: Pace | None) -> dict[str, Any]:
-    return {
+    out: dict[str, Any] = {
         "protocol": b.protocol,
         "bytes": b.bytes,
         "bytes_in_frames": b.bytes_in_frames,
@@ -258,3 +271,9 @@ def _totals(b: BusTotals, told: Pace | None) -> dict[str, Any]:
         **_timing(told),
         "response_times_ns": {str(servo): _figures(q) for servo, q in sorted(b.times.items())},
     }
+    if b.models:
+        out["models"] = {
+            str(servo): {"model": model, "scale": PROVENANCES[grounds]}
+            for servo, (model, grounds) in sorted(b.models.items())
+        }
+    return out

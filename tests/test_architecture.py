@@ -23,16 +23,17 @@ CORE: Final = (
     *("model", "limits", "registers", "checksums", "framing", "plan", "timing", "bus", "samples"),
     *("decoder", "reference", "diagnostics", "protocols", "rows", "summary", "remarks"),
     *("merging", "ordering", "pacing", "pending", "matching", "echo"),
+    *("clues", "evidence", "changes", "weighing"),
 )
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
 
 FLOORS: Final = (
     ("model",),
-    ("registers", "checksums", "limits"),
+    ("registers", "checksums", "limits", "clues"),
     ("plan", "framing", "timing", "remarks"),
     ("protocols",),
     ("pending", "matching", "echo"),
-    ("bus", "samples"),
+    ("bus", "samples", "evidence", "changes", "weighing"),
     ("diagnostics",),
     ("decoder", "reference", "rows"),
     ("summary", "detect", "pacing", "messages", "simulation", "merging", "ordering", "status"),

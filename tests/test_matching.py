@@ -111,7 +111,8 @@ def slowly(frames: list[SlowFrame], segment: I64 | None, reach: int) -> I64:
 def drawn(case: int) -> tuple[Traffic, I64 | None]:
     rng = np.random.default_rng(case)
     traffic = Traffic(rng)
-    segment = np.cumsum(rng.random(len(traffic.frames)) < 0.05) if rng.random() < 0.5 else None
+    silences = rng.random(len(traffic.frames)) < 0.05
+    segment = np.cumsum(silences, dtype=np.int64) if rng.random() < 0.5 else None
     return traffic, segment
 
 

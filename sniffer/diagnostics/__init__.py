@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from sniffer.diagnostics.device import DeviceRules
 from sniffer.diagnostics.doubled import DoubledAnswers
 from sniffer.diagnostics.hearing import Hearing
+from sniffer.diagnostics.models import ModelRules
 from sniffer.diagnostics.pairing import PairingRules
 from sniffer.diagnostics.rules import CaptureRules, gap_anomalies, protocol_anomalies
 from sniffer.diagnostics.tap import TapRules, without_our_fault
@@ -19,6 +20,7 @@ from sniffer.diagnostics.tap import TapRules, without_our_fault
 if TYPE_CHECKING:
     from sniffer.model import Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
+    from sniffer.samples import Meaning
 
 
 class Diagnostics:
@@ -28,18 +30,20 @@ class Diagnostics:
         self._protocol = protocol
         self._pairing = PairingRules(protocol)
         self._device = DeviceRules(protocol)
+        self._models = ModelRules(protocol)
         self._capture = CaptureRules()
         self._tap = TapRules()
         self._doubled = DoubledAnswers(protocol)
         self._hearing = Hearing()
 
-    def judge(self, batch: Batch) -> Batch:
-        """Return the batch with its anomalies."""
+    def judge(self, batch: Batch, meaning: Meaning | None = None) -> Batch:
+        """Return the batch with its anomalies; ``meaning``: what was learned about the servos."""
         found: list[Anomaly] = [
             *gap_anomalies(batch),
             *protocol_anomalies(batch, self._protocol),
             *self._pairing.judge(batch),
             *self._device.judge(batch),
+            *(self._models.judge(batch, meaning) if meaning is not None else ()),
             *self._capture.judge(batch),
             *self._tap.judge(batch),
         ]

@@ -201,6 +201,14 @@ _CODES: Final = (
         "Check the units; name the model (`--model`) if the servo is another one.",
     ),
     Code(
+        "model-evidence",
+        "protocol",
+        NOTE,
+        "What is said on the wire fits another model than the one a servo is read as, or a position contradicts the scale it was read with.",
+        "Another model than the default, or than the one that was named; a controller written for another model.",
+        "Name the model: `--model ID=MODEL`, with the values that this note gives.",
+    ),
+    Code(
         "id-changed",
         "device",
         NOTE,

@@ -8,23 +8,38 @@ decoder runs), its tables in ``schemas/registers/`` and one line in ``PROTOCOLS`
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from typing import Protocol as TypingProtocol
 
 import numpy as np
+
+from sniffer.model import PROFILE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from sniffer.checksums import Checksum
+    from sniffer.clues import Clue
     from sniffer.framing import Block
     from sniffer.model import I16, I64, U8, Frames, Gap, Mask, Spans
     from sniffer.registers import Register, RegisterMap
 
 
+class Turn(NamedTuple):
+    """From ``row`` on, what a servo says is read by another table, or on other grounds."""
+
+    row: int
+    servo: int
+    model: int
+    origin: int
+
+
 class State:
     """What was seen on the wire and changes what later bytes mean, by servo id (0..255).
 
+    ``model`` is the row of each servo's table in ``protocol.models``, ``origin`` on what grounds
+    (a provenance). ``chosen`` and ``choice`` are what the user said, ``named`` for which ids
+    themselves. ``turns`` are the rows of the present pass from which another model holds.
     ``modes`` holds the registers that select a scale; ``seen`` tells whether the wire showed them.
     ``notes`` is a protocol's own small memory (for example a bit layout the bus has proved).
     """
@@ -34,11 +49,19 @@ class State:
     ) -> None:
         names = [m.model for m in protocol.models]
         self.model = np.zeros(256, np.int64)
+        self.origin = np.zeros(256, np.uint8)
         self.chosen = np.zeros(256, bool)
-        for servo_id, name in (models or {}).items():
+        self.choice = np.zeros(256, np.int64)
+        self.named = np.zeros(256, bool)
+        self.turns: Sequence[Turn] = ()
+        # the general one first, whatever the order in which they were given
+        for servo_id, name in sorted((models or {}).items(), key=lambda m: m[0] is not None):
             where = slice(None) if servo_id is None else servo_id
-            self.model[where] = names.index(name)
+            self.choice[where] = names.index(name)
             self.chosen[where] = True
+            self.named[where] = servo_id is not None
+        self.model[self.chosen] = self.choice[self.chosen]
+        self.origin[self.chosen] = PROFILE
         self.modes: dict[str, I64] = {}
         self.seen: dict[str, Mask] = {}
         for register in protocol.registers:
@@ -47,16 +70,60 @@ class State:
                 self.seen[register.scale_by[0]] = np.zeros(256, bool)
         self.notes: dict[str, int] = {}
 
+    def models_of(self, rows: I64, servos: I16) -> I64:
+        """Return by which table (row in ``protocol.models``) each servo is read at its row."""
+        return self._at(self.model, [t.model for t in self.turns], rows, servos)
+
+    def origins_of(self, rows: I64, servos: I16) -> U8:
+        """Return on what grounds each servo's table is taken at its row, as a provenance."""
+        out = self._at(self.origin, [t.origin for t in self.turns], rows, servos)
+        return out.astype(np.uint8)
+
+    def _at(self, known: I64 | U8, turned: Sequence[int], rows: I64, servos: I16) -> I64:
+        """Return what holds for each servo at its row: what is known, until it turns."""
+        if not turned and not known.any():
+            return np.zeros(len(servos), np.int64)
+        who = servos & 255
+        out: I64 = known[who].astype(np.int64)
+        since = np.array([t.row for t in self.turns])
+        of, value = np.array([t.servo for t in self.turns]), np.array(turned)
+        for servo in dict.fromkeys(t.servo for t in self.turns):
+            mine, own = np.flatnonzero(who == servo), of == servo
+            last = np.searchsorted(since[own], rows[mine], "right") - 1
+            after = last >= 0
+            out[mine[after]] = value[own][last[after]]
+        return out
+
+
+@dataclass(frozen=True, slots=True)
+class Sightings:
+    """Clues to the models of servos, in order: a row of ``clues``, and where in the block it is."""
+
+    row: I64
+    servo_id: I16
+    clue: I64
+    at: I64
+    clues: Sequence[Clue]
+
+    def __len__(self) -> int:
+        return len(self.row)
+
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """Register values as they stand in the frames, sorted by ``row``; raw is not yet scaled."""
+    """Register values as they stand in the frames, sorted by ``row``; raw is not yet scaled.
+
+    ``loose`` (None: nowhere) marks values that select a scale and stand in a span of bytes that
+    the table does not name wholly. ``sightings`` (None: there are none) tell models apart.
+    """
 
     row: I64
     servo_id: I16
     register: I16
     raw: I64
     part: U8
+    loose: Mask | None = None
+    sightings: Sightings | None = None
 
     def __len__(self) -> int:
         return len(self.row)
@@ -177,6 +244,10 @@ class BusProtocol(TypingProtocol):
 
     def slow_states_itself(self, frame: SlowFrame) -> bool:
         """Tell whether a response says itself what its values are, whatever was asked."""
+        ...
+
+    def slow_parts(self, frame: SlowFrame) -> list[tuple[int, int, bytes]]:
+        """Return (servo_id, address, bytes) of each servo's registers; none without addresses."""
         ...
 
     def slow_values(self, frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.model import WHOLE
-from sniffer.protocols.base import Values
+from sniffer.clues import Clues
+from sniffer.model import REQUEST, WHOLE
+from sniffer.protocols.base import Sightings, Values
 from sniffer.registers import TYPES, Entry
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from sniffer.clues import Check, Clue
     from sniffer.framing import Block
-    from sniffer.model import I16, I64, Frames
+    from sniffer.model import I16, I64, U8, Frames, Mask
     from sniffer.protocols.base import State
     from sniffer.registers import RegisterMap
 
@@ -23,44 +26,61 @@ FEW_SHAPES: Final = 12
 """Shapes looked for one by one before the rest is sorted."""
 
 
+class Parts(NamedTuple):
+    """Spans of registers as frames carry them, one a servo, in order."""
+
+    row: I64
+    servo_id: I16
+    address: I64
+    length: I64
+    at: I64
+    written: Mask
+
+
 def by_shape(
     block: Block,
-    frames: Frames,
-    rows: I64,
+    parts: Parts,
     keys: I64,
-    shape: Callable[[int], list[Entry]],
+    shape: Callable[[int], Sequence[Entry]],
+    look: Callable[[int, I64, Mapping[tuple[int, str], I64]], None] | None = None,
 ) -> Values:
-    """Read the values of ``rows``; rows of equal ``keys`` carry the same registers alike.
+    """Read the values of ``parts``; those of equal ``keys`` carry the same registers alike.
 
-    Entries count from ``data_start``; ``shape(key)`` is asked once a key and a pass, cache it.
+    Entries count from ``at``; ``shape(key)`` is asked once a key and a pass, cache it. ``look`` is
+    shown the part numbers of each key and the numbers read, by where they stand and their type.
     """
     data = block.data
     groups = _alike(keys)
     plans = [shape(int(keys[g[0]])) for g in groups]
-    per_row = np.zeros(len(rows), np.int64)
+    per_part = np.zeros(len(keys), np.int64)
     for group, plan in zip(groups, plans, strict=True):
-        per_row[group] = len(plan)
-    first = np.cumsum(per_row) - per_row
-    total = int(per_row.sum())
+        per_part[group] = len(plan)
+    first = np.cumsum(per_part) - per_part
+    total = int(per_part.sum())
     register, raw = np.empty(total, np.int16), np.empty(total, np.int64)
     part = np.zeros(total, np.uint8)
-    servo: I16 = np.repeat(frames.servo_id[rows], per_row)
-    data_start = frames.data_start[rows]
+    loose = np.zeros(total, bool) if any(e.loose for plan in plans for e in plan) else None
     for group, plan in zip(groups, plans, strict=True):
-        at, out = data_start[group], first[group]
+        at, out = parts.at[group], first[group]
+        read = {}
         for k, entry in enumerate(plan):
-            dtype = TYPES[entry.type]
-            strided = np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, 0, (1,))
             here = out + k
-            raw[here] = strided[at + entry.at]
+            raw[here] = read[entry.at, entry.type] = _column(data, entry.type, at + entry.at)
             register[here] = entry.register
             if entry.part != WHOLE:
                 part[here] = entry.part
-            if entry.servo_at is not None:
-                servo[here] = data[at + entry.servo_at]
-            elif entry.servo is not None:
-                servo[here] = entry.servo
-    return Values(np.repeat(rows, per_row), servo, register, raw, part)
+            if loose is not None and entry.loose:
+                loose[here] = True
+        if look is not None:
+            look(int(keys[group[0]]), group, read)
+    servo: I16 = np.repeat(parts.servo_id, per_part)
+    return Values(np.repeat(parts.row, per_part), servo, register, raw, part, loose)
+
+
+def _column(data: U8, kind: str, at: I64) -> I64:
+    dtype = TYPES[kind]
+    column: I64 = np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, 0, (1,))[at]
+    return column
 
 
 def _alike(keys: I64) -> list[I64]:
@@ -93,43 +113,147 @@ class Addressed:
         self._models = models
         self._first = first
         self._shapes: dict[int, list[Entry]] = {}
+        self._sights = Sights(models) if len(models) > 1 else None
 
     def values(
         self, block: Block, frames: Frames, rows: I64, address: I64, step: I64, state: State
     ) -> Values:
         """Read the values of ``rows``; a negative address: the row has none."""
-        model = state.model[frames.servo_id[rows] & 255]
-        keys = (model << 27) | ((address + 1) << 18) | (frames.data_length[rows] << 9) | step
-        return by_shape(block, frames, rows, keys, self._shape)
+        parts = self._parts(block, frames, rows, address, step)
+        model = state.models_of(parts.row, parts.servo_id)
+        keys = (model << 19) | ((parts.address + 1) << 10) | (parts.length << 1) | parts.written
+        if self._sights is None:
+            return by_shape(block, parts, keys, self._shape)
+        seen = self._sights.of(block, parts)
+        values = by_shape(block, parts, keys, self._shape, seen.look)
+        return replace(values, sightings=seen.found())
+
+    def _parts(self, block: Block, frames: Frames, rows: I64, address: I64, step: I64) -> Parts:
+        """Take packets to several servos apart."""
+        servo, at = frames.servo_id[rows], frames.data_start[rows]
+        length, written = frames.data_length[rows], frames.kind[rows] == REQUEST
+        several = (step > 0) & (address >= 0)
+        if not several.any():
+            return Parts(rows, servo, address, length, at, written)
+        count = np.ones(len(rows), np.int64)
+        count[several] = (length[several] - self._first) // step[several]
+        of = np.repeat(np.arange(len(rows)), count)
+        nth = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+        several, step = several[of], step[of]
+        head = at[of] + np.where(several, self._first + nth * step, 0)
+        return Parts(
+            rows[of],
+            np.where(several, block.data[head], servo[of]).astype(np.int16),
+            address[of],
+            np.where(several, step - 1, length[of]),
+            head + several,
+            written[of],
+        )
 
     def _shape(self, key: int) -> list[Entry]:
         found = self._shapes.get(key)
         if found is None:
-            found = self._shapes[key] = self._entries(key)
+            table = self._models[key >> 19]
+            address, length = (key >> 10 & 511) - 1, key >> 1 & 511
+            found = table.span(address, length) if address >= 0 else []
+            self._shapes[key] = found
         return found
 
-    def _entries(self, key: int) -> list[Entry]:
-        table = self._models[key >> 27]
-        address, length, step = (key >> 18 & 511) - 1, key >> 9 & 511, key & 511
+
+class Sights:
+    """Looks for clues to the models in the parts of packets, shape by shape."""
+
+    def __init__(self, models: Sequence[RegisterMap]) -> None:
+        self.rules = Clues(models)
+        self.clues: list[Clue] = []
+        self._number: dict[Clue, int] = {}
+        self.sets: list[tuple[int, ...]] = [()]
+        self._told: dict[tuple[int, str, bool], I16] = {}
+
+    def of(self, block: Block, parts: Parts) -> Look:
+        """Begin a pass."""
+        return Look(self, block, parts)
+
+    def number(self, clue: Clue) -> int:
+        """Return a clue's row in ``clues``."""
+        n = self._number.setdefault(clue, len(self.clues))
+        if n == len(self.clues):
+            self.clues.append(clue)
+        return n
+
+    def told_by(self, check: Check, raw: I64, *, written: bool) -> I64:
+        """Return which of ``sets`` each number tells; every number is worked out but once."""
+        key = check.address, check.type, written
+        table = self._told.get(key)
+        if table is None:
+            table = self._told[key] = np.full(1 << 16, -1, np.int16)
+        place = raw.astype(np.int64) & 0xFFFF
+        for new in np.unique(raw[table[place] < 0]).tolist():
+            found = tuple(self.number(c) for c in self.rules.value(check, new, written=written))
+            if found not in self.sets:
+                self.sets.append(found)
+            table[new & 0xFFFF] = self.sets.index(found)
+        told: I64 = table[place].astype(np.int64)
+        return told
+
+
+class Look:
+    """The clues of one pass."""
+
+    def __init__(self, sights: Sights, block: Block, parts: Parts) -> None:
+        self._sights = sights
+        self._data = block.data
+        self._parts = parts
+        self._found: list[tuple[I64, int, int]] = []
+
+    def look(self, key: int, group: I64, read: Mapping[tuple[int, str], I64]) -> None:
+        """Look at the parts ``group``, which are alike."""
+        address, length, written = (key >> 10 & 511) - 1, key >> 1 & 511, bool(key & 1)
         if address < 0:
-            return []
-        if not step:
-            return table.span(address, length)
-        one = table.span(address, step - 1)
-        return [
-            Entry(e.register, at + 1 + e.at, e.type, e.part, servo_at=at)
-            for at in range(self._first, length, step)
-            for e in one
-        ]
+            return
+        rules = self._sights.rules
+        span = rules.span(address, length, written=written)
+        if span is not None:
+            self._found.append((group, self._sights.number(span.clue), span.at))
+        for check in rules.checks(address, length, written=written):
+            raw = read.get((check.at, check.type))
+            if raw is None:
+                raw = _column(self._data, check.type, self._parts.at[group] + check.at)
+            odd = raw > check.high
+            if check.low > np.iinfo(raw.dtype).min:
+                odd |= raw < check.low
+            for other in check.others:
+                odd |= raw == other
+            if not odd.any():
+                continue
+            some = group[odd]
+            told = self._sights.told_by(check, raw[odd], written=written)
+            for which in np.flatnonzero(np.bincount(told)).tolist():
+                same = some[told == which]
+                self._found += [(same, number, check.at) for number in self._sights.sets[which]]
+
+    def found(self) -> Sightings | None:
+        """Return what was found, in the order of the rows."""
+        if not self._found:
+            return None
+        part = np.concatenate([group for group, _, _ in self._found])
+        times = [len(group) for group, _, _ in self._found]
+        clue = np.repeat([number for _, number, _ in self._found], times)
+        at = np.repeat([at for _, _, at in self._found], times)
+        if len(times) > 1:
+            order = np.lexsort((clue, at, part))
+            part, clue, at = part[order], clue[order], at[order]
+        p = self._parts
+        return Sightings(p.row[part], p.servo_id[part], clue, p.at[part] + at, self._sights.clues)
 
 
 def slow_spans(
-    table: RegisterMap, address: int, parts: Iterable[tuple[int, bytes]]
+    models: Sequence[RegisterMap], state: State, parts: Iterable[tuple[int, int, bytes]]
 ) -> list[tuple[int, int, int, int]]:
-    """Split each servo's bytes by the table, one value after the other, for the reference."""
+    """Split each servo's bytes by its table, one value after the other, for the reference."""
     out = []
-    for servo_id, data in parts:
-        for e in table.span(address, len(data)):
+    for servo_id, address, data in parts:
+        for e in models[int(state.model[servo_id & 255])].span(address, len(data)):
             size = TYPES[e.type].itemsize
             signed = e.part == WHOLE and e.type.startswith("i")
             raw = int.from_bytes(data[e.at : e.at + size], "little", signed=signed)

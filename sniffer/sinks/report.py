@@ -12,7 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.model import OBSERVED
 from sniffer.pacing import ASSUMED
+from sniffer.protocols import protocol_named
 from sniffer.sinks.lines import plain, short
 from sniffer.summary import FIGURES
 
@@ -71,6 +73,14 @@ def _print_bus(name: str, b: BusTotals, told: Pace | None, console: Console) -> 
     outcomes = [f"{n} {_OUTCOMES.get(k, k.replace('_', ' '))}" for k, n in b.outcomes.items() if n]
     if outcomes:
         lines.append("exchanges: " + ", ".join(outcomes))
+    default = protocol_named(b.protocol).models[0].model
+    shown = ", ".join(
+        f"{servo} {model}"
+        for servo, (model, how) in sorted(b.models.items())
+        if how == OBSERVED and model != default
+    )
+    if shown:
+        lines.append(f"models told by the wire: {shown}")
     if b.looks_like:
         lines.append(f"this looks like {b.looks_like}: decode it with --protocol {b.looks_like}")
     console.print(Text(short(plain(title)), style="bold"))

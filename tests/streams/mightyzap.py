@@ -65,7 +65,87 @@ def _exchange(draw: st.DrawFn) -> bytes:
     return head + (packet(who, draw(st.sampled_from([0, 0, 0, 8, 0x20]))) if answer else b"")
 
 
-TALK = st.one_of(_exchange(), _exchange(), ANY_PACKET)
+_WRITES = [
+    b"\x15\x00\x02",  # speed limit: a 12Lf only
+    b"\x15\xff\x07",
+    b"\x16\x02",
+    b"\x16\x04",
+    b"\x21\x20",  # acceleration: a 12Lf only
+    b"\x22\x20",
+    b"\x82\x04",  # compliance margin: an L12 only
+    b"\x83\x04",
+    b"\x2a\x34\x08",  # pulse width: an L12 only
+    b"\x8a\xb0\x04",  # 1200: a current, no force
+    b"\x86\xff\x0f",
+    b"\x86\xff\x03",
+    b"\x88\x00\x02\x00",
+    b"\x10\x01",
+    b"\x10\x02",
+    b"\x10\x00",
+    b"\x03\x01",
+    b"\x03\x02",
+    b"\x02\x00\x02\x10",
+]
+_READS = [
+    (0x8C, b"\xff\x0f"),
+    (0x8C, b"\x00\x02"),
+    (0x8E, b"\x08\x07"),  # 1800: a speed, no current
+    (0x93, b"\x20"),
+    (0x15, b"\x00\x02"),
+    (0x16, b"\x02"),
+    (0x16, b"\x03"),
+    (0x10, b"\x01"),
+    (0x11, b"\x21\x21"),
+    (0x11, b"\x24\x24"),
+    (0x14, b"\x02\x02\x02"),
+    (0x10, b"\x02\x24\x24\x00\x00\x00\x02\x00"),
+]
+
+
+@st.composite
+def _told(draw: st.DrawFn) -> bytes:
+    """Draw talk that tells models apart, sets modes, and moves both to other ids."""
+    who = draw(st.sampled_from([1, 1, 1, 2, 2, 0, 254]))
+    by = who if who not in (0, 254) else draw(st.sampled_from([0, 1, 2]))
+    status = draw(st.sampled_from([0, 0, 0, 0, 0x08, 0x20]))
+    match draw(st.sampled_from(["write", "write", "read", "read", "staged", "sync", "reset"])):
+        case "write":
+            head = packet(who, 0xF3, draw(st.sampled_from(_WRITES)))
+        case "read":
+            address, data = draw(st.sampled_from(_READS))
+            head = packet(who, 0xF2, bytes([address, len(data)]))
+            return head + (packet(by, status, data) if draw(st.integers(0, 5)) else b"")
+        case "staged":
+            head = packet(who, 0xF4, draw(st.sampled_from(_WRITES)))
+            if draw(st.booleans()):
+                head += packet(by, status)
+            head += packet(draw(st.sampled_from([who, who, 1, 254])), 0xF5)
+        case "sync":
+            address, one, two = draw(
+                st.sampled_from(
+                    [
+                        (0x86, b"\xff\x0f", b"\x10\x00"),
+                        (0x15, b"\x00\x02", b"\x00\x02"),
+                        (0x88, b"\x00\x02", b"\x00\x00"),
+                        (0x16, b"\x02", b"\x03"),
+                        (0x03, b"\x02", b"\x01"),
+                        (0x10, b"\x02", b"\x00"),
+                        (0x21, b"\x02", b"\x10"),
+                    ]
+                )
+            )
+            first, second = draw(st.sampled_from([(1, 2), (2, 1), (1, 1), (0, 2), (254, 1)]))
+            targets = bytes([first]) + one + bytes([second]) + two
+            return packet(254, 0x73, bytes([address, len(one)]) + targets)
+        case _:
+            head = packet(who, 0xF6, bytes([draw(st.integers(0, 3))]))
+    return head + (packet(by, status) if draw(st.booleans()) else b"")
+
+
+MODELS = st.lists(_told(), max_size=40).map(b"".join)
+"""Long talk with servos whose model shows itself on the way."""
+
+TALK = st.one_of(_exchange(), _exchange(), ANY_PACKET, _told())
 
 
 @st.composite

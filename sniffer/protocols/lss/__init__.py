@@ -74,6 +74,7 @@ class Lss:
     slow_parse = staticmethod(slow.parse)
     slow_describe = staticmethod(slow.describe)
     slow_states_itself = staticmethod(slow.states_itself)
+    slow_parts = staticmethod(slow.parts)
     slow_values = staticmethod(slow.values)
 
     def op_name(self, op: int) -> str:

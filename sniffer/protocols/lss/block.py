@@ -172,7 +172,7 @@ def states_itself(frames: Frames) -> Mask:
 
 def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
     """Read the numbers: a reply's register is told by model, and the query's word and selector."""
-    model = state.model[frames.servo_id[rows] & 255]
+    model = state.models_of(rows, frames.servo_id[rows])
     text = _text(block)
     at, end = frames.data_start[rows], frames.end[rows] - 1
     asked = frames.kind[rows] == RESPONSE

@@ -133,6 +133,12 @@ def states_itself(frame: SlowFrame) -> bool:
     return frame.kind == RESPONSE and word is not None and len(set(word.selectors.values())) == 1
 
 
+def parts(frame: SlowFrame) -> list[tuple[int, int, bytes]]:
+    """Return nothing: registers have no addresses here."""
+    del frame
+    return []
+
+
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
     """Return the number of a line, then those of its modifiers."""
     model = int(state.model[frame.servo_id & 255])

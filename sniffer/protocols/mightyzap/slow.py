@@ -141,12 +141,15 @@ def states_itself(frame: SlowFrame) -> bool:
 
 
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
-    """Split the data by the model's table, byte by byte."""
+    """Split the data by each servo's table, byte by byte."""
+    return slow_spans(MODELS, state, parts(frame))
+
+
+def parts(frame: SlowFrame) -> list[tuple[int, int, bytes]]:
+    """Return (servo_id, address, bytes) of each servo's registers."""
     if frame.address < 0 or not frame.data:
         return []
     if frame.kind == REQUEST and frame.op == SYMMETRIC_STORE:
         packet = SYMMETRIC.parse(bytes([frame.address]) + frame.data)
-        parts = [(t.servo_id, t.data) for t in packet.targets]
-    else:
-        parts = [(frame.servo_id, frame.data)]
-    return slow_spans(MODELS[int(state.model[frame.servo_id & 255])], frame.address, parts)
+        return [(t.servo_id, frame.address, t.data) for t in packet.targets]
+    return [(frame.servo_id, frame.address, frame.data)]

@@ -37,6 +37,7 @@ from sniffer.protocols.rs30x.grammar import (
     ASKS_ADDRESS,
     COMMAND_ADDRESS,
     COMMAND_BITS,
+    DEFAULT_ID,
     EVERYONE,
     FACTORY_RESET,
     FLASH_BIT,
@@ -212,6 +213,7 @@ def describe(block: Block, spans: Spans) -> Frames:
     renumbers = asked & (op == WRITE) & (alt == NO_ALT)
     alt = _new_id(data, head, renumbers, address, data_length, alt)
     flags = _flags(data, head, op, bits, servo_id, wire_address, data_length)
+    alt = np.where(asked & alone & (flags & RESETS > 0), DEFAULT_ID, alt)
     flags = np.where(back, 0, flags)
     zero = np.zeros(n, np.int64)
     return Frames(

@@ -57,6 +57,10 @@ packet that sets position and time of 31 servos has 155."""
 ID_REGISTER: Final = 4
 """Address of the servo id; a new id holds at once. Source: RS305CR manual, 4.2 No. 4."""
 
+DEFAULT_ID: Final = 1
+"""The id of a servo after a factory reset. Source: RS305CR manual, flag bit 4, which says so, and
+table 4.5 No. 4."""
+
 ACK_BYTE: Final = 0x07
 """Source: RS305CR manual, flag bits 3 to 0, (3) ACK packet."""
 

@@ -30,6 +30,7 @@ from sniffer.protocols.rs30x.grammar import (
     ASKS_ACK,
     ASKS_ADDRESS,
     COMMAND_ADDRESS,
+    DEFAULT_ID,
     EVERYONE,
     FACTORY_RESET,
     FLAGS,
@@ -131,6 +132,8 @@ def _request(raw: bytes, body: Any) -> SlowFrame:
     out.alt_id = _alt(out, bits)
     if bits.factory_reset:
         out.flags |= RESETS
+        if body.servo_id not in (LONG, EVERYONE):
+            out.alt_id = DEFAULT_ID
     if op == READ and not asked:
         out.flags |= UNKNOWN
     if op == WRITE and (not body.data or body.count != 1):
@@ -181,12 +184,16 @@ def _sets(frame: SlowFrame) -> bool:
 
 
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
-    """Split what is written or returned by the model's table, byte by byte."""
+    """Split what is written or returned by each servo's table, byte by byte."""
+    return slow_spans(MODELS, state, parts(frame))
+
+
+def parts(frame: SlowFrame) -> list[tuple[int, int, bytes]]:
+    """Return (servo_id, address, bytes) of each servo's registers."""
     if frame.flags & MALFORMED or (frame.kind == REQUEST and not _sets(frame)):
         return []
     if frame.kind == REQUEST and frame.op == LONG_WRITE:
         length = PACKET.parse(frame.raw).body.value.length
-        parts = [(s.servo_id, s.data) for s in long_data(length).parse(frame.data).servos]
-    else:
-        parts = [(frame.servo_id, frame.data)]
-    return slow_spans(MODELS[int(state.model[frame.servo_id & 255])], frame.address, parts)
+        servos = long_data(length).parse(frame.data).servos
+        return [(s.servo_id, frame.address, s.data) for s in servos]
+    return [(frame.servo_id, frame.address, frame.data)]

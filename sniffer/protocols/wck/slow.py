@@ -180,6 +180,12 @@ def states_itself(frame: SlowFrame) -> bool:
     return False
 
 
+def parts(frame: SlowFrame) -> list[tuple[int, int, bytes]]:
+    """Return nothing: registers have no addresses here."""
+    del frame
+    return []
+
+
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
     """Return what the fields say, by the registers that bear their names."""
     if frame.op >= controller.BASE:
