@@ -137,14 +137,21 @@ class Victim:
             raise RuntimeError((self._folder / "errors.txt").read_text(encoding="utf-8"))
         return bool(self.files)
 
-    def say(self, elapsed_s: float, late_s: float) -> None:
+    def kill(self) -> None:
+        """Kill it, once."""
+        if not self.killed_ns:
+            self.killed_ns = time.monotonic_ns()
+            self._process.kill()
+
+    def say(
+        self, elapsed_s: float, late_s: float, ready: Callable[[Victim], bool] = lambda v: True
+    ) -> None:
         """Go on speaking, or kill it when its time has come."""
         if self.killed_ns:
             return
         self.held_up_ns = max(self.held_up_ns, int(late_s * 1e9))
-        if elapsed_s >= self.after_s:
-            self.killed_ns = time.monotonic_ns()
-            self._process.kill()
+        if elapsed_s >= self.after_s and ready(self):
+            self.kill()
             return
         before, began = self.line.done, time.monotonic_ns()
         if self.line.say(elapsed_s):
@@ -193,8 +200,14 @@ def joined(files: Iterable[Path]) -> bytes:
     return out
 
 
-def kill(folder: Path, kinds: Sequence[Kind], seed: int) -> list[Left]:
-    """Run recorders side by side and kill each at a moment of its own."""
+def kill(
+    folder: Path,
+    kinds: Sequence[Kind],
+    seed: int,
+    ready: Callable[[Victim], bool] = lambda victim: True,
+    wait_s: float = WAIT_S,
+) -> list[Left]:
+    """Run recorders side by side and kill each at a moment of its own, but not before ``ready``."""
     rng = random.Random(seed)
     moments = [rng.uniform(0.05, LONGEST_S) for _ in kinds]
     victims: list[Victim] = []
@@ -202,16 +215,22 @@ def kill(folder: Path, kinds: Sequence[Kind], seed: int) -> list[Left]:
         pairs = zip(kinds, moments, strict=True)
         for n, (kind, after_s) in enumerate(pairs):
             victims.append(Victim(folder / f"{seed}-{n}", kind, after_s))
-        deadline = time.monotonic() + WAIT_S
+        deadline = time.monotonic() + wait_s
         while not all(victim.listens() for victim in victims):
             if time.monotonic() > deadline:
                 raise RuntimeError("a recorder does not begin")
             time.sleep(0.01)
         for elapsed, late in ticks(SAID_S):
             for victim in victims:
-                victim.say(elapsed, late)
+                victim.say(elapsed, late, ready)
             if all(victim.killed_ns for victim in victims):
                 break
+        while not all(victim.killed_ns or ready(victim) for victim in victims):
+            if time.monotonic() > deadline:
+                raise RuntimeError("a recorder records nothing")
+            time.sleep(0.05)
+        for victim in victims:
+            victim.kill()
     finally:
         out = [victim.left() for victim in victims]
     return out
