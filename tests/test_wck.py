@@ -204,7 +204,7 @@ def test_a_command_that_holds_behind_a_wheel_command_is_no_rotation_count() -> N
 def test_an_ff_that_may_be_a_count_waits_until_the_command_behind_it_is_known() -> None:
     assert decided(WHEEL + READ[:3]) == 0
     assert decided(WHEEL + READ[:3] + b"\x55") == 8
-    assert decided(WHEEL + READ) == 4
+    assert decided(WHEEL + READ) == 0  # in a row: replies behind the second may be for both
     assert decided(WHEEL + b"\xff") == 0
     assert decided(IO_READ + b"\x03" + READ[:3]) == 0
     assert decided(IO_READ + b"\x03" + READ) == len(IO_READ) + 1
