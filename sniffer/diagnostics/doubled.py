@@ -50,18 +50,22 @@ class DoubledAnswers:
 
     def judge(self, batch: Batch, found: list[Anomaly]) -> list[Anomaly]:
         """Return the anomalies with noise that is a second answer called so."""
-        for a in sorted(found, key=lambda a: a.known_at):
-            if a.code == "duplicate-response" and a.servo_id is not None:
-                self._twins.setdefault(a.servo_id, a.known_at)
+        twice = [a for a in found if a.code == "duplicate-response" and a.servo_id is not None]
+        for a in sorted(twice, key=lambda a: a.known_at):
+            assert a.servo_id is not None
+            self._twins.setdefault(a.servo_id, a.known_at)
         t, f = batch.transactions, batch.frames
         rows = np.flatnonzero((t.outcome == OK) & (t.response >= 0) & (t.request >= 0))
         who = f.servo_id[t.response[rows]] & 255
         stray = {a.evidence[0]: i for i, a in enumerate(found) if a.code == "noise"}
         behind: list[tuple[_Exchange, int, int]] = []
         if stray:
-            numbers = self._count[who] + _ranks(who)
-            ends = (f.end[t.response[rows]] + batch.base).tolist()
-            places = {end: k for k, end in enumerate(ends)}
+            answers = t.response[rows]
+            ends = f.start[answers] + f.length[answers] + batch.base
+            begins = np.array([at for at, _ in stray])
+            behind_one = np.flatnonzero(np.isin(ends, begins))
+            numbers = self._count[who] + _ranks(who) if len(behind_one) else self._count
+            places = dict(zip(ends[behind_one].tolist(), behind_one.tolist(), strict=True))
             for at, length in sorted(stray):
                 k, last = places.get(at), self._last
                 if k is not None:
@@ -133,9 +137,9 @@ class DoubledAnswers:
 def _exchange(batch: Batch, row: int, number: int) -> _Exchange:
     t, f = batch.transactions, batch.frames
     q, r = int(t.request[row]), int(t.response[row])
-    asked = batch.data[int(f.start[q]) : int(f.end[q])]
-    start, end = batch.base + int(f.start[r]), batch.base + int(f.end[r])
-    return _Exchange(int(f.servo_id[r]), number, asked, start, end)
+    asked = batch.data[int(f.start[q]) : int(f.start[q]) + int(f.length[q])]
+    start = batch.base + int(f.start[r])
+    return _Exchange(int(f.servo_id[r]), number, asked, start, start + int(f.length[r]))
 
 
 def _ranks(key: I16) -> I64:
