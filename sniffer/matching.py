@@ -90,10 +90,17 @@ def match(frames: Frames, segment: I64 | None, reach: int, claimed: Mask | None 
 def match_in_order(frames: Frames) -> I64:
     """Return the same where answers name nobody: they come in the order of their requests."""
     answers = frames.kind == RESPONSE
-    asked = in_order(answers)
-    fits = answers & (asked >= 0)
-    fits[fits] = (frames.kind[asked[fits]] == REQUEST) & (frames.reply[asked[fits]] != NEVER)
-    return np.where(fits, asked, -1)
+    asks = (frames.kind == REQUEST) & (frames.reply != NEVER)
+    partner = np.full(len(frames), -1, np.int64)
+    if (answers[1:] & answers[:-1]).any():
+        answer = np.flatnonzero(answers)
+        asked = in_order(answers)[answer]
+        fits = (asked >= 0) & asks[asked]
+        partner[answer[fits]] = asked[fits]
+        return partner
+    row = np.flatnonzero(answers[1:] & asks[:-1])
+    partner[row + 1] = row
+    return partner
 
 
 def outcomes(partner: I64) -> tuple[I64, I64, I64]:
@@ -101,6 +108,8 @@ def outcomes(partner: I64) -> tuple[I64, I64, I64]:
     answer = np.flatnonzero(partner != -1)
     asked = partner[answer]
     fits = asked >= 0
+    if fits.all():
+        return answer, asked, np.full(len(answer), OK)
     how = np.where(fits, OK, MISMATCHED)
     return answer, np.where(fits, asked, -2 - asked), how
 

@@ -56,22 +56,29 @@ class DoubledAnswers:
             self._twins.setdefault(a.servo_id, a.known_at)
         t, f = batch.transactions, batch.frames
         rows = np.flatnonzero((t.outcome == OK) & (t.response >= 0) & (t.request >= 0))
-        who = f.servo_id[t.response[rows]] & 255
+        answers = t.response[rows]
+        who = f.servo_id[answers] & 255
         stray = {a.evidence[0]: i for i, a in enumerate(found) if a.code == "noise"}
         behind: list[tuple[_Exchange, int, int]] = []
         if stray:
-            answers = t.response[rows]
-            ends = f.start[answers] + f.length[answers] + batch.base
+            size = f.length[answers]
+            ends = f.start[answers] + size + batch.base
             begins = np.array([at for at, _ in stray])
-            behind_one = np.flatnonzero(np.isin(ends, begins))
-            numbers = self._count[who] + _ranks(who) if len(behind_one) else self._count
-            places = dict(zip(ends[behind_one].tolist(), behind_one.tolist(), strict=True))
+            near = np.flatnonzero(np.isin(ends, begins))
+            lengths = dict(stray.keys())
+            places = {
+                end: k
+                for k, end, n in zip(near.tolist(), ends[near].tolist(), size[near], strict=True)
+                if _may_be(lengths[end], n)
+            }
+            numbers = self._count[who] + _ranks(who) if places else self._count
             for at, length in sorted(stray):
                 k, last = places.get(at), self._last
                 if k is not None:
-                    answer = _exchange(batch, int(rows[k]), int(numbers[k]))
-                    behind.append((answer, at, length))
-                elif last is not None and last.end == at == batch.base:
+                    last = _exchange(batch, int(rows[k]), int(numbers[k]))
+                elif last is None or not last.end == at == batch.base:
+                    continue
+                if _may_be(length, last.end - last.start):
                     behind.append((last, at, length))
         if len(rows):
             self._count += np.bincount(who, minlength=len(self._count))
@@ -109,11 +116,7 @@ class DoubledAnswers:
         for answer, at, length in behind:
             run = batch.data[at - batch.base : at - batch.base + length]
             size = answer.end - answer.start
-            many, rest = divmod(length, size)
-            pieces = (
-                [] if rest or many > MOST else [run[k : k + size] for k in range(0, length, size)]
-            )
-            tries += [answer.request + piece for piece in pieces]
+            tries += [answer.request + run[k : k + size] for k in range(0, length, size)]
             edges.append(len(tries))
         whole = self._whole(tries)
         return [
@@ -132,6 +135,11 @@ class DoubledAnswers:
         np.add.at(covered, block.segment(spans.start), spans.end - spans.start)
         whole: list[bool] = (np.isin(ends, answers) & (covered == [len(t) for t in tries])).tolist()
         return whole
+
+
+def _may_be(length: int, size: int) -> bool:
+    """Tell whether so many bytes may be answers of one size."""
+    return length % size == 0 and length // size <= MOST
 
 
 def _exchange(batch: Batch, row: int, number: int) -> _Exchange:

@@ -97,14 +97,16 @@ class PairingRules:
         wrong = (t.outcome != OK) & (t.outcome != NOT_EXPECTED)
         if len(late):
             wrong[late] = True
-        self._answers = np.zeros(len(batch.frames), bool)
-        self._answers[t.response[t.outcome == OK]] = True
+        answered = t.response[t.outcome == OK]
+        wrong_rows = np.flatnonzero(wrong)
+        if len(wrong_rows):
+            self._answers = np.zeros(len(batch.frames), bool)
+            self._answers[answered] = True
         missed: list[_Open] = [o for o in self._open if self._may_be_open(o, batch.base)]
-        for row in self._rows(batch, np.flatnonzero(wrong)):
+        for row in self._rows(batch, wrong_rows) if len(wrong_rows) else ():
             yield self._one(batch, row)
             if row.outcome in (NO_RESPONSE, DAMAGED):
                 missed.append(self._open[-1])
-        answered = t.response[t.outcome == OK]
         if len(answered):
             self._last = self._answer(batch, int(answered.max()))
             yield from self._unsure(batch, missed)
