@@ -380,6 +380,9 @@ class Reference:
                 to_all = asked and servo in self.protocol.everyone
                 self.evidence.weigh(servo, found.clue, to_all=to_all)
                 met = True
+        for clue in self.protocol.slow_clues(f):
+            self.evidence.weigh(f.servo_id, clue, to_all=False)
+            met = True
         if met:
             before = self.state.model.copy()
             self.evidence.settle(0, ())

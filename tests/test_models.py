@@ -13,7 +13,7 @@ from sniffer.clues import SURE, Clues
 from sniffer.decoder import Decoder
 from sniffer.model import PROFILE, Chunk
 from sniffer.protocols import PROTOCOLS
-from sniffer.registers import Register, RegisterMap
+from sniffer.registers import Identity, Register, RegisterMap
 from tests.commands import within
 from tests.streams import rs30x
 from tests.streams.mightyzap import packet
@@ -240,7 +240,11 @@ def table(model: str, *registers: Register) -> RegisterMap:
 
 def test_a_number_that_names_a_model_decides_alone() -> None:
     names = {0x3050: "rs305cr", 0x4050: "rs405cb"}
-    models = [table(m, Register("model_number", 0, "u16le", values=names)) for m in names.values()]
+    register = Register("model_number", 0, "u16le")
+    models = [
+        RegisterMap(m, (register,), identity=Identity("model_number", (raw,)))
+        for raw, m in names.items()
+    ]
     (found,) = Clues(models).of(0, b"\x50\x40", written=False)
     assert found.clue.points[1] - found.clue.points[0] >= SURE
     assert Clues(models).of(0, b"\x50\x40", written=True) == []
