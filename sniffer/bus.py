@@ -37,6 +37,7 @@ from sniffer.model import (
     Mask,
     Transactions,
 )
+from sniffer.staging import StagedIds
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -84,15 +85,17 @@ class Pairing:
         self._owed = np.empty(0, np.int64)  # the start of each answer, likewise
         self._how = np.empty(0, np.int64)
         self._echoes = Echoes()
+        self._staged_ids = StagedIds(protocol)
         self._held: int | None = None  # from this row on it is not known what is an echo
 
     def match(
         self, frames: Frames, block: Block, decided: int, base: int, *, silent: bool = False
     ) -> tuple[Frames, I64]:
-        """Mark echoes; return the frames and the partner of each, as ``matching.match`` does.
+        """Mark echoes and new ids; return the frames, and the partner of each as ``match`` does.
 
         ``silent``: a silence stands before the block.
         """
+        frames = self._staged_ids.mark(frames)
         echo, self._held = self._echoes.find(frames, block, decided, silent=silent)
         if not echo.any():
             return frames, self._match(frames, block, base)
@@ -124,6 +127,7 @@ class Pairing:
     def forget(self, frames: Frames, block: Block, kept: int, cut: int) -> None:
         """Keep what the next block must know; it begins at ``cut``, with row ``kept``."""
         self._echoes.forget(frames, block, kept, cut)
+        self._staged_ids.forget(frames.take(slice(0, kept)))
 
     def open_rows(self, frames: Frames, partner: I64, decided: int, block: Block) -> I64:
         """Return the rows of the requests that bytes from ``decided`` on may still answer.
