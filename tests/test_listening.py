@@ -8,6 +8,7 @@ import time
 from typing import TYPE_CHECKING, Any, Final
 
 import pytest
+from serial.urlhandler import protocol_socket
 
 from sniffer.cli.recording import Files, open_files, run_recording
 from sniffer.cli.tapping import Tapping
@@ -125,7 +126,11 @@ def test_a_port_is_read_again_when_it_is_back_by_its_name(tmp_path: Path) -> Non
             assert isinstance(back.opened, TtyPort)
 
 
-def test_an_address_that_does_not_answer_keeps_no_other_port_waiting(line: Terminal) -> None:
+def test_an_address_that_does_not_answer_keeps_no_other_port_waiting(
+    line: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # who tries to connect gives up later than anything here is waited for
+    monkeypatch.setattr(protocol_socket, "POLL_TIMEOUT", 2 * PATIENCE_S)
     with socket.socket() as server:
         server.bind(("127.0.0.1", 0))
         server.listen(0)
@@ -136,18 +141,12 @@ def test_an_address_that_does_not_answer_keeps_no_other_port_waiting(line: Termi
         with socket.create_connection((host, number)), Listening(*ports) as it:
             far.close()  # and nobody will be let in any more: the server's queue is full
             it.wait_for_event(Lost)
-            time.sleep(0.5)
-            waited_ns = []
+            time.sleep(0.5)  # by now it is tried again
             for n in range(5):
                 said_ns = it.anchor.now()
                 line.say(b"hello%d" % n)
                 it.wait_for(b"hello%d" % n, port=1)
-                heard = [e for e in it.events if isinstance(e, Read)][-1]
-                waited_ns.append(heard.t_ns - said_ns)
                 it.wait_past(said_ns)
-            # who tries to connect gives up after 5 s, and begins again; of five words each would
-            # come that late if it kept the others waiting
-            assert min(waited_ns) < 4e9
             assert not any(isinstance(e, Back) for e in it.events)
 
 

@@ -37,7 +37,8 @@ def test_every_transcript_is_what_the_command_prints(tmp_path: Path) -> None:
                 continue
             got = stage.run(one)
             run += 1
-            if one.told and not agrees(one.output, got, live=one.live):
+            true = not one.told or agrees(one.output, got, live=one.live)
+            if not true or stage.status not in (0, 1):
                 printed = "\n".join(abridged(got, one.output))
                 wrong.append(f"$ {one.source}\n{printed}")
     assert run > 10
@@ -89,6 +90,8 @@ def test_dots_stand_for_lines_left_out(said: list[str], got: list[str], same: bo
         ("/dev/pts/3", "/dev/pts/14", True),
         ("12 frames", "12 gaps", False),
         ("12", "12 more", False),
+        ("6 frames, 2 anomalies", "7 frames, 1 anomaly", True),
+        ("0 bytes in no frame", "1 byte in no frame", True),
     ],
 )
 def test_what_happens_now_has_other_numbers_each_time(said: str, got: str, *, same: bool) -> None:
@@ -109,6 +112,36 @@ def test_a_command_in_the_background_goes_on_until_it_is_waited_for_or_the_page_
         first, second = (job.process for job in stage.jobs)
         assert (first.poll(), second.poll()) == (0, None)
     assert second.poll() is not None
+
+
+def test_a_recorder_that_is_killed_in_an_example_has_recorded_as_long_as_the_page_says(
+    tmp_path: Path,
+) -> None:
+    lines = (
+        "sniffer simulate wck --link bus &",
+        "sniffer record bus=wck --quiet -o cut.mcap & sleep 2; kill -9 $!",
+        "sniffer replay cut.mcap --speed 0 --from 1.5 | grep -c ' < '",
+    )
+    page = "```console\n" + "".join(f"$ {line}\n" for line in lines) + "```\n"
+    with Stage(tmp_path) as stage:
+        got = [(stage.run(one), stage.status) for one in shown(page)]
+        assert [job.process.poll() for job in stage.jobs] == [None, -9]
+    assert got[:2] == [([], 0), ([], 0)]
+    assert int(got[2][0][-1]) > 0
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "sniffer decode no-such-file.bin",
+        "sniffer record no-such-port=wck --quiet -o x.mcap & sleep 1; kill -9 $!",
+    ],
+)
+def test_what_a_command_that_fails_prints_is_written_into_no_page(
+    tmp_path: Path, line: str
+) -> None:
+    with pytest.raises(SystemExit, match=r"ends with status 2:\nsniffer: no-such-.* no such"):
+        renewed(f"```console\n$ {line}\nas it was\n```\n", tmp_path)
 
 
 def test_a_page_written_anew_says_what_is_printed_and_keeps_what_it_left_out(

@@ -255,6 +255,24 @@ def test_bytes_that_stay_undecided_stand_in_both_files(tmp_path: Path) -> None:
     assert next(chunks(second)).t_ns == START_NS + 3 * ROUND_NS
 
 
+def test_a_busy_machine_that_looks_rarely_still_finds_a_place_to_cut(tmp_path: Path) -> None:
+    wall = Wall()
+    file = RotatingMcap(tmp_path / "run.mcap", FACTS, now=wall)
+    sent = [bytes([k]) * 10 for k in range(20)]
+    for number, data in enumerate(sent):
+        if number == 3:
+            file.rotate()
+        wall.ns += 2 * NS  # a second is over at the first look
+        file.raw("arm", [Chunk(data, wall.ns, Clock.READ, "arm")])
+        file.turn({"arm": 25} if number < 12 else {})
+        file.flush()
+    file.close()
+    first, second = file.files
+    before, after = streams([first])["arm"][0], streams([second])["arm"][0]
+    assert before + after == b"".join(sent), "nothing stands in both"
+    assert len(before) >= 110
+
+
 def test_a_bus_that_is_understood_late_disturbs_no_file(tmp_path: Path) -> None:
     wall = Wall()
     file = RotatingMcap(tmp_path / "run.mcap", FACTS, now=wall)

@@ -12,7 +12,9 @@ read the diff before committing it. What counts as a transcript:
   and shows the rest. A block that does either happens now: any number passes for any other;
 - a fenced ``python`` block, and the ``text`` block right behind it if there is one: what it prints.
 
-Commands that need hardware stand in ``sh`` blocks, which are not run.
+Commands that need hardware stand in ``sh`` blocks, which are not run. What a command that fails
+prints is never written into a page: a failure that is meant stands there already, word by word, or
+ends in ``; echo "status $?"``.
 """
 
 from __future__ import annotations
@@ -32,6 +34,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.model import DamagedInputError, InputError
+from sniffer.sources.mcap import chunks
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from typing import Self
@@ -40,13 +45,17 @@ ROOT: Final = Path(__file__).parent.parent
 PAGES: Final = ("README.md", "docs/api.md", "docs/recording.md", "docs/simulating.md")
 LEFT_OUT: Final = "..."
 
-OVER_S: Final = 60.0
-"""How long a command in the background may take to say something, or to end."""
+OVER_S: Final = 180.0
+"""How long a command may take to say something, to record something, or to end."""
 
 _FENCE: Final = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _TOOL: Final = re.compile(r"(?:^|[|;&]\s*)([\w.-]+)")
 _WAIT: Final = re.compile(r"wait %(\d+)")
+_KILL: Final = re.compile(r"(?P<command>[^&]+) & sleep (?P<seconds>\d+); kill -(?P<signal>\d+) \$!")
+_RECORDING: Final = re.compile(r"-o (\S+\.mcap)")
 _NUMBER: Final = re.compile(r"<?\d[\d.:]*")
+_ONE: Final = re.compile(r"\b1 (byte|frame|message|anomaly)\b")
+_MANY: Final = {"anomaly": "anomalies"}
 _BLANKS: Final = re.compile(r" +")
 
 
@@ -87,7 +96,7 @@ def shown(text: str) -> list[Shown]:
     for i, fence in enumerate(blocks):
         if fence.language == "console":
             block = list(_commands(fence))
-            live = any(one.source.endswith("&") or _WAIT.match(one.source) for one in block)
+            live = any(one.source.endswith("&") or is_awaited(one) for one in block)
             for one in block:
                 one.live = live
             out += block
@@ -124,9 +133,14 @@ def _commands(fence: Fence) -> Iterator[Shown]:
         yield current
 
 
+def is_awaited(one: Shown) -> bool:
+    """Tell whether a command line is one that waits for a command in the background."""
+    return _WAIT.fullmatch(one.source) is not None
+
+
 def is_run(one: Shown) -> bool:
     """Tell whether a transcript is run: Python always, of command lines those with ours."""
-    if one.language == "python" or _WAIT.match(one.source):
+    if one.language == "python" or is_awaited(one):
         return True
     return "sniffer" in _TOOL.findall(one.source)
 
@@ -137,7 +151,7 @@ def missing_tools(one: Shown) -> list[str]:
         return []
     words = shlex.split(one.source, posix=False)  # quoted text stays quoted, so it names no tool
     line = " ".join(w for w in words if w[:1] not in "'\"")
-    ours = ("sniffer", "wait")
+    ours = ("sniffer", "wait", "sleep", "kill")
     return [t for t in _TOOL.findall(line) if t not in ours and shutil.which(t) is None]
 
 
@@ -163,6 +177,12 @@ class Job:
         self.process.wait(OVER_S)
         return self._lines()[self.shown :]
 
+    def kill(self, number: int) -> None:
+        """Send a signal to it, and to all that it has started; wait until it has ended."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.process.pid, number)
+        self.process.wait(OVER_S)
+
     def end(self) -> None:
         """End it, and all that it has started."""
         with contextlib.suppress(ProcessLookupError):
@@ -184,6 +204,8 @@ class Stage:
     folder: Path
     names: dict[str, Any] = field(default_factory=lambda: {"__name__": "__page__"})
     jobs: list[Job] = field(default_factory=list)
+    status: int = 0
+    """How the last command that was run has ended; 0 if it goes on."""
 
     def __post_init__(self) -> None:
         shutil.copytree(ROOT / "sample_captures", self.folder / "sample_captures")
@@ -202,15 +224,38 @@ class Stage:
             job.end()
 
     def run(self, one: Shown) -> list[str]:
-        """Return the lines that come of it."""
+        """Return the lines that come of it; ``status`` tells then whether it went well."""
+        self.status = 0
         if one.language == "python":
             return self._python(one.source)
         if one.source.endswith("&"):
             job = self._start(one.source.removesuffix("&"))
-            return job.first() if one.output else []
+            lines = job.first() if one.output else []
+            self.status = job.process.poll() or 0
+            return lines
         if (awaited := _WAIT.fullmatch(one.source)) is not None:
-            return self.jobs[int(awaited[1]) - 1].rest()
+            job = self.jobs[int(awaited[1]) - 1]
+            lines = job.rest()
+            self.status = job.process.returncode
+            return lines
+        if (killed := _KILL.fullmatch(one.source)) is not None:
+            return self._killed(killed["command"], int(killed["seconds"]), int(killed["signal"]))
         return self._shell(one.source)
+
+    def _killed(self, line: str, seconds: int, number: int) -> list[str]:
+        """Run a recorder, and send it a signal when its file holds so many seconds."""
+        found = _RECORDING.search(line)
+        if found is None:
+            raise ValueError(f"{line}: it writes no .mcap that tells how far it is")
+        job = self._start(line)
+        deadline = time.monotonic() + OVER_S
+        while recorded_s(self.folder / found[1]) < seconds:
+            if job.process.poll() is not None or time.monotonic() > deadline:
+                self.status = job.process.poll() or 1
+                break
+            time.sleep(0.1)
+        job.kill(number)
+        return job.rest()
 
     def _start(self, line: str) -> Job:
         output = self.folder / ".bin" / f"job{len(self.jobs) + 1}"
@@ -236,8 +281,9 @@ class Stage:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             check=False,
-            timeout=120,
+            timeout=OVER_S,
         )
+        self.status = done.returncode
         return _lines(done.stdout.decode("utf-8"))
 
     def _environment(self) -> Mapping[str, str]:
@@ -255,6 +301,14 @@ class Stage:
         return _lines(out.getvalue())
 
 
+def recorded_s(path: Path) -> float:
+    """Return how many seconds a recording holds, which may be being written."""
+    times: list[int] = []
+    with contextlib.suppress(DamagedInputError, InputError):  # it has no end yet, or no begin
+        times += (chunk.t_ns for chunk in chunks(path) if chunk.t_ns is not None)
+    return (times[-1] - times[0]) / 1e9 if times else 0.0
+
+
 def _lines(text: str) -> list[str]:
     """Return lines as a page has them: no blanks at their ends, none of them empty at the end."""
     return [line.rstrip() for line in text.rstrip().splitlines()]
@@ -263,7 +317,7 @@ def _lines(text: str) -> list[str]:
 def agrees(said: list[str], got: list[str], *, live: bool = False) -> bool:
     """Tell whether the output is what a page says, where ``...`` stands for lines left out.
 
-    ``live``: any number passes for any other, in columns of any width.
+    ``live``: any number passes for any other, in columns of any width, and one byte for many.
     """
     if live:
         said, got = [_numberless(line) for line in said], [_numberless(line) for line in got]
@@ -276,7 +330,8 @@ def agrees(said: list[str], got: list[str], *, live: bool = False) -> bool:
 
 
 def _numberless(line: str) -> str:
-    return _BLANKS.sub(" ", _NUMBER.sub("0", line))
+    many = _ONE.sub(lambda m: "0 " + _MANY.get(m[1], f"{m[1]}s"), line)
+    return _BLANKS.sub(" ", _NUMBER.sub("0", many))
 
 
 def abridged(got: list[str], said: list[str]) -> list[str]:
@@ -291,7 +346,11 @@ def abridged(got: list[str], said: list[str]) -> list[str]:
 
 
 def renewed(text: str, folder: Path) -> str:
-    """Return a page with those of its transcripts rewritten that are no longer true."""
+    """Return a page with those of its transcripts rewritten that are no longer true.
+
+    Raises:
+        SystemExit: a command is not here, or fails in a way that the page does not show already.
+    """
     out, done = [], 0
     with Stage(folder) as stage:
         for one in shown(text):
@@ -300,7 +359,11 @@ def renewed(text: str, folder: Path) -> str:
             if lacking := missing_tools(one):
                 raise SystemExit(f"{one.source}: install {', '.join(lacking)} first")
             got = stage.run(one)
-            if not one.told or agrees(one.output, got, live=one.live):
+            true = not one.told or agrees(one.output, got, live=one.live)
+            if stage.status and not (true and stage.status == 1):
+                said = "\n".join(got)
+                raise SystemExit(f"{one.source}\nends with status {stage.status}:\n{said}")
+            if true:
                 continue
             start, end = one.at
             new = abridged(got, one.output)

@@ -33,7 +33,9 @@ if TYPE_CHECKING:
     from sniffer.sinks.mcap import McapSink
 
 PATIENCE_NS: Final = NS
-"""How long a place is looked for at which no bus is undecided."""
+LOOKS: Final = 10
+"""How long, and how often, a place is looked for at which no bus is undecided: both at least, as in
+a second a busy machine may look once."""
 
 FLUSH_NS: Final = 250_000_000
 """How long decoded records wait to be written: twice as long saves less than a tenth more."""
@@ -107,13 +109,11 @@ class RotatingMcap:
         self._batches: list[tuple[str, BusProtocol, Batch]] = []
         self._files: list[tuple[Path, tuple[int, int]]] = []
         self._deleted: list[Path] = []
-        self._part = 0
-        self._finished = 0
-        self._asked = False
+        self._part = self._finished = self._looks = 0
+        self._asked = self._closed = False
         self._due_since: int | None = None
         self._began: int | None = None
         self._failure: str | None = None
-        self._closed = False
         numbered = rotate_bytes is not None or rotate_ns is not None
         if numbered and not overwrite:
             self._refuse_numbered()
@@ -180,8 +180,9 @@ class RotatingMcap:
         places = {bus: min(decided.get(bus, b.end), b.end) for bus, b in self._buses.items()}
         now = self._now()
         if self._due_since is not None:
+            self._looks += 1
             clean = all(places[bus] >= b.written for bus, b in self._buses.items())
-            if clean or now - self._due_since >= PATIENCE_NS:
+            if clean or (now - self._due_since >= PATIENCE_NS and self._looks >= LOOKS):
                 self._change(places)
             else:
                 self._release()
@@ -190,7 +191,7 @@ class RotatingMcap:
         if not self._due(now):
             self._due_since = None
         elif self._due_since is None:
-            self._due_since = now
+            self._due_since, self._looks = now, 0
 
     def flush(self) -> None:
         """Write what waits: the raw bytes at once, what was decoded when enough of it waits."""
@@ -225,8 +226,7 @@ class RotatingMcap:
         placed = list(placed)
         if not placed:
             return
-        if self._began is None:
-            self._began = self._now()
+        self._began = self._now() if self._began is None else self._began
         state = self._buses[bus]
         state.kept += placed
         state.written = _end(placed[-1])
