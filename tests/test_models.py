@@ -297,34 +297,6 @@ def test_a_new_id_that_is_named_itself_keeps_its_name() -> None:
     assert samples(data, {1: FORCE, None: L12})[-1][1] == "goal_speed"
 
 
-def test_the_answer_to_an_execution_under_the_staged_id_is_its_answer() -> None:
-    staged = write(1, 0x10, 2) + ok(1) + send(1, 0x03, 2) + ok(1)
-    assert outcomes(staged + execute(1) + ok(2)) == ["ok"] * 3
-    assert outcomes(staged + execute(1) + ok(1)) == ["ok"] * 3  # it has not obeyed yet
-    assert outcomes(staged + read(3, 0x8C, 0, 0) + execute(1) + ok(2))[-1] == "ok"
-    assert outcomes(staged + send(1, 0x03, 4) + ok(1) + execute(1) + ok(4))[-1] == "ok"
-
-
-def test_the_answer_to_an_execution_under_any_other_id_is_no_answer_of_it() -> None:
-    staged = write(1, 0x10, 2) + ok(1) + send(1, 0x03, 2) + ok(1)
-    assert outcomes(staged + execute(1) + ok(3))[-1] == "mismatched"
-    assert outcomes(staged + execute(254) + execute(1) + ok(2))[-1] == "mismatched"
-    assert outcomes(staged + execute(1) + ok(2) + execute(1) + ok(2))[-1] == "mismatched"
-    assert outcomes(execute(1) + ok(2))[-1] == "mismatched"
-
-
-@pytest.mark.parametrize(
-    ("option", "status", "ids"), [(1, 0, [0]), (3, 0, [0]), (2, 0, []), (0, 0, []), (1, 0x08, [])]
-)
-def test_a_factory_reset_that_gives_an_id_says_so_unless_it_is_refused(
-    option: int, status: int, ids: list[int]
-) -> None:
-    data = packet(1, 0xF6, bytes([option])) + ok(1, status)
-    found = [r for r in told(data) if r.type == "anomaly" and r.code == "id-changed"]
-    said = [f"servo 1 was given the id {i} by a factory reset" for i in ids]
-    assert [r.detail for r in found] == said
-
-
 def test_a_new_id_takes_evidence_along() -> None:
     data = IS_12LF + write(1, 0x03, 2) + ok(2) + write(2, 0x88, 0, 1)
     assert samples(data)[-1][:2] == (2, "goal_speed")

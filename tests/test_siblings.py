@@ -1,4 +1,4 @@
-"""Whole conversations with each model there is, decoded by someone who does not know which it is."""
+"""Whole conversations with each model there is, decoded without being told which it is."""
 
 from __future__ import annotations
 
