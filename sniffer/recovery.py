@@ -52,6 +52,8 @@ def recover(path: Path, out: Path) -> Report:
         InputError: there is nothing to recover.
         OutputError: ``out`` cannot be written, or is no file.
     """
+    if path.is_dir():
+        raise InputError(f"{path} is a directory: give the recording in it")
     if out.exists() and not out.is_file():
         what = "a directory" if out.is_dir() else "a device or a pipe"
         raise OutputError(f"{out} is {what}: give a file name")
@@ -59,8 +61,6 @@ def recover(path: Path, out: Path) -> Report:
         stream = path.open("rb")
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file") from None
-    except IsADirectoryError:
-        raise InputError(f"{path} is a directory: give the recording in it") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     # a link stays what it is, and leads to what was mended
