@@ -49,11 +49,14 @@ def explain_bytes(
         SnifferError: unknown protocol or model.
     """
     if not data:
-        raise InputError("no bytes to explain")
+        raise InputError("no bytes to explain: write them as FF FF FF 01 02 F1 0B")
     if protocol == AUTO:
         owner = next(
             (p.name for p in PROTOCOLS.values() for m in p.models if m.model == model), None
         )
+        if model is not None and owner is None:
+            known = sorted(m.model for p in PROTOCOLS.values() for m in p.models)
+            raise SnifferError(f"no model {model[:40]!r}: one of {', '.join(known)}")
         protocol = owner or _told(before + data)
     chosen = protocol_named(protocol)
     decoder = Decoder(chosen, models={None: model} if model else None)

@@ -52,11 +52,15 @@ def recover(path: Path, out: Path) -> Report:
         InputError: there is nothing to recover.
         OutputError: ``out`` cannot be written, or is no file.
     """
+    if path.is_dir():
+        raise InputError(f"{path} is a directory: give the recording in it")
     if out.exists() and not out.is_file():
         what = "a directory" if out.is_dir() else "a device or a pipe"
         raise OutputError(f"{out} is {what}: give a file name")
     try:
         stream = path.open("rb")
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     # a link stays what it is, and leads to what was mended
@@ -74,7 +78,10 @@ def recover(path: Path, out: Path) -> Report:
                     elif file is not None:
                         messages += _copy(record, records, file)
             except NotMcapError as error:
-                raise InputError(f"{path}: {error}") from None
+                raise InputError(
+                    f"{path} is no recording ({error}): only an .mcap can be mended; "
+                    "`sniffer decode` reads other captures"
+                ) from None
             except BrokenError as error:
                 why = str(error)
             if file is None:

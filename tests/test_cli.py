@@ -201,8 +201,8 @@ def test_two_buses_are_decoded_even_if_one_says_nothing_sensible(
         (["--format", "xml"], "'xml' is not one of 'text', 'jsonl'"),
         (["--fail-on", "all"], "'all' is not one of 'note', 'warn', 'error'"),
         (["--input-format", "pcap"], "'pcap' is not one of 'auto', 'bin'"),
-        (["--nix"], "No such option"),
-        (["and-another"], "unexpected extra argument"),
+        (["--nix"], "No such option '--nix': see `sniffer decode --help`"),
+        (["and-another"], "unexpected extra argument (and-another): see `sniffer decode --help`"),
     ],
 )
 def test_a_wrong_option_says_what_is_right(
@@ -216,7 +216,49 @@ def test_a_wrong_option_says_what_is_right(
 def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
     assert within(capsys).status == 2
     assert "No such command" in within(capsys, "nix").complaint
-    assert "Missing argument 'FILE'" in within(capsys, "decode").complaint
+    assert (
+        within(capsys, "decode").complaint == "Missing argument 'FILE': see `sniffer decode --help`"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["view", "x", "-o", "x.rrd", "--web"], "choose one"),
+        (["view", "x", "--port", "80"], "--port goes with --web"),
+        (["replay", "x", "--redecode", "--rerun"], "choose one"),
+        (["replay", "x", "--speed", "fast"], "'fast' is not a valid number"),
+        (["recover", "x.mcap", "-o", "x.jsonl"], "a recording's name ends in .mcap"),
+        (["recover", "missing.mcap"], "there is no such file"),
+        (["recover", "/"], "is a directory: give the recording in it"),
+        (["recover", __file__], "`sniffer decode` reads other captures"),
+        (["explain", ""], "no bytes to explain: write them as"),
+        (["explain", "FF", "--model", "nix"], "no model 'nix': one of lss, lss-pro"),
+    ],
+)
+def test_what_cannot_be_meant_is_told_with_what_to_do(
+    arguments: list[str], told: str, capsys: Capsys
+) -> None:
+    ran = within(capsys, *arguments)
+    assert (ran.status, ran.out) == (2, "")
+    assert told in ran.complaint
+
+
+@pytest.mark.parametrize(
+    ("head", "what"),
+    [
+        (b"\x89PNG\r\n\x1a\n", "a PNG image"),
+        (b"%PDF-1.7\n", "a PDF document"),
+        (b"\x7fELF\x02\x01", "a program"),
+    ],
+)
+def test_a_file_that_is_no_capture_is_named(
+    head: bytes, what: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    (tmp_path / "file").write_bytes(head + bytes(100))
+    ran = within(capsys, "decode", tmp_path / "file")
+    assert ran.status == 2
+    assert f"{what} is not read: give the file that your logger wrote" in ran.complaint
 
 
 @pytest.mark.parametrize(

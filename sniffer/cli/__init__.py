@@ -87,7 +87,7 @@ def run(arguments: Sequence[str]) -> int:
         click.echo(error.format_message())
         return MISTAKE
     except click.ClickException as error:
-        return _tell(error.format_message(), MISTAKE)
+        return _tell(_with_help(error), MISTAKE)
     except (_InterruptedError, click.Abort, KeyboardInterrupt):
         return _tell("interrupted", INTERRUPTED)
     except DamagedInputError as error:
@@ -110,6 +110,16 @@ def run(arguments: Sequence[str]) -> int:
     finally:
         _end_stderr()
     return status if isinstance(status, int) else DONE
+
+
+def _with_help(error: click.ClickException) -> str:
+    """Return what is wrong with a call, and where to read how it is right unless that is said."""
+    told = error.format_message()
+    vague = isinstance(error, click.MissingParameter | click.NoSuchOption | click.BadOptionUsage)
+    if not (vague or told.startswith("Got unexpected extra argument")):
+        return told
+    ctx = error.ctx if isinstance(error, click.UsageError) else None
+    return f"{told.rstrip('.')}: see `{ctx.command_path if ctx else 'sniffer'} --help`"
 
 
 def _last_resort(error: Exception) -> int:

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.text import Text
 
 from sniffer.cli.amounts import port_spec
-from sniffer.cli.options import FALLBACK_BAUD, SHARED, Finite, examples, printed
+from sniffer.cli.options import FALLBACK_BAUD, SHARED, Finite, Whole, examples, printed
 from sniffer.cli.session import say
 from sniffer.doctoring import (
     Heard,
@@ -75,7 +75,7 @@ class Tunable(Port, Protocol):
     metavar="S",
     help="How long to listen.",
 )
-@click.option("--baud", type=click.IntRange(*BAUDS), help="Bits per second.")
+@click.option("--baud", type=Whole(*BAUDS), help="Bits per second.")
 @click.option(
     "--protocol",
     type=click.Choice([AUTO, *PROTOCOLS]),

@@ -22,7 +22,7 @@ from sniffer.protocols import PROTOCOLS
 @click.argument("hex_bytes", metavar="HEX", nargs=-1, required=True)
 @click.option("--after", metavar="HEX", help="The request this answers: replies need it.")
 @click.option("--protocol", type=click.Choice([AUTO, *PROTOCOLS]), default=AUTO, show_default=True)
-@click.option("--model", help="Register table to read by.")
+@click.option("--model", metavar="MODEL", help="Register table to read by.")
 def explain(hex_bytes: tuple[str, ...], after: str | None, protocol: str, model: str | None) -> int:
     """Draw the frame HEX byte by byte: offsets, fields, values, units, checksum arithmetic.
 

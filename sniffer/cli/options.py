@@ -34,8 +34,16 @@ with_force = click.option("--force", is_flag=True, help="Replace files that are 
 """Of every command that writes a file."""
 
 
+class Whole(click.IntRange):
+    """A whole number in a range."""
+
+    name = "integer"
+
+
 class Finite(click.FloatRange):
     """A number in a range; NaN and infinity are in none."""
+
+    name = "number"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -90,7 +98,7 @@ def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
                 show_default=True,
                 help="Form of the input; auto tells it from its beginning.",
             ),
-            click.option("--baud", type=click.IntRange(*BAUDS), help="Bits per second."),
+            click.option("--baud", type=Whole(*BAUDS), help="Bits per second."),
             click.option(
                 "--model",
                 "models",

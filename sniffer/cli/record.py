@@ -13,6 +13,7 @@ from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times
 from sniffer.cli.options import (
     SHARED,
     Finite,
+    Whole,
     examples,
     models,
     pipeline_options,
@@ -51,7 +52,7 @@ from sniffer.recording.taps import PortSpec
     show_default=True,
     help="What is spoken where a PORT does not say; auto tells it from the bytes.",
 )
-@click.option("--baud", type=click.IntRange(*BAUDS), help="Where a PORT does not say.")
+@click.option("--baud", type=Whole(*BAUDS), help="Where a PORT does not say.")
 @click.option(
     "--model", "chosen", multiple=True, callback=models, metavar="[ID=]MODEL",
     help="Register table of a servo, or of all.",
@@ -77,10 +78,10 @@ from sniffer.recording.taps import PortSpec
     "--rotate", multiple=True, callback=sizes_and_times, metavar="SIZE|TIME",
     help="Begin a new file: 512MB, 10min.",
 )  # fmt: skip
-@click.option("--keep", type=click.IntRange(1), metavar="N", help="Keep the last N files only.")
+@click.option("--keep", type=Whole(1), metavar="N", help="Keep the last N files only.")
 @click.option("--duration", type=Duration(), help="Stop after this time.")
 @click.option("--max-size", type=Size(), help="Stop after this size, all files together.")
-@click.option("--frames", type=click.IntRange(1), metavar="N", help="Stop after N frames.")
+@click.option("--frames", type=Whole(1), metavar="N", help="Stop after N frames.")
 @click.option("--idle", type=Duration(), help="Stop when no byte has come for this time.")
 @click.option(
     "--until", multiple=True, type=click.Choice(sorted(CATALOGUE)), metavar="CODE",

@@ -21,6 +21,8 @@ def recover(file: Path, output: Path | None, force: bool) -> int:
     from sniffer.recovery import recover as repair
     from sniffer.sinks.files import refuse_occupied
 
+    if output is not None and output.suffix.lower() != ".mcap":
+        raise click.UsageError(f"{output}: a recording's name ends in .mcap")
     if output is not None and not force and output.resolve() != file.resolve():
         refuse_occupied([output])
     report = repair(file, output or file)

@@ -77,6 +77,8 @@ def replay(
         raise click.UsageError("--to must lie behind --from")
     if file == "-" and loop:
         raise click.UsageError("--loop needs a file: standard input can be read only once")
+    if redecode and in_rerun:
+        raise click.UsageError("--redecode compares, --rerun shows: choose one")
     if redecode:
         from sniffer.comparing import compare
 

@@ -15,7 +15,7 @@ import click
 
 from sniffer import __version__
 from sniffer.cli.amounts import Duration
-from sniffer.cli.options import examples, models, with_force
+from sniffer.cli.options import Whole, examples, models, with_force
 from sniffer.cli.session import say
 from sniffer.limits import BAUDS
 from sniffer.model import NS, OutputError, SnifferError
@@ -107,7 +107,7 @@ def _faults(
     "--model", "chosen", multiple=True, callback=models, metavar="[ID=]MODEL",
     help="What a servo is (or all of them): mightyzap-12lf; may be repeated.",
 )  # fmt: skip
-@click.option("--baud", type=click.IntRange(*BAUDS), help="Bits per second.")
+@click.option("--baud", type=Whole(*BAUDS), help="Bits per second.")
 @click.option(
     "--rate",
     callback=_rate,

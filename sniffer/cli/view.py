@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options, with_force
+from sniffer.cli.options import Whole, decoding, examples, pipeline_options, with_force
 from sniffer.cli.session import open_outputs, run_source, say, session_facts, tell_lost
 from sniffer.sources import open_source
 
@@ -30,7 +30,7 @@ from sniffer.sources import open_source
 )
 @with_force
 @click.option("--web", is_flag=True, help="Serve it for a browser on this machine.")
-@click.option("--port", type=click.IntRange(1, 65535), help="Port of the web page.")
+@click.option("--port", type=Whole(1, 65535), help="Port of the web page.")
 def view(
     file: str,
     protocol: str,
@@ -46,6 +46,10 @@ def view(
     """Open FILE (a recording, or any capture) in Rerun: position, load, voltage, alarms."""
     from sniffer import viewing
 
+    if output is not None and web:
+        raise click.UsageError("-o writes a file, --web serves one: choose one")
+    if port is not None and not web:
+        raise click.UsageError("--port goes with --web")
     options = pipeline_options(protocol, baud, models, latency)
     source = open_source(file, input_format)
     if output is None and not web:

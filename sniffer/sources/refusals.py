@@ -22,6 +22,7 @@ _PAYLOAD: Final = (
 )
 _LINES: Final = "write it as lines `(seconds.fraction) bus0 #HEX`, or keep only the hex bytes"
 _SIGROK: Final = "write raw bytes with `sigrok-cli -i FILE -P uart:rx=... -B uart=rx > bus.bin`"
+_CAPTURE: Final = "give the file that your logger wrote"
 _WORDS: Final = "dump it again with `hexdump -C`, `xxd` or `od -tx1`"
 
 _MAGICS: Final = (
@@ -29,6 +30,9 @@ _MAGICS: Final = (
     (b"\xa1\xb2\xc3\xd4", "a pcap capture", _PAYLOAD),
     (b"\x4d\x3c\xb2\xa1", "a pcap capture", _PAYLOAD),
     (b"\xa1\xb2\x3c\x4d", "a pcap capture", _PAYLOAD),
+    (b"\x89PNG\r\n\x1a\n", "a PNG image", _CAPTURE),
+    (b"%PDF-", "a PDF document", _CAPTURE),
+    (b"\x7fELF", "a program", _CAPTURE),
     (b"RRF", "a Rerun recording (.rrd)", "decode the .mcap or the capture it was made from"),
     (b"PAR1", "a Parquet table", "decode the .mcap or the capture it was made from"),
     (b"\x1f\x8b\x08", "a gzip file", "unpack it: `gunzip -c FILE | sniffer decode -`"),
