@@ -37,6 +37,7 @@ from sniffer.model import (
     Mask,
     Transactions,
 )
+from sniffer.staging import StagedIds
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -84,15 +85,17 @@ class Pairing:
         self._owed = np.empty(0, np.int64)  # the start of each answer, likewise
         self._how = np.empty(0, np.int64)
         self._echoes = Echoes()
+        self._staged_ids = StagedIds(protocol)
         self._held: int | None = None  # from this row on it is not known what is an echo
 
     def match(
         self, frames: Frames, block: Block, decided: int, base: int, *, silent: bool = False
     ) -> tuple[Frames, I64]:
-        """Mark echoes; return the frames and the partner of each, as ``matching.match`` does.
+        """Mark echoes and new ids; return the frames, and the partner of each as ``match`` does.
 
         ``silent``: a silence stands before the block.
         """
+        frames = self._staged_ids.mark(frames)
         echo, self._held = self._echoes.find(frames, block, decided, silent=silent)
         if not echo.any():
             return frames, self._match(frames, block, base)
@@ -124,6 +127,7 @@ class Pairing:
     def forget(self, frames: Frames, block: Block, kept: int, cut: int) -> None:
         """Keep what the next block must know; it begins at ``cut``, with row ``kept``."""
         self._echoes.forget(frames, block, kept, cut)
+        self._staged_ids.forget(frames.take(slice(0, kept)))
 
     def open_rows(self, frames: Frames, partner: I64, decided: int, block: Block) -> I64:
         """Return the rows of the requests that bytes from ``decided`` on may still answer.
@@ -183,19 +187,27 @@ class Pairing:
         took, spread = np.full(n, -1, np.int64), np.full(n, -1, np.int64)
         keep = np.ones(n, bool)
         many = frames.reply[asked] == MANY
-        keep[answer[inside & ~many]] = False
-        keep[asked[many]] = False
         # A pair is one row: the request's, or the response's own where a request has many.
-        told = inside | ~many
-        at = np.where(many, answer, asked)[told]
-        request[at], response[at], outcome[at] = asked[told], answer[told], how[told]
-        answer, asked, at = answer[inside], asked[inside], np.where(many, answer, asked)[inside]
+        if many.any() or not inside.all():
+            keep[answer[inside & ~many]] = False
+            keep[asked[many]] = False
+            told = inside | ~many
+            at = np.where(many, answer, asked)[told]
+            request[at], response[at], outcome[at] = asked[told], answer[told], how[told]
+            at = np.where(many, answer, asked)[inside]
+            answer, asked, how = answer[inside], asked[inside], how[inside]
+        else:
+            at = asked
+            keep[answer] = False
+            response[at], outcome[at] = answer, how
         echo = frames.flags & ECHO > 0
-        outcome[echo] = NOT_EXPECTED
-        # The echo tells when the request was on the wire, not when it was handed to the adapter.
-        sent = asked + np.append(echo, False)[asked + 1]
+        sent = asked
+        if echo.any():
+            outcome[echo] = NOT_EXPECTED
+            # The echo tells when the request was on the wire, not when the adapter was given it.
+            sent = asked + np.append(echo, False)[asked + 1]
         took[at], spread[at] = _took(frames, answer, frames, sent)
-        fits = how[inside] == OK
+        fits = how == OK
         request[late], outcome[late] = -2 - np.arange(len(late)), late_how
         took[late], spread[late] = _took(frames, late, before, np.arange(len(late)))
 
@@ -260,6 +272,8 @@ def _took(answers: Frames, answer: I64, requests: Frames, asked: I64) -> tuple[I
     """Return response times and their uncertainties, -1 where they are not known."""
     unsure = answers.uncertainty[answer], requests.uncertainty[asked]
     known = (unsure[0] >= 0) & (unsure[1] >= 0)
+    if not known.any():
+        return np.full(len(answer), -1), np.full(len(answer), -1)
     took = np.maximum(answers.t_start[answer] - requests.t_end[asked], 0)
     return np.where(known, took, -1), np.where(known, np.maximum(*unsure), -1)
 
@@ -297,11 +311,16 @@ def _torn(frames: Frames, block: Block, decided: int, partner: I64, protocol: Bu
                 torn[i] = False
     echo = np.flatnonzero(frames.flags & ECHO)
     torn[echo - 1] |= torn[echo]
+    if not torn.any():
+        return torn
     sends = frames.kind == REQUEST
-    if (sends[1:] & sends[:-1]).any() and torn.any():
+    together = sends[1:] & sends[:-1] & ~torn[:-1]
+    if together.any() and len(block.barriers):
         segment = block.segment(frames.start)
+        together &= segment[1:] == segment[:-1]
+    if together.any():
         first = sends.copy()
-        first[1:] &= ~sends[:-1] | torn[:-1] | (segment[1:] != segment[:-1])
+        first[1:] &= ~together
         _torn_in_turn(frames, torn, np.cumsum(first) * sends, partner, protocol.reach)
     return torn
 
@@ -401,7 +420,9 @@ class Expectations:
         mode = self._mode[servo]
         # Among several open requests the answer may be another's: right behind its own it is not.
         behind = row + 1
-        behind += np.append(frames.flags & ECHO > 0, False)[behind]
+        echo = frames.flags & ECHO > 0
+        if echo.any():
+            behind += np.append(echo, False)[behind]
         proof = asked & (kind == OK) & (transactions.response[part] == behind)
         answered = np.flatnonzero(proof & (reply == IF_ALL) & (mode != 2))
         if len(answered):

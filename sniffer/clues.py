@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
     from sniffer.registers import Register, RegisterMap
 
-WRITTEN, READ, RANGE, DEFAULT, NUMBER = range(5)
+WRITTEN, READ, RANGE, DEFAULT, NUMBER, WORD, TEXT = range(7)
 """What kind of clue: a span written, a register read, a value in one model's range only, a factory
-default found, a number that names the model."""
+default found, a number that names the model; where registers go by words, one that is answered, and
+a text that names the model."""
 
 UNNAMED, NAMED, FITTING = 0, 1, 2
 """Points of a written span under a table: a byte it does not name; all named, but a register in
@@ -31,7 +32,14 @@ part; whole registers. A controller writes what its manual has."""
 _ASKED, _OUT_OF_RANGE_WRITTEN, _OUT_OF_RANGE_READ, _AT_DEFAULT, _TOLD = 1, 1, 2, 1, 16
 """Points of the other clues. A read asks for what may not exist, and blocks are read across holes:
 only a single register counts. A controller may write nonsense, a servo measures none. A model
-number decides alone."""
+number, or its text, decides alone."""
+
+_ANSWERED = 2
+"""Points of all words together that a servo answers and only some tables have: they are told, and
+never decide. Firmware learns words, and one release may bring a sibling a handful of them."""
+
+NOWHERE: Final = -1
+"""Address of what goes by a word: all of a kind are the same clue."""
 
 SURE: Final = 4
 """Points a model must be ahead of every other before values are read by its table: two independent
@@ -84,7 +92,6 @@ class Clues:
 
     def __init__(self, models: Sequence[RegisterMap]) -> None:
         self._models = models
-        self._names = [m.model for m in models]
         self._checks: dict[tuple[int, int, bool], tuple[Check, ...]] = {}
 
     def of(self, address: int, data: bytes, *, written: bool) -> list[Found]:
@@ -137,9 +144,9 @@ class Clues:
             yield self._clue(RANGE, check, points)
         if written:
             return
-        named = {r.values.get(raw) for r in same if r is not None}
-        if any(name in named for name in self._names):
-            yield self._clue(NUMBER, check, [_TOLD * (name in named) for name in self._names])
+        named = [raw in self._numbers(m, check) for m in self._models]
+        if any(named):
+            yield self._clue(NUMBER, check, [_TOLD * own for own in named])
             return
         if raw and any(r is not None and _settled(r) and r.default == raw for r in same):
             # a model whose default is not known has no part in this: it is not held against it
@@ -176,6 +183,11 @@ class Clues:
         fits = r is not None and r.address == check.address and r.type == check.type
         return r if fits else None
 
+    def _numbers(self, table: RegisterMap, check: Check) -> tuple[int, ...]:
+        """Return the numbers by which a servo of the model names itself there."""
+        told, r = table.identity, self._same(table, check)
+        return told.values if told is not None and r is not None and r.name == told.register else ()
+
     def _find_checks(self, address: int, length: int, *, written: bool) -> Iterator[Check]:
         """Yield the registers, of any model, that lie whole in the span and can tell something."""
         places: Mapping[tuple[int, str], None] = dict.fromkeys(
@@ -199,12 +211,33 @@ class Clues:
                 single = {x for b in bounds for x in (b[0] - 1, b[0], b[1], b[1] + 1)}
                 single |= {raw for r in same for raw in (*r.special, *r.values)}
                 single |= {r.default for r in same if r.default is not None}
+            single |= {raw for m in self._models for raw in self._numbers(m, check)}
             tells = {
                 raw for raw in single if any(True for _ in self.value(check, raw, written=written))
             }
             if tells:
                 others = tuple(sorted(raw for raw in tells if low <= raw <= high))
                 yield check._replace(low=low, high=high, others=others)
+
+
+def told_by_word(
+    models: Sequence[RegisterMap], names: tuple[str, ...], text: bytes
+) -> Iterator[Clue]:
+    """Yield what an answer tells that goes by a word; ``text`` is what stands behind it.
+
+    ``names`` are those of the register that the word states, by model: "" where a table has none.
+    """
+    has = [_ANSWERED * bool(name) for name in names]
+    if len(set(has)) > 1:
+        yield Clue(WORD, NOWHERE, 0, tuple(has), names)
+    said = text.decode("ascii", "replace")
+    points = tuple(
+        _TOLD
+        * (m.identity is not None and m.identity.register == name and m.identity.is_text(said))
+        for m, name in zip(models, names, strict=True)
+    )
+    if any(points):
+        yield Clue(TEXT, NOWHERE, len(text), points, names)
 
 
 def _whole(table: RegisterMap, address: int, length: int) -> Register | None:

@@ -124,6 +124,8 @@ def in_order(answers: Mask) -> I64:
     """Return each answer's request: m answers in a row are those of the last m rows before them."""
     n = len(answers)
     rows = np.arange(n)
+    if not (answers[1:] & answers[:-1]).any():
+        return rows - 1
     before = np.maximum.accumulate(np.where(answers, -1, rows))
     behind = np.minimum.accumulate(np.where(answers, n, rows)[::-1])[::-1]
     asked: I64 = rows - (behind - 1 - before)

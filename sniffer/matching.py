@@ -38,6 +38,9 @@ BEFORE, BEHIND = 3, 2
 """How many reaches around an answer left over are looked at: a run that it is in lies within two
 before it and one behind, the first answer to a request of those one more before."""
 
+SPARSE: Final = 8
+"""Where more than one row in so many is an answer left over, looking at each does not pay."""
+
 
 def match(frames: Frames, segment: I64 | None, reach: int, claimed: Mask | None = None) -> I64:
     """Return for each row the row of the request it answers.
@@ -61,9 +64,13 @@ def match(frames: Frames, segment: I64 | None, reach: int, claimed: Mask | None 
     partner[answer[fits]] = asked[fits]
     left = answers.copy()
     left[answer[fits]] = False
-    if not left.any():
+    over = rows.in_question(np.flatnonzero(left), partner)
+    if not len(over):
+        rows.left_over(np.flatnonzero(left), partner)
         return partner
-    near = rows.around(np.flatnonzero(left))
+    left[:] = False
+    left[over] = True
+    near = rows.around(over)
     part: _Rows = rows
     place: I64 | None = None
     if near is not None:
@@ -83,10 +90,17 @@ def match(frames: Frames, segment: I64 | None, reach: int, claimed: Mask | None 
 def match_in_order(frames: Frames) -> I64:
     """Return the same where answers name nobody: they come in the order of their requests."""
     answers = frames.kind == RESPONSE
-    asked = in_order(answers)
-    fits = answers & (asked >= 0)
-    fits[fits] = (frames.kind[asked[fits]] == REQUEST) & (frames.reply[asked[fits]] != NEVER)
-    return np.where(fits, asked, -1)
+    asks = (frames.kind == REQUEST) & (frames.reply != NEVER)
+    partner = np.full(len(frames), -1, np.int64)
+    if (answers[1:] & answers[:-1]).any():
+        answer = np.flatnonzero(answers)
+        asked = in_order(answers)[answer]
+        fits = (asked >= 0) & asks[asked]
+        partner[answer[fits]] = asked[fits]
+        return partner
+    row = np.flatnonzero(answers[1:] & asks[:-1])
+    partner[row + 1] = row
+    return partner
 
 
 def outcomes(partner: I64) -> tuple[I64, I64, I64]:
@@ -94,6 +108,8 @@ def outcomes(partner: I64) -> tuple[I64, I64, I64]:
     answer = np.flatnonzero(partner != -1)
     asked = partner[answer]
     fits = asked >= 0
+    if fits.all():
+        return answer, asked, np.full(len(answer), OK)
     how = np.where(fits, OK, MISMATCHED)
     return answer, np.where(fits, asked, -2 - asked), how
 
@@ -147,13 +163,34 @@ class _Rows:
         near = (f.reply[asked] != NEVER) & self.near(asked, answer)
         return (answer, asked) if near.all() else (answer[near], asked[near])
 
+    def in_question(self, left: I64, partner: I64) -> I64:
+        """Return which answers left over a request may have after all.
+
+        A run is matched otherwise than by neighbours only where an answer left over finds a
+        request open that no neighbour answers; on a bad line most find none.
+        """
+        f = self.frames
+        if not len(left) or len(left) > len(f) // SPARSE:
+            return left
+        alone = (f.kind == REQUEST) & (f.reply != NEVER) & (f.reply != MANY)
+        alone[partner[partner >= 0]] = False
+        asked = np.flatnonzero(alone)
+        last = np.searchsorted(asked, left)
+        many = np.minimum(last, DEPTH)
+        of = np.repeat(np.arange(len(left)), many)
+        q = asked[np.arange(len(of)) - np.repeat(np.cumsum(many) - last, many)]
+        r = left[of]
+        may = np.zeros(len(left), bool)
+        may[of[self.near(q, r) & self.fits(q, r)]] = True
+        return left[may]
+
     def around(self, left: I64) -> I64 | None:
         """Return the rows whose matching an answer left over can alter; None: (nearly) all."""
         f = self.frames
         span = self.reach + int(f.length.max())
         first = np.searchsorted(f.start, f.start[left] - BEFORE * span)
         last = np.searchsorted(f.start, f.start[left] + BEHIND * span, "right")
-        if int((last - first).sum()) > len(f) // 2 and len(left) > len(f) // 8:
+        if int((last - first).sum()) > len(f) // 2 and len(left) > len(f) // SPARSE:
             return None
         edges = np.zeros(len(f) + 1, np.int64)
         np.add.at(edges, first, 1)

@@ -356,11 +356,16 @@ class Batch:
 
     def asked(self, request: I64) -> Frames:
         """Return the requests that ``Transactions.request`` names (not -1), also earlier ones."""
+        frames, rows = self.asking(request)
+        return frames.take(rows)
+
+    def asking(self, request: I64) -> tuple[Frames, I64]:
+        """Return the same as frames and rows of theirs: for those who need few columns."""
         earlier = request < 0
         if self.before is None or not earlier.any():
-            return self.frames.take(request)
+            return self.frames, request
         both = Frames.concat([self.frames, self.before])
-        return both.take(np.where(earlier, len(self.frames) - 2 - request, request))
+        return both, np.where(earlier, len(self.frames) - 2 - request, request)
 
 
 class SnifferError(Exception):

@@ -40,6 +40,7 @@ from sniffer.model import (
 from sniffer.pending import matched
 from sniffer.protocols.base import BusProtocol, SlowFrame, State
 from sniffer.registers import scale_limit
+from sniffer.staging import slow_staged_ids
 from sniffer.timing import byte_time_ns, clipped, clock_of
 
 if TYPE_CHECKING:
@@ -86,6 +87,7 @@ class Reference:
         self.clues = Clues(protocol.models)
         self.evidence = Evidence(protocol, self.state)
         self.staged: dict[tuple[int, str], tuple[int, int, int]] = {}
+        self.staged_ids: dict[int, int] = {}
         self.moves: list[tuple[int, int]] = []
         self.echoes = 0  # doubled requests in a row that look like an adapter's echo
         self.themselves: set[int] = set()  # starts of misfits that need no request to be read
@@ -143,6 +145,7 @@ class Reference:
                 frame.data_start += start
                 frames.append(frame)
                 p = end
+        slow_staged_ids(frames, self.staged_ids, self.protocol.everyone)
         echoes, self.echoes = slow_echoes(frames, self.echoes)
         for row in echoes:
             frames[row].flags |= ECHO
@@ -380,6 +383,9 @@ class Reference:
                 to_all = asked and servo in self.protocol.everyone
                 self.evidence.weigh(servo, found.clue, to_all=to_all)
                 met = True
+        for clue in self.protocol.slow_clues(f):
+            self.evidence.weigh(f.servo_id, clue, to_all=False)
+            met = True
         if met:
             before = self.state.model.copy()
             self.evidence.settle(0, ())

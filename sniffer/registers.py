@@ -9,10 +9,10 @@ from __future__ import annotations
 import functools
 import math
 import tomllib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -140,6 +140,23 @@ class Entry:
     loose: bool = False
 
 
+class Identity(NamedTuple):
+    """What a servo of one model answers where it is asked which it is.
+
+    ``values`` are numbers, ``texts`` whole texts, ``begins`` what the texts of its family begin
+    with: a text that nobody knows yet counts by them.
+    """
+
+    register: str
+    values: tuple[int, ...] = ()
+    texts: tuple[str, ...] = ()
+    begins: tuple[str, ...] = ()
+
+    def is_text(self, text: str) -> bool:
+        """Tell whether a servo of the model says so."""
+        return text in self.texts or (bool(self.begins) and text.startswith(self.begins))
+
+
 class RegisterMap:
     """One model's table; ``first`` is where its registers begin in the protocol's joint list."""
 
@@ -151,12 +168,14 @@ class RegisterMap:
         title: str = "",
         source: str = "",
         first: int = 0,
+        identity: Identity | None = None,
     ) -> None:
         self.model = model
         self.title = title
         self.source = source
         self.registers = registers
         self.first = first
+        self.identity = identity
         self.index = {r.name: first + i for i, r in enumerate(registers)}
         self._selects = {r.scale_by[0] for r in registers if r.scale_by is not None}
         self._by_byte = {
@@ -258,12 +277,37 @@ def read_table(model: str) -> tuple[Mapping[str, Any], tuple[Register, ...]]:
     return table, registers
 
 
+def read_identity(model: str) -> Identity | None:
+    """Read what identifies a model, None where no source says it.
+
+    Raises:
+        SnifferError: there is no such table, or a line of it cannot be understood.
+    """
+    told = read_table(model)[0].get("identifies")
+    if told is None:
+        return None
+    if not told.keys() <= set(Identity._fields) or "register" not in told:
+        raise SnifferError(f"{model}.toml: identifies: a register and {Identity._fields[1:]}")
+    values, texts, begins = (tuple(told.get(key, ())) for key in Identity._fields[1:])
+    return Identity(told["register"], values, texts, begins)
+
+
 def load_models(*models: str) -> tuple[RegisterMap, ...]:
-    """Read the tables of one protocol's models, the default first; rows are numbered through."""
+    """Read the tables of one protocol's models, the default first; rows are numbered through.
+
+    The register that identifies a model has the names of all siblings' numbers.
+    """
     out: list[RegisterMap] = []
     first = 0
+    identities = {model: read_identity(model) for model in models}
+    numbers = {raw: m for m, told in identities.items() if told for raw in told.values}
     for model in models:
         head, registers = read_table(model)
+        identity = identities[model]
+        if identity is not None and identity.values:
+            registers = tuple(
+                replace(r, values=numbers) if r.name == identity.register else r for r in registers
+            )
         out.append(
             RegisterMap(
                 model,
@@ -271,6 +315,7 @@ def load_models(*models: str) -> tuple[RegisterMap, ...]:
                 title=str(head.get("title", "")),
                 source=str(head.get("source", "")),
                 first=first,
+                identity=identity,
             )
         )
         first += len(registers)
@@ -283,10 +328,12 @@ __all__ = [
     "MEASURED",
     "TYPES",
     "Entry",
+    "Identity",
     "Register",
     "RegisterMap",
     "bit_names",
     "load_models",
+    "read_identity",
     "read_table",
     "scale_limit",
     "schema_path",

@@ -70,6 +70,8 @@ class Meaning:
     feedback: Sequence[FeedbackWrite]
     told: Sequence[Told]
     misfits: Sequence[Misfit]
+    resets: Sequence[Change]
+    """Resets that were obeyed and give an id."""
 
 
 class Scaling:
@@ -171,7 +173,8 @@ class Scaling:
             row=v.row,
             accepted=takes,
         )
-        return Meaning(samples, _feedback(changes), weighed.told, misfits)
+        resets = [c for c in changes if c.what == RESET and c.value >= 0]
+        return Meaning(samples, _feedback(changes), weighed.told, misfits, resets)
 
     def models(self, frames: Frames) -> dict[int, tuple[str, int]]:
         """Return model and grounds of the servos in ``frames``, where it is not just assumed."""

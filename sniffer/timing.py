@@ -257,9 +257,20 @@ class Stamps:
         t_first = self._t[j] - laid * self.byte_ns
         whole = t_end - frames.length * self.byte_ns
         # A frame takes its time on the line; where each stamp is exact, the first one knows better.
-        t_start = np.where(self._exact[j], t_first, np.minimum(t_first, whole))
-        # A nominal time is none beside a stamp.
-        t_start = np.where((self._slack[j] < 0) & (self._slack[k] >= 0), whole, t_start)
+        t_start = np.minimum(t_first, whole)
+        if self._exact.any():
+            t_start = np.where(self._exact[j], t_first, t_start)
+        nominal = self._slack < 0
+        if nominal.all():
+            return replace(
+                frames,
+                t_end=t_end,
+                uncertainty=np.full(len(frames), -1, np.int64),
+                t_start=np.minimum(t_start, t_end),
+                direction=self._direction[k],
+            )
+        if nominal.any():  # a nominal time is none beside a stamp
+            t_start = np.where(nominal[j] & ~nominal[k], whole, t_start)
         doubt = np.maximum(laid, behind) * self.byte_ns // TOLERANCE
         unsure = np.maximum(self._slack[k], self._slack[j] - (t_first - t_start))
         if self._doubt_ns:

@@ -22,7 +22,7 @@ FILES: Final = sorted(
 CORE: Final = (
     *("model", "limits", "registers", "checksums", "framing", "plan", "timing", "bus", "samples"),
     *("decoder", "reference", "diagnostics", "protocols", "rows", "summary", "remarks"),
-    *("merging", "ordering", "pacing", "pending", "matching", "echo"),
+    *("merging", "ordering", "pacing", "pending", "matching", "echo", "staging"),
     *("clues", "evidence", "changes", "weighing"),
 )
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
@@ -32,7 +32,7 @@ FLOORS: Final = (
     ("registers", "checksums", "limits", "clues"),
     ("plan", "framing", "timing", "remarks"),
     ("protocols",),
-    ("pending", "matching", "echo"),
+    ("pending", "matching", "echo", "staging"),
     ("bus", "samples", "evidence", "changes", "weighing"),
     ("diagnostics",),
     ("decoder", "reference", "rows"),

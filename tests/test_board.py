@@ -280,14 +280,14 @@ def test_statistics_have_all_servos() -> None:
 
 
 def test_memory_does_not_grow_with_time() -> None:
-    """Every id there is is asked and none answers."""
+    """Every id there is is asked and only one answers: a tap hears both sides."""
     board, decoder = Board(), Decoder("lss")
     rng = random.Random(1)
 
     sizes = []
     for n in range(60):
         asked = "".join(f"#{rng.randrange(256)}QD\r" for _ in range(100))
-        chunk = Chunk(asked.encode(), START_NS + n * NS, Clock.READ, "arm")
+        chunk = Chunk(f"#1QD\r*1QD0\r{asked}".encode(), START_NS + n * NS, Clock.READ, "arm")
         board.raw("arm", [chunk])
         board.write("arm", decoder.protocol, decoder.feed(chunk))
         tally = board.buses["arm"]

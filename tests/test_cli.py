@@ -190,7 +190,7 @@ def test_two_buses_are_decoded_even_if_one_says_nothing_sensible(
     ("arguments", "told"),
     [
         (["--protocol", "dynamixel"], "'dynamixel' is not one of 'auto', 'mightyzap'"),
-        (["--model", "9=nix"], "no model 'nix': one of lss, mightyzap-12lf"),
+        (["--model", "9=nix"], "no model 'nix': one of lss, lss-pro, mightyzap-12lf"),
         (["--model", "x=wck"], "'x=wck': write ID=MODEL with an id of 0..255, or MODEL"),
         (["--model", "256=wck"], "'256=wck': write ID=MODEL with an id of 0..255, or MODEL"),
         (["--model", "=wck"], "'=wck': write ID=MODEL"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any, Final
 
 import pytest
@@ -16,11 +17,13 @@ from sniffer.protocols.lss.grammar import MODELS, MODIFIERS, REGISTERS, WORDS
 from sniffer.reference import Reference
 from sniffer.rows import FrameRow, SampleRow
 from sniffer.timing import byte_time_ns
+from tests.commands import sniffer as sniffer_command
 from tests.records import batches, records
 from tests.streams import chunked, stream
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
 LSS = PROTOCOLS["lss"]
 PRO: Final[Mapping[int | None, str]] = {5: "lss-pro"}
@@ -113,8 +116,101 @@ def test_the_model_string_of_each_model_is_in_its_table_and_read_as_a_text() -> 
 
 
 def test_a_number_that_the_models_read_differently_has_no_unit_where_none_was_read() -> None:
-    mute = b"#5QV\r*5QD13000\r"  # no answer to this query: it is not read
-    assert "position_deg" not in last_fields(mute)
+    mute = b"#5QV\r*5QSD600\r"  # which speed it is, only its query would say: it is not read
+    assert last_fields(mute) == {"word": "QSD", "value": 600}
+
+
+# --- what the wire tells -----------------------------------------------------------------------
+
+IS_PRO, IS_LSS = b"#5QMS\r*5QMSLSS-P-S1\r", b"#5QMS\r*5QMSLSS-HS1\r"
+POSITION = b"#5QD\r*5QD13000\r"
+
+
+def notes(talk: bytes, models: Mapping[int | None, str] | None = None) -> list[Any]:
+    return [r for r in told(talk, models) if r.type == "anomaly" and r.code == "model-evidence"]
+
+
+def positions(talk: bytes, models: Mapping[int | None, str] | None = None) -> list[Any]:
+    found = [r for r in told(talk, models) if isinstance(r, SampleRow)]
+    return [(r.servo_id, r.value, r.scale) for r in found if r.register == "present_position"]
+
+
+def test_a_model_string_says_from_its_row_on_in_which_unit_a_servo_counts() -> None:
+    assert positions(POSITION + IS_PRO + POSITION) == [
+        (5, 1300.0, "assumed"),
+        (5, pytest.approx(130.0), "observed"),
+    ]
+    assert positions(POSITION + IS_LSS + POSITION)[-1] == (5, 1300.0, "observed")
+    (note,) = notes(POSITION + IS_PRO + POSITION)
+    assert "servo 5 is read as lss-pro from here on, not as lss (16 points to 0)" in note.detail
+    assert "QMS LSS-P-S1 is a model string of lss-pro" in note.detail
+    assert "`--model 5=lss-pro`" in note.remedy
+    assert not notes(IS_LSS + POSITION)
+
+
+def test_a_model_string_says_nothing_of_another_servo() -> None:
+    assert positions(IS_PRO + POSITION.replace(b"5", b"6"))[-1][1:] == (1300.0, "assumed")
+
+
+@pytest.mark.parametrize(
+    ("text", "told_as"),
+    [
+        (b"LSS-P-L1", ("lss-pro", "observed")),
+        (b"LSS-P-X9", ("lss-pro", "observed")),  # of the family, whatever it is
+        (b"LSS-ST2", ("lss", "observed")),
+        (b"LSS-2IO", ("lss", "assumed")),
+        (b"LSS-", ("lss", "assumed")),
+        (b"XLSS-P-S1", ("lss", "assumed")),
+    ],
+)
+def test_a_text_counts_for_the_family_it_begins_like_and_else_for_none(
+    text: bytes, told_as: tuple[str, str]
+) -> None:
+    value = 130.0 if told_as[0] == "lss-pro" else 1300.0
+    talk = b"#5QMS\r*5QMS" + text + b"\r" + POSITION
+    assert positions(talk) == [(5, pytest.approx(value), told_as[1])]
+
+
+def test_a_named_model_is_kept_and_told_that_its_servo_says_otherwise() -> None:
+    assert positions(IS_PRO + POSITION, {5: "lss"}) == [(5, 1300.0, "profile")]
+    (note,) = notes(IS_PRO + POSITION, {5: "lss"})
+    assert "is read as lss, as it was named, but looks like lss-pro" in note.detail
+    (note,) = notes(IS_LSS + POSITION, PRO)
+    assert "is read as lss-pro, as it was named, but looks like lss" in note.detail
+    assert positions(IS_LSS + POSITION, PRO)[0][2] == "profile"
+
+
+def test_two_model_strings_of_one_id_leave_it_undecided() -> None:
+    assert positions(IS_PRO + IS_LSS + POSITION) == [(5, 1300.0, "assumed")]
+    assert "is read as lss again" in notes(IS_PRO + IS_LSS + POSITION)[-1].detail
+
+
+def test_words_that_one_model_answers_are_told_and_never_decide() -> None:
+    words = [b"QIX", b"QIY", b"QIZ", b"QIA", b"QTCW", b"QEF", b"QUC"]
+    talk = b"".join(b"#5" + w + b"\r*5" + w + b"3\r" for w in words)
+    assert positions(talk + POSITION)[-1][1:] == (1300.0, "assumed")
+    (note,) = notes(talk + POSITION)
+    assert "servo 5 looks like lss-pro but is read as lss (2 points to 0" in note.detail
+    assert "QIX, which is answered, is linear_acceleration_x of lss-pro" in note.detail
+
+
+def test_a_word_that_is_only_asked_tells_nothing() -> None:
+    assert not notes(b"#5QIX\r#5QIX\r#5QIY\r")
+
+
+def test_a_new_id_takes_along_what_a_servo_said_of_itself() -> None:
+    talk = IS_PRO + b"#5CID7\r" + POSITION.replace(b"5", b"7")
+    assert positions(talk)[-1] == (7, pytest.approx(130.0), "observed")
+
+
+def test_the_summary_names_the_models_that_were_told(tmp_path: Path) -> None:
+    capture = tmp_path / "lss.bin"
+    capture.write_bytes(IS_PRO + POSITION + IS_LSS.replace(b"5", b"6"))
+    ran = sniffer_command("decode", capture, "--protocol", "lss", "--format", "jsonl")
+    assert json.loads(ran.out.splitlines()[-1])["buses"]["bus0"]["models"] == {
+        "5": {"model": "lss-pro", "scale": "observed"},
+        "6": {"model": "lss", "scale": "observed"},
+    }
 
 
 def test_a_word_has_one_kind_and_one_name_in_all_tables() -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from sniffer import matching
 from sniffer.matching import match, outcomes
 from sniffer.model import (
     ANY_ID,
@@ -117,7 +118,11 @@ def drawn(case: int) -> tuple[Traffic, I64 | None]:
 
 
 @pytest.mark.parametrize("first", range(0, 600, 100))
-def test_columns_match_as_the_slow_way_does(first: int) -> None:
+@pytest.mark.parametrize("sparse", [matching.SPARSE, 1], ids=["usual", "each_looked_at"])
+def test_columns_match_as_the_slow_way_does(
+    first: int, sparse: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(matching, "SPARSE", sparse)
     seen = 0
     for case in range(first, first + 100):
         traffic, segment = drawn(case)

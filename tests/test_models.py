@@ -13,7 +13,7 @@ from sniffer.clues import SURE, Clues
 from sniffer.decoder import Decoder
 from sniffer.model import PROFILE, Chunk
 from sniffer.protocols import PROTOCOLS
-from sniffer.registers import Register, RegisterMap
+from sniffer.registers import Identity, Register, RegisterMap
 from tests.commands import within
 from tests.streams import rs30x
 from tests.streams.mightyzap import packet
@@ -240,7 +240,11 @@ def table(model: str, *registers: Register) -> RegisterMap:
 
 def test_a_number_that_names_a_model_decides_alone() -> None:
     names = {0x3050: "rs305cr", 0x4050: "rs405cb"}
-    models = [table(m, Register("model_number", 0, "u16le", values=names)) for m in names.values()]
+    register = Register("model_number", 0, "u16le")
+    models = [
+        RegisterMap(m, (register,), identity=Identity("model_number", (raw,)))
+        for raw, m in names.items()
+    ]
     (found,) = Clues(models).of(0, b"\x50\x40", written=False)
     assert found.clue.points[1] - found.clue.points[0] >= SURE
     assert Clues(models).of(0, b"\x50\x40", written=True) == []
@@ -291,6 +295,34 @@ def test_a_new_id_that_is_named_itself_keeps_its_name() -> None:
     data = write(1, 0x03, 2) + ok(2) + write(2, 0x88, 0, 1)
     assert samples(data, {1: FORCE, 2: L12})[-1][1] == "moving_speed"
     assert samples(data, {1: FORCE, None: L12})[-1][1] == "goal_speed"
+
+
+def test_the_answer_to_an_execution_under_the_staged_id_is_its_answer() -> None:
+    staged = write(1, 0x10, 2) + ok(1) + send(1, 0x03, 2) + ok(1)
+    assert outcomes(staged + execute(1) + ok(2)) == ["ok"] * 3
+    assert outcomes(staged + execute(1) + ok(1)) == ["ok"] * 3  # it has not obeyed yet
+    assert outcomes(staged + read(3, 0x8C, 0, 0) + execute(1) + ok(2))[-1] == "ok"
+    assert outcomes(staged + send(1, 0x03, 4) + ok(1) + execute(1) + ok(4))[-1] == "ok"
+
+
+def test_the_answer_to_an_execution_under_any_other_id_is_no_answer_of_it() -> None:
+    staged = write(1, 0x10, 2) + ok(1) + send(1, 0x03, 2) + ok(1)
+    assert outcomes(staged + execute(1) + ok(3))[-1] == "mismatched"
+    assert outcomes(staged + execute(254) + execute(1) + ok(2))[-1] == "mismatched"
+    assert outcomes(staged + execute(1) + ok(2) + execute(1) + ok(2))[-1] == "mismatched"
+    assert outcomes(execute(1) + ok(2))[-1] == "mismatched"
+
+
+@pytest.mark.parametrize(
+    ("option", "status", "ids"), [(1, 0, [0]), (3, 0, [0]), (2, 0, []), (0, 0, []), (1, 0x08, [])]
+)
+def test_a_factory_reset_that_gives_an_id_says_so_unless_it_is_refused(
+    option: int, status: int, ids: list[int]
+) -> None:
+    data = packet(1, 0xF6, bytes([option])) + ok(1, status)
+    found = [r for r in told(data) if r.type == "anomaly" and r.code == "id-changed"]
+    said = [f"servo 1 was given the id {i} by a factory reset" for i in ids]
+    assert [r.detail for r in found] == said
 
 
 def test_a_new_id_takes_evidence_along() -> None:

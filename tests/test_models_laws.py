@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,42 +13,56 @@ from sniffer.model import Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.reference import Reference
 from tests.records import batches, records
-from tests.streams import damaged
-from tests.streams.mightyzap import MODELS
+from tests.streams import damaged, lss, mightyzap
 
-NAMED = st.sampled_from(
-    [
-        {},
-        {},
-        {1: "mightyzap-12lf"},
-        {None: "mightyzap-12lf"},
-        {None: "mightyzap-12lf", 2: "mightyzap-l12"},
-        {2: "mightyzap-l12"},
-    ]
-)
-STREAM = st.one_of(MODELS, MODELS, MODELS.flatmap(damaged))
+TALK = {"mightyzap": mightyzap.MODELS, "lss": lss.MODELS}
+EACH = pytest.mark.parametrize("protocol", TALK)
 
 
-@given(data=STREAM, models=NAMED)
+def named(protocol: str) -> st.SearchStrategy[dict[int | None, str]]:
+    default, other = [m.model for m in PROTOCOLS[protocol].models]
+    return st.sampled_from(
+        [
+            {},
+            {},
+            {1: other},
+            {None: other},
+            {None: other, 2: default},
+            {2: default},
+        ]
+    )
+
+
+def stream(protocol: str) -> st.SearchStrategy[bytes]:
+    talk = TALK[protocol]
+    return st.one_of(talk, talk, talk.flatmap(damaged))
+
+
+@EACH
+@given(data=st.data())
 def test_the_block_decoder_equals_the_reference_whatever_models_show(
-    data: bytes, models: dict[int | None, str]
+    protocol: str, data: st.DataObject
 ) -> None:
-    chunks = [Chunk(data, 1_700_000_000_000_000_000)]
-    got = records(batches(Decoder("mightyzap", models=models), [chunks]))
-    want = Reference(PROTOCOLS["mightyzap"], models=models).decode(chunks)
+    models = data.draw(named(protocol))
+    chunks = [Chunk(data.draw(stream(protocol)), 1_700_000_000_000_000_000)]
+    got = records(batches(Decoder(protocol, models=models), [chunks]))
+    want = Reference(PROTOCOLS[protocol], models=models).decode(chunks)
     assert got.frames == want.frames
     assert got.transactions == want.transactions
     assert got.samples == want.samples
 
 
-@given(data=STREAM, models=NAMED, cuts=st.lists(st.integers(0, 600), max_size=6))
+@EACH
+@given(data=st.data())
 def test_any_grouping_reads_the_same_models_and_tells_the_same_of_them(
-    data: bytes, models: dict[int | None, str], cuts: list[int]
+    protocol: str, data: st.DataObject
 ) -> None:
-    whole = batches(Decoder("mightyzap", models=models), [[Chunk(data)]])
-    edges = [0, *sorted(c for c in cuts if c < len(data)), len(data)]
-    parts = [[Chunk(data[a:b])] for a, b in itertools.pairwise(edges)]
-    again = batches(Decoder("mightyzap", models=models), parts)
+    models, said = data.draw(named(protocol)), data.draw(stream(protocol))
+    cuts = data.draw(st.lists(st.integers(0, 600), max_size=6))
+    whole = batches(Decoder(protocol, models=models), [[Chunk(said)]])
+    edges = [0, *sorted(c for c in cuts if c < len(said)), len(said)]
+    parts = [[Chunk(said[a:b])] for a, b in itertools.pairwise(edges)]
+    again = batches(Decoder(protocol, models=models), parts)
     assert records(again) == records(whole)
     told = [
         [(a.code, a.servo_id, a.detail, a.evidence, a.remedy) for b in some for a in b.anomalies]
@@ -56,10 +71,14 @@ def test_any_grouping_reads_the_same_models_and_tells_the_same_of_them(
     assert told[0] == told[1]
 
 
-@given(data=MODELS)
-def test_a_named_model_is_never_overruled(data: bytes) -> None:
-    parts = batches(Decoder("mightyzap", models={None: "mightyzap-l12"}), [[Chunk(data)]])
-    registers = PROTOCOLS["mightyzap"].registers
-    for b in parts:
-        models = {registers[i].model for i in b.values.register.tolist()}
-        assert models <= {"mightyzap-l12"}
+@pytest.mark.parametrize(
+    ("protocol", "model"),
+    # a word that the LSS lacks is read by the table that has it, named or not
+    [("mightyzap", "mightyzap-l12"), ("mightyzap", "mightyzap-12lf"), ("lss", "lss-pro")],
+)
+@given(data=st.data())
+def test_a_named_model_is_never_overruled(protocol: str, model: str, data: st.DataObject) -> None:
+    decoder = Decoder(protocol, models={None: model})
+    registers = PROTOCOLS[protocol].registers
+    for b in batches(decoder, [[Chunk(data.draw(TALK[protocol]))]]):
+        assert {registers[i].model for i in b.values.register.tolist()} <= {model}

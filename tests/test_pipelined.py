@@ -136,7 +136,8 @@ def test_a_command_that_nobody_answers_closes_no_request() -> None:
 def test_of_two_requests_the_one_whose_answer_is_lost_has_none() -> None:
     lost = b"#1QD\r", b"#2QD\r", b"*1QD1\r"
     assert exchanges("lss", *lost) == [(0, 2, "ok"), (1, None, "no_response")]
-    found = [a for b in decoded("lss", *lost) for a in b.anomalies]
+    behind = b"#3QD\r", b"*3QD3\r"  # the controller went on
+    found = [a for b in decoded("lss", *lost, *behind) for a in b.anomalies]
     assert [(a.code, a.servo_id) for a in found] == [("no-response", 2)]
 
 
@@ -163,15 +164,18 @@ def test_of_two_reads_of_one_length_the_later_is_answered_and_that_it_is_a_guess
         (0, None, "no_response"),
         (1, 2, "ok"),
     ]
-    assert codes("mightyzap", POSITION, VOLTAGE, TWO) == ["no-response", "ambiguous-response"]
-    assert codes("mightyzap", POSITION, LONG, TWO) == ["no-response"]  # the length tells
-    assert codes("mightyzap", POSITION, POSITION, TWO) == ["no-response"]  # the same either way
+    on = POSITION, TWO  # the controller went on
+    assert codes("mightyzap", POSITION, VOLTAGE, TWO, *on) == ["no-response", "ambiguous-response"]
+    assert codes("mightyzap", POSITION, LONG, TWO, *on) == ["no-response"]  # the length tells
+    # the same either way
+    assert codes("mightyzap", POSITION, POSITION, TWO, *on) == ["no-response"]
 
 
 def test_a_wck_reply_behind_two_commands_is_the_laters_and_that_it_is_a_guess_is_told() -> None:
     row = bytes.fromhex("FFA90029"), bytes.fromhex("FFE90C000065"), bytes.fromhex("0059")
     assert exchanges("wck", *row) == [(0, None, "no_response"), (1, 2, "ok")]
-    assert codes("wck", *row) == ["no-response", "id-changed", "ambiguous-response"]
+    on = bytes.fromhex("FFAC002C"), bytes.fromhex("0059")  # the controller went on
+    assert codes("wck", *row, *on) == ["no-response", "id-changed", "ambiguous-response"]
 
 
 def test_a_request_is_closed_by_sixteen_others_by_its_reach_and_by_a_silence() -> None:

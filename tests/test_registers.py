@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pytest
 
+from sniffer import registers
+from sniffer.model import SnifferError
 from sniffer.protocols import PROTOCOLS
-from sniffer.registers import Register, read_table, schema_path
+from sniffer.registers import Register, read_identity, read_table, schema_path
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 TABLES = sorted(p.stem for p in schema_path("registers").glob("*.toml"))
 EVERY = pytest.mark.parametrize("model", TABLES)
@@ -28,18 +35,39 @@ def test_the_head_of_a_table_names_file_people_and_source(model: str) -> None:
 def test_what_identifies_a_model_is_a_register_it_has_and_values_no_other_model_has(
     model: str,
 ) -> None:
-    head, registers = read_table(model)
-    told = head.get("identifies")
+    told = read_identity(model)
     if told is None:
         return  # nothing on the wire names it
-    register = next(r for r in registers if r.name == told["register"])
-    kind = "texts" if register.type == "text" else "values"
-    mine = set(told[kind])
-    assert mine
-    others = [read_table(other)[0].get("identifies", {}) for other in TABLES if other != model]
-    assert not [o for o in others if mine & set(o.get(kind, ()))]
-    for raw in mine if kind == "values" and register.values else ():
-        assert register.values[raw] == model
+    register = next(r for r in read_table(model)[1] if r.name == told.register)
+    assert bool(told.texts) == (register.type == "text")
+    assert bool(told.texts) != bool(told.values)
+    assert register.default is None or register.default in told.values
+    assert register.values == {}  # the names come from the heads, they stand nowhere else
+    others = [o for other in TABLES if other != model and (o := read_identity(other)) is not None]
+    assert not [o for o in others if set(told.values) & set(o.values)]
+    mine = (*told.texts, *told.begins)
+    assert not [text for text in mine for o in others if o.is_text(text)]
+    assert not [o for o in others for text in o.begins if text.startswith(told.begins or "-")]
+
+
+def test_the_register_that_identifies_a_model_has_the_names_of_all_siblings() -> None:
+    for model in PROTOCOLS["rs30x"].models:
+        told = model.identity
+        if told is not None:
+            names = model.register(told.register).values
+            assert names[0x3050] == "rs305cr"
+            assert names[told.values[0]] == model.model
+            assert len(names) == 6
+
+
+@pytest.mark.parametrize("line", ['{ texts = ["X"] }', '{ register = "id", text = ["X"] }'])
+def test_a_line_that_identifies_nothing_is_refused(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "odd.toml").write_text(f"identifies = {line}\n")
+    monkeypatch.setattr(registers, "schema_path", lambda *parts: tmp_path / parts[-1])
+    with pytest.raises(SnifferError, match=r"odd\.toml: identifies"):
+        read_identity("odd")
 
 
 @EVERY
@@ -74,11 +102,8 @@ def test_a_word_of_third_party_code_alone_is_doubted(model: str) -> None:
 
 
 def test_a_sibling_that_third_party_code_names_is_known_by_its_number() -> None:
-    numbers = {
-        model: read_table(model)[0].get("identifies", {}).get("values")
-        for model in TABLES
-        if model.startswith("rs")
-    }
-    assert numbers["rs204md"] == [0x2040]
-    assert numbers["rs304md"] == [0x3040]
+    identities = {model: read_identity(model) for model in TABLES if model.startswith("rs")}
+    numbers = {model: told.values if told else None for model, told in identities.items()}
+    assert numbers["rs204md"] == (0x2040,)
+    assert numbers["rs304md"] == (0x3040,)
     assert numbers["rs405cb"] is None  # no source states it

@@ -16,9 +16,11 @@ import termios
 import textwrap
 import threading
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import pytest
+from rich.cells import cell_len
 
 from sniffer.cli.screen import BOARD, LINE, LOG, Screen
 from sniffer.protocols import PROTOCOLS
@@ -26,6 +28,9 @@ from sniffer.sinks.board import Board
 from tests.commands import environment
 from tests.terminals import PATIENCE_S
 from tests.wires import feed, lines_of, status_of, wire
+
+END: Final = b"\x1b[?2026l"
+"""Of a picture."""
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -67,60 +72,105 @@ def terminal() -> Iterator[Terminal]:
     one.close()
 
 
-def picture(seen: bytes, columns: int = 80, lines: int = 24) -> list[str]:
-    """Return what a terminal shows after these bytes: the few controls the screen uses."""
-    rows, row, column = [""] * lines, 0, 0
-    for control, number, letter, text in re.findall(
-        r"(\x1b\[(\??[0-9;]*)([A-Za-z]))|([^\x1b])", seen.decode()
-    ):
-        if control:
-            match letter:
-                case "A":
-                    row = max(row - int(number or 1), 0)
-                case "K":
-                    rows[row] = ""
-                case "J":
-                    rows[row] = rows[row][:column]
-                    rows[row + 1 :] = [""] * (lines - row - 1)
-                case _:
-                    assert letter in "mhl", control
-        elif text == "\r":
-            column = 0
-        elif text == "\n":
-            row += 1
-            if row == lines:
-                rows, row = [*rows[1:], ""], lines - 1
-        else:
-            assert column < columns, "the terminal would wrap"
-            rows[row] = rows[row].ljust(column)[:column] + text + rows[row][column + 1 :]
-            column += 1
-    return [one.rstrip() for one in rows]
+class Screens:
+    """What a terminal shows after these bytes: the few controls the screen uses.
+
+    ``first`` has all lines ever written to the first screen, ``other`` those of the second one.
+    """
+
+    def __init__(self, seen: bytes, columns: int = 80, lines: int = 24) -> None:
+        self.first: list[str] = [""]
+        self.other: list[str] | None = None
+        rows, row, column = self.first, 0, 0
+        for control, number, letter, text in re.findall(
+            r"(\x1b\[(\??[0-9;]*)([A-Za-z]))|([^\x1b])", seen.decode()
+        ):
+            if control:
+                match number + letter:
+                    case "?1049h":
+                        assert self.other is None, "it is there already"
+                        before, rows = (row, column), [""] * lines
+                        self.other, row, column = rows, 0, 0
+                    case "?1049l":
+                        assert self.other is not None, "it is not there"
+                        self.other, rows, (row, column) = None, self.first, before
+                    case "2J":
+                        rows[:] = [""] * len(rows)
+                    case "J":
+                        rows[row:] = [rows[row][:column], *[""] * (len(rows) - row - 1)]
+                    case "2K":
+                        rows[row] = ""
+                    case _ if letter == "H":
+                        row, column = (int(n) - 1 for n in (number or "1;1").split(";"))
+                        assert (row, column) < (lines, columns), "it is below the terminal"
+                    case _:
+                        assert letter in "mhl", control
+            elif text == "\r":
+                column = 0
+            elif text == "\n":
+                row += 1
+                assert self.other is None or row < lines, "it would scroll"
+                rows.extend([""] * (row + 1 - len(rows)))
+            else:
+                assert column < columns or self.other is None, "the terminal would wrap"
+                rows[row] = rows[row].ljust(column)[:column] + text + rows[row][column + 1 :]
+                column += 1
+        self.first = [one.rstrip() for one in self.first]
 
 
-def test_the_board_is_drawn_over_itself_and_gives_the_cursor_back(terminal: Terminal) -> None:
+def test_the_board_is_drawn_over_itself_and_gives_the_terminal_back(terminal: Terminal) -> None:
     w = wire("arm", "mightyzap")
     screen = Screen(BOARD, lambda: status_of(w.status()), stream=terminal.stream)
     feed(screen, w)
     terminal.read(until=lambda seen: seen.count(b"Ctrl-C stops") > 2)
     screen.say("arm: mightyzap (sure)\x1b[2J")
-    terminal.read(until=lambda seen: b"(sure)" in seen and seen.endswith(b"\x1b[?2026l"))
+    terminal.read(until=lambda seen: seen.count(b"(sure)") > 1 and seen.endswith(END))
+    shown = Screens(terminal.seen)
+    assert shown.other is not None
+    assert shown.other[0].startswith("sniffer: arm: mightyzap (sure)"), "it stands above the board"
+    assert sum("Ctrl-C stops" in one for one in shown.other) == 1
     screen.close()
-    seen = terminal.read(until=lambda seen: b"\x1b[?25h" in seen)
+    seen = terminal.read(until=lambda seen: seen.endswith(b"\x1b[?25h"), wait_s=1)
     assert screen.failure is None
     assert (screen.dropped, screen.is_stalled) == (0, False)
-    assert seen.startswith(b"\x1b[?25l")
-    assert seen.rstrip().endswith(b"\x1b[?25h")
-    rows = picture(seen)
-    assert sum("Ctrl-C stops" in one for one in rows) == 1
-    assert sum("/dev/serial" in one or "by-id" in one for one in rows) <= 1
-    assert not any("[2J" in one and "\\x1b" not in one for one in rows)
+    assert seen.count(b"\x1b[?25l") == seen.count(b"\x1b[?25h") == 2, "said in between, and the end"
+    assert seen.rfind(b"\x1b[?7h") > seen.rfind(b"\x1b[?7l")
+    shown = Screens(seen)
+    assert shown.other is None
     batches = zip(w.groups, w.batches, strict=False)
     board = Board()
     for chunks, batch in batches:
         board.raw(w.name, chunks)
         board.write(w.name, PROTOCOLS[w.protocol], batch)
     expected = [one.rstrip() for one in lines_of(board, status_of(w.status()), 80, 24)]
-    assert rows[24 - 1 - len(expected) : -1] == expected
+    said = "sniffer: arm: mightyzap (sure)\\x1b[2J"
+    assert shown.first == [said, *expected, ""]
+
+
+@pytest.mark.parametrize(("columns", "lines"), [(60, 24), (40, 10), (140, 12), (20, 5)])
+def test_a_terminal_that_changes_its_size_keeps_nothing_of_the_pictures_before(
+    terminal: Terminal, columns: int, lines: int
+) -> None:
+    w = wire("legs", "rs30x", 12)
+    terminal.resize(120, 30)
+    with Screen(BOARD, lambda: status_of(w.status()), stream=terminal.stream) as screen:
+        feed(screen, w)
+        terminal.read(until=lambda seen: seen.count(b"Ctrl-C stops") > 1)
+        terminal.resize(columns, lines)
+        terminal.read(until=lambda seen: seen.endswith(END), wait_s=0.5)
+        before = len(terminal.seen)
+        drawn = terminal.read(until=lambda seen: seen.count(b"\x1b[?2026h", before) > 2)[before:]
+        begin = drawn.index(b"\x1b[?2026h")
+        end = drawn.rindex(END) + len(END)
+        Screens(b"\x1b[?1049h" + drawn[begin:end], columns, lines)  # asserts that all of it fits
+        screen.say("a warning")
+    seen = terminal.read(until=lambda seen: seen.endswith(b"\x1b[?25h"), wait_s=1)
+    # all that went to the first screen: nothing of a picture of another size is among it
+    first = b"".join(re.split(rb"\x1b\[\?1049h.*?\x1b\[\?1049l", seen, flags=re.DOTALL))
+    shown = Screens(first, columns, lines).first
+    assert shown[0] == "sniffer: a warning"
+    assert len(shown) <= lines + 2
+    assert all(cell_len(one) <= columns for one in shown[1:])
 
 
 def test_the_board_follows_the_size_of_the_terminal(terminal: Terminal) -> None:
@@ -141,9 +191,11 @@ def test_a_terminal_that_nobody_reads_stops_nothing(terminal: Terminal, mode: st
     stream, w = terminal.stream, wire("arm", "rs30x", 12)
     screen = Screen(mode, lambda: status_of(w.status()), stream=stream, notes=stream)
     deadline = time.monotonic() + (0.5 if mode == LINE else PATIENCE_S)
-    while not screen.dropped and time.monotonic() < deadline:
+    while time.monotonic() < deadline:
         feed(screen, w)  # and it comes back
         screen.say("x" * 4000)
+        if screen.dropped and not select.select([], [terminal.slave], [], 0.01)[1]:
+            break
     assert screen.dropped or mode == LINE
     screen.close(0.5)
     assert screen.is_stalled or mode == LINE
@@ -163,6 +215,20 @@ def test_ctrl_s_and_ctrl_q_stop_the_picture_and_not_the_recording(terminal: Term
         terminal.read(until=lambda seen: b" mm" in seen[before:])
     assert b" mm" in terminal.seen[before:]
     assert not screen.is_stalled
+
+
+def test_a_terminal_that_was_stopped_is_let_go_on_and_given_back_at_the_end(
+    terminal: Terminal,
+) -> None:
+    w = wire("arm", "mightyzap")
+    screen = Screen(BOARD, lambda: status_of(w.status()), stream=terminal.stream)
+    terminal.read(until=lambda seen: b"Ctrl-C stops" in seen)
+    os.write(terminal.master, b"\x13")
+    terminal.read(wait_s=0.5)
+    screen.close(0.5)
+    seen = terminal.read(until=lambda seen: b"\x1b[?1049l" in seen)
+    assert Screens(seen).other is None
+    assert b"\x1b[?25h" in seen
 
 
 def test_a_log_whose_reader_goes_away_falls_silent() -> None:
@@ -261,3 +327,95 @@ def test_a_program_ends_whose_output_nobody_takes(kind: str, mode: str, end: str
             if done.poll() is None:
                 done.send_signal(signal.SIGKILL)
                 done.wait(10)
+
+
+CONTROLLED: Final = """
+import os, signal, time
+from sniffer.cli.recording import leaving
+from sniffer.cli.screen import Screen
+from sniffer.status import Status
+
+status = Status(1.0, 10**18, "run.mcap", 0, 0, ())
+with Screen("board", lambda: status, stream=open("/dev/tty", "w")) as screen, leaving(screen):
+    screen.say("said before")
+    while not os.path.exists({stop!r}):
+        time.sleep(0.05)
+"""
+
+
+class Shell:
+    """A shell with a terminal of its own, in which jobs are stopped and go on."""
+
+    def __init__(self, script: str, term: str = "xterm") -> None:
+        self.process, self.master = pty.fork()
+        if not self.process:
+            os.execvpe("sh", ["sh", "-c", script], environment(TERM=term))
+        self.seen = b""
+
+    def read(self, until: Callable[[bytes], bool]) -> bytes:
+        deadline = time.monotonic() + PATIENCE_S
+        while not until(self.seen) and time.monotonic() < deadline:
+            if select.select([self.master], [], [], 0.05)[0]:
+                try:
+                    self.seen += os.read(self.master, 65536)
+                except OSError:  # it has ended
+                    break
+        assert until(self.seen), self.seen[-3000:]
+        return self.seen
+
+    def __enter__(self) -> Shell:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self.process, signal.SIGKILL)
+        os.waitpid(self.process, 0)
+        os.close(self.master)
+
+
+def controlled(tmp_path: Path) -> str:
+    """Return the command of a program with a board, until there is a file ``stop``."""
+    (tmp_path / "board.py").write_text(CONTROLLED.format(stop=str(tmp_path / "stop")))
+    root = Path(__file__).parent.parent
+    return f"PYTHONPATH={root} {sys.executable} {tmp_path / 'board.py'}"
+
+
+def test_ctrl_z_gives_the_terminal_back_and_the_board_returns_with_fg(tmp_path: Path) -> None:
+    script = f"set -m; {controlled(tmp_path)}; echo HALF''WAY; fg; echo OV''ER"
+    with Shell(script) as shell:
+        shell.read(lambda seen: b"Ctrl-C stops" in seen.partition(b"said before")[2])
+        os.write(shell.master, b"\x1a")
+        stopped = shell.read(lambda seen: b"HALFWAY" in seen)
+        assert stopped.rfind(b"\x1b[?1049l") > stopped.rfind(b"\x1b[?1049h")
+        shell.read(lambda seen: b"Ctrl-C stops" in seen.partition(b"HALFWAY")[2])
+        (tmp_path / "stop").touch()
+        seen = shell.read(lambda seen: b"OVER" in seen)
+    assert seen.rfind(b"\x1b[?1049l") > seen.rfind(b"\x1b[?1049h")
+    assert b"Traceback" not in seen
+
+
+def test_a_board_in_the_background_leaves_the_terminal_to_the_shell(tmp_path: Path) -> None:
+    script = f"set -m; {controlled(tmp_path)} & sleep 3; touch {tmp_path / 'stop'}; wait; echo OVER"
+    with Shell(script) as shell:
+        seen = shell.read(lambda seen: b"OVER" in seen)
+    assert b"sniffer: said before" in seen
+    assert b"Ctrl-C stops" not in seen
+    assert b"\x1b[?1049h" not in seen
+
+
+def test_a_program_that_is_broken_off_by_its_key_gives_the_terminal_back(tmp_path: Path) -> None:
+    with Shell(f"ulimit -c 0; set -m; {controlled(tmp_path)}; echo STATUS=$?") as shell:
+        shell.read(lambda seen: b"Ctrl-C stops" in seen.partition(b"said before")[2])
+        os.write(shell.master, b"\x1c")
+        seen = shell.read(lambda seen: b"STATUS=131" in seen)
+    assert seen.rfind(b"\x1b[?1049l") > seen.rfind(b"\x1b[?1049h")
+
+
+def test_a_terminal_without_a_second_screen_has_at_the_end_what_was_said(tmp_path: Path) -> None:
+    with Shell(f"set -m; {controlled(tmp_path)}; echo OV''ER", term="vt100") as shell:
+        shell.read(lambda seen: seen.count(b"Ctrl-C stops") > 2)
+        (tmp_path / "stop").touch()
+        seen = shell.read(lambda seen: b"OVER" in seen)
+    last = seen.rpartition(b"\x1b[2J")[2]
+    assert b"said before" in last
+    assert b"Ctrl-C stops" in last

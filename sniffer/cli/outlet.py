@@ -74,6 +74,28 @@ class Outlet:
                 time.sleep(LOOK_S)
                 self._hurry()
 
+    def try_write(self, text: str) -> None:
+        """Write a text at once, as much of it as is taken without waiting."""
+        if self._stream is None and (self._poll is None or self._poll.poll(0)):
+            with contextlib.suppress(OSError):
+                os.write(self._fd, text.encode(self.encoding, "replace"))
+
+    def let_go(self) -> None:
+        """Let a terminal that somebody has stopped with Ctrl-S go on, as shells do at a prompt."""
+        if self._poll is not None and not self._poll.poll(0) and self.is_ours():
+            import termios  # Windows has none, and no poll
+
+            with contextlib.suppress(OSError, termios.error):
+                termios.tcflow(self._fd, termios.TCOOFF)  # else the other one does nothing
+                termios.tcflow(self._fd, termios.TCOON)
+
+    def is_ours(self) -> bool:
+        """Tell whether the terminal is not somebody else's: in the background it is the shell's."""
+        try:
+            return os.tcgetpgrp(self._fd) == os.getpgrp()
+        except (AttributeError, OSError):  # not the terminal we were started from
+            return True
+
     def forget(self) -> None:
         """Forget what is kept and not written."""
         self._held.clear()

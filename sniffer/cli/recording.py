@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import functools
 import gc
+import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +37,9 @@ if TYPE_CHECKING:
 
 SWITCH_S: Final = 0.0005
 """How long a thread may keep the interpreter from the reader thread, in seconds."""
+
+STOOD_S: Final = 0.5
+"""A standstill of the program that is worth a word, in seconds."""
 
 INTERRUPTED: Final = 130
 
@@ -172,6 +177,35 @@ def signals(wishes: Wishes) -> Iterator[None]:
             signal.signal(number, handler)
 
 
+@contextlib.contextmanager
+def leaving(screen: Screen | None) -> Iterator[None]:
+    """Give the terminal back before a key stops the program (Ctrl-Z), or breaks it off."""
+
+    def leave(number: int, frame: object) -> None:
+        assert screen is not None
+        began = time.monotonic()
+        with screen.left():
+            signal.signal(number, signal.SIG_DFL)
+            os.kill(os.getpid(), number)  # comes back when the program goes on
+        signal.signal(number, leave)
+        if (stood_s := time.monotonic() - began) > STOOD_S:
+            screen.say(
+                f"the program was stopped for {stood_s:.1f} s (Ctrl-Z): what the ports could not "
+                "keep meanwhile is not recorded"
+            )
+
+    wanted = () if screen is None else ("SIGTSTP", "SIGQUIT")
+    numbers = [number for name in wanted if (number := getattr(signal, name, None))]
+    mine = [number for number in numbers if signal.getsignal(number) == signal.SIG_DFL]
+    for number in mine:
+        signal.signal(number, leave)
+    try:
+        yield
+    finally:
+        for number in mine:
+            signal.signal(number, signal.SIG_DFL)
+
+
 def run_recording(
     tapping: Tapping,
     file: RotatingMcap | None,
@@ -226,7 +260,8 @@ def run_recording(
         # What is there by now stays: looking through all of it again would keep the reader waiting.
         gc.collect()
         gc.freeze()
-        ended, failure = _recorded(recorder, pipeline, file)
+        with leaving(screen):
+            ended, failure = _recorded(recorder, pipeline, file)
     finally:
         gc.unfreeze()
         sys.setswitchinterval(before)

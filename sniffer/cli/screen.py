@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import io
 import os
-import re
 import sys
 import threading
 import time
@@ -18,10 +16,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, Final, Self, TextIO, cast
 
-from rich.cells import cell_len
-from rich.console import Console
-
 from sniffer.cli.outlet import Outlet, StalledError
+from sniffer.cli.picture import Picture
 from sniffer.model import Batch, Chunk
 from sniffer.protocols.base import BusProtocol
 from sniffer.sinks.board import Board
@@ -58,12 +54,6 @@ ITEMS: Final = 10_000
 
 PATIENCE_S: Final = 1.0
 """How long the end of a recording waits for the screen."""
-
-HIDE, SHOW = "\x1b[?25l", "\x1b[?25h"
-BEGIN, END = "\x1b[?2026h", "\x1b[?2026l"
-"""Cursor off and on; a picture begins and ends, which terminals that know it show at once."""
-
-_STYLING: Final = re.compile(r"\x1b\[[0-9;]*m")
 
 
 def usual_mode(stream: TextIO) -> str:
@@ -104,7 +94,7 @@ class Screen:
         other = sys.stderr if notes is None and mode == LOG else notes
         self._notes = self._out if other is None else Outlet(other)
         self._log = TextSink(cast("TextIO", self._out)) if mode == LOG else None
-        self._picture = _Picture(self._out) if mode == BOARD else None
+        self._picture = Picture(self._out) if mode == BOARD else None
         self._queue: deque[tuple[Any, ...]] = deque()
         self._lock = threading.Lock()
         self._records = self._bytes = 0
@@ -160,6 +150,10 @@ class Screen:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def left(self) -> contextlib.AbstractContextManager[None]:
+        """Give the terminal back meanwhile; also from within a signal handler."""
+        return contextlib.nullcontext() if self._picture is None else self._picture.left()
 
     @property
     def is_stalled(self) -> bool:
@@ -264,71 +258,13 @@ class Screen:
             if self._board is not None:
                 self._board.left_out = self.dropped
                 told.append(statistics(self._status(), self._board))
-        if told:
-            if self._picture is not None:
-                self._picture.clear()
+        if told and self._picture is not None:
+            self._picture.say("\n".join(told))
+            self._refresh()
+        elif told:
             self._notes.write("\n".join(told) + "\n")
             try:
                 self._notes.flush()
             except BrokenPipeError:
                 if self._notes is self._out:
                     raise
-
-
-class _Picture:
-    """The board on a terminal, drawn over itself; the cursor is hidden meanwhile."""
-
-    def __init__(self, out: Outlet) -> None:
-        self._out = out
-        self._colours: Any = Console(file=cast("TextIO", out)).color_system
-        self._drawn = ""
-        # What rich loads when it first draws is loaded here, before anything is recorded.
-        self._text(Board(), Status(0.0, 0, "…×", 0, 0, ()), 80, 24)
-
-    def __enter__(self) -> Self:
-        self._out.write(HIDE)
-        self._out.flush()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        with contextlib.suppress(OSError):
-            self._out.forget()
-            self._out.write(f"{END}\n{SHOW}")
-            self._out.flush()
-
-    def draw(self, board: Board, status: Status) -> None:
-        """Draw the board as it is now."""
-        columns, lines = self._out.size()
-        text = self._text(board, status, columns, lines)
-        # A line is erased before it is written: behind its last cell the cursor stands on it.
-        drawn = "\r\n".join(f"\x1b[2K{one}" for one in text.split("\n"))
-        self._out.write(f"{BEGIN}{self._back(columns)}{drawn}\x1b[J{END}")
-        self._out.flush()
-        self._drawn = text
-
-    def clear(self) -> None:
-        """Take the board away, for what is to stand above it."""
-        self._out.write(f"{self._back(self._out.size()[0])}\x1b[J")
-        self._out.flush()
-        self._drawn = ""
-
-    def _text(self, board: Board, status: Status, columns: int, lines: int) -> str:
-        file = io.StringIO()
-        console = Console(
-            file=file,
-            width=columns,
-            height=lines,
-            force_terminal=True,
-            color_system=self._colours,
-            legacy_windows=False,
-        )
-        console.print(board.render(status, columns, lines), end="")
-        return file.getvalue().rstrip("\n")
-
-    def _back(self, columns: int) -> str:
-        """Return to the first line; lines that a narrower terminal has wrapped are several."""
-        if not self._drawn:
-            return "\r"
-        lengths = [cell_len(_STYLING.sub("", one)) for one in self._drawn.split("\n")]
-        up = sum(max(-(-length // columns), 1) for length in lengths) - 1
-        return f"\r\x1b[{up}A" if up else "\r"

@@ -42,7 +42,7 @@ class Diagnostics:
             *gap_anomalies(batch),
             *protocol_anomalies(batch, self._protocol),
             *self._pairing.judge(batch),
-            *self._device.judge(batch),
+            *self._device.judge(batch, () if meaning is None else meaning.resets),
             *(self._models.judge(batch, meaning) if meaning is not None else ()),
             *self._capture.judge(batch),
             *self._tap.judge(batch),

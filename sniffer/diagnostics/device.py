@@ -12,8 +12,9 @@ from sniffer.diagnostics.rules import anomaly
 from sniffer.model import REQUEST, WHOLE, Anomaly, Batch, Samples
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
+    from sniffer.changes import Change
     from sniffer.protocols.base import BusProtocol
 
 STATUS_BITS: Final = 15
@@ -51,8 +52,12 @@ class DeviceRules:
         self._effects = {i: r for i, r in enumerate(registers) if r.effect in ("servo_id", "baud")}
         self._has_effect = np.isin(np.arange(n), list(self._effects))
 
-    def judge(self, batch: Batch) -> Iterator[Anomaly]:
-        """Report what began, what ended, and what a servo was told about the bus."""
+    def judge(self, batch: Batch, resets: Sequence[Change] = ()) -> Iterator[Anomaly]:
+        """Report what began, what ended, and what a servo was told about the bus.
+
+        ``resets`` are those that gave an id.
+        """
+        yield from self._reset_ids(batch, resets)
         yield from self._status_bits(batch)
         v = batch.values
         if len(v):
@@ -140,6 +145,15 @@ class DeviceRules:
                     else:
                         text = f"servo {who} no longer reports {words}"
                         yield anomaly("device-recovered", int(v.t_ns[k]), who, text, at)
+
+    def _reset_ids(self, batch: Batch, resets: Sequence[Change]) -> Iterator[Anomaly]:
+        for c in resets:
+            if c.value != c.named:
+                to_all = c.named in self._protocol.everyone
+                who = "all servos were" if to_all else f"servo {c.named} was"
+                text = f"{who} given the id {c.value} by a factory reset"
+                t_ns = int(batch.frames.t_end[c.row])
+                yield anomaly("id-changed", t_ns, c.named, text, self._at(batch, c.row))
 
     def _bus_changes(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
         if not self._effects:

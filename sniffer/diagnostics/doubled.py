@@ -50,24 +50,35 @@ class DoubledAnswers:
 
     def judge(self, batch: Batch, found: list[Anomaly]) -> list[Anomaly]:
         """Return the anomalies with noise that is a second answer called so."""
-        for a in sorted(found, key=lambda a: a.known_at):
-            if a.code == "duplicate-response" and a.servo_id is not None:
-                self._twins.setdefault(a.servo_id, a.known_at)
+        twice = [a for a in found if a.code == "duplicate-response" and a.servo_id is not None]
+        for a in sorted(twice, key=lambda a: a.known_at):
+            assert a.servo_id is not None
+            self._twins.setdefault(a.servo_id, a.known_at)
         t, f = batch.transactions, batch.frames
         rows = np.flatnonzero((t.outcome == OK) & (t.response >= 0) & (t.request >= 0))
-        who = f.servo_id[t.response[rows]] & 255
+        answers = t.response[rows]
+        who = f.servo_id[answers] & 255
         stray = {a.evidence[0]: i for i, a in enumerate(found) if a.code == "noise"}
         behind: list[tuple[_Exchange, int, int]] = []
         if stray:
-            numbers = self._count[who] + _ranks(who)
-            ends = (f.end[t.response[rows]] + batch.base).tolist()
-            places = {end: k for k, end in enumerate(ends)}
+            size = f.length[answers]
+            ends = f.start[answers] + size + batch.base
+            begins = np.array([at for at, _ in stray])
+            near = np.flatnonzero(np.isin(ends, begins))
+            lengths = dict(stray.keys())
+            places = {
+                end: k
+                for k, end, n in zip(near.tolist(), ends[near].tolist(), size[near], strict=True)
+                if _may_be(lengths[end], n)
+            }
+            numbers = self._count[who] + _ranks(who) if places else self._count
             for at, length in sorted(stray):
                 k, last = places.get(at), self._last
                 if k is not None:
-                    answer = _exchange(batch, int(rows[k]), int(numbers[k]))
-                    behind.append((answer, at, length))
-                elif last is not None and last.end == at == batch.base:
+                    last = _exchange(batch, int(rows[k]), int(numbers[k]))
+                elif last is None or not last.end == at == batch.base:
+                    continue
+                if _may_be(length, last.end - last.start):
                     behind.append((last, at, length))
         if len(rows):
             self._count += np.bincount(who, minlength=len(self._count))
@@ -105,11 +116,7 @@ class DoubledAnswers:
         for answer, at, length in behind:
             run = batch.data[at - batch.base : at - batch.base + length]
             size = answer.end - answer.start
-            many, rest = divmod(length, size)
-            pieces = (
-                [] if rest or many > MOST else [run[k : k + size] for k in range(0, length, size)]
-            )
-            tries += [answer.request + piece for piece in pieces]
+            tries += [answer.request + run[k : k + size] for k in range(0, length, size)]
             edges.append(len(tries))
         whole = self._whole(tries)
         return [
@@ -130,12 +137,17 @@ class DoubledAnswers:
         return whole
 
 
+def _may_be(length: int, size: int) -> bool:
+    """Tell whether so many bytes may be answers of one size."""
+    return length % size == 0 and length // size <= MOST
+
+
 def _exchange(batch: Batch, row: int, number: int) -> _Exchange:
     t, f = batch.transactions, batch.frames
     q, r = int(t.request[row]), int(t.response[row])
-    asked = batch.data[int(f.start[q]) : int(f.end[q])]
-    start, end = batch.base + int(f.start[r]), batch.base + int(f.end[r])
-    return _Exchange(int(f.servo_id[r]), number, asked, start, end)
+    asked = batch.data[int(f.start[q]) : int(f.start[q]) + int(f.length[q])]
+    start = batch.base + int(f.start[r])
+    return _Exchange(int(f.servo_id[r]), number, asked, start, start + int(f.length[r]))
 
 
 def _ranks(key: I16) -> I64:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sniffer.clues import DEFAULT, NUMBER, RANGE, READ, SURE, WRITTEN
+from sniffer.clues import DEFAULT, NUMBER, RANGE, READ, SURE, TEXT, WORD, WRITTEN
 from sniffer.diagnostics.rules import anomaly
 from sniffer.evidence import AGAINST, GIVEN_UP, LIKELY, TAKEN
 from sniffer.registers import unseen_scale
@@ -84,7 +84,13 @@ class ModelRules:
         raw = int.from_bytes(w.data, "little")
         name, other = clue.known[held], clue.known[lost]
         model, missing = models[held].model, models[lost].model
-        sent = f"{self._protocol.op_name(w.op)} {place} {w.data.hex(' ').upper()}"
+        said = self._protocol.op_name(w.op)
+        if clue.kind == TEXT:
+            text = w.data.decode("ascii", "replace")
+            return f"{said} {text} is a {name.replace('_', ' ')} of {model}"
+        if clue.kind == WORD:
+            return f"{said}, which is answered, is {name} of {model}, nothing on {missing}"
+        sent = f"{said} {place} {w.data.hex(' ').upper()}"
         where = [m.at(clue.address) for m in (models[held], models[lost])]
         bounds = [str(list(r.range)) if r and r.range else "" for r in where]
         if clue.kind in (WRITTEN, READ):

@@ -59,6 +59,25 @@ class _Open:
     raw: bytes
 
 
+class _Answered(NamedTuple):
+    """Requests that were answered, in wire order, as rows of ``asking``, and their answers."""
+
+    base: int
+    asking: Frames
+    asked: I64
+    answer: I64
+
+    @property
+    def start(self) -> I64:
+        """Where each begins, absolute."""
+        return self.asking.start[self.asked] + self.base
+
+    def span(self, k: int) -> Span:
+        """Return the span of one, absolute."""
+        q = int(self.asked[k])
+        return int(self.asking.start[q]) + self.base, int(self.asking.length[q])
+
+
 class PairingRules:
     """Remembers the last requests that stayed open, and the last answer."""
 
@@ -78,14 +97,16 @@ class PairingRules:
         wrong = (t.outcome != OK) & (t.outcome != NOT_EXPECTED)
         if len(late):
             wrong[late] = True
-        self._answers = np.zeros(len(batch.frames), bool)
-        self._answers[t.response[t.outcome == OK]] = True
+        answered = t.response[t.outcome == OK]
+        wrong_rows = np.flatnonzero(wrong)
+        if len(wrong_rows):
+            self._answers = np.zeros(len(batch.frames), bool)
+            self._answers[answered] = True
         missed: list[_Open] = [o for o in self._open if self._may_be_open(o, batch.base)]
-        for row in self._rows(batch, np.flatnonzero(wrong)):
+        for row in self._rows(batch, wrong_rows) if len(wrong_rows) else ():
             yield self._one(batch, row)
             if row.outcome in (NO_RESPONSE, DAMAGED):
                 missed.append(self._open[-1])
-        answered = t.response[t.outcome == OK]
         if len(answered):
             self._last = self._answer(batch, int(answered.max()))
             yield from self._unsure(batch, missed)
@@ -99,44 +120,70 @@ class PairingRules:
         That is a later one to the same servo that asked for something else of the same length; or,
         where answers name nobody, one that stands before the same answer in one unbroken row.
         """
-        f, t = batch.frames, batch.transactions
         if not missed:
             return
+        t = batch.transactions
         rows = np.flatnonzero((t.outcome == OK) & (t.request != -1))
-        asked, answer = batch.asked(t.request[rows]), t.response[rows]
-        after, before = asked.start + batch.base, f.start[answer] + batch.base
-        order = np.argsort(after, kind="stable")
-        in_order = after[order]
+        asking, at = batch.asking(t.request[rows])
+        order = np.argsort(asking.start[at], kind="stable")
         told: set[int] = set()
-        for still in missed:
-            end = sum(still.span)
-            first = int(np.searchsorted(in_order, end))
-            for k in order[first : first + DEPTH].tolist():
-                if after[k] - end > max(self._protocol.reach, 0):
+        later = _Answered(batch.base, asking, at[order], t.response[rows][order])
+        pairs = self._in_a_row if self._protocol.ordered else self._alike
+        for still, k in pairs(batch, missed, later, told):
+            q, r = int(later.asked[k]), int(later.answer[k])
+            if r not in told and not self._given_up(still, asking.take(slice(q, q + 1))):
+                told.add(r)
+                yield self._either(batch, r, still, later.span(k))
+
+    def _in_a_row(
+        self, batch: Batch, missed: Sequence[_Open], later: _Answered, told: set[int]
+    ) -> Iterator[tuple[_Open, int]]:
+        """Yield each missed request with those that stand behind it without a gap."""
+        start = later.start
+        end = np.array([sum(still.span) for still in missed])
+        first = np.searchsorted(start, end)
+        at = np.minimum(first, len(start) - 1)
+        for i in np.flatnonzero((first < len(start)) & (start[at] == end)).tolist():
+            still, until = missed[i], int(end[i])
+            for k in range(int(first[i]), min(int(first[i]) + DEPTH, len(start))):
+                if start[k] != until or int(later.answer[k]) in told:
                     break
-                r = int(answer[k])
-                raw = self._raw(batch, int(asked.start[k]), int(asked.length[k]))
-                if r in told or raw is None or raw == still.raw:
-                    continue
-                if self._protocol.ordered:
-                    either = int(after[k]) == end
-                    end = end + int(asked.length[k]) if either else end
-                else:
-                    either = before[k] - end <= self._protocol.reach and (
-                        (int(asked.servo_id[k]), int(asked.token[k]))
-                        == (still.servo_id, still.token)
-                    )
-                if either and not self._given_up(still, asked.take(slice(k, k + 1))):
-                    told.add(r)
-                    yield self._either(batch, r, still, (int(after[k]), int(asked.length[k])))
+                if not self._differs(batch, still, later, k):
+                    break
+                until = sum(later.span(k))
+                yield still, k
+
+    def _alike(
+        self, batch: Batch, missed: Sequence[_Open], later: _Answered, _told: set[int]
+    ) -> Iterator[tuple[_Open, int]]:
+        """Yield each missed request with the later ones whose answer would fit it too."""
+        reach = self._protocol.reach
+        end = np.array([sum(still.span) for still in missed])
+        first = np.searchsorted(later.start, end)
+        last = np.searchsorted(later.start, end + max(reach, 0), "right")
+        many = np.minimum(last - first, DEPTH)
+        of = np.repeat(np.arange(len(missed)), many)
+        k = np.arange(len(of)) - np.repeat(np.cumsum(many) - many, many) + first[of]
+        who = np.array([still.servo_id for still in missed])
+        token = np.array([still.token for still in missed])
+        asked = later.asked[k]
+        fits = (later.asking.servo_id[asked] == who[of]) & (later.asking.token[asked] == token[of])
+        fits &= batch.frames.start[later.answer[k]] + batch.base - end[of] <= reach
+        for i, place in zip(of[fits].tolist(), k[fits].tolist(), strict=True):
+            if self._differs(batch, missed[i], later, place):
+                yield missed[i], place
+
+    @staticmethod
+    def _differs(batch: Batch, still: _Open, later: _Answered, k: int) -> bool:
+        """Tell whether a later request of this batch asked for something else."""
+        start, length = later.span(k)
+        start -= batch.base
+        return start >= 0 and batch.data[start : start + length] != still.raw
 
     def _given_up(self, still: _Open, asked: Frames) -> bool:
         """Tell whether the controller waited out the earlier request before it sent another."""
         pause = int(asked.t_start[0]) - still.t_ns - max(int(asked.uncertainty[0]), 0)
         return pause > int(self._protocol.window_ns(asked)[0])
-
-    def _raw(self, batch: Batch, start: int, length: int) -> bytes | None:
-        return batch.data[start : start + length] if start >= 0 else None
 
     def _either(self, batch: Batch, r: int, still: _Open, asked: Span) -> Anomaly:
         who, span = self._answer(batch, r)

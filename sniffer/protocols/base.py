@@ -250,6 +250,10 @@ class BusProtocol(TypingProtocol):
         """Return (servo_id, address, bytes) of each servo's registers; none without addresses."""
         ...
 
+    def slow_clues(self, frame: SlowFrame) -> list[Clue]:
+        """Return what an answer tells of its servo's model by a word; none with addresses."""
+        ...
+
     def slow_values(self, frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
         """Return (servo_id, register, raw, part) of each value a frame states."""
         ...
@@ -286,6 +290,12 @@ def view(frames: Frames, i: int, registers: Iterable[int] = ()) -> FrameView:
         int(frames.flags[i]),
         tuple(registers),
     )
+
+
+def no_clues(frame: SlowFrame) -> list[Clue]:
+    """Return nothing: registers have addresses here, and ``slow_parts`` tells them."""
+    del frame
+    return []
 
 
 def joined(models: Sequence[RegisterMap]) -> tuple[Register, ...]:

@@ -56,7 +56,11 @@ class Memory:
 
     def default(self, name: str) -> int:
         """Return what a servo is shipped with: zero where neither table nor ``shipped`` says."""
-        return self._shipped.get(name, self.register(name).default or 0)
+        register = self.register(name)
+        low, high = register.range or (0, 0)
+        nothing = 0 if low <= 0 <= high else low  # no servo holds what its manual does not allow
+        told = nothing if register.default is None else register.default
+        return self._shipped.get(name, told)
 
     def has(self, name: str) -> bool:
         """Tell whether the model has a register of that name."""

@@ -84,7 +84,42 @@ _LINES = [
     *(b"#\r", b"*\r", b"##5Q#5QD\r", b"\x80\xff#5QV\r*5QV11\xff00\r"),
 ]
 
-TALK = st.one_of(_exchange(), _exchange(), _exchange(), _statement(), st.sampled_from(_LINES))
+_STRINGS = ["LSS-P-S1", "LSS-P-S1", "LSS-P-X9", "LSS-HS1", "LSS-HS1", "LSS-ST2", "LSS-2IO", "123"]
+_ANSWERED = ["QIX", "QTCW", "QEF", "QP", "QFP", "QAS", "QFD"]
+
+
+@st.composite
+def _told(draw: st.DrawFn) -> bytes:
+    """Draw talk that tells an LSS from an LSS-PRO, has values of both, and gives new ids."""
+    who = draw(st.sampled_from([1, 1, 1, 2, 2, 254]))
+    by = who if who != 254 else draw(st.sampled_from([1, 2]))
+    match draw(st.sampled_from(["name", "name", "word", "value", "value", "move", "id", "reset"])):
+        case "name":
+            by = draw(st.sampled_from([by, by, by, by, 1, 2, 254]))
+            said = reply(by, "QMS", draw(st.sampled_from(_STRINGS)))
+            asked = command(who, draw(st.sampled_from(["QMS", "QMS", "qms", "QD"])))
+            return asked + (said if draw(st.integers(0, 5)) else b"")
+        case "word":
+            word = draw(st.sampled_from(_ANSWERED))
+            answer = reply(by, word, draw(st.sampled_from([None, 0, -3, 44])))
+            return command(who, word) + (answer if draw(st.integers(0, 5)) else b"")
+        case "value":
+            word = draw(st.sampled_from(["QD", "QV", "Q", "QSD", "QWD"]))
+            return command(who, word) + reply(by, word, draw(st.integers(-18000, 18000)))
+        case "move":
+            return command(who, "D", draw(st.integers(-18000, 18000)), {"SD": 600})
+        case "id":
+            return command(who, "CID", draw(st.integers(1, 3)))
+        case _:
+            return command(who, draw(st.sampled_from(["RESET", "DEFAULT", "CONFIRM"])))
+
+
+MODELS = st.lists(_told(), max_size=40).map(b"".join)
+"""Long talk with servos whose model shows itself on the way."""
+
+TALK = st.one_of(
+    _exchange(), _exchange(), _exchange(), _statement(), st.sampled_from(_LINES), _told()
+)
 
 
 @st.composite

@@ -85,6 +85,7 @@ _WRITES = [
     b"\x03\x01",
     b"\x03\x02",
     b"\x02\x00\x02\x10",
+    b"\x02\x00\x02",
 ]
 _READS = [
     (0x8C, b"\xff\x0f"),
@@ -119,7 +120,9 @@ def _told(draw: st.DrawFn) -> bytes:
             head = packet(who, 0xF4, draw(st.sampled_from(_WRITES)))
             if draw(st.booleans()):
                 head += packet(by, status)
+            head += draw(st.one_of(st.just(b""), ANY_PACKET))
             head += packet(draw(st.sampled_from([who, who, 1, 254])), 0xF5)
+            by = draw(st.sampled_from([by, 1, 2]))
         case "sync":
             address, one, two = draw(
                 st.sampled_from(

@@ -75,6 +75,7 @@ class Lss:
     slow_describe = staticmethod(slow.describe)
     slow_states_itself = staticmethod(slow.states_itself)
     slow_parts = staticmethod(slow.parts)
+    slow_clues = staticmethod(slow.clues)
     slow_values = staticmethod(slow.values)
 
     def op_name(self, op: int) -> str:

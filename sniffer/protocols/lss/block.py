@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.clues import told_by_word
 from sniffer.model import (
     ANY_ID,
     I64,
@@ -25,15 +27,18 @@ from sniffer.model import (
     Mask,
     Spans,
 )
-from sniffer.protocols.base import State, Values
+from sniffer.protocols.base import Sightings, State, Values
 from sniffer.protocols.lss.grammar import (
     BROADCAST,
     BUTTON_MODE,
     LONGEST,
+    MODELS,
     NUMBER_DIGITS,
     SELECTOR_MOST,
     WORD_LETTERS,
+    WORDS,
     packed,
+    unpacked,
 )
 from sniffer.protocols.lss.parsing import CR, HASH, MINUS, STAR, WIDE, Lines, Text, parse
 from sniffer.protocols.lss.tables import (
@@ -41,6 +46,7 @@ from sniffer.protocols.lss.tables import (
     EMPTY_OK,
     ENTRIES,
     FITS,
+    IDENTIFIES,
     IS_QUERY,
     LISTED,
     MODIFIER_ENTRIES,
@@ -50,9 +56,11 @@ from sniffer.protocols.lss.tables import (
     REGISTER,
     SELECTORS,
     STATED,
+    TELLS,
 )
 
 if TYPE_CHECKING:
+    from sniffer.clues import Clue
     from sniffer.framing import Block
 
 _IS_EDGE: Final = np.isin(np.arange(256), [HASH, STAR, CR])
@@ -221,4 +229,43 @@ def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
         np.concatenate(registers)[order].astype(np.int16),
         np.concatenate(raws)[order],
         np.zeros(len(where), np.uint8),
+        sightings=_sightings(text, frames, rows[asked & TELLS[entry]]),
     )
+
+
+_KNOWN_TEXTS: Final = 1024
+
+
+@functools.lru_cache(_KNOWN_TEXTS)
+def _clues(op: int, said: bytes) -> tuple[Clue, ...]:
+    return tuple(told_by_word(MODELS, WORDS[unpacked(op)].asks, said))
+
+
+def _sightings(text: Text, frames: Frames, rows: I64) -> Sightings | None:
+    """Look for clues to the models in answers ``rows``, whose words may tell something."""
+    rows = rows[frames.data_length[rows] > 0]
+    if not len(rows):
+        return None
+    op, at, length = frames.op[rows], frames.data_start[rows], frames.data_length[rows]
+    found: dict[Clue, int] = {}
+    row: list[I64] = []
+    clue: list[int] = []
+
+    def take(mine: I64, said: bytes) -> None:
+        for told in _clues(int(op[mine[0]]), said):
+            row.append(mine)
+            clue.append(found.setdefault(told, len(found)))
+
+    names_itself = IDENTIFIES[ENTRIES.find(op)]
+    for i in np.flatnonzero(names_itself).tolist():
+        take(np.array([i]), text.line(int(at[i]), int(at[i] + length[i])))
+    by_word = np.flatnonzero(~names_itself)
+    for word in np.unique(op[by_word]).tolist():
+        take(by_word[op[by_word] == word], b"")  # that it is answered tells, not with what
+    if not row:
+        return None
+    met, which = np.concatenate(row), np.repeat(clue, [len(mine) for mine in row])
+    order = np.lexsort((which, met))
+    met, which = met[order], which[order]
+    where = rows[met]
+    return Sightings(where, frames.servo_id[where], which, at[met], tuple(found))

@@ -137,7 +137,8 @@ class Word:
     By model: ``registers`` are stated by an action's or configuration's number (-1: none),
     ``answers`` tell by selector which one the reply to a query states. The default model has those
     of the others, too, where it has none of its own: such a word says itself whose it is.
-    ``texts`` may stand in place of the number ("" nothing, "*" any).
+    ``texts`` may stand in place of the number ("" nothing, "*" any). ``asks`` names what a query
+    asks for in each model's own table, "" where it has no such query.
     """
 
     name: str
@@ -145,6 +146,7 @@ class Word:
     registers: tuple[int, ...] = _NONE
     answers: tuple[Mapping[int, int], ...] = ({},) * len(MODELS)
     texts: Mapping[str, str] = field(default_factory=dict)
+    asks: tuple[str, ...] = ("",) * len(MODELS)
 
     @property
     def register(self) -> int:
@@ -220,7 +222,8 @@ def _words() -> dict[str, Word]:
         words |= dict.fromkeys(names[name], word)
     for name, answers in asked.items():
         own = {s: r for by_selector in reversed(answers) for s, r in by_selector.items()}
-        words[name] = Word(name, "query", answers=(own, *answers[1:]), texts=texts[name])
+        asks = tuple(next((REGISTERS[r].name for r in by.values()), "") for by in answers)
+        words[name] = Word(name, "query", answers=(own, *answers[1:]), texts=texts[name], asks=asks)
     return words
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from sniffer.clues import told_by_word
 from sniffer.model import (
     ANY_ID,
     IF_ALL,
@@ -25,6 +26,7 @@ from sniffer.protocols.lss.grammar import (
     COMMAND_MARK,
     END,
     LONGEST,
+    MODELS,
     MODIFIERS,
     REGISTERS,
     REPLY_MARK,
@@ -36,6 +38,9 @@ from sniffer.protocols.lss.grammar import (
     query_form,
     unpacked,
 )
+
+if TYPE_CHECKING:
+    from sniffer.clues import Clue
 
 
 def parse(data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None:
@@ -137,6 +142,14 @@ def parts(frame: SlowFrame) -> list[tuple[int, int, bytes]]:
     """Return nothing: registers have no addresses here."""
     del frame
     return []
+
+
+def clues(frame: SlowFrame) -> list[Clue]:
+    """Return what an answer tells by its word, and by the text behind it."""
+    word = WORDS.get(unpacked(frame.op))
+    if frame.kind == REQUEST or word is None:
+        return []
+    return list(told_by_word(MODELS, word.asks, frame.data))
 
 
 def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:

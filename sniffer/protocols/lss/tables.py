@@ -49,6 +49,9 @@ class Lookup:
 _ALL: Final = (None, *WORDS.values())
 
 
+_IDENTIFYING: Final = {m.identity.register for m in MODELS if m.identity is not None}
+
+
 def _register(word: Word | None, model: int) -> int:
     """Return the register that an action's or a configuration's number states."""
     return -1 if word is None else _number_only(word.registers[model])
@@ -78,6 +81,11 @@ _BY_SELECTOR: Final = [
 LISTED: Final = np.array(_BY_SELECTOR[0]) >= 0
 STATED: Final = np.vectorize(_number_only)(np.array(_BY_SELECTOR))
 """By model, word and selector."""
+
+IDENTIFIES: Final = np.array([w is not None and not _IDENTIFYING.isdisjoint(w.asks) for w in _ALL])
+"""Queries for what a model says of itself."""
+TELLS: Final = IDENTIFIES | [w is not None and len({*map(bool, w.asks)}) > 1 for w in _ALL]
+"""Queries whose answer may tell which model a servo is: they, and what not all tables have."""
 
 MODIFIER_ENTRIES: Final = Lookup(MODIFIERS)
 MODIFIER_REGISTER: Final = np.array(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from sniffer.model import I16, I64, MALFORMED, REQUEST, Frames, Gap, Mask
-from sniffer.protocols.base import FieldSpan, FrameView, joined
+from sniffer.protocols.base import FieldSpan, FrameView, joined, no_clues
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.mightyzap import block, slow
 from sniffer.protocols.mightyzap.block import PLAN
@@ -57,6 +57,7 @@ class MightyZap:
     slow_describe = staticmethod(slow.describe)
     slow_states_itself = staticmethod(slow.states_itself)
     slow_parts = staticmethod(slow.parts)
+    slow_clues = staticmethod(no_clues)
     slow_values = staticmethod(slow.values)
 
     def op_name(self, op: int) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from construct import ConstructError
 
 from sniffer.model import MALFORMED, REQUEST
-from sniffer.protocols.base import FieldSpan, joined
+from sniffer.protocols.base import FieldSpan, joined, no_clues
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.rs30x import block, slow
 from sniffer.protocols.rs30x.block import PLAN
@@ -76,6 +76,7 @@ class Rs30x:
     slow_describe = staticmethod(slow.describe)
     slow_states_itself = staticmethod(slow.states_itself)
     slow_parts = staticmethod(slow.parts)
+    slow_clues = staticmethod(no_clues)
     slow_values = staticmethod(slow.values)
 
     def op_name(self, op: int) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from sniffer.checksums import XOR7
 from sniffer.model import I16, I64, NS, REQUEST, Frames, Gap, Mask
-from sniffer.protocols.base import FieldSpan, FrameView, joined
+from sniffer.protocols.base import FieldSpan, FrameView, joined, no_clues
 from sniffer.protocols.dissection import Leaf, leaves
 from sniffer.protocols.wck import block, controller, slow
 from sniffer.protocols.wck.explain import explain
@@ -69,6 +69,7 @@ class Wck:
     slow_describe = staticmethod(slow.describe)
     slow_states_itself = staticmethod(slow.states_itself)
     slow_parts = staticmethod(slow.parts)
+    slow_clues = staticmethod(no_clues)
     slow_values = staticmethod(slow.values)
 
     def op_name(self, op: int) -> str:

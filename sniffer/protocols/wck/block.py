@@ -256,6 +256,8 @@ def _replies(
 
 def _spans(start: I64, end: I64, replies: I64) -> Spans:
     """Lay commands and replies out in wire order."""
+    if len(start) and replies.max() <= 1:
+        return _spans_of_pairs(start, end, replies)
     at = np.arange(len(start)) + np.cumsum(replies) - replies
     total = len(start) + int(replies.sum())
     first, last = np.empty(total, np.int64), np.empty(total, np.int64)
@@ -265,6 +267,20 @@ def _spans(start: I64, end: I64, replies: I64) -> Spans:
     command = np.repeat(np.arange(len(start)), replies)
     first[behind] = end[command] + REPLY * (behind - at[command] - 1)
     last[behind] = first[behind] + REPLY
+    return Spans(first, last, kind)
+
+
+def _spans_of_pairs(start: I64, end: I64, has: I64) -> Spans:
+    """Do the same where no command has more than one reply."""
+    answered = np.flatnonzero(has)
+    at = np.arange(len(start)) + np.cumsum(has) - has
+    total = len(start) + len(answered)
+    first, last = np.empty(total, np.int64), np.empty(total, np.int64)
+    kind = np.full(total, REQUEST, np.uint8)
+    first[at], last[at] = start, end
+    reply = at[answered] + 1
+    first[reply], last[reply] = end[answered], end[answered] + REPLY
+    kind[reply] = RESPONSE
     return Spans(first, last, kind)
 
 
