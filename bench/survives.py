@@ -270,7 +270,7 @@ def _reopened(path: Path, protocol: str) -> list[str]:
         ("view", path, "-o", plot, "--protocol", protocol),
         ("replay", path, "--speed", "0", "--protocol", protocol),
         ("recover", path, "-o", whole),
-        ("view", whole, "-o", plot, "--protocol", protocol),
+        ("view", whole, "-o", plot, "--force", "--protocol", protocol),
     ):
         status, out, err = command(what, *arguments)
         if status:
