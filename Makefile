@@ -39,7 +39,7 @@ bench: $(VENV)/.dev ## measure the throughput
 bench-live: $(VENV)/.dev ## measure recording live: its cost, how late stamps are (6 min)
 	$(BIN)/python -m bench.live --results
 
-soak: $(VENV)/.dev ## kill 50 recorders, record a minute beside its truth, an hour's memory (5 min)
+soak: $(VENV)/.dev ## kill 50 recorders, who waits for one, a minute beside its truth, an hour's memory (5 min)
 	$(BIN)/python -m bench.soak
 
 rig: $(VENV)/.dev ## real serial drivers in a virtual machine; Debian, sudo once (rig/README.md)

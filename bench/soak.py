@@ -1,4 +1,4 @@
-"""``make soak``: what takes minutes: recorders killed, a minute beside its truth, an hour's memory.
+"""``make soak``: recorders killed, who waits for one, a minute beside its truth, an hour's memory.
 
 All of it goes into RESULTS.md; a figure that must not be ends it with status 1.
 """
@@ -19,12 +19,15 @@ from bench.results import LIVE, put
 from bench.survives import ALLOWED_NS, BAUD, survive
 from bench.truths import buses, play
 from bench.truths import complaints as differences
+from bench.waits import complaints as too_long
+from bench.waits import measure
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from bench.survives import Left
     from bench.truths import Compared
+    from bench.waits import Wait
 
 TIMES: Final = 50
 TRUTH_S: Final = 60.0
@@ -49,6 +52,22 @@ def _killed(lefts: Sequence[Left]) -> list[str]:
             f"and `recover` take each of the {files} files; a recovered one is whole and has the "
             f"same bytes. The machine kept the writer from running for {held:.0f} ms at worst."
         ),
+        "",
+    ]
+
+
+def _waited(found: Sequence[Wait]) -> list[str]:
+    return [
+        f"{LIVE}: nobody waits",
+        "",
+        (
+            "`python -m bench.waits`: how long the recorder, or who listens to it, is kept waiting "
+            "at the worst, and how long it may be."
+        ),
+        "",
+        "| | worst ms | allowed ms |",
+        "|---|---|---|",
+        *(f"| {it.what} | {it.worst:.0f} | {it.allowed:.0f} |" for it in found),
         "",
     ]
 
@@ -102,7 +121,7 @@ def _grown(it: Mapping[str, float]) -> list[str]:
 def main() -> None:
     """Do all of it, or what the arguments name."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parts = ("killed", "truth", "memory")
+    parts = ("killed", "waits", "truth", "memory")
     for part in parts:
         parser.add_argument(f"--{part}", action="store_true", help="this one only")
     given = parser.parse_args()
@@ -112,6 +131,10 @@ def main() -> None:
         ends = survive(TIMES, say)
         wrong += (f"{left}: {what}" for left, found in ends for what in found)
         put(_killed([left for left, _ in ends]), title=f"{LIVE}: killed")
+    if "waits" in chosen:
+        waits = measure(say)
+        wrong += too_long(waits)
+        put(_waited(waits), title=f"{LIVE}: nobody")
     if "truth" in chosen:
         with tempfile.TemporaryDirectory() as folder:
             heard = play(Path(folder), buses(), TRUTH_S)

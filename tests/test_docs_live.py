@@ -200,7 +200,7 @@ def test_systemd_understands_the_service(tmp_path: Path) -> None:
     here.write_text(text, encoding="utf-8")
     instance = here.with_name(UNIT.name.replace("@", "@arm"))
     done = subprocess.run(
-        [analyze, "verify", str(instance)], capture_output=True, text=True, check=False, timeout=60
+        [analyze, "verify", str(instance)], capture_output=True, text=True, check=False, timeout=600
     )
     complaints = [one for one in io.StringIO(done.stderr) if UNIT.name.split("@")[0] in one]
     assert complaints == []

@@ -284,7 +284,7 @@ def test_rerun_reads_a_recording_and_finds_no_problem(tmp_path: Path) -> None:
 
 def rerun(*arguments: str) -> str:
     command = [str(RERUN), "mcap", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

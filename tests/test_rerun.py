@@ -30,6 +30,7 @@ from sniffer.sinks.rerun import RerunSink
 from sniffer.sinks.rerun_layout import PALETTE, Colours
 from tests.commands import sniffer
 from tests.streams.mightyzap import packet
+from tests.terminals import PATIENCE_S
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -251,7 +252,7 @@ def test_a_live_view_grows_when_a_quantity_appears(headless_viewer: HeadlessView
         bus.chunks.clear()
         live.flush()
         expected |= appears
-        deadline = time.monotonic() + 10
+        deadline = time.monotonic() + PATIENCE_S
         while (seen := {view.name for view in client.get_state().views}) != expected:
             assert time.monotonic() < deadline, seen
             client.take_screenshot(max_size=64)

@@ -49,8 +49,10 @@ class Terminal:
         size = struct.pack("HHHH", lines, columns, 0, 0)
         fcntl.ioctl(self.slave, termios.TIOCSWINSZ, size)
 
-    def read(self, until: Callable[[bytes], bool] = lambda seen: False, wait_s: float = 5) -> bytes:
-        """Read until it is as wanted, or nothing comes any more."""
+    def read(
+        self, until: Callable[[bytes], bool] = lambda seen: False, wait_s: float = PATIENCE_S
+    ) -> bytes:
+        """Read until it is as wanted, or has been waited for long enough."""
         deadline = time.monotonic() + wait_s
         while not until(self.seen) and time.monotonic() < deadline:
             if select.select([self.master], [], [], 0.05)[0]:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from rerun.experimental import LogEntry, ViewerState
 
-PATIENCE_S: Final = 20.0
+PATIENCE_S: Final = 180.0
 """Longest wait for a recording to load or a picture to rest; software drawing on a busy machine."""
 
 NO_GRAPHICS: Final = ("No graphics adapter was found", "Failed to get render context")
