@@ -30,8 +30,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.bare import BareAnswers
 from sniffer.framing import Block
+from sniffer.lanes import Framed, Lane, Piece, Said, Unit, held_of
 from sniffer.model import (
+    DEPTH,
     I64,
     IF_READ,
     MANY,
@@ -54,17 +57,11 @@ from sniffer.ordering import (
     CELLS,
     TRIALS,
     Bare,
-    BareAnswers,
-    Framed,
-    Lane,
-    Piece,
     Place,
-    Said,
+    Rules,
     Step,
-    Unit,
     by_cause,
     by_time,
-    held_of,
 )
 from sniffer.timing import byte_time_ns
 
@@ -164,7 +161,8 @@ class Merger:
             or (first.first_ns <= settled and [first, *more][-1].last_ns < waits)
         )
         ahead += [s.units[-1].last_ns for s in steps[n:]]
-        self._place = steps[n - 1].place
+        ends = {s.wire: s.units[-1].end for s in steps[:n]}
+        self._place = steps[n - 1].place.carried(sum(ends.values()))
         return self._hand_on(steps[:n], min(ahead, default=NEVER_NS))
 
     def _frames(self, wire: int, due: int) -> tuple[Framed, int]:
@@ -220,15 +218,20 @@ class Merger:
         return Spans(spans.start + start, spans.end + start, spans.kind), decided + start
 
     def _order(self, asked: list[Unit], heard: list[Unit], known_ns: int) -> list[Step]:
-        asks = self._place.ask is not None or any(u.said for u in asked)
+        protocol = self.protocol
+        if protocol is None:
+            return by_time(asked, heard, self._place, Rules(0, 0, ordered=False))
+        rules = Rules(protocol.reach, protocol.tail_ns, protocol.ordered)
+        asks = self._place.ask is not None or bool(self._place.pending)
+        asks = asks or any(u.said for u in asked)
         # What the tap read late came in any order: more of it must be weighed at once.
         more = BURST if any(held_of(c) for lane in self._lanes for c in lane.chunks) else 1
         if not asks or not heard or len(asked) * len(heard) > CELLS * more:
-            return by_time(asked, heard, self._place)
+            return by_time(asked, heard, self._place, rules)
         heard, bare = self._bare_answers(asked, heard, TRIALS * more)
         if len(asked) * len(heard) > CELLS * more:
-            return by_time(asked, heard, self._place)
-        return by_cause(asked, heard, self._place, known_ns, bare)
+            return by_time(asked, heard, self._place, rules)
+        return by_cause(asked, heard, self._place, known_ns, bare, rules)
 
     def _bare_answers(
         self, asked: list[Unit], heard: list[Unit], most: int
@@ -239,8 +242,8 @@ class Merger:
         """
         lane = self._lanes[RX]
         offsets, stops = _unclaimed(heard)
-        requests = [(0, self._place.ask, 0)]
-        requests += [(i, u.said, u.soonest_ns) for i, u in enumerate(asked, 1) if u.framed]
+        requests = [(o.number, o.said, 0) for o in self._place.pending]
+        requests += [(i, u.said, u.soonest_ns) for i, u in enumerate(asked, 1) if u.said]
         protocol = self.protocol
         # Many more bytes than so many requests can have as answers are no answers.
         if not 0 < len(offsets) <= BARE * (BARE + len(requests)) or protocol is None:
@@ -250,7 +253,8 @@ class Merger:
         for i, ask, soonest in requests:
             if ask is None:
                 continue
-            until = asked[i].last_ns if i < len(asked) else NEVER_NS
+            last = _row_ends(asked, max(i, 0))
+            until = asked[last].last_ns if last < len(asked) else NEVER_NS
             if len(tries) + len(offsets) > most:
                 return heard, {}
             for at, stop in zip(offsets, stops, strict=True):
@@ -321,6 +325,17 @@ def _bare(spans: Spans) -> Mask:
     out[1:] = (spans.kind[1:] == RESPONSE) & (spans.kind[:-1] == REQUEST)
     out[1:] &= spans.start[1:] == spans.end[:-1]
     return out
+
+
+def _row_ends(asked: Sequence[Unit], number: int) -> int:
+    """Return the number of requests passed behind the last that stands in a row with one."""
+    last = number
+    while last < min(len(asked), number + DEPTH - 1) and asked[last].said:
+        before = asked[last - 1]
+        if not last or not before.said or asked[last].first_ns > before.last_ns:
+            break
+        last += 1
+    return last
 
 
 def _unclaimed(units: Sequence[Unit]) -> tuple[list[int], list[int]]:
