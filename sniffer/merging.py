@@ -34,7 +34,6 @@ from sniffer.bare import BareAnswers
 from sniffer.framing import Block
 from sniffer.lanes import Framed, Lane, Piece, Said, Unit, held_of
 from sniffer.model import (
-    DEPTH,
     I64,
     IF_READ,
     MANY,
@@ -242,8 +241,8 @@ class Merger:
         """
         lane = self._lanes[RX]
         offsets, stops = _unclaimed(heard)
-        requests = [(o.number, o.said, 0) for o in self._place.pending]
-        requests += [(i, u.said, u.soonest_ns) for i, u in enumerate(asked, 1) if u.said]
+        requests = [(0, self._place.ask, 0)]
+        requests += [(i, u.said, u.soonest_ns) for i, u in enumerate(asked, 1) if u.framed]
         protocol = self.protocol
         # Many more bytes than so many requests can have as answers are no answers.
         if not 0 < len(offsets) <= BARE * (BARE + len(requests)) or protocol is None:
@@ -253,8 +252,7 @@ class Merger:
         for i, ask, soonest in requests:
             if ask is None:
                 continue
-            last = _row_ends(asked, max(i, 0))
-            until = asked[last].last_ns if last < len(asked) else NEVER_NS
+            until = asked[i].last_ns if i < len(asked) else NEVER_NS
             if len(tries) + len(offsets) > most:
                 return heard, {}
             for at, stop in zip(offsets, stops, strict=True):
@@ -325,17 +323,6 @@ def _bare(spans: Spans) -> Mask:
     out[1:] = (spans.kind[1:] == RESPONSE) & (spans.kind[:-1] == REQUEST)
     out[1:] &= spans.start[1:] == spans.end[:-1]
     return out
-
-
-def _row_ends(asked: Sequence[Unit], number: int) -> int:
-    """Return the number of requests passed behind the last that stands in a row with one."""
-    last = number
-    while last < min(len(asked), number + DEPTH - 1) and asked[last].said:
-        before = asked[last - 1]
-        if not last or not before.said or asked[last].first_ns > before.last_ns:
-            break
-        last += 1
-    return last
 
 
 def _unclaimed(units: Sequence[Unit]) -> tuple[list[int], list[int]]:

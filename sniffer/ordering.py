@@ -4,7 +4,7 @@ A piece may stand before another if it can have ended before that one began: the
 its end against the latest moment of the other's beginning. What an order is worth:
 
 - an answer that fits the request before it counts most, one that fits an earlier request which is
-  still open three quarters (as in ``pending``, by what both carry, or by order alone), one of the
+  still open a sixteenth less (as in ``pending``, by what both carry), one of the
   right servo half as much, bytes no frame claims right behind a request a quarter: it may be the
   answer, damaged;
 - where all has come that could explain it, an answer to nothing costs as much as one that fits is
@@ -27,10 +27,12 @@ if TYPE_CHECKING:
 
     from sniffer.lanes import Said, Unit
 
-IN_TURN: Final = FITS * 3 // 4
+IN_TURN: Final = FITS * 15 // 16
 DAMAGED: Final = FITS // 4
 UNASKED: Final = FITS
 MISSED: Final = FITS // 4
+REFUND: Final = MISSED * 3 // 4
+"""What is given back where a request that another followed has its answer after all."""
 
 NEVER: Final = math.inf
 """The cost of what the stamps forbid."""
@@ -55,14 +57,9 @@ OPEN: Final = (1.0, 0.75, 0.0)
 
 
 class Asked(NamedTuple):
-    """A request that is open: how many units of its wire were passed behind it, and how long.
-
-    ``until`` is the offset in the merged bytes from which on it is closed. The number of one from
-    an earlier pass is not positive, 0 where it was the last.
-    """
+    """A request that is open; from offset ``until`` of the merged bytes on it is closed."""
 
     said: Said
-    number: int
     until: int
 
 
@@ -81,17 +78,15 @@ class Place(NamedTuple):
     since: int = ANSWERED
     pending: tuple[Asked, ...] = ()
 
-    def behind_asked(self, unit: Unit, number: int, at: int, rules: Rules) -> Place:
+    def behind_asked(self, unit: Unit, at: int, rules: Rules) -> Place:
         """Return the place behind a unit of the controller's wire, which begins at ``at``."""
         if not unit.framed:
             since = max(self.since, BEHIND)
             return self._replace(since=since) if unit.end > unit.start else self
         pending = self.pending
-        if rules.ordered and (self.since != DIRECT or not unit.said):
-            pending = ()  # what names nobody is that of the last row of requests
-        if unit.said:
+        if unit.said and not rules.ordered:
             until = at + unit.end - unit.start + max(rules.reach, 0)
-            pending = (*pending[1 - DEPTH :], Asked(unit.said, number, until))
+            pending = (*pending[1 - DEPTH :], Asked(unit.said, until))
         return Place(unit.said, DIRECT, pending)
 
     def behind_heard(self, unit: Unit, at: int) -> tuple[Place, int]:
@@ -107,23 +102,18 @@ class Place(NamedTuple):
         if worth == FITS and pending and pending[-1].said is self.ask and not self.ask.many:
             pending = pending[:-1]
         elif worth < FITS and unit.said:
-            for k, asked in enumerate(pending):
+            for k in reversed(range(len(pending))):  # an answer to a retry is the retry's
+                asked = pending[k]
                 if at <= asked.until and asked.said.worth(unit.said) == FITS:
-                    worth = IN_TURN
+                    worth = IN_TURN + REFUND * (asked.said.must and k < len(pending) - 1)
                     pending = pending if asked.said.many else pending[:k] + pending[k + 1 :]
                     break
         return Place(self.ask, ANSWERED, pending), worth
 
     def carried(self, passed: int) -> Place:
         """Return the same where a new pass begins, with so many bytes handed on."""
-        last = len(self.pending) - 1
-        return self._replace(
-            pending=tuple(
-                Asked(said, 0 if k == last and said is self.ask else k - last - 1, until - passed)
-                for k, (said, _, until) in enumerate(self.pending)
-                if until >= passed
-            )
-        )
+        still = (Asked(said, until - passed) for said, until in self.pending if until >= passed)
+        return self._replace(pending=tuple(still))
 
 
 class Step(NamedTuple):
@@ -152,7 +142,7 @@ def by_time(asked: Sequence[Unit], heard: Sequence[Unit], place: Place, rules: R
         if wire:
             place, _ = place.behind_heard(unit, at)
         else:
-            place = place.behind_asked(unit, i, at, rules)
+            place = place.behind_asked(unit, at, rules)
         at += unit.end - unit.start
         out.append(Step(wire, (unit,), place))
     return out
@@ -214,18 +204,19 @@ def by_cause(
             until = NEVER_NS
         if a is not None and (cost := _cost(a, b, tie=True)) < NEVER:
             if a.framed:
-                cost += missed[i] * OPEN[since]
+                still_open = since == ANSWERED and pending and pending[-1].said is asks[i]
+                cost += missed[i] * (1.0 if still_open else OPEN[since])
             here = Place(asks[i], since, pending if a.begun_ns <= until else ())
-            behind = here.behind_asked(a, i + 1, at, rules)
+            behind = here.behind_asked(a, at, rules)
             offer((i + 1, j, behind.since), score - cost, state, behind.pending)
         if b is None:
             continue
         here = Place(asks[i], since, pending if b.begun_ns <= until else ())
         behind, worth = here.behind_heard(b, at)
         answers = [(j + 1, behind.since, worth, behind.pending)]
-        if since != BEHIND and (found := _bare_in_turn(here, i, j, at, bare)):
-            stop, worth = found
-            answers.append((stop, ANSWERED, worth, here.pending[1:]))
+        if since == DIRECT and (i, j) in bare:
+            stop, worth = bare[i, j]
+            answers.append((stop, ANSWERED, worth, here.pending))
         for stop, after, worth, still in answers:
             if (cost := _cost(heard[stop - 1], a, b, tie=False)) < NEVER:
                 if after == ANSWERED and not worth:
@@ -247,26 +238,6 @@ def by_cause(
         )
         for p, q in itertools.pairwise(path)
     ]
-
-
-def _bare_in_turn(
-    place: Place, last: int, unit: int, at: int, bare: Bare
-) -> tuple[int, int] | None:
-    """Return what a unit is as an answer, without a header, to a row of requests.
-
-    Answers come in the order of their requests; which of these have none is not known.
-    """
-    best: tuple[int, int] | None = None
-    for asked in place.pending:
-        found = bare.get((asked.number, unit)) if at <= asked.until else None
-        if found is None:
-            continue
-        stop, worth = found
-        if asked.number != last or place.since != DIRECT:
-            worth = worth * IN_TURN // FITS
-        if best is None or worth > best[1]:
-            best = stop, worth
-    return best
 
 
 def _cost(unit: Unit | None, other: Unit | None, first: Unit | None = None, *, tie: bool) -> float:

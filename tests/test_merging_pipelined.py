@@ -11,7 +11,7 @@ from sniffer.model import NS
 from sniffer.simulation import BUSES, TrueFrame
 from tests.streams.mightyzap import packet as zap
 from tests.streams.rs30x import packet, returned
-from tests.taps import MS, RX, START_NS, TX, Bus, Pair, by_stamp, pairs, tap
+from tests.taps import MS, RX, START_NS, TX, Bus, Pair, pairs, tap
 
 if TYPE_CHECKING:
     from collections.abc import Callable
