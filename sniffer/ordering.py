@@ -4,7 +4,7 @@ A piece may stand before another if it can have ended before that one began: the
 its end against the latest moment of the other's beginning. What an order is worth:
 
 - an answer that fits the request before it counts most, one that fits an earlier request which is
-  still open a sixteenth less (as in ``pending``, by what both carry), one of the
+  still open an eighth less (as in ``pending``, by what both carry), one of the
   right servo half as much, bytes no frame claims right behind a request a quarter: it may be the
   answer, damaged;
 - where all has come that could explain it, an answer to nothing costs as much as one that fits is
@@ -27,12 +27,10 @@ if TYPE_CHECKING:
 
     from sniffer.lanes import Said, Unit
 
-IN_TURN: Final = FITS * 15 // 16
+IN_TURN: Final = FITS * 7 // 8
 DAMAGED: Final = FITS // 4
 UNASKED: Final = FITS
 MISSED: Final = FITS // 4
-REFUND: Final = MISSED * 3 // 4
-"""What is given back where a request that another followed has its answer after all."""
 
 NEVER: Final = math.inf
 """The cost of what the stamps forbid."""
@@ -64,7 +62,7 @@ class Asked(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """How long requests of a protocol are open, and whether answers name nobody."""
+    """How long requests of a protocol are open; ``ordered``: answers name nobody, one at a time."""
 
     reach: int
     tail_ns: int
@@ -105,7 +103,7 @@ class Place(NamedTuple):
             for k in reversed(range(len(pending))):  # an answer to a retry is the retry's
                 asked = pending[k]
                 if at <= asked.until and asked.said.worth(unit.said) == FITS:
-                    worth = IN_TURN + REFUND * (asked.said.must and k < len(pending) - 1)
+                    worth = IN_TURN
                     pending = pending if asked.said.many else pending[:k] + pending[k + 1 :]
                     break
         return Place(self.ask, ANSWERED, pending), worth
@@ -204,8 +202,7 @@ def by_cause(
             until = NEVER_NS
         if a is not None and (cost := _cost(a, b, tie=True)) < NEVER:
             if a.framed:
-                still_open = since == ANSWERED and pending and pending[-1].said is asks[i]
-                cost += missed[i] * (1.0 if still_open else OPEN[since])
+                cost += missed[i] * OPEN[since]
             here = Place(asks[i], since, pending if a.begun_ns <= until else ())
             behind = here.behind_asked(a, at, rules)
             offer((i + 1, j, behind.since), score - cost, state, behind.pending)

@@ -19,12 +19,6 @@ if TYPE_CHECKING:
 Exchange = tuple[bytes, bytes]
 
 
-def _wck(servo: int, value: int) -> Exchange:
-    """Ask for a position: the answer is a load and that position."""
-    head = 5 << 5 | servo
-    return bytes([0xFF, head, 0, head & 0x7F]), bytes([value % 60, value % 200])
-
-
 ASKS: Final[dict[str, Callable[[int, int], Exchange]]] = {
     "lss": lambda i, v: (b"#%dQD\r" % i, b"*%dQD%d\r" % (i, v)),
     "mightyzap": lambda i, v: (
@@ -35,7 +29,6 @@ ASKS: Final[dict[str, Callable[[int, int], Exchange]]] = {
         packet(i, 9),
         returned(i, 42, v.to_bytes(2, "little") + bytes(16)),
     ),
-    "wck": _wck,
 }
 """What a controller asks a servo, and what comes back."""
 
@@ -84,9 +77,19 @@ def all_at_once(
 
 @pytest.mark.parametrize("ms", LATENCIES, ids=str)
 @pytest.mark.parametrize("name", ASKS)
+@pytest.mark.parametrize("lost", [0.0, 0.05], ids=["all answer", "some are silent"])
 def test_where_all_are_asked_at_once_every_answer_finds_its_request(
-    name: str, ms: tuple[int, int]
+    name: str, ms: tuple[int, int], lost: float
 ) -> None:
-    bus, true = all_at_once(name, ms)
-    assert len(true) == 60 * SERVOS
+    bus, true = all_at_once(name, ms, rounds=30, lost=lost)
+    assert len(true) > (1 - 2 * lost) * 30 * SERVOS - 1
+    assert pairs(name, bus.merged(), bus.latency_ns) == true
+
+
+@pytest.mark.parametrize("name", ["lss", "rs30x"])
+def test_rounds_that_follow_each_other_faster_than_stamps_tell_are_not_shifted_by_one(
+    name: str,
+) -> None:
+    """Each answer would fit the next round's request as well, and stand nearer to its stamp."""
+    bus, true = all_at_once(name, (1, 16), rounds=30, pause_ns=2 * MS)
     assert pairs(name, bus.merged(), bus.latency_ns) == true
