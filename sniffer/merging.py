@@ -30,7 +30,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.bare import BareAnswers
 from sniffer.framing import Block
+from sniffer.lanes import Framed, Lane, Piece, Said, Unit, held_of
 from sniffer.model import (
     I64,
     IF_READ,
@@ -54,17 +56,11 @@ from sniffer.ordering import (
     CELLS,
     TRIALS,
     Bare,
-    BareAnswers,
-    Framed,
-    Lane,
-    Piece,
     Place,
-    Said,
+    Rules,
     Step,
-    Unit,
     by_cause,
     by_time,
-    held_of,
 )
 from sniffer.timing import byte_time_ns
 
@@ -164,7 +160,8 @@ class Merger:
             or (first.first_ns <= settled and [first, *more][-1].last_ns < waits)
         )
         ahead += [s.units[-1].last_ns for s in steps[n:]]
-        self._place = steps[n - 1].place
+        ends = {s.wire: s.units[-1].end for s in steps[:n]}
+        self._place = steps[n - 1].place.carried(sum(ends.values()))
         return self._hand_on(steps[:n], min(ahead, default=NEVER_NS))
 
     def _frames(self, wire: int, due: int) -> tuple[Framed, int]:
@@ -220,15 +217,20 @@ class Merger:
         return Spans(spans.start + start, spans.end + start, spans.kind), decided + start
 
     def _order(self, asked: list[Unit], heard: list[Unit], known_ns: int) -> list[Step]:
-        asks = self._place.ask is not None or any(u.said for u in asked)
+        protocol = self.protocol
+        if protocol is None:
+            return by_time(asked, heard, self._place, Rules(0, 0, ordered=False))
+        rules = Rules(protocol.reach, protocol.tail_ns, protocol.ordered)
+        asks = self._place.ask is not None or bool(self._place.pending)
+        asks = asks or any(u.said for u in asked)
         # What the tap read late came in any order: more of it must be weighed at once.
         more = BURST if any(held_of(c) for lane in self._lanes for c in lane.chunks) else 1
         if not asks or not heard or len(asked) * len(heard) > CELLS * more:
-            return by_time(asked, heard, self._place)
+            return by_time(asked, heard, self._place, rules)
         heard, bare = self._bare_answers(asked, heard, TRIALS * more)
         if len(asked) * len(heard) > CELLS * more:
-            return by_time(asked, heard, self._place)
-        return by_cause(asked, heard, self._place, known_ns, bare)
+            return by_time(asked, heard, self._place, rules)
+        return by_cause(asked, heard, self._place, known_ns, bare, rules)
 
     def _bare_answers(
         self, asked: list[Unit], heard: list[Unit], most: int

@@ -22,8 +22,8 @@ FILES: Final = sorted(
 CORE: Final = (
     *("model", "limits", "registers", "checksums", "framing", "plan", "timing", "bus", "samples"),
     *("decoder", "reference", "diagnostics", "protocols", "rows", "summary", "remarks"),
-    *("merging", "ordering", "pacing", "pending", "matching", "echo", "staging"),
-    *("clues", "evidence", "changes", "weighing"),
+    *("merging", "ordering", "lanes", "bare", "pacing", "pending", "matching", "echo"),
+    *("clues", "evidence", "changes", "weighing", "staging"),
 )
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
 
@@ -36,7 +36,9 @@ FLOORS: Final = (
     ("bus", "samples", "evidence", "changes", "weighing"),
     ("diagnostics",),
     ("decoder", "reference", "rows"),
-    ("summary", "detect", "pacing", "messages", "simulation", "merging", "ordering", "status"),
+    ("lanes",),
+    ("ordering", "bare"),
+    ("summary", "detect", "pacing", "messages", "simulation", "merging", "status"),
     ("sources", "sinks"),
     ("pipeline", "wires", "replaying", "explaining", "doctoring", "playing"),
     ("api", "recovery", "comparing", "viewing", "recording", "parcels"),
