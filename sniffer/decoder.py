@@ -231,8 +231,12 @@ class Decoder:
         may = rows > (turns[-1] if len(turns) else -1)
         waited = self._stamps.last_ns - tail.t_end - tail.uncertainty
         may = np.where(tail.uncertainty >= 0, waited <= self.protocol.window_ns(tail), may)
-        asked = min([decided, *frames.start[rows[may]].tolist()])
-        return Cut(self._base + asked, self._base + decided)
+        first = min(frames.start[rows[may]].tolist(), default=len(block.data))
+        # What waits for the bytes behind it all, as wCK commands in a row do, may be over as well.
+        ends = frames.end[rows[~may]]
+        over = max(ends[ends <= first].tolist(), default=0)
+        asked = max(min(decided, first), over)
+        return Cut(self._base + asked, self._base + max(decided, over))
 
     def _records(self, block: Block, batch: Batch, paired: Paired) -> Batch:
         """Add what follows from the frames: transactions, values, anomalies."""
