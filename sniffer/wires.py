@@ -160,12 +160,16 @@ class _Wires:
         return Merger(self._bus, latency_ns=self._latency_ns, baud=baud, protocol=protocol)
 
     def _exchanges(self, protocol: BusProtocol, chunks: Sequence[Chunk]) -> tuple[int, int]:
-        """Return how many exchanges are whole, and how many go wrong."""
+        """Return how many exchanges are whole, and how much goes wrong.
+
+        A request that an answer's byte cuts is no exchange at all, only a gap: it counts as well.
+        """
         decoder = Decoder(protocol, baud=self._baud, latency_ns=self._latency_ns)
-        outcomes = [b.transactions.outcome for b in (decoder.feed(*chunks), decoder.close())]
-        outcome = np.concatenate(outcomes)
+        parts = decoder.feed(*chunks), decoder.close()
+        outcome = np.concatenate([b.transactions.outcome for b in parts])
         good = int((outcome == OK).sum())
-        return good, len(outcome) - good - int((outcome == NOT_EXPECTED).sum())
+        wrong = len(outcome) - good - int((outcome == NOT_EXPECTED).sum())
+        return good, wrong + sum(len(b.gaps) for b in parts)
 
     def _marked(self, chunks: Iterable[Chunk]) -> list[Chunk]:
         """Add to merged chunks that they are, and by how much their stamps may lag."""

@@ -73,6 +73,25 @@ def test_lines_that_a_host_mixed_lose_no_frame_and_no_exchange(
     assert len(pairs(name, chunks, HOST_NS) & true) >= 0.99 * len(true)
 
 
+@pytest.mark.parametrize("first", [RX, TX], ids=["answers_first", "requests_first"])
+def test_lines_that_cut_requests_only_are_merged_though_no_exchange_fails(first: Direction) -> None:
+    """A host of 1 ms: the first byte of a prompt answer stands before the last one of its request.
+
+    The request is no frame then and nothing was asked: no exchange goes wrong, all of it is gaps.
+    """
+    ask, answer = bytes.fromhex("FFFFFF0104F28C027A"), bytes.fromhex("FFFFFF0104001002E8")
+    chunks = []
+    for k in range(100):
+        t_ns = START_NS + 10 * k * MS
+        both = [(ask[8:], TX), (answer[:1], RX)]
+        lines = [(ask[:8], TX, 0), *((*x, 1) for x in sorted(both, key=lambda x: x[1] != first))]
+        for data, wire, tick in [*lines, (answer[1:], RX, 2)]:
+            chunks.append(Chunk(data, t_ns + tick * MS, Clock.FILE, "bus0", wire))
+    decoded = decode("mightyzap", ordered(chunks, protocol="mightyzap"), MS)
+    outcomes = [o for b in decoded for o in b.transactions.outcome.tolist()]
+    assert outcomes == [OK] * 100
+
+
 @EVERY
 def test_their_times_are_uncertain_by_the_whole_latency(name: str) -> None:
     for batch in decode(name, ordered(as_logged(mixed(name, seconds=1))), MS):

@@ -128,6 +128,7 @@ class CaptureRules:
                 self._wires[wire] |= bool((f.direction == wire).any())
             expected = np.where(response, Direction.RX, Direction.TX)
             swapped = both & (f.direction != Direction.UNKNOWN) & (f.direction != expected)
+            swapped &= f.flags & ECHO == 0  # an adapter hears its own requests where it listens
             for i in np.flatnonzero(swapped).tolist():
                 name = Direction(int(f.direction[i])).name
                 kind = "response" if response[i] else "request"
