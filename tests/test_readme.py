@@ -118,7 +118,7 @@ def test_a_recorder_that_is_killed_in_an_example_has_recorded_as_long_as_the_pag
     tmp_path: Path,
 ) -> None:
     lines = (
-        "sniffer simulate wck --link bus &",
+        "sniffer simulate wck --link bus &\n/dev/pts/0",
         "sniffer record bus=wck --quiet -o cut.mcap & sleep 2; kill -9 $!",
         "sniffer replay cut.mcap --speed 0 --from 1.5 | grep -c ' < '",
     )
@@ -126,7 +126,7 @@ def test_a_recorder_that_is_killed_in_an_example_has_recorded_as_long_as_the_pag
     with Stage(tmp_path) as stage:
         got = [(stage.run(one), stage.status) for one in shown(page)]
         assert [job.process.poll() for job in stage.jobs] == [None, -9]
-    assert got[:2] == [([], 0), ([], 0)]
+    assert [status for _, status in got] == [0, 0, 0]
     assert int(got[2][0][-1]) > 0
 
 

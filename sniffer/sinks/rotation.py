@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from sniffer.sinks.mcap import McapSink
 
 PATIENCE_NS: Final = NS
-LOOKS: Final = 10
+LOOKS: Final = 3
 """How long, and how often, a place is looked for at which no bus is undecided: both at least, as in
 a second a busy machine may look once."""
 
