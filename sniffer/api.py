@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from sniffer.limits import BAUDS, whole
 from sniffer.model import Batch, Chunk, DamagedInputError
 from sniffer.pipeline import AUTO, Options, Pipeline
 from sniffer.rows import Row, rows
@@ -114,8 +115,10 @@ def decode(
 
     Raises:
         InputError: the input cannot be read, or its protocol cannot be told.
-        SnifferError: unknown protocol or model.
+        SnifferError: unknown protocol or model, or a number that cannot be.
     """
+    if baud is not None:
+        baud = whole("baud", baud, *BAUDS)
     keep = _Keep()
     given = open_source(source, input_format)
     options = Options(protocol=protocol, baud=baud, models=models or {}, latency_ns=latency_ns)

@@ -99,6 +99,8 @@ class Decoder:
         self.baud = self.protocol.baud if baud is None else whole("baud", baud, *BAUDS)
         if latency_ns is not None:
             latency_ns = whole("latency_ns", latency_ns, 0, DURATION_MOST_NS)
+        if slowest is not None:
+            slowest = whole("slowest", slowest, BAUDS[0], self.baud)
         base = whole("base", base, 0, OFFSET_END - 1)
         self._buffer = bytearray()
         self._base = base

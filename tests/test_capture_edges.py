@@ -90,7 +90,7 @@ def test_an_answer_that_is_there_but_damaged_is_not_cut() -> None:
 
 
 def test_a_scan_of_absent_servos_is_cut_at_its_last_one_only() -> None:
-    """wCK commands in a row all wait for what follows, but by the clock most are over."""
+    """WCK commands in a row all wait for what follows, but by the clock most are over."""
     ask, answer = EXCHANGE["wck"]
     scan = [at(10 + 20 * k, bytes([0xFF, a := 0xA0 | k + 10, 0, a & 0x7F])) for k in range(12)]
     said = found("wck", at(0, ask), at(1, answer), *scan)

@@ -45,6 +45,9 @@ def decoder(**options: Any) -> Decoder:
         ({"latency_ns": -1}, "latency_ns is a whole number from 0"),
         ({"latency_ns": 1 << 63}, "latency_ns is a whole number from 0"),
         ({"base": -1}, "base is a whole number from 0"),
+        ({"slowest": 0}, "slowest is a whole number from 300 to 57600, not 0"),
+        ({"slowest": 115200}, "slowest is a whole number from 300 to 57600, not 115200"),
+        ({"slowest": "9600"}, "slowest is a whole number, not '9600'"),
     ],
 )
 def test_what_a_decoder_cannot_be_made_with_is_told_in_a_sentence(
@@ -54,6 +57,12 @@ def test_what_a_decoder_cannot_be_made_with_is_told_in_a_sentence(
         decoder(**options)
     assert str(caught.value).startswith(told)
     assert len(str(caught.value)) < 200
+
+
+@pytest.mark.parametrize("baud", [0, -5, 9600.5, "9600"])
+def test_a_rate_that_cannot_be_is_no_rate_of_a_file_either(baud: Any) -> None:
+    with pytest.raises(SnifferError, match="baud is a whole number"):
+        decode(ASK, "mightyzap", baud=baud)
 
 
 @pytest.mark.parametrize("protocol", [None, 5, [], "x" * 100_000])
