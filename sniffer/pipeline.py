@@ -13,6 +13,7 @@ from sniffer.limits import BAUDS, DURATION_MOST_NS, IDS, number_in
 from sniffer.model import Batch, Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.pacing import ASSUMED, Pace, pace
 from sniffer.protocols import protocol_named
+from sniffer.sinks.base import Paced
 from sniffer.summary import Summary
 from sniffer.timing import LATENCY_NS
 
@@ -326,8 +327,11 @@ class Pipeline:
             baud=o.bauds.get(bus, o.baud),
             latency_ns=o.latencies.get(bus) if o.latency_ns is None else o.latency_ns,
         )
-        self.summary.paces[bus] = self.paces[bus]
-        self._on_pace(bus, self.paces[bus])
+        told = self.summary.paces[bus] = self.paces[bus]
+        self._on_pace(bus, told)
+        for sink in self._sinks:
+            if isinstance(sink, Paced):
+                sink.pace(bus, told)
         self._decoders[bus] = self._decoder(bus, name)
         self._decode(bus, self._waiting.pop(bus))
 

@@ -118,7 +118,7 @@ def test_a_frame_of_every_protocol_can_be_explained(capsys: Capsys) -> None:
         ([""], "no bytes to explain"),
         (["01 02 03"], "cannot tell the protocol of these bytes: name it with --protocol"),
         ([ECHO, "--after", "xy"], "'xy': not hex digits"),
-        ([ECHO, "--model", "nix"], "mightyzap has no model 'nix': one of mightyzap-l12"),
+        ([ECHO, "--model", "nix"], "no model 'nix': one of lss, lss-pro, mightyzap-12lf"),
         ([ECHO, "--protocol", "nix"], "'nix' is not one of"),
         ([], "Missing argument 'HEX'"),
     ],

@@ -43,7 +43,7 @@ def test_a_bad_checksum_is_told_with_both_sums_and_its_bytes() -> None:
 
 
 def test_a_read_without_answer_names_the_servo() -> None:
-    found = anomalies(Chunk(READ + packet(2, 0xF1) + packet(2, 0)))
+    found = anomalies(Chunk(READ + packet(2, 0xF1) + packet(2, 0) + READ + REPLY))
     assert [(a.code, a.servo_id) for a in found] == [("no-response", 1)]
 
 

@@ -20,7 +20,6 @@ from tests.inputs import (
     SAMPLES,
     hexdump,
     read,
-    refusal,
     xxd,
 )
 
@@ -91,7 +90,7 @@ def test_a_recording_is_given_to_the_mcap_source_by_its_path(
     path.write_bytes(b"\x89MCAP0\r\n")
     assert open_source(path).format == "mcap"
     assert read(path) == str(path).encode()
-    assert "save it" in refusal(path.read_bytes())
+    assert open_source(path.read_bytes()).format == "mcap"
 
 
 def test_memory_does_not_grow_with_the_file(tmp_path: Path) -> None:

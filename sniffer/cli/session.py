@@ -22,7 +22,7 @@ from sniffer.pacing import ASSUMED, Pace
 from sniffer.pipeline import Options, Pipeline
 from sniffer.protocols.base import BusProtocol
 from sniffer.sinks import open_sink, suffix_known
-from sniffer.sinks.base import Sink
+from sniffer.sinks.base import Paced, Sink
 from sniffer.sinks.files import files_of, is_lost, occupied, probe, refuse_occupied
 from sniffer.sinks.lines import one_line
 from sniffer.sources import Source
@@ -43,6 +43,11 @@ class Standard:
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Pass chunks on."""
         self._sink.raw(bus, chunks)
+
+    def pace(self, bus: str, told: Pace) -> None:
+        """Pass on what a bus is timed by."""
+        if isinstance(self._sink, Paced):
+            self._sink.pace(bus, told)
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Pass a batch on while somebody listens."""

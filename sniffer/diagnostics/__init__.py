@@ -53,13 +53,11 @@ class Diagnostics:
         found = self._doubled.judge(batch, found)
         found = without_our_fault(batch, found, self._protocol.tail_ns)
         found = self._hearing.judge(batch, found)
-        found.sort(key=lambda a: (a.known_at, a.t_ns, a.code))
+        # What was held back stands where it was let go, however the stream was cut.
+        told_at = self._hearing.told_at
+        found.sort(key=lambda a: (max(a.known_at, told_at.get(id(a), 0)), a.t_ns, a.code))
         return replace(batch, anomalies=tuple(found))
 
     def finish(self, batch: Batch) -> Batch:
         """Return the last batch with what was held back until the end."""
-        held = self._hearing.finish()
-        if not held:
-            return batch
-        found = sorted((*held, *batch.anomalies), key=lambda a: (a.known_at, a.t_ns, a.code))
-        return replace(batch, anomalies=tuple(found))
+        return replace(batch, anomalies=(*batch.anomalies, *self._hearing.finish()))

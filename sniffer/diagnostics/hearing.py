@@ -34,6 +34,8 @@ class Hearing:
         self._hears_requests = self._hears_answers = False
         self._answers = 0  # without a request so far
         self._held: list[Anomaly] = []
+        self.told_at: dict[int, int] = {}
+        """Of anomalies (by identity) that the last batch let go: where in the stream it was."""
         self._count = 0  # requests that should have been answered, none so far
         self._servos: set[int] = set()
         self._told = False
@@ -41,6 +43,7 @@ class Hearing:
 
     def judge(self, batch: Batch, found: list[Anomaly]) -> list[Anomaly]:
         """Return the anomalies without those that follow from hearing one side only."""
+        self.told_at = {}
         if self._hears_requests and self._hears_answers:
             return found
         f = batch.frames
@@ -59,7 +62,9 @@ class Hearing:
         self._hears_requests |= asked < NEVER_NS
         if answered < NEVER_NS:
             self._hears_answers = True
-            out += self.finish()
+            held = self.finish()
+            self.told_at = {id(a): answered for a in held}
+            out += held
         return out
 
     def finish(self) -> list[Anomaly]:

@@ -265,7 +265,7 @@ class WckBus(Bus):
     def heard(self, frame: SlowFrame, request: Message) -> Exchange:
         """Obey any command of the manual; a break is answered by the lowest id."""
         op = request.op
-        if frame.flags & UNKNOWN:
+        if frame.flags & UNKNOWN or op not in INDEX:  # packets for the controller among them
             return unheeded(request)
         known, fields = OPS[INDEX[op]], _fields(op, frame.raw)
         everyone = frame.servo_id == ALL

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.model import Batch, Chunk
+    from sniffer.pacing import Pace
     from sniffer.protocols.base import BusProtocol
 
 
@@ -24,4 +25,13 @@ class Sink(Protocol):
 
     def close(self) -> None:
         """Finish the output; called once, also after an interruption."""
+        ...
+
+
+@runtime_checkable
+class Paced(Protocol):
+    """A sink that wants to know by which rate and latency a bus is timed."""
+
+    def pace(self, bus: str, told: Pace) -> None:
+        """Take what a bus is timed by; called once, before its first record."""
         ...

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.model import Batch, Chunk
+    from sniffer.pacing import Pace
     from sniffer.protocols.base import BusProtocol
 
 _encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
@@ -30,6 +31,10 @@ class JsonlSink:
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing: the records hold every byte."""
+
+    def pace(self, bus: str, told: Pace) -> None:
+        """Take what a bus is timed by, for the summary."""
+        self._summary.paces[bus] = told
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Write the batch's records."""
