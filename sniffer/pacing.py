@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.decoder import Decoder
+from sniffer.limits import chunks_of
 from sniffer.model import I64, OK, RESPONSE, Chunk, Clock
-from sniffer.timing import LATENCY_NS, TOLERANCE, byte_time_ns, clipped, clock_of
+from sniffer.timing import LATENCY_NS, TOLERANCE, byte_time_ns, clock_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,6 +80,7 @@ class Pace:
 
     ``slowest``: the slowest rate that the line may have; ``baud`` itself where that is known.
     ``latency_ns``: how long bytes were held; None: as usual for the kind of clock.
+    ``usual``: the protocol's own rate; an estimate that comes to it is no news.
     ``doubtful``: no answer of many came faster than ``slowest`` has it, so it may well be that.
     ``faster``: how many times faster than the rate allows bytes came, 0 where they did not.
     """
@@ -90,12 +92,13 @@ class Pace:
     latency: str = ""
     faster: float = 0.0
     doubtful: bool = False
+    usual: int = 0
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """What a person should know, in words."""
         out = []
-        if self.rate == ESTIMATED:
+        if self.rate == ESTIMATED and self.baud != self.usual:
             out.append(f"by its stamps the line runs at {self.baud} baud (--baud states it)")
         if self.doubtful and self.slowest * FAR <= self.baud:
             out.append(
@@ -130,8 +133,8 @@ def pace(
     rate = STATED if baud else ASSUMED
     stated = STATED if latency_ns is not None else ""
     slowest = chosen if baud else min(*protocol.bauds, chosen)
-    known = Pace(chosen, slowest, rate, latency_ns, stated)
-    told = [k for k in chunks if k.data][:LOOK]
+    known = Pace(chosen, slowest, rate, latency_ns, stated, usual=protocol.baud)
+    told = chunks_of([k for k in chunks if k.data][:LOOK])
     clocks = {clock_of(k) for k in told}
     if len(told) < 2 or not clocks <= {Clock.FILE, Clock.SAMPLE}:
         return known
@@ -162,7 +165,7 @@ class _Look:
     """The first chunks as columns, with the frames in them."""
 
     def __init__(self, protocol: BusProtocol, chunks: Sequence[Chunk]) -> None:
-        self.t = np.array([clipped(k.t_ns or 0) for k in chunks], np.int64)
+        self.t = np.array([k.t_ns or 0 for k in chunks], np.int64)
         self.n = np.array([len(k.data) for k in chunks], np.int64)
         self.end = np.cumsum(self.n)
         # Which answer belongs to which question is told by the bytes alone here.

@@ -41,7 +41,7 @@ from sniffer.pending import matched
 from sniffer.protocols.base import BusProtocol, SlowFrame, State
 from sniffer.registers import scale_limit
 from sniffer.staging import slow_staged_ids
-from sniffer.timing import byte_time_ns, clipped, clock_of
+from sniffer.timing import byte_time_ns, clock_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -108,7 +108,7 @@ class Reference:
             if chunk.t_ns is None:
                 t = (last if last is not None else 0) + n * self.byte_ns
             else:
-                t = clipped(chunk.t_ns)
+                t = chunk.t_ns
                 # Nominal times at the very beginning say nothing of the pause behind them.
                 lull = t - n * self.byte_ns - last if last is not None and any(clocks) else 0
                 if lull > self.protocol.tail_ns:

@@ -37,20 +37,10 @@ TOLERANCE: Final = 50
 """A sender's bytes are as long as the nominal rate says to one part in so many (2 %): what a UART
 must keep to be understood, and what the recorder asks of a port."""
 
-EARLIEST_NS: Final = -(1 << 55)
-LATEST_NS: Final = (1 << 63) - (1 << 56)
-"""Stamps are taken for no earlier and no later than this (a year before 1970; late in 2261), so
-that differences of times, and times less some megabytes of line time, are still 64-bit numbers."""
-
 
 def byte_time_ns(baud: int) -> int:
     """Return the wire time of one byte, 8N1: ten bits."""
     return 10 * NS // baud
-
-
-def clipped(t_ns: int) -> int:
-    """Return a stamp that can be reckoned with."""
-    return min(max(t_ns, EARLIEST_NS), LATEST_NS)
 
 
 def _held(chunks: tuple[Chunk, ...]) -> I64:
@@ -156,13 +146,13 @@ class Stamps:
     def _known(self, chunks: tuple[Chunk, ...], sizes: I64) -> I64:
         """Return the stamps; a chunk without one follows the chunk before it without a pause."""
         told = [k.t_ns for k in chunks if k.t_ns is not None]
-        if len(told) == len(chunks) and min(told) >= EARLIEST_NS and max(told) <= LATEST_NS:
+        if len(told) == len(chunks):
             return np.array(told, np.int64)
         out: list[int] = []
         last = self._last
         for chunk, size in zip(chunks, sizes.tolist(), strict=True):
             if chunk.t_ns is not None:
-                last = clipped(chunk.t_ns)
+                last = chunk.t_ns
             else:
                 before = last if last is not None else self._offset * self.byte_ns
                 last = before + size * self.byte_ns
@@ -203,6 +193,9 @@ class Stamps:
         """Return the slacks: each is the lull and the slack before it, from none to the latency."""
         if not latency.any():
             return np.zeros(len(lull), np.int64)
+        # A lull beyond the latency says no more than one of just that, whatever the clock did.
+        most_ns = max(int(latency.max()), self._slack_before)
+        lull = np.clip(lull, -most_ns, latency)
         # Where no stamp contradicts those before it: the running maximum of the earliest times.
         spare = np.cumsum(lull)
         last = max(self._slack_before, 0)

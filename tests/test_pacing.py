@@ -141,6 +141,8 @@ def test_a_9600_log_whose_rate_nobody_stated_accuses_no_servo(name: str, form: s
     assert assumed.pace.slowest == 9600
     if form == "usb":
         assert (assumed.pace.rate, assumed.pace.baud) == (ESTIMATED, 9600)
+        usual = BUSES[name].baud == 9600
+        assert ("by its stamps the line runs at 9600 baud" in str(assumed.pace.remarks)) != usual
 
 
 def test_a_rate_that_answers_of_two_lengths_tell_is_estimated() -> None:

@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sniffer.decoder import Decoder
+from sniffer.limits import DURATION_MOST_NS, TIME_END_NS, TIME_LEAST_NS
 from sniffer.model import NS, Chunk, Clock, Mark, MarkKind
 from sniffer.protocols import PROTOCOLS
 from sniffer.reference import Reference
-from sniffer.timing import EARLIEST_NS, LATEST_NS, byte_time_ns
+from sniffer.timing import byte_time_ns
 from tests.records import batches, records
 from tests.streams import stream
 
@@ -29,7 +30,7 @@ REPLY = bytes.fromhex("ffffff010400ff07f4")
 START_NS = 1_700_000_000 * NS
 MS = 1_000_000
 
-LIMITS = (-(1 << 63), -(1 << 62), EARLIEST_NS, -1, 0, LATEST_NS, (1 << 63) - 1)
+LIMITS = (TIME_LEAST_NS, -1, 0, TIME_END_NS - 1)
 
 
 @st.composite
@@ -44,7 +45,8 @@ def mixed(draw: st.DrawFn, data: bytes, byte_ns: int) -> list[Chunk]:
             t = draw(st.sampled_from([*LIMITS, START_NS]))
         clock = draw(st.sampled_from([Clock.FILE, Clock.READ, Clock.SAMPLE, Clock.NONE]))
         if b > a:
-            out.append(Chunk(data[a:b], draw(st.sampled_from([t, t, None])), clock))
+            told = min(t, TIME_END_NS - 1)
+            out.append(Chunk(data[a:b], draw(st.sampled_from([told, told, None])), clock))
     return out
 
 
@@ -78,6 +80,18 @@ def test_stamps_of_any_kind_in_any_mixture_give_times_that_make_sense(
         assert (f.t_start <= f.t_end).all()
         assert (f.uncertainty >= -1).all()
         assert ((t.response_time_ns >= 0) <= (t.uncertainty_ns >= 0)).all()
+
+
+def test_a_clock_that_goes_from_end_to_end_and_misses_stamps_leaves_the_same_doubt() -> None:
+    ends = (TIME_LEAST_NS, TIME_END_NS - 1, None)
+    for times in itertools.product(ends, repeat=5):
+        chunks = [Chunk(REQUEST, t, Clock.READ) for t in times]
+        one, many = (
+            uncertainties(batches(Decoder("mightyzap", latency_ns=DURATION_MOST_NS), groups))
+            for groups in ([chunks], [[c] for c in chunks])
+        )
+        assert one == many
+        assert max(one[0][0]) <= 2 * DURATION_MOST_NS
 
 
 def test_bytes_without_a_stamp_before_stamped_ones_are_not_dated_beside_them() -> None:

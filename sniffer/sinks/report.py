@@ -13,7 +13,7 @@ from rich.text import Text
 
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.model import OBSERVED
-from sniffer.pacing import ASSUMED
+from sniffer.pacing import ASSUMED, ESTIMATED
 from sniffer.protocols import protocol_named
 from sniffer.sinks.lines import plain, short
 from sniffer.summary import FIGURES
@@ -103,6 +103,8 @@ def _timing(told: Pace) -> list[str]:
         slower = f"; the line may be as slow as {told.slowest}" if told.doubtful else ""
         unlike = slower if told.slowest < told.baud else ""
         out.append(f"assumed to run at {told.baud} baud{unlike}")
+    elif told.rate == ESTIMATED and told.baud == told.usual:
+        out.append(f"runs at {told.baud} baud, as usual, by its stamps")
     out += told.remarks
     return out
 
