@@ -4,8 +4,8 @@ When a new file is due, chunks are held back until the recorder tells how far ea
 there the stream is cut, in the middle of a chunk where need be. No frame, reply or gap crosses the
 cut, so each file decodes alone to the frames and gaps that were decoded live. Remarks whose rule
 remembers the exchanges before may differ at a file's begin: nothing of that memory crosses the cut.
-A bus that stays undecided at the wrong place is waited for, but not for ever: then its undecided
-bytes stand in both files.
+A request that nobody answered is undecided for some hundred bytes: so far each bus is waited for,
+but not for ever. Then the bytes that were undecided when the file was due stand in both files.
 
 Offsets count through all files; a file's session tells its part, the file before it, and where
 each bus begins (``offset.<bus>``). Counts of the second in which the cut falls stand in both.
@@ -142,6 +142,11 @@ class RotatingMcap:
         """Tell whether the current file is no more under its name."""
         return is_lost(*self._files[-1])
 
+    @property
+    def is_due(self) -> bool:
+        """Tell whether a new file is due; what comes is held back until it begins."""
+        return self._due_since is not None
+
     def rotate(self) -> None:
         """Ask for a new file; a signal handler may do so."""
         self._asked = True
@@ -184,8 +189,6 @@ class RotatingMcap:
             clean = all(places[bus] >= b.written for bus, b in self._buses.items())
             if clean or (now - self._due_since >= PATIENCE_NS and self._looks >= LOOKS):
                 self._change(places)
-            else:
-                self._release()
         for bus, state in self._buses.items():
             state.kept = [p for p in state.kept if _end(p) > places[bus]]
         if not self._due(now):
@@ -194,9 +197,13 @@ class RotatingMcap:
             self._due_since, self._looks = now, 0
 
     def flush(self) -> None:
-        """Write what waits: the raw bytes at once, what was decoded when enough of it waits."""
+        """Write what waits: the raw bytes at once, what was decoded when enough of it waits.
+
+        What is held back for the next file stays held: were it written, the bus would have to be
+        decided to a later place at each look, and one that always lags by a few requests that
+        nobody answered would never be.
+        """
         self._check()
-        self._release()
         self._sink.flush()
 
     def close(self) -> None:
