@@ -36,7 +36,6 @@ PATIENCE_NS: Final = NS
 LOOKS: Final = 3
 """How long, and how often, a place is looked for at which no bus is undecided: both at least, as in
 a second a busy machine may look once."""
-
 FLUSH_NS: Final = 250_000_000
 """How long decoded records wait to be written: twice as long saves less than a tenth more."""
 
@@ -144,7 +143,7 @@ class RotatingMcap:
 
     @property
     def is_due(self) -> bool:
-        """Tell whether a new file is due; what comes is held back until it begins."""
+        """Tell whether a new file is due: what comes is held until it begins."""
         return self._due_since is not None
 
     def rotate(self) -> None:
@@ -158,7 +157,7 @@ class RotatingMcap:
         placed: list[Placed] = []
         for chunk in chunks:
             placed.append((state.end, chunk))
-            state.end += len(chunk.data)
+            state.end = _end(placed[-1])
         if self._due_since is None:
             self._pass_on(bus, placed)
         else:
@@ -197,12 +196,7 @@ class RotatingMcap:
             self._due_since, self._looks = now, 0
 
     def flush(self) -> None:
-        """Write what waits: the raw bytes at once, what was decoded when enough of it waits.
-
-        What is held back for the next file stays held: were it written, the bus would have to be
-        decided to a later place at each look, and one that always lags by a few requests that
-        nobody answered would never be.
-        """
+        """Write what waits, but for a next file: raw bytes at once, what was decoded in time."""
         self._check()
         self._sink.flush()
 
@@ -230,8 +224,7 @@ class RotatingMcap:
 
     def _pass_on(self, bus: str, placed: Iterable[Placed]) -> None:
         """Hand chunks to the current file."""
-        placed = list(placed)
-        if not placed:
+        if not (placed := list(placed)):
             return
         self._began = self._now() if self._began is None else self._began
         state = self._buses[bus]
@@ -328,10 +321,10 @@ class RotatingMcap:
     def _byte_ns(self, bus: str) -> int:
         """Return how long a byte of a bus takes, 0 where nobody knows."""
         baud = self._session.get(f"baud.{bus}", self._session.get("baud", ""))
-        if (rate := number_in(baud, *BAUDS)) is not None:
-            return byte_time_ns(rate)
-        protocol = self._protocols.get(bus)
-        return 0 if protocol is None else byte_time_ns(protocol.baud)
+        rate, protocol = number_in(baud, *BAUDS), self._protocols.get(bus)
+        if rate is None and protocol is not None:
+            rate = protocol.baud
+        return 0 if rate is None else byte_time_ns(rate)
 
     def _numbered(self, number: int) -> Path:
         return self._base.with_name(f"{self._base.stem}-{number:04d}{self._base.suffix}")
