@@ -119,7 +119,7 @@ def test_a_recorder_that_is_killed_between_files_loses_no_more_than_was_held(
     for path in files[1:]:  # the one before it may not have been finished
         recover(path, path)
     said = streams(files)["bus0"][0]
-    assert must <= len(said) <= handed[-1][1]
+    assert must <= len(said)  # the round it was killed in may be there, too
     assert b"".join(c.data for c in talk("mightyzap", 8.0, rate=0)).startswith(said)
     for path in files[:-1]:
         assert compare(path, Options(), say=pytest.fail).equal

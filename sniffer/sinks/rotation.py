@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
     from sniffer.sinks.mcap import McapSink
 
-PATIENCE_NS: Final = NS
+PATIENCE_NS: Final = 2 * NS
 LOOKS: Final = 3
 """How long, and how often, a place is looked for at which no bus is undecided: both at least, as in
-a second a busy machine may look once."""
+that time a busy machine may look once."""
 FLUSH_NS: Final = 250_000_000
 """How long decoded records wait to be written: twice as long saves less than a tenth more."""
 
