@@ -4,8 +4,8 @@ When a new file is due, chunks are held back until the recorder tells how far ea
 there the stream is cut, in the middle of a chunk where need be. No frame, reply or gap crosses the
 cut, so each file decodes alone to the frames and gaps that were decoded live. Remarks whose rule
 remembers the exchanges before may differ at a file's begin: nothing of that memory crosses the cut.
-A bus that stays undecided at the wrong place is waited for, but not for ever: then its undecided
-bytes stand in both files.
+A request that nobody answered is undecided for some hundred bytes: so far each bus is waited for,
+but not for ever. Then the bytes that were undecided when the file was due stand in both files.
 
 Offsets count through all files; a file's session tells its part, the file before it, and where
 each bus begins (``offset.<bus>``). Counts of the second in which the cut falls stand in both.
@@ -32,11 +32,10 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
     from sniffer.sinks.mcap import McapSink
 
-PATIENCE_NS: Final = NS
+PATIENCE_NS: Final = 2 * NS
 LOOKS: Final = 3
 """How long, and how often, a place is looked for at which no bus is undecided: both at least, as in
-a second a busy machine may look once."""
-
+that time a busy machine may look once."""
 FLUSH_NS: Final = 250_000_000
 """How long decoded records wait to be written: twice as long saves less than a tenth more."""
 
@@ -142,6 +141,11 @@ class RotatingMcap:
         """Tell whether the current file is no more under its name."""
         return is_lost(*self._files[-1])
 
+    @property
+    def is_due(self) -> bool:
+        """Tell whether a new file is due: what comes is held until it begins."""
+        return self._due_since is not None
+
     def rotate(self) -> None:
         """Ask for a new file; a signal handler may do so."""
         self._asked = True
@@ -153,7 +157,7 @@ class RotatingMcap:
         placed: list[Placed] = []
         for chunk in chunks:
             placed.append((state.end, chunk))
-            state.end += len(chunk.data)
+            state.end = _end(placed[-1])
         if self._due_since is None:
             self._pass_on(bus, placed)
         else:
@@ -184,8 +188,6 @@ class RotatingMcap:
             clean = all(places[bus] >= b.written for bus, b in self._buses.items())
             if clean or (now - self._due_since >= PATIENCE_NS and self._looks >= LOOKS):
                 self._change(places)
-            else:
-                self._release()
         for bus, state in self._buses.items():
             state.kept = [p for p in state.kept if _end(p) > places[bus]]
         if not self._due(now):
@@ -194,9 +196,8 @@ class RotatingMcap:
             self._due_since, self._looks = now, 0
 
     def flush(self) -> None:
-        """Write what waits: the raw bytes at once, what was decoded when enough of it waits."""
+        """Write what waits, but for a next file: raw bytes at once, what was decoded in time."""
         self._check()
-        self._release()
         self._sink.flush()
 
     def close(self) -> None:
@@ -223,8 +224,7 @@ class RotatingMcap:
 
     def _pass_on(self, bus: str, placed: Iterable[Placed]) -> None:
         """Hand chunks to the current file."""
-        placed = list(placed)
-        if not placed:
+        if not (placed := list(placed)):
             return
         self._began = self._now() if self._began is None else self._began
         state = self._buses[bus]
@@ -321,10 +321,10 @@ class RotatingMcap:
     def _byte_ns(self, bus: str) -> int:
         """Return how long a byte of a bus takes, 0 where nobody knows."""
         baud = self._session.get(f"baud.{bus}", self._session.get("baud", ""))
-        if (rate := number_in(baud, *BAUDS)) is not None:
-            return byte_time_ns(rate)
-        protocol = self._protocols.get(bus)
-        return 0 if protocol is None else byte_time_ns(protocol.baud)
+        rate, protocol = number_in(baud, *BAUDS), self._protocols.get(bus)
+        if rate is None and protocol is not None:
+            rate = protocol.baud
+        return 0 if rate is None else byte_time_ns(rate)
 
     def _numbered(self, number: int) -> Path:
         return self._base.with_name(f"{self._base.stem}-{number:04d}{self._base.suffix}")
