@@ -113,7 +113,7 @@ def test_with_several_requests_in_flight_a_recut_and_the_reference_give_equal_re
 
 
 def _unharmed(transactions: list[TransactionRow]) -> list[TransactionRow]:
-    """Take torn answers for missing ones: a cut through an endless chain may not tell them apart."""
+    """Take torn answers for missing ones: behind a cut through a chain both look alike."""
     return [
         (q, r, NO_RESPONSE if outcome == DAMAGED else outcome, took)
         for q, r, outcome, took in transactions
