@@ -182,12 +182,14 @@ def test_the_pages_reply_without_q_answers_the_pending_query() -> None:
     assert fields(b"#5QAR\r*5AR1800\r")["word"] == "AR"
 
 
-def test_a_reply_of_another_word_or_id_is_mismatched_and_its_number_is_nobodys() -> None:
-    for answer in (b"*5QV11200\r", b"*6QD132\r"):
+def test_a_reply_of_another_word_or_id_is_mismatched_and_says_itself_whose_number_it_is() -> None:
+    for answer, stated in (
+        (b"*5QV11200\r", {(5, "present_voltage"): 11.2}),
+        (b"*6QD132\r", {(6, "present_position"): 13.2}),
+    ):
         found = hear(b"#5QD\r", answer)
         assert found.outcomes == ["mismatched"]
-        assert not found.samples
-    assert fields(b"#5QD\r*5QV11200\r") == {"word": "QV", "value": 11200}
+        assert found.values == stated
 
 
 @pytest.mark.parametrize(

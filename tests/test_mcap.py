@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import json
 import math
+import re
 import shutil
 import subprocess
 import sys
@@ -186,6 +187,7 @@ def expected(protocol: BusProtocol, batches: list[Batch]) -> dict[str, list[Any]
             set_if(m, "servo_id", a.servo_id, a.servo_id is not None)
             add("anomalies", m)
             who = "" if a.servo_id is None else f"servo {a.servo_id}: "
+            who = "" if who and re.search(rf"\b{who[:-2]}\b", a.detail) else who
             log: Any = Log(name="bus0", message=f"{who}{a.detail} [{a.code}]")
             log.level = 2 + int(a.severity)
             log.timestamp.FromNanoseconds(a.t_ns)

@@ -60,4 +60,9 @@ class Diagnostics:
 
     def finish(self, batch: Batch) -> Batch:
         """Return the last batch with what was held back until the end."""
-        return replace(batch, anomalies=(*batch.anomalies, *self._hearing.finish()))
+        held = self._hearing.finish()
+        if not held:
+            return batch
+        ends = [a for a in batch.anomalies if a.code == "capture-end"]
+        found = [a for a in batch.anomalies if a.code != "capture-end"]
+        return replace(batch, anomalies=(*found, *held, *ends))
