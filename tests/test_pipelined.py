@@ -175,7 +175,7 @@ def test_a_wck_reply_behind_two_commands_is_the_laters_and_that_it_is_a_guess_is
     row = bytes.fromhex("FFA90029"), bytes.fromhex("FFE90C000065"), bytes.fromhex("0059")
     assert exchanges("wck", *row) == [(0, None, "no_response"), (1, 2, "ok")]
     on = bytes.fromhex("FFAC002C"), bytes.fromhex("0059")  # the controller went on
-    assert codes("wck", *row, *on) == ["no-response", "id-changed", "ambiguous-response"]
+    assert codes("wck", *row, *on) == ["id-changed", "no-response", "ambiguous-response"]
 
 
 def test_a_request_is_closed_by_sixteen_others_by_its_reach_and_by_a_silence() -> None:
