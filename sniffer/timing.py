@@ -121,7 +121,6 @@ class Stamps:
         clocks = np.where(untold, Clock.NONE, np.where(clocks == Clock.NONE, Clock.FILE, clocks))
         directions = np.array([k.direction for k in chunks], np.uint8)
         told = clocks != Clock.NONE
-        self.clock = max(self.clock, Clock(int(clocks.max())))
         if told.any():
             t = self._known(chunks, sizes)
             slack, silent = self._slacks(chunks, sizes, t, clocks)
@@ -133,6 +132,7 @@ class Stamps:
             slack = np.full(len(end), -1)
             barriers = np.empty(0, np.int64)
             self._slack_before = -1
+        self.clock = max(self.clock, Clock(int(clocks.max())))
         self._last = int(t[-1])
         self._stamped = self._stamped or bool(told.any())
         self._end = np.concatenate([self._end, end])
