@@ -107,7 +107,7 @@ def sound(answer: Answer) -> list[str]:
     """Hold what is true of every answer; return what was said but for the protocols found."""
     assert answer.status in (0, 1, 2, 3)
     assert "Traceback" not in answer.err
-    assert "fault of this program" not in answer.err
+    assert "fault of this program" not in answer.err, answer.err
     assert "failed (" not in answer.err
     assert answer.memory < MEMORY
     lines = answer.err.splitlines()
