@@ -99,7 +99,7 @@ def recover(path: Path, out: Path) -> Report:
                 temporary.replace(target)
         except struct.error:
             raise InputError(
-                f"{path}: a record in it holds a number that no recording can: it cannot be mended; "
+                f"{path}: it holds a number that no recording can: it cannot be mended; "
                 "`sniffer decode` reads what holds"
             ) from None
         finally:
