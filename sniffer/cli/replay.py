@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import click
@@ -85,9 +85,6 @@ def replay(
         report = compare(Path(file), options, say=say)
         click.echo(str(report))
         return 0 if report.equal else 1
-    if start or stop is not None:
-        until = "its end" if stop is None else f"second {stop:g}"
-        say(f"a part of it: from second {start:g} to {until}; what is open at its edges is cut")
     status, played = 0, False
     while not status and (loop or not played):
         source = open_source(file, input_format)
@@ -99,6 +96,8 @@ def replay(
             options = dataclasses.replace(options, protocols=_told(head))
         part = within(timed(chunks, _baud(options)), Window(start, stop), ends=True)
         groups = paced(steps(part), speed)
+        if not played and (start or stop is not None):
+            groups = _as_part(groups, start, stop)
         sink: Sink
         if in_rerun:
             from sniffer.viewing import live_sink
@@ -114,6 +113,17 @@ def replay(
         )
         played = True
     return status
+
+
+def _as_part(
+    groups: Iterable[Sequence[Chunk]], start: float, stop: float | None
+) -> Iterator[Sequence[Chunk]]:
+    """Pass groups on; that they are a part is said once there is one."""
+    until = "its end" if stop is None else f"second {stop:g}"
+    for number, group in enumerate(groups):
+        if not number:
+            say(f"a part of it: from second {start:g} to {until}; what is open at its edges is cut")
+        yield group
 
 
 def _told(head: Iterable[Chunk]) -> dict[str, str]:
