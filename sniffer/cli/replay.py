@@ -95,7 +95,7 @@ def replay(
         if options.protocol == AUTO and not options.protocols:
             options = dataclasses.replace(options, protocols=_told(head))
         part = within(timed(chunks, _baud(options)), Window(start, stop), ends=True)
-        groups = paced(steps(part), speed)
+        groups: Iterable[Sequence[Chunk]] = paced(steps(part), speed)
         if not played and (start or stop is not None):
             groups = _as_part(groups, start, stop)
         sink: Sink
