@@ -200,8 +200,7 @@ def test_what_both_taps_held_while_the_host_stood_still_is_put_in_order(
     late = replace(bus, tx=stalled(bus.tx, 40), rx=stalled(bus.rx, 40))
     merged, sorted_ = shares(late)
     record_property("merged", merged)
-    assert merged > 0.985
-    assert merged >= sorted_
+    assert merged > 0.99 > sorted_
     unmarked = replace(
         late, tx=[replace(c, marks=()) for c in late.tx], rx=[replace(c, marks=()) for c in late.rx]
     )
