@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -97,11 +96,6 @@ def recover(path: Path, out: Path) -> Report:
                 shutil.copymode(target, temporary)
             with writing(out):
                 temporary.replace(target)
-        except struct.error:
-            raise InputError(
-                f"{path}: it holds a number that no recording can: it cannot be mended; "
-                "`sniffer decode` reads what holds"
-            ) from None
         finally:
             if file is not None:
                 file.abandon()

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 LEVEL: Final = 1
 """Of zstd: 3, its default, takes half as long again for the same size."""
 
-_INDEX: Final = np.dtype([("log", "<i8"), ("at", "<u8")])
+_INDEX: Final = np.dtype([("log", "<u8"), ("at", "<u8")])
 
 
 class Container:
@@ -185,7 +185,8 @@ class Container:
         at: I64,
     ) -> None:
         """Write a chunk that is packed already; ``at`` is where in it each message stands."""
-        first, last = int(log.min()), int(log.max())
+        times = log.astype(np.uint64)  # as the format has them, whatever a damaged one says
+        first, last = int(times.min()), int(times.max())
         name = compression.encode()
         body = struct.pack("<QQQII", first, last, size, crc, len(name)) + name
         body += struct.pack("<Q", len(packed))
@@ -194,7 +195,7 @@ class Container:
         order = np.argsort(channel, kind="stable")
         ids, counts = np.unique(channel, return_counts=True)
         index = np.empty(len(order), _INDEX)
-        index["log"], index["at"] = log[order], at[order]
+        index["log"], index["at"] = times[order], at[order]
         entries = index.tobytes()
         parts, done = [head, packed], 0
         for number, count in zip(ids.tolist(), counts.tolist(), strict=True):
