@@ -247,8 +247,13 @@ def test_a_window_stays_open_behind_the_recording_until_it_is_closed(view: Any, 
     live.close()
     assert said == ["the Rerun window stays open until it is closed"]
     assert {viewer, live.pid} <= group(live.pid).keys()
-    (recording,) = ViewerClient.connect(address).get_state().recordings
-    assert recording.timelines[0].end == talk(1000)[-1].t_ns
+    client = ViewerClient.connect(address)
+
+    def shown() -> list[int | None]:
+        """Return where the recordings end that the viewer has got so far."""
+        return [r.timelines[0].end for r in client.get_state().recordings if r.timelines]
+
+    until(lambda: shown() == [talk(1000)[-1].t_ns])
     os.kill(viewer, signal.SIGTERM)
     until(lambda: not group(live.pid))
 
