@@ -11,6 +11,8 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+import pytest
+
 from sniffer.cli import run
 from sniffer.decoder import Decoder
 from sniffer.model import RESPONSE, Chunk
@@ -20,7 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    import pytest
 
 COMMAND: Final = (sys.executable, "-m", "sniffer")
 _FOUND: Final = re.compile(r"sniffer: [^:]+: \w+ \((sure|likely|not sure): explains .*\)")
@@ -134,3 +135,26 @@ def conserved(text: str) -> bytes:
     data = b"".join(bytes.fromhex(r["hex"]) for r in rows if r["type"] in ("frame", "gap"))
     assert rows[-1]["bytes"] == len(data)
     return data
+
+
+CANNOT = 77
+UNPRIVILEGED = f"""
+import ctypes, os, sys
+if os.geteuid() == 0:  # PR_CAPBSET_DROP of CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH
+    drop = ctypes.CDLL(None).prctl
+    if any(drop(24, capability, 0, 0, 0) for capability in (1, 2)):
+        sys.exit({CANNOT})
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+"""Root may read and write everything: this takes that privilege away before the command runs."""
+
+
+def forbidden(path: Path, *arguments: str | Path) -> Ran:
+    """Run a command to which the permissions of ``path`` matter."""
+    if not sys.platform.startswith("linux") and os.geteuid() == 0:
+        pytest.skip("root may do everything, and only Linux lets it give that up")
+    ran = sniffer(*arguments, before=(sys.executable, "-c", UNPRIVILEGED))
+    path.chmod(0o755)
+    if ran.status == CANNOT:
+        pytest.skip("root may do everything, and cannot give that up here")
+    return ran

@@ -199,3 +199,8 @@ def _asked(draw: st.DrawFn) -> tuple[bytes, list[bytes]]:
 
 
 ASKED = _asked()
+
+
+READ_BLOCK = packet(1, 9, 0, 0, 1)
+BLOCK = bytes.fromhex("4EFB0000000006002D00E402000000000000")
+TORQUE_ON = write(1, 0x24, b"\x01", flags=1)

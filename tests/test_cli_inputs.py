@@ -1,0 +1,156 @@
+"""Inputs that are none, wrong, or break off: one line that helps, and nothing is lost."""
+
+from __future__ import annotations
+
+import random
+from typing import TYPE_CHECKING
+
+import pytest
+
+from sniffer.protocols import PROTOCOLS
+from tests.commands import (
+    conserved,
+    forbidden,
+    log,
+    records,
+    sniffer,
+    talk,
+    within,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+Capsys = pytest.CaptureFixture[str]
+NOISE = random.Random(5).randbytes(5000)
+
+
+def test_an_empty_file_is_a_mistake(tmp_path: Path, capsys: Capsys) -> None:
+    path = tmp_path / "empty"
+    path.write_bytes(b"")
+    ran = within(capsys, "decode", path)
+    assert (ran.status, ran.out) == (2, "")
+    assert ran.complaint == f"{path} is empty: nothing to decode"
+
+
+def test_an_empty_standard_input_is_a_mistake() -> None:
+    ran = sniffer("decode", "-", data=b"")
+    assert (ran.status, ran.out) == (2, "")
+    assert ran.complaint == "standard input is empty: nothing to decode"
+
+
+def test_noise_names_the_score_of_every_protocol(tmp_path: Path, capsys: Capsys) -> None:
+    path = tmp_path / "noise.bin"
+    path.write_bytes(NOISE)
+    ran = within(capsys, "decode", path)
+    assert (ran.status, ran.out) == (2, "")
+    assert all(f"{name} 0." in ran.complaint for name in PROTOCOLS)
+    assert "--protocol" in ran.complaint
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_noise_of_a_named_protocol_is_all_gaps(
+    protocol: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    path = tmp_path / "noise.bin"
+    path.write_bytes(NOISE)
+    ran = within(capsys, "decode", path, "--protocol", protocol, "--format", "jsonl")
+    assert (ran.status, ran.err) == (0, "")
+    assert conserved(ran.out) == NOISE
+    summary = records(ran.out)[-1]
+    assert summary["bytes_in_frames"] < 0.01 * len(NOISE)
+
+
+def test_the_wrong_protocol_is_told_with_the_right_one_and_is_all_gaps(
+    good: Path, capsys: Capsys
+) -> None:
+    ran = within(capsys, "decode", good, "--protocol", "rs30x", "--format", "jsonl")
+    assert ran.status == 2
+    assert ran.complaint.startswith("bus0: no frame of rs30x is in there")
+    assert "mightyzap (sure" in ran.complaint
+    assert conserved(ran.out) == good.read_bytes()
+    assert records(ran.out)[-1]["frames"] == 0
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ("Dear diary,\nnothing was on the bus today.\n", "this is text, but no dump"),
+        ("FF FF FF 00 02 F1 0\nFF FF\n", "line 1, column 19: '0' has an odd number of hex digits"),
+        ("FFFFFF0002F10\n", "'FFFFFF0002F10' has an odd number of hex digits"),
+        ("\n\n\n", "only blank lines"),
+    ],
+)
+def test_text_that_is_no_dump_says_so(
+    content: str, told: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    path = tmp_path / "text.txt"
+    path.write_text(content)
+    ran = within(capsys, "decode", path)
+    assert (ran.status, ran.out) == (2, "")
+    assert str(path) in ran.complaint
+    assert told in ran.complaint
+
+
+def test_a_directory_is_no_input(tmp_path: Path, capsys: Capsys) -> None:
+    ran = within(capsys, "decode", tmp_path)
+    assert ran.status == 2
+    assert ran.complaint == f"{tmp_path} is a directory: give the file in it"
+
+
+def test_a_missing_file_is_named(tmp_path: Path, capsys: Capsys) -> None:
+    ran = within(capsys, "decode", tmp_path / "nix")
+    assert ran.status == 2
+    assert ran.complaint == f"{tmp_path / 'nix'}: there is no such file"
+
+
+def test_a_name_of_control_characters_cannot_steer_the_terminal(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    ran = within(capsys, "decode", tmp_path / "a\x1b[31m\nb")
+    assert ran.status == 2
+    assert ran.complaint.isprintable()
+
+
+def test_a_file_without_permission_is_a_mistake(good: Path) -> None:
+    good.chmod(0)
+    ran = forbidden(good, "decode", good)
+    assert (ran.status, ran.out) == (2, "")
+    assert ran.complaint == f"{good}: no permission to read it"
+
+
+def test_a_log_that_breaks_off_is_decoded_up_to_there(tmp_path: Path, capsys: Capsys) -> None:
+    lines = log(talk(300)).splitlines(keepends=True)
+    path, out = tmp_path / "half.log", tmp_path / "half.jsonl"
+    path.write_text("".join([*lines[:999], "\x00\x01garbage#zz\n", *lines[1000:]]))
+    ran = within(capsys, "decode", path, "--format", "jsonl", "-o", out)
+    assert ran.status == 3
+    assert f"{path}, line 1000: " in ran.complaint
+    before = b"".join(bytes.fromhex(line.split("#")[1]) for line in lines[:999])
+    assert conserved(ran.out) == before
+    assert out.read_text() == ran.out
+
+
+def test_a_dump_that_breaks_off_is_decoded_up_to_there(tmp_path: Path, capsys: Capsys) -> None:
+    data = talk(120)
+    lines = [data[at : at + 8].hex(" ") + "\n" for at in range(0, len(data), 8)]
+    path = tmp_path / "half.hex"
+    path.write_text("".join([*lines[:999], "FF FF oops\n", *lines[1000:]]))
+    ran = within(capsys, "decode", path, "--format", "jsonl")
+    assert ran.status == 3
+    assert f"{path}, line 1000, column 7: 'oops' is not hex" in ran.complaint
+    assert conserved(ran.out) == data[: 8 * 999] + b"\xff\xff"
+
+
+def test_two_buses_are_decoded_even_if_one_says_nothing_sensible(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    path, out = tmp_path / "two.log", tmp_path / "two.jsonl"
+    path.write_text("(1699999999.5) elbow #0102030405\n" + log(talk(20)))
+    ran = within(capsys, "decode", path, "-o", out, "--quiet")
+    assert ran.status == 2
+    assert ran.complaint.startswith("cannot tell the protocol of these 5 bytes")
+    assert conserved(out.read_text()) == talk(20)
+
+
+# --- options -----------------------------------------------------------------------------------
