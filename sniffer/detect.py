@@ -48,6 +48,20 @@ def _shares(scores: Mapping[str, float]) -> str:
     return ", ".join(f"{k} {v:.1%}" for k, v in sorted(scores.items(), key=lambda e: -e[1]))
 
 
+@dataclass(frozen=True, slots=True)
+class Mistake:
+    """A bus that was said to speak ``named``, which explains only ``share`` of its bytes."""
+
+    bus: str
+    named: str
+    share: float
+    found: Detection
+
+    def __str__(self) -> str:
+        shown = f"only {self.share:.1%} of the bytes are frames" if self.share else "no frame"
+        return f"{self.bus}: {shown} of {self.named}"
+
+
 class UndecidedError(InputError):
     """No protocol explains the bytes well enough, or two do."""
 
@@ -85,3 +99,12 @@ def detect(chunks: Sequence[Chunk]) -> Detection:
         f"cannot tell the protocol of these {size} bytes ({_shares(scores)}): "
         "name it with --protocol, or check that this is a bus capture"
     )
+
+
+def latest(chunks: Sequence[Chunk], size: int) -> list[Chunk]:
+    """Return the last chunks, of about so many bytes."""
+    taken, held = 0, 0
+    while taken < len(chunks) and held < size:
+        taken += 1
+        held += len(chunks[-taken].data)
+    return list(chunks[len(chunks) - taken :])

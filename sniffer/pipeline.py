@@ -8,7 +8,17 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoder import Decoder
-from sniffer.detect import CLEAR, ENOUGH, GUESSED, SURE, Detection, UndecidedError, detect
+from sniffer.detect import (
+    CLEAR,
+    ENOUGH,
+    GUESSED,
+    SURE,
+    Detection,
+    Mistake,
+    UndecidedError,
+    detect,
+    latest,
+)
 from sniffer.limits import BAUDS, DURATION_MOST_NS, IDS, number_in
 from sniffer.model import Batch, Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.pacing import ASSUMED, Pace, pace
@@ -70,20 +80,6 @@ class Options:
                     models[number] = model
             told = replace(told, models=models)
         return told
-
-
-@dataclass(frozen=True, slots=True)
-class Mistake:
-    """A bus that was said to speak ``named``, which explains only ``share`` of its bytes."""
-
-    bus: str
-    named: str
-    share: float
-    found: Detection
-
-    def __str__(self) -> str:
-        shown = f"only {self.share:.1%} of the bytes are frames" if self.share else "no frame"
-        return f"{self.bus}: {shown} of {self.named}"
 
 
 class Pipeline:
@@ -289,7 +285,7 @@ class Pipeline:
             return False
         self._look_at[bus] = 2 * size
         try:
-            found = detect(_latest(waiting, ENOUGH))
+            found = detect(latest(waiting, ENOUGH))
         except UndecidedError:
             if size > PATIENCE:
                 self._forget(bus, waiting)
@@ -298,7 +294,7 @@ class Pipeline:
 
     def _forget(self, bus: str, waiting: list[Chunk]) -> None:
         """Keep the latest bytes only of a bus that says nothing we know."""
-        kept = _latest(waiting, ENOUGH)
+        kept = latest(waiting, ENOUGH)
         left_out = sum(len(c.data) for c in waiting) - sum(len(c.data) for c in kept)
         before = self._begin.get(bus, 0)
         self._begin[bus] = before + left_out
@@ -315,7 +311,7 @@ class Pipeline:
         chunks = self._waiting[bus]
         name = self._named(bus)
         if name == AUTO:
-            found = detect(_latest(chunks, ENOUGH) if self._live else chunks)
+            found = detect(latest(chunks, ENOUGH) if self._live else chunks)
             self._on_detection(bus, found)
             name = found.protocol
         else:
@@ -372,15 +368,6 @@ def _numbers(facts: Mapping[str, str], name: str, least: int, most: int) -> dict
     told = {k.removeprefix(name): v for k, v in facts.items() if k.startswith(name)}
     numbers = {bus: number_in(text, least, most) for bus, text in told.items()}
     return {bus: number for bus, number in numbers.items() if number is not None}
-
-
-def _latest(chunks: Sequence[Chunk], size: int) -> list[Chunk]:
-    """Return the last chunks, of about so many bytes."""
-    taken, held = 0, 0
-    while taken < len(chunks) and held < size:
-        taken += 1
-        held += len(chunks[-taken].data)
-    return list(chunks[len(chunks) - taken :])
 
 
 def _act(act: Callable[[Sink], None], sink: Sink) -> None:

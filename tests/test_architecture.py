@@ -21,7 +21,16 @@ FILES: Final = sorted(
 
 CORE: Final = (
     *("model", "limits", "registers", "checksums", "framing", "plan", "timing", "bus", "samples"),
-    *("decoder", "reference", "diagnostics", "protocols", "rows", "summary", "remarks"),
+    *(
+        "decoder",
+        "reference",
+        "reference_values",
+        "diagnostics",
+        "protocols",
+        "rows",
+        "summary",
+        "remarks",
+    ),
     *("merging", "ordering", "lanes", "bare", "pacing", "pending", "matching", "echo"),
     *("clues", "evidence", "changes", "weighing", "staging"),
 )
@@ -35,7 +44,7 @@ FLOORS: Final = (
     ("pending", "matching", "echo", "staging"),
     ("bus", "samples", "evidence", "changes", "weighing"),
     ("diagnostics",),
-    ("decoder", "reference", "rows"),
+    ("decoder", "reference", "reference_values", "rows"),
     ("lanes",),
     ("ordering", "bare"),
     ("summary", "detect", "pacing", "messages", "simulation", "merging", "status"),
