@@ -10,7 +10,7 @@ from sniffer.checksums import XOR7
 from sniffer.model import I16, I64, NS, REQUEST, Frames, Gap, Mask
 from sniffer.protocols.base import FieldSpan, FrameView, joined, no_clues
 from sniffer.protocols.dissection import Leaf, leaves
-from sniffer.protocols.wck import block, controller, slow
+from sniffer.protocols.wck import block, controller, reading, slow
 from sniffer.protocols.wck.explain import explain
 from sniffer.protocols.wck.grammar import (
     COMMANDS,
@@ -63,8 +63,8 @@ class Wck:
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
-    states_itself = staticmethod(block.states_itself)
-    values = staticmethod(block.values)
+    states_itself = staticmethod(reading.states_itself)
+    values = staticmethod(reading.values)
     slow_parse = staticmethod(slow.parse)
     slow_describe = staticmethod(slow.describe)
     slow_states_itself = staticmethod(slow.states_itself)

@@ -7,7 +7,6 @@ here: framing is a function of the bytes and of silences.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -32,7 +31,6 @@ from sniffer.model import (
     Mask,
     Spans,
 )
-from sniffer.protocols.base import State, Values
 from sniffer.protocols.wck import controller
 from sniffer.protocols.wck.grammar import (
     HEADER,
@@ -42,7 +40,6 @@ from sniffer.protocols.wck.grammar import (
     OPS,
     UNKNOWN_BASE,
     UNKNOWN_OP,
-    Bits,
     Op,
     byte_values,
 )
@@ -360,108 +357,3 @@ def _flags(data: U8, spans: Spans, command: I64, kind: U8, request: Mask, answer
     differs |= byte0 > _MOST[k]
     flags[checked[differs]] |= ECHO_DIFFERS
     return flags
-
-
-@dataclass(frozen=True, slots=True)
-class _Read:
-    """A register's value in a frame: the byte at ``at``, shifted and masked; or H3 and L7 there."""
-
-    register: int
-    at: int
-    shift: int = 0
-    mask: int = 0xFF
-    servo: int | None = None
-
-
-_GOAL_10BIT, _POSITION_10BIT = REGISTERS["goal_position_10bit"], REGISTERS["position_10bit"]
-_SYNC_KEYS: Final = 128
-"""Key of a frame's shape: row of OPS * 2 + kind; of a synchronized move this plus its count."""
-
-
-def _bit_reads(bits: tuple[Bits, ...], at: int) -> list[_Read]:
-    out: list[_Read] = []
-    shift = 8
-    for b in bits:
-        shift -= b.width
-        if b.name in REGISTERS:
-            out.append(_Read(REGISTERS[b.name], at, shift, (1 << b.width) - 1))
-    return out
-
-
-def _byte_reads(names: tuple[str, ...], at: int) -> list[_Read]:
-    named = {**REGISTERS, "target_h3": _GOAL_10BIT, "h3": _POSITION_10BIT}
-    return [
-        _Read(named[name], at + i, mask=MASKS.get(name, 0xFF))
-        for i, name in enumerate(names)
-        if name in named
-    ]
-
-
-def _reads() -> list[list[_Read]]:
-    out: list[list[_Read]] = [[] for _ in range(_SYNC_KEYS + ID_BITS + 1)]
-    for i, op in enumerate(OPS):
-        out[2 * i + REQUEST] = [
-            *_bit_reads(op.data1, DATA1),
-            *_bit_reads(op.data2, DATA2),
-            *_byte_reads(op.params, PARAMS),
-        ]
-        out[2 * i + RESPONSE] = _byte_reads(op.reply, 0)
-    torque = out[2 * SYNC + REQUEST][0]
-    goal = REGISTERS["goal_position"]
-    for count in range(1, ID_BITS + 1):
-        out[_SYNC_KEYS + count] = [
-            read
-            for k in range(count)
-            for read in (
-                _Read(torque.register, torque.at, torque.shift, torque.mask, servo=k),
-                _Read(goal, PARAMS + k, servo=k),
-            )
-        ]
-    return out
-
-
-_READS: Final = _reads()
-_COUNT: Final = np.array([len(reads) for reads in _READS], np.int64)
-
-
-def states_itself(frames: Frames) -> Mask:
-    """Tell nothing. A reply is two bytes: what they are, only the command says."""
-    return np.zeros(len(frames), bool)
-
-
-def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
-    """Read register values; rows of one shape carry the same registers at the same places."""
-    data = block.data
-    op = np.minimum(frames.op[rows], UNKNOWN_OP)
-    key = 2 * op + frames.kind[rows]
-    sync = op == SYNC
-    key[sync] = _SYNC_KEYS + frames.data_length[rows[sync]]
-    per_row = _COUNT[key]
-    first = np.cumsum(per_row) - per_row
-    start = frames.start[rows]
-    total = int(per_row.sum())
-    register, raw = np.empty(total, np.int16), np.empty(total, np.int64)
-    servo = np.repeat(frames.servo_id[rows], per_row)
-    for k in np.flatnonzero(np.bincount(key, minlength=1)).tolist():
-        mine = np.flatnonzero(key == k)
-        at, out = start[mine], first[mine]
-        for i, read in enumerate(_READS[k]):
-            register[out + i] = read.register
-            raw[out + i] = data[at + read.at] >> read.shift & read.mask
-            if read.register in (_GOAL_10BIT, _POSITION_10BIT):
-                raw[out + i] = raw[out + i] << 8 | data[at + read.at + 1]
-            if read.servo is not None:
-                servo[out + i] = read.servo
-    ten = np.flatnonzero((register == _GOAL_10BIT) | (register == _POSITION_10BIT))
-    if len(ten):
-        raw[ten] = _aligned(raw[ten], state)
-    return Values(np.repeat(rows, per_row), servo, register, raw, np.zeros(total, np.uint8))
-
-
-def _aligned(pair: I64, state: State) -> I64:
-    """Return 10-bit positions from H3 << 8 | L7, in stream order; see ``slow.aligned``."""
-    seen_high = np.logical_or.accumulate(pair & 0x80 > 0) | bool(state.notes.get("l7_bit7", 0))
-    seen_low = np.logical_or.accumulate(pair & 0x01 > 0) | bool(state.notes.get("l7_bit0", 0))
-    state.notes["l7_bit7"], state.notes["l7_bit0"] = int(seen_high[-1]), int(seen_low[-1])
-    low = np.where(seen_low & ~seen_high, pair & 0x7F, pair >> 1 & 0x7F)
-    return (pair >> 8 & 7) << 7 | low
