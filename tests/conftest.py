@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from typing import TYPE_CHECKING, Any, Final
 
 import pytest
@@ -25,6 +26,10 @@ settings.register_profile("fast", _SHARED, max_examples=60)
 settings.register_profile("ci", _SHARED, max_examples=100, derandomize=True)
 settings.register_profile("long", _SHARED, max_examples=3000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
+
+# What a shell starts in the background ignores Ctrl-C, and so would every program under test.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.hookimpl(optionalhook=True)

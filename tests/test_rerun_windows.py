@@ -80,16 +80,19 @@ def test_web_serves_the_viewer_and_the_recording_until_it_is_stopped(
     with subprocess.Popen(
         [sys.executable, "-c", code, str(recording)], stdout=subprocess.PIPE, text=True
     ) as process:
-        assert process.stdout is not None
-        line = process.stdout.readline()
-        ports = [int(port) for port in re.findall(r"127\.0\.0\.1(?::|%3A)(\d+)", line)]
-        opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
-        with opener.open(line.split()[1], timeout=180) as page:
-            assert page.status == 200
-            assert b"rerun" in page.read().lower()
-        assert [_listens(port) for port in ports] == [True, True]
-        process.send_signal(stop)
-        assert process.wait(timeout=180) == status
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            ports = [int(port) for port in re.findall(r"127\.0\.0\.1(?::|%3A)(\d+)", line)]
+            opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+            with opener.open(line.split()[1], timeout=180) as page:
+                assert page.status == 200
+                assert b"rerun" in page.read().lower()
+            assert [_listens(port) for port in ports] == [True, True]
+            process.send_signal(stop)
+            assert process.wait(timeout=180) == status
+        finally:
+            process.terminate()  # whatever it made of the signal
     assert [_listens(port) for port in ports] == [False, False]
 
 
