@@ -90,8 +90,9 @@ class Place(NamedTuple):
     def behind_asked(self, unit: Unit, at: int, rules: Rules) -> Place:
         """Return the place behind a unit of the controller's wire, which begins at ``at``."""
         if not unit.framed:
-            since = max(self.since, BEHIND)
-            return self._replace(since=since) if unit.end > unit.start else self
+            if unit.end == unit.start or self.since >= BEHIND:
+                return self
+            return Place(self.ask, BEHIND, self.pending, self.awaited)
         pending = self.pending
         if unit.said and not rules.ordered:
             until = at + unit.end - unit.start + max(rules.reach, 0)
@@ -104,7 +105,7 @@ class Place(NamedTuple):
             return self, 0
         if not unit.framed:
             worth = DAMAGED if self.ask and self.since == DIRECT else 0
-            return self._replace(since=max(self.since, BEHIND)), worth
+            return Place(self.ask, max(self.since, BEHIND), self.pending, self.awaited), worth
         worth, awaited, pending = 0, ALWAYS, self.pending
         if self.ask and unit.said and (self.ask.many or self.since != ANSWERED):
             worth, awaited = self.ask.worth(unit.said), self.awaited
@@ -218,26 +219,24 @@ def by_cause(
         if a is not None and (cost := _cost(a, b, tie=True)) < NEVER:
             if a.framed:
                 cost += missed[i] * OPEN[since]
-            still = pending if a.begun_ns <= until else ()
+            still = pending if not pending or a.begun_ns <= until else ()
             behind = Place(asks[i], since, still).behind_asked(a, at, rules)
             offer((i + 1, j, behind.since), score - cost, state, behind.pending)
         if b is None:
             continue
-        still = pending if b.begun_ns <= until else ()
-        here = Place(asks[i], since, still, awaited[i])
-        behind, worth = here.behind_heard(b, at)
-        answers = [(j + 1, behind.since, worth, behind.pending)]
+        still = pending if not pending or b.begun_ns <= until else ()
+        if (cost := _cost(b, a, tie=False)) < NEVER:
+            behind, worth = Place(asks[i], since, still, awaited[i]).behind_heard(b, at)
+            if behind.since == ANSWERED and not worth:
+                cost += missed[i] * OPEN[since]
+            if not worth and b.last_ns <= known_ns and b.end > b.start:
+                cost += UNASKED
+            offer((i, j + 1, behind.since), score + worth - cost, state, behind.pending)
         if since == DIRECT and (i, j) in bare:
             stop, worth = bare[i, j]
-            worth -= UNLIKELY * b.is_unlikely(awaited[i])
-            answers.append((stop, ANSWERED, worth, here.pending))
-        for stop, after, worth, left in answers:
             if (cost := _cost(heard[stop - 1], a, b, tie=False)) < NEVER:
-                if after == ANSWERED and not worth:
-                    cost += missed[i] * OPEN[since]
-                if not worth and b.last_ns <= known_ns and b.end > b.start:
-                    cost += UNASKED
-                offer((i, stop, after), score + worth - cost, state, left)
+                worth -= UNLIKELY * b.is_unlikely(awaited[i])
+                offer((i, stop, ANSWERED), score + worth - cost, state, still)
 
     ends = (s for s in came if s[:2] == (n, m))
     path: list[State] = [max(ends, key=lambda s: came[s][0] - missed[n] * OPEN[s[2]])]
