@@ -137,11 +137,12 @@ class Lane:
     def _lag_ns(self) -> int:
         """Return how long the adapter seems to hold bytes: as long as its reads lie apart.
 
-        A host that is busy gets some reads at once, so the shortest times do not count.
+        A host that is busy gets some reads at once, and others later than they came: the shortest
+        times do not count, and the next one counts twice.
         """
         if len(self._gaps) < GAPS // 4:
             return self._latency_ns
-        return min(self._latency_ns, sorted(self._gaps)[len(self._gaps) // 4])
+        return min(self._latency_ns, 2 * sorted(self._gaps)[len(self._gaps) // 4])
 
     def _not_before(self, t_ns: int, n: int, lag_ns: int) -> list[int]:
         """Return the earliest moments of a read's bytes.

@@ -96,7 +96,7 @@ def test_the_wire_whose_reads_come_faster_tells_a_round_from_the_next_though_an_
     name: str, seed: int
 ) -> None:
     """The latency stated is that of the slower one, by which the next round's answer fits, too."""
-    bus, true = all_at_once(name, (1, 16), rounds=30, pause_ns=7 * MS, lost=0.05, seed=seed)
+    bus, true = all_at_once(name, (1, 16), rounds=30, pause_ns=12 * MS, lost=0.05, seed=seed)
     found = pairs(name, bus.merged(), bus.latency_ns)
     assert len(found & true) >= 0.95 * len(true)
 
