@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -17,6 +18,9 @@ FITS: Final = 4_000_000
 NEARLY: Final = FITS // 2
 """Worth of one of the right servo that does not carry what was asked for."""
 
+GAPS: Final = 32
+"""So many times between reads, the latest of a tap, tell how long its adapter holds bytes."""
+
 
 class Said(NamedTuple):
     """What pairing needs to know about a frame; all but id and token is a request's."""
@@ -27,6 +31,7 @@ class Said(NamedTuple):
     many: bool
     must: bool
     raw: bytes
+    window_ns: int
 
     def worth(self, answer: Said) -> int:
         """Return what an answer to this request is worth."""
@@ -40,8 +45,9 @@ class Unit(NamedTuple):
     """What is not cut on one wire: a frame, unclaimed bytes of one chunk, or marks (no bytes).
 
     ``first_ns`` is the latest moment at which it can have begun, ``last_ns`` ended, ``soonest_ns``
-    the soonest at which it can have ended. ``said`` is None for frames that neither wait for an
-    answer nor are one.
+    the soonest at which it can have ended. ``likely_ns`` is the soonest at which it is likely to
+    have begun, as the adapter has been seen to pass bytes on. ``said`` is None for frames that
+    neither wait for an answer nor are one.
     """
 
     start: int
@@ -49,6 +55,7 @@ class Unit(NamedTuple):
     first_ns: int
     last_ns: int
     soonest_ns: int
+    likely_ns: int
     framed: bool = False
     said: Said | None = None
 
@@ -57,6 +64,23 @@ class Unit(NamedTuple):
         """The soonest moment at which it can have begun."""
         return self.soonest_ns - self.last_ns + self.first_ns
 
+    @property
+    def awaited(self) -> Span:
+        """The moments between which an answer to it is likely to begin."""
+        if self.said is None:
+            return ALWAYS
+        until = NEVER_NS if self.said.many else self.last_ns + self.said.window_ns
+        return self.likely_ns + self.last_ns - self.first_ns, until
+
+    def is_unlikely(self, awaited: Span) -> bool:
+        """Tell whether it may have begun between two moments, but is not likely to."""
+        return self.begun_ns <= awaited[1] < self.likely_ns or self.first_ns < awaited[0]
+
+
+Span = tuple[int, int]
+"""Two moments and what lies between them."""
+
+ALWAYS: Final[Span] = (-NEVER_NS, NEVER_NS)
 
 Framed = list[tuple[int, int, Said | None]]
 """Start, end and content of the frames on one wire."""
@@ -79,7 +103,8 @@ def stamp_of(chunk: Chunk) -> int:
 class Lane:
     """What one wire holds that is not handed on yet.
 
-    ``times`` is the latest moment at which each byte can have come, ``soonest`` the earliest.
+    ``times`` is the latest moment at which each byte can have come, ``soonest`` the earliest, and
+    ``likely`` the earliest if the adapter holds bytes no longer than its reads lie apart.
     """
 
     def __init__(self, byte_ns: int, latency_ns: int) -> None:
@@ -87,10 +112,12 @@ class Lane:
         self.data = bytearray()
         self.times: list[int] = []
         self.soonest: list[int] = []
+        self.likely: list[int] = []
+        self._gaps: deque[int] = deque(maxlen=GAPS)
         self._byte_ns = byte_ns
         self._latency_ns = latency_ns
         self._begun = 0  # bytes of the first chunk that were handed on
-        self._last = 0
+        self._last = self._read_ns = 0  # when something came, and when bytes did
 
     def add(self, chunk: Chunk, t_ns: int) -> None:
         """Take a chunk in; the stamp of one without is ``t_ns``."""
@@ -100,11 +127,31 @@ class Lane:
         self.data += chunk.data
         times = [max(t_ns - k * self._byte_ns, before) for k in range(n - 1, -1, -1)]
         self.times += times
-        # The adapter held the first byte no longer than its latency, and the others came behind it;
-        # a read that holds more than comes in that time has been held up elsewhere.
-        spare = max(self._latency_ns - (n - 1) * self._byte_ns, 0) or self._latency_ns
-        spare += held_of(chunk)
-        self.soonest += [t_ns - k * self._byte_ns - spare for k in range(n - 1, -1, -1)]
+        if n:
+            self._gaps.append(t_ns - self._read_ns)
+            self._read_ns = t_ns
+        held = held_of(chunk)
+        self.soonest += self._not_before(t_ns - held, n, self._latency_ns)
+        self.likely += self._not_before(t_ns - held, n, self._lag_ns())
+
+    def _lag_ns(self) -> int:
+        """Return how long the adapter seems to hold bytes: as long as its reads lie apart.
+
+        A host that is busy gets some reads at once, and others later than they came: the shortest
+        times do not count, and the next one counts twice.
+        """
+        if len(self._gaps) < GAPS // 4:
+            return self._latency_ns
+        return min(self._latency_ns, 2 * sorted(self._gaps)[len(self._gaps) // 4])
+
+    def _not_before(self, t_ns: int, n: int, lag_ns: int) -> list[int]:
+        """Return the earliest moments of a read's bytes.
+
+        The adapter held the first no longer than its latency, and the others came behind it; a read
+        that holds more than comes in that time has been held up elsewhere.
+        """
+        first = t_ns - (max(lag_ns - (n - 1) * self._byte_ns, 0) or lag_ns)
+        return [first - k * self._byte_ns for k in range(n - 1, -1, -1)]
 
     def due_ns(self, hold_ns: int) -> int:
         """Return when what has been held longest must be handed on."""
@@ -119,7 +166,9 @@ class Lane:
     def unit(self, start: int, end: int, *, framed: bool = False, said: Said | None = None) -> Unit:
         """Return the bytes between two offsets as a unit."""
         first = self.times[start] - self._byte_ns
-        return Unit(start, end, first, self.times[end - 1], self.soonest[end - 1], framed, said)
+        likely = self.likely[start] - self._byte_ns
+        last, soonest = self.times[end - 1], self.soonest[end - 1]
+        return Unit(start, end, first, last, soonest, likely, framed, said)
 
     def units(self, frames: Framed, until: int) -> list[Unit]:
         """Return frames and what lies between them, up to offset ``until``."""
@@ -140,7 +189,8 @@ class Lane:
                 while empty and empty[-1][0] <= at:
                     offset, t_ns = empty.pop()
                     if offset == at:  # else a frame goes across it, and takes it along
-                        out.append(Unit(at, at, t_ns, t_ns, t_ns - self._latency_ns))
+                        soonest = t_ns - self._latency_ns
+                        out.append(Unit(at, at, t_ns, t_ns, soonest, soonest))
                 if at >= start:
                     break
                 out.append(self.unit(at, min(start, ends[bisect_right(ends, at)])))
@@ -171,3 +221,4 @@ class Lane:
         del self.data[:end]
         del self.times[:end]
         del self.soonest[:end]
+        del self.likely[:end]

@@ -191,15 +191,18 @@ class Merger:
             decided = max(int(more.end[-1]) if len(more) else 0, late) if final else end
         if not len(spans):
             return [], decided
-        f = self.protocol.describe(Block(data, _NONE, True), spans)
+        protocol = self.protocol
+        f = protocol.describe(Block(data, _NONE, True), spans)
+        windows = protocol.window_ns(f)
         speaks = (f.kind == REQUEST) & (f.reply != NEVER) if wire == TX else f.kind == RESPONSE
-        columns = f.start, f.end, speaks, f.servo_id, f.token, f.alt_id, f.reply
+        columns = f.start, f.end, speaks, f.servo_id, f.token, f.alt_id, f.reply, windows
         out: Framed = []
-        for start, end, says, who, token, alt, reply in zip(
+        for start, end, says, who, token, alt, reply, window in zip(
             *(c.tolist() for c in columns), strict=True
         ):
             must = reply in (IF_READ, MUST)
-            said = Said(who, token, alt, reply == MANY, must, data[start:end].tobytes())
+            raw = data[start:end].tobytes()
+            said = Said(who, token, alt, reply == MANY, must, raw, window)
             out.append((start, end, said if says else None))
         return out, decided
 

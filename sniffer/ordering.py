@@ -8,7 +8,12 @@ its end against the latest moment of the other's beginning. What an order is wor
   right servo half as much, bytes no frame claims right behind a request a quarter: it may be the
   answer, damaged;
 - where all has come that could explain it, an answer to nothing costs as much as one that fits is
-  worth, a request without the answer it must have a quarter.
+  worth, a request without the answer it must have a quarter;
+- an adapter whose reads lie closer together than the latency stated holds bytes no longer than
+  that, so its stamps tell more. A busy host may make it look so: therefore they forbid nothing, but
+  an answer that begins in time only by the latency stated is worth five sixteenths less. That is
+  more than a request missed, else the next request's answer would make up for one that is missing,
+  and all that follow be shifted by one.
 
 Among orders of the same worth it is the one that moves pieces least, requests first on ties.
 """
@@ -19,18 +24,19 @@ import itertools
 import math
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sniffer.lanes import FITS
+from sniffer.lanes import ALWAYS, FITS
 from sniffer.model import DEPTH, NEVER_NS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.lanes import Said, Unit
+    from sniffer.lanes import Said, Span, Unit
 
 IN_TURN: Final = FITS * 7 // 8
 DAMAGED: Final = FITS // 4
 UNASKED: Final = FITS
 MISSED: Final = FITS // 4
+UNLIKELY: Final = FITS * 5 // 16
 
 NEVER: Final = math.inf
 """The cost of what the stamps forbid."""
@@ -59,6 +65,7 @@ class Asked(NamedTuple):
 
     said: Said
     until: int
+    awaited: Span
 
 
 class Rules(NamedTuple):
@@ -70,22 +77,27 @@ class Rules(NamedTuple):
 
 
 class Place(NamedTuple):
-    """What the last request was, if it has an answer, what stands since, and who is still asked."""
+    """What the last request was, if it has an answer, what stands since, and who is still asked.
+
+    ``awaited``: when an answer to the last request is likely to begin.
+    """
 
     ask: Said | None = None
     since: int = ANSWERED
     pending: tuple[Asked, ...] = ()
+    awaited: Span = ALWAYS
 
     def behind_asked(self, unit: Unit, at: int, rules: Rules) -> Place:
         """Return the place behind a unit of the controller's wire, which begins at ``at``."""
         if not unit.framed:
-            since = max(self.since, BEHIND)
-            return self._replace(since=since) if unit.end > unit.start else self
+            if unit.end == unit.start or self.since >= BEHIND:
+                return self
+            return Place(self.ask, BEHIND, self.pending, self.awaited)
         pending = self.pending
         if unit.said and not rules.ordered:
             until = at + unit.end - unit.start + max(rules.reach, 0)
-            pending = (*pending[1 - DEPTH :], Asked(unit.said, until))
-        return Place(unit.said, DIRECT, pending)
+            pending = (*pending[1 - DEPTH :], Asked(unit.said, until, unit.awaited))
+        return Place(unit.said, DIRECT, pending, unit.awaited)
 
     def behind_heard(self, unit: Unit, at: int) -> tuple[Place, int]:
         """Return the place behind a unit of the servos' wire, and what it is worth as an answer."""
@@ -93,24 +105,26 @@ class Place(NamedTuple):
             return self, 0
         if not unit.framed:
             worth = DAMAGED if self.ask and self.since == DIRECT else 0
-            return self._replace(since=max(self.since, BEHIND)), worth
-        worth, pending = 0, self.pending
+            return Place(self.ask, max(self.since, BEHIND), self.pending, self.awaited), worth
+        worth, awaited, pending = 0, ALWAYS, self.pending
         if self.ask and unit.said and (self.ask.many or self.since != ANSWERED):
-            worth = self.ask.worth(unit.said)
+            worth, awaited = self.ask.worth(unit.said), self.awaited
         if worth == FITS and pending and pending[-1].said is self.ask and not self.ask.many:
             pending = pending[:-1]
         elif worth < FITS and unit.said:
             for k in reversed(range(len(pending))):  # an answer to a retry is the retry's
                 asked = pending[k]
                 if at <= asked.until and asked.said.worth(unit.said) == FITS:
-                    worth = IN_TURN
+                    worth, awaited = IN_TURN, asked.awaited
                     pending = pending if asked.said.many else pending[:k] + pending[k + 1 :]
                     break
-        return Place(self.ask, ANSWERED, pending), worth
+        if worth:
+            worth -= UNLIKELY * unit.is_unlikely(awaited)
+        return Place(self.ask, ANSWERED, pending, self.awaited), worth
 
     def carried(self, passed: int) -> Place:
         """Return the same where a new pass begins, with so many bytes handed on."""
-        still = (Asked(said, until - passed) for said, until in self.pending if until >= passed)
+        still = (a._replace(until=a.until - passed) for a in self.pending if a.until >= passed)
         return self._replace(pending=tuple(still))
 
 
@@ -171,11 +185,13 @@ def by_cause(
     n, m = len(asked), len(heard)
     # The last request follows from how many of the controller's units were passed.
     asks, missed = [place.ask], [MISSED if place.ask and place.ask.must else 0]
+    awaited = [place.awaited]
     for unit in asked:
         said = unit.said if unit.framed else asks[-1]
         due = unit.framed and said is not None and said.must and unit.last_ns <= known_ns
         missed.append(MISSED * due if unit.framed else missed[-1])
         asks.append(said)
+        awaited.append(unit.awaited if unit.framed else awaited[-1])
     begin = 0, 0, place.since
     # Who is still asked goes along with the best way to a state.
     came: dict[State, tuple[float, State | None, tuple[Asked, ...]]]
@@ -203,24 +219,24 @@ def by_cause(
         if a is not None and (cost := _cost(a, b, tie=True)) < NEVER:
             if a.framed:
                 cost += missed[i] * OPEN[since]
-            here = Place(asks[i], since, pending if a.begun_ns <= until else ())
-            behind = here.behind_asked(a, at, rules)
+            still = pending if not pending or a.begun_ns <= until else ()
+            behind = Place(asks[i], since, still).behind_asked(a, at, rules)
             offer((i + 1, j, behind.since), score - cost, state, behind.pending)
         if b is None:
             continue
-        here = Place(asks[i], since, pending if b.begun_ns <= until else ())
-        behind, worth = here.behind_heard(b, at)
-        answers = [(j + 1, behind.since, worth, behind.pending)]
+        still = pending if not pending or b.begun_ns <= until else ()
+        if (cost := _cost(b, a, tie=False)) < NEVER:
+            behind, worth = Place(asks[i], since, still, awaited[i]).behind_heard(b, at)
+            if behind.since == ANSWERED and not worth:
+                cost += missed[i] * OPEN[since]
+            if not worth and b.last_ns <= known_ns and b.end > b.start:
+                cost += UNASKED
+            offer((i, j + 1, behind.since), score + worth - cost, state, behind.pending)
         if since == DIRECT and (i, j) in bare:
             stop, worth = bare[i, j]
-            answers.append((stop, ANSWERED, worth, here.pending))
-        for stop, after, worth, still in answers:
             if (cost := _cost(heard[stop - 1], a, b, tie=False)) < NEVER:
-                if after == ANSWERED and not worth:
-                    cost += missed[i] * OPEN[since]
-                if not worth and b.last_ns <= known_ns and b.end > b.start:
-                    cost += UNASKED
-                offer((i, stop, after), score + worth - cost, state, still)
+                worth -= UNLIKELY * b.is_unlikely(awaited[i])
+                offer((i, stop, ANSWERED), score + worth - cost, state, still)
 
     ends = (s for s in came if s[:2] == (n, m))
     path: list[State] = [max(ends, key=lambda s: came[s][0] - missed[n] * OPEN[s[2]])]
@@ -231,7 +247,7 @@ def by_cause(
         Step(
             int(q[1] > p[1]),
             heard[p[1] : q[1]] or asked[p[0] : q[0]],
-            Place(asks[q[0]], q[2], came[q][2]),
+            Place(asks[q[0]], q[2], came[q][2], awaited[q[0]]),
         )
         for p, q in itertools.pairwise(path)
     ]

@@ -90,6 +90,17 @@ def test_where_all_are_asked_at_once_every_answer_finds_its_request(
     assert len(found & true) >= 0.9 * len(true)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("name", ["lss", "mightyzap"])
+def test_the_wire_whose_reads_come_faster_tells_a_round_from_the_next_though_an_answer_is_missing(
+    name: str, seed: int
+) -> None:
+    """The latency stated is that of the slower one, by which the next round's answer fits, too."""
+    bus, true = all_at_once(name, (1, 16), rounds=30, pause_ns=12 * MS, lost=0.05, seed=seed)
+    found = pairs(name, bus.merged(), bus.latency_ns)
+    assert len(found & true) >= 0.95 * len(true)
+
+
 @pytest.mark.parametrize("name", ["lss", "rs30x"])
 def test_rounds_that_follow_each_other_faster_than_stamps_tell_are_not_shifted_by_one(
     name: str,
