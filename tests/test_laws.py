@@ -196,7 +196,8 @@ def test_a_window_that_slides_without_end_holds_no_more_than_a_chain(name: str) 
     outcomes = [outcome for _, _, outcome, _ in told.transactions]
     assert outcomes.count(OK) == 1000
     assert outcomes.count(NO_RESPONSE) == 2  # those asked last
-    assert [a.code for b in parts for a in b.anomalies] == ["no-response"] * 2
+    # Both were still open: what came behind the first of them is the answer to one before it.
+    assert [a.code for b in parts for a in b.anomalies] == ["capture-end"]
 
 
 @EVERY
