@@ -22,7 +22,7 @@ FILES: Final = sorted(
 CORE: Final = (
     *("model", "limits", "registers", "checksums", "framing", "plan", "timing", "bus", "samples"),
     *("decoder", "reference", "diagnostics", "protocols", "rows", "summary", "remarks"),
-    *("merging", "ordering", "lanes", "bare", "pacing", "pending", "matching", "echo"),
+    *("merging", "ordering", "lanes", "bare", "pacing", "pending", "matching", "echo", "torn"),
     *("clues", "evidence", "changes", "weighing", "staging"),
 )
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
@@ -32,7 +32,7 @@ FLOORS: Final = (
     ("registers", "checksums", "limits", "clues"),
     ("plan", "framing", "timing", "remarks"),
     ("protocols",),
-    ("pending", "matching", "echo", "staging"),
+    ("pending", "matching", "echo", "staging", "torn"),
     ("bus", "samples", "evidence", "changes", "weighing"),
     ("diagnostics",),
     ("decoder", "reference", "rows"),
