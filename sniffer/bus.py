@@ -38,6 +38,7 @@ from sniffer.model import (
     Transactions,
 )
 from sniffer.staging import StagedIds
+from sniffer.torn import TornAnswers
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -86,6 +87,7 @@ class Pairing:
         self._how = np.empty(0, np.int64)
         self._echoes = Echoes()
         self._staged_ids = StagedIds(protocol)
+        self._torn = TornAnswers(protocol)
         self._held: int | None = None  # from this row on it is not known what is an echo
 
     def match(
@@ -122,7 +124,12 @@ class Pairing:
         first = int(alone[0]) if len(alone) else None
         if self._held is not None:
             first = self._held if first is None else min(first, self._held)
-        return None if first is None else _clear(frames, partner, first)
+        if first is None:
+            return None
+        clear = _clear(frames, partner, first)
+        # How many answers stand in a row is known from all of their requests.
+        near = frames.start[first] - frames.start[clear] <= CHAIN or self._protocol.ordered
+        return clear if near else first
 
     def forget(self, frames: Frames, block: Block, kept: int, cut: int) -> None:
         """Keep what the next block must know; it begins at ``cut``, with row ``kept``."""
@@ -178,7 +185,7 @@ class Pairing:
         status = whole.status[answer]
         no = (how == OK) & (status >= 0) & protocol.refused(status)
         refused[asked[no]] = True
-        torn = _torn(whole, block, decided, partner, protocol)[:n]
+        torn = self._torn.find(whole, partner, block, decided, base, n, across=not inside.all())
 
         rows = np.arange(n)
         request = np.where(is_response, -1, rows)
@@ -249,14 +256,8 @@ class Pairing:
         self._how = np.concatenate([self._how, how])
 
 
-def _at(n: int, rows: I64) -> Mask:
-    out = np.zeros(n, bool)
-    out[rows] = True
-    return out
-
-
 def _clear(frames: Frames, partner: I64, row: int) -> int:
-    """Return the last row up to ``row`` that no exchange leads across, if there is one near it."""
+    """Return the last row up to ``row`` that no exchange leads across."""
     answer, asked, _ = outcomes(partner[row:])
     if not (asked < row).any():
         return row
@@ -264,8 +265,7 @@ def _clear(frames: Frames, partner: I64, row: int) -> int:
     edges = np.zeros(len(frames) + 2, np.int64)
     np.add.at(edges, asked + 1, 1)
     np.add.at(edges, answer + 1, -1)
-    clear = int(np.flatnonzero(np.cumsum(edges[: row + 1]) == 0)[-1])
-    return clear if frames.start[row] - frames.start[clear] <= CHAIN else row
+    return int(np.flatnonzero(np.cumsum(edges[: row + 1]) == 0)[-1])
 
 
 def _took(answers: Frames, answer: I64, requests: Frames, asked: I64) -> tuple[I64, I64]:
@@ -293,69 +293,6 @@ def _told_by(frames: Frames, answer: I64, requests: Frames, asked: I64, own: Mas
         servo_id = servo_id.copy()
         servo_id[answer[bare]] = requests.servo_id[asked[bare]]
     return replace(frames, op=op, address=address, servo_id=servo_id)
-
-
-def _torn(frames: Frames, block: Block, decided: int, partner: I64, protocol: BusProtocol) -> Mask:
-    """Tell behind which rows unclaimed bytes stand where a request's answer should."""
-    end = frames.end
-    following = np.append(frames.start[1:], decided)
-    if len(block.barriers):
-        following = np.minimum(following, block.limit(end - 1))
-    torn = following > end
-    if not torn.any():
-        return torn
-    if protocol.blank:
-        data = block.data.tobytes()
-        for i in np.flatnonzero(torn).tolist():
-            if not data[int(end[i]) : int(following[i])].strip(protocol.blank):
-                torn[i] = False
-    echo = np.flatnonzero(frames.flags & ECHO)
-    torn[echo - 1] |= torn[echo]
-    if not torn.any():
-        return torn
-    sends = frames.kind == REQUEST
-    together = sends[1:] & sends[:-1] & ~torn[:-1]
-    if together.any() and len(block.barriers):
-        segment = block.segment(frames.start)
-        together &= segment[1:] == segment[:-1]
-    if together.any():
-        first = sends.copy()
-        first[1:] &= ~together
-        _torn_in_turn(frames, torn, np.cumsum(first) * sends, partner, protocol.reach)
-    return torn
-
-
-def _torn_in_turn(frames: Frames, torn: Mask, turn: I64, partner: I64, reach: int) -> None:
-    """Where several were asked in a row, tell which answers are torn among those that came.
-
-    The answer that is missing stands behind that of the request before it, or, if none before it
-    was answered, behind the last request of the row. ``turn`` numbers these rows, 0 for none.
-    """
-    answered = np.full(len(frames), -1, np.int64)
-    answer = np.flatnonzero(partner >= 0)
-    answered[partner[answer]] = answer
-    some = np.zeros(int(turn.max()) + 1, bool)
-    some[turn[answered >= 0]] = True
-    some[0] = False
-    alone = np.flatnonzero(some[turn] & (answered < 0) & (frames.reply != NEVER))
-    start, end = frames.start, frames.end
-    found: list[int] = []
-    for row in alone.tolist():
-        before = row - 1
-        while before >= 0 and turn[before] == turn[row] and answered[before] < 0:
-            before -= 1
-        if before >= 0 and turn[before] == turn[row]:
-            where = int(answered[before])
-        else:
-            where, others = row, False
-            while where + 1 < len(turn) and turn[where + 1] == turn[row]:
-                where += 1
-                near = start[answered[where]] - end[row] <= reach
-                others |= bool(answered[where] >= 0 and near)
-            where = where if others else row
-        if torn[where] and end[where] - end[row] < reach:
-            found.append(row)
-    torn[found] = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,7 @@ from sniffer.model import (
     GAP_MAX,
     I64,
     NEVER,
+    OK,
     REQUEST,
     RESPONSE,
     Batch,
@@ -205,7 +206,7 @@ class Decoder:
             Transactions.empty(),
             Samples.empty(),
             remarks=self._remarks.until(base + cut),
-            cut=self._left_open(frames, partner, block) if is_cut else None,
+            cut=self._left_open(frames, partner, block, paired.transactions) if is_cut else None,
             before=paired.before if len(paired.before) else None,
             slower_ns=self._slower_ns,
         )
@@ -219,18 +220,23 @@ class Decoder:
         self._stamps.forget(self._base)
         return batch
 
-    def _left_open(self, frames: Frames, partner: I64, block: Block) -> Cut:
+    def _left_open(
+        self, frames: Frames, partner: I64, block: Block, transactions: Transactions
+    ) -> Cut:
         """Return what more bytes could still have changed, where the capture ends with a block.
 
         A request whose time for an answer was over is not among it: by the clock; without one,
-        where the controller asked again after an answer to somebody else.
+        where the controller asked again after an answer, unless all answers behind that request
+        are to earlier ones: with several in flight those come first.
         """
         _, decided = self.protocol.frame(Block(block.data, block.barriers, False))
         rows = self._pairing.open_rows(frames, partner, decided, block)
         tail = frames.take(rows)
         answer = frames.kind == RESPONSE
         turns = np.flatnonzero(answer[:-1] & ~answer[1:])
-        may = rows > (turns[-1] if len(turns) else -1)
+        t = transactions.take(transactions.response >= 0)
+        passed = np.where(t.outcome == OK, t.request, t.response)
+        may = rows > min(max(turns.tolist(), default=-1), max(passed.tolist(), default=-1))
         waited = self._stamps.last_ns - tail.t_end - tail.uncertainty
         may = np.where(tail.uncertainty >= 0, waited <= self.protocol.window_ns(tail), may)
         first = min(frames.start[rows[may]].tolist(), default=len(block.data))

@@ -21,17 +21,9 @@ FILES: Final = sorted(
 
 CORE: Final = (
     *("model", "limits", "registers", "checksums", "framing", "plan", "timing", "bus", "samples"),
-    *(
-        "decoder",
-        "reference",
-        "reference_values",
-        "diagnostics",
-        "protocols",
-        "rows",
-        "summary",
-        "remarks",
-    ),
-    *("merging", "ordering", "lanes", "bare", "pacing", "pending", "matching", "echo"),
+    *("decoder", "reference", "reference_values", "diagnostics", "protocols", "rows"),
+    *("summary", "remarks"),
+    *("merging", "ordering", "lanes", "bare", "pacing", "pending", "matching", "echo", "torn"),
     *("clues", "evidence", "changes", "weighing", "staging"),
 )
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
@@ -41,7 +33,7 @@ FLOORS: Final = (
     ("registers", "checksums", "limits", "clues"),
     ("plan", "framing", "timing", "remarks"),
     ("protocols",),
-    ("pending", "matching", "echo", "staging"),
+    ("pending", "matching", "echo", "staging", "torn"),
     ("bus", "samples", "evidence", "changes", "weighing"),
     ("diagnostics",),
     ("decoder", "reference", "reference_values", "rows"),

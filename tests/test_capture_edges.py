@@ -100,6 +100,39 @@ def test_a_scan_of_absent_servos_is_cut_at_its_last_one_only() -> None:
     ]
 
 
+def lss(talk: str) -> bytes:
+    """Return queries ("1") and answers ("1!") of LSS servos."""
+    words = talk.split()
+    return b"".join(
+        b"*%sQD9\r" % w[:-1] if w[1:] else b"#%sQD\r" % w for w in map(str.encode, words)
+    )
+
+
+@pytest.mark.parametrize(
+    ("talk", "silent", "cut"),
+    [
+        ("1 2 1! 3", [], 2),  # what came behind 2 is the answer to the one before it
+        ("1 2 3 1! 4 2! 5", [], 3),
+        ("1 2", [], 1),
+        ("1 2 2!", [], 1),  # the answers may come in another order
+        ("1 1! 2 3 3! 4", [2], 4),  # 3 was asked later and is answered; the controller went on
+        ("1 2 1! 3 3! 4", [2], 4),
+        ("1 2 3 1! 3! 4", [2], 4),
+        ("1 1! 2 7! 3", [], 3),
+    ],
+)
+def test_of_several_in_flight_those_whose_turn_has_not_come_are_cut(
+    talk: str, silent: list[int], cut: int
+) -> None:
+    for size in (1, 1000):
+        data = lss(talk)
+        decoder = Decoder("lss")
+        parts = [decoder.feed(data[k : k + size]) for k in range(0, len(data), size)]
+        told = [a for b in (*parts, decoder.close()) for a in b.anomalies]
+        assert [a.servo_id for a in told if a.code == "no-response"] == silent
+        assert [a.servo_id for a in told if a.code == "capture-end"] == [cut]
+
+
 def test_more_bytes_than_the_beginning_of_a_frame_are_noise_at_the_end_too() -> None:
     assert codes("mightyzap", Chunk(READ + REPLY + b"\x12\x34" * 4)) == ["noise"]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from sniffer import bus
 from sniffer.decoder import Decoder
 from sniffer.model import OUTCOMES, Batch, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
@@ -215,6 +216,51 @@ def test_torn_bytes_among_answers_in_turn_are_the_answer_that_is_missing() -> No
         torn = [a[:-1] + bytes([a[-1] ^ 1]) if i == hit else a for i, a in enumerate(answers)]
         told = [how for *_, how in exchanges("mightyzap", *asked, *torn)]
         assert told == ["damaged" if i == hit else "ok" for i in range(3)]
+
+
+@pytest.mark.parametrize("chain", [bus.CHAIN, 0])
+def test_an_answer_torn_in_a_chain_without_end_is_damaged_wherever_the_chain_is_cut(
+    chain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two are asked while the two before are open; every fifth time the second answer is torn."""
+    monkeypatch.setattr(bus, "CHAIN", chain)
+    ask, answer = [[b % (i % 8) for i in range(900)] for b in (b"#%dQD\r", b"*%dQD1\r")]
+    torn = range(1, 890, 10)
+    for i in torn:
+        answer[i] = answer[i][:-3]
+    rounds = (answer[i : i + 2] + ask[i + 4 : i + 6] for i in range(0, 890, 2))
+    s = b"".join([*ask[:4], *(part for parts in rounds for part in parts)])
+    assert len(s) > 2 * bus.CHAIN
+    parts = batches(Decoder("lss"), [[Chunk(s[at : at + 64])] for at in range(0, len(s), 64)])
+    told = records(parts)
+    assert any(b.before is not None for b in parts)  # it was cut
+    assert told == records(batches(Decoder("lss"), [[Chunk(s)]]))
+    damaged = [q for q, _, how, _ in told.transactions if OUTCOMES[how] == "damaged"]
+    assert len(damaged) == len(torn)
+
+
+def test_that_it_is_a_guess_is_told_wherever_the_chain_is_cut(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The cut leads between the two requests and the answer that may be either's."""
+    on = [zap(3, 0xF2, b"\x8c\x02"), zap(3, 0, b"\1\2")] * 20
+    data = [POSITION, VOLTAGE, zap(2, 0xF2, b"\x8c\x02"), TWO, *on]
+    whole = codes("mightyzap", *data)
+    assert whole == ["no-response", "no-response", "ambiguous-response"]
+    monkeypatch.setattr(bus, "CHAIN", 0)
+    parts = batches(Decoder("mightyzap"), [[Chunk(bytes([b]))] for b in b"".join(data)])
+    assert any(b.before is not None for b in parts)  # it was cut
+    assert [a.code for b in parts for a in b.anomalies] == whole
+
+
+def test_a_row_of_wck_commands_is_not_cut_before_its_replies(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Doubled ones wait until it is known whether they are an adapter's echo."""
+    monkeypatch.setattr(bus, "CHAIN", 0)
+    one, two = bytes.fromhex("fff80e9c7f15"), bytes.fromhex("fff310bc124d")
+    told = [how for *_, how in exchanges("wck", two, two, two, one, one, *[b"\x3c\x12"] * 3, two)]
+    assert told == ["no_response", "no_response", "ok", "ok", "ok", "no_response"]
 
 
 def test_late_answers_are_told_for_the_request_that_each_of_them_fits() -> None:

@@ -55,8 +55,11 @@ class DoubledAnswers:
             assert a.servo_id is not None
             self._twins.setdefault(a.servo_id, a.known_at)
         t, f = batch.transactions, batch.frames
-        rows = np.flatnonzero((t.outcome == OK) & (t.response >= 0) & (t.request >= 0))
+        rows = np.flatnonzero((t.outcome == OK) & (t.response >= 0) & (t.request != -1))
         answers = t.response[rows]
+        if len(rows) > 1 and (answers[1:] < answers[:-1]).any():
+            rows = rows[np.argsort(answers)]
+            answers = t.response[rows]
         who = f.servo_id[answers] & 255
         stray = {a.evidence[0]: i for i, a in enumerate(found) if a.code == "noise"}
         behind: list[tuple[_Exchange, int, int]] = []
@@ -145,7 +148,8 @@ def _may_be(length: int, size: int) -> bool:
 def _exchange(batch: Batch, row: int, number: int) -> _Exchange:
     t, f = batch.transactions, batch.frames
     q, r = int(t.request[row]), int(t.response[row])
-    asked = batch.data[int(f.start[q]) : int(f.start[q]) + int(f.length[q])]
+    # Bare answers stand right behind their requests: of one in an earlier batch no byte is missed.
+    asked = batch.data[int(f.start[q]) : int(f.start[q]) + int(f.length[q])] if q >= 0 else b""
     start = batch.base + int(f.start[r])
     return _Exchange(int(f.servo_id[r]), number, asked, start, start + int(f.length[r]))
 

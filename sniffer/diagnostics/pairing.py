@@ -87,9 +87,16 @@ class PairingRules:
         self._last: tuple[int, Span] | None = None
         self._answers: Mask = np.empty(0, bool)  # which frames of the batch answer a request
         self._names: dict[int, str] = {}
+        self._tail = b""  # before the batch: requests of it that are answered later begin there
+        self._most = max(protocol.reach, 0) + protocol.longest
 
     def judge(self, batch: Batch) -> Iterator[Anomaly]:
         """Report the transactions that went wrong, and answers beyond their window."""
+        yield from self._judge(batch)
+        data = batch.data if len(batch.data) >= self._most else self._tail + batch.data
+        self._tail = data[-self._most :]
+
+    def _judge(self, batch: Batch) -> Iterator[Anomaly]:
         t = batch.transactions
         if not len(t):
             return
@@ -173,12 +180,14 @@ class PairingRules:
             if self._differs(batch, missed[i], later, place):
                 yield missed[i], place
 
-    @staticmethod
-    def _differs(batch: Batch, still: _Open, later: _Answered, k: int) -> bool:
-        """Tell whether a later request of this batch asked for something else."""
+    def _differs(self, batch: Batch, still: _Open, later: _Answered, k: int) -> bool:
+        """Tell whether a later request asked for something else."""
         start, length = later.span(k)
         start -= batch.base
-        return start >= 0 and batch.data[start : start + length] != still.raw
+        data = batch.data
+        if start < 0:
+            start, data = start + len(self._tail), self._tail
+        return data[start : start + length] != still.raw
 
     def _given_up(self, still: _Open, asked: Frames) -> bool:
         """Tell whether the controller waited out the earlier request before it sent another."""
