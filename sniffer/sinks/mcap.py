@@ -28,7 +28,7 @@ from mcap.records import Attachment
 
 from sniffer import __version__
 from sniffer.limits import BAUDS, number_in
-from sniffer.messages import BUS, OFFSET, SESSION, TOOL
+from sniffer.messages import BUS, END, OFFSET, SESSION, TOOL
 from sniffer.model import NS, OutputError
 from sniffer.registers import schema_path
 from sniffer.sinks.mcap_bulk import Container
@@ -148,14 +148,19 @@ class McapSink:
                 self._encode_raw()
             self._flush(None)
 
-    def close(self) -> None:
-        """Finish the file; after a failure it is left as it is."""
+    def close(self, end: Mapping[str, str] | None = None) -> None:
+        """Finish the file; after a failure it is left as it is.
+
+        ``end`` tells where another file goes on: the facts of its end mark.
+        """
         if self._closed:
             return
         if self._failure is None:
             with self._guard():
                 self._encode(final=True)
                 self._flush(None)
+                if end:
+                    self._file.metadata(END, {_told(k): v for k, v in end.items()})
                 self._file.finish()
         self._closed = True
 
