@@ -150,7 +150,7 @@ def with_facts(path: Path, facts: Mapping[str, str], end: Mapping[str, str] | No
 
     sink = McapSink(path, {"tool": "test", **facts})
     sink.raw("bus0", conversation())
-    sink.close(end)
+    list(sink.closing(end or {}))
     return path.read_bytes()
 
 

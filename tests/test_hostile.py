@@ -288,7 +288,7 @@ def test_an_end_before_the_begin_of_a_file_leaves_nothing_of_the_bus(
     sink = McapSink(path, {}, starts={"arm": 1000})
     for bus in ("arm", "leg"):
         sink.raw(bus, [replace(chunk, bus=bus) for chunk in hostile.conversation()])
-    sink.close({"offset.arm": "999", "offset.nobody": "0"})
+    list(sink.closing({"offset.arm": "999", "offset.nobody": "0"}))
     answer = victim.run("decode", path, "--format", "jsonl", "--protocol", "mightyzap")
     sound(answer)
     assert answer.status == 0

@@ -148,10 +148,15 @@ class McapSink:
                 self._encode_raw()
             self._flush(None)
 
-    def close(self, end: Mapping[str, str] | None = None) -> None:
-        """Finish the file; after a failure it is left as it is.
+    def close(self) -> None:
+        """Finish the file; after a failure it is left as it is."""
+        for _ in self.closing({}):
+            pass
 
-        ``end`` tells where another file goes on: the facts of its end mark.
+    def closing(self, end: Mapping[str, str]) -> Iterator[None]:
+        """Do that in steps of some ms; in the first one all but the file's index is written.
+
+        ``end`` tells where another file goes on: the facts of the end mark, none where none does.
         """
         if self._closed:
             return
@@ -161,7 +166,7 @@ class McapSink:
                 self._flush(None)
                 if end:
                     self._file.metadata(END, {_told(k): v for k, v in end.items()})
-                self._file.finish()
+                yield from self._file.finishing()
         self._closed = True
 
     @contextlib.contextmanager

@@ -30,7 +30,7 @@ from sniffer.sinks.files import is_lost, writing
 from sniffer.timing import byte_time_ns
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from sniffer.model import Batch
@@ -39,6 +39,10 @@ if TYPE_CHECKING:
 
 FLUSH_NS: Final = 250_000_000
 """How long decoded records wait to be written: twice as long saves less than a tenth more."""
+
+STEP_NS: Final = 10_000_000
+"""How long a file is ended in one go: the index of an hour takes some tenths of a second, in which
+nothing that comes would be written."""
 
 Placed = tuple[int, Chunk]
 """A chunk, and the offset of its first byte in the stream."""
@@ -114,6 +118,8 @@ class RotatingMcap:
         self._asked = self._closed = False
         self._began: int | None = None
         self._failure: str | None = None
+        self._old: McapSink | None = None
+        self._ending: Iterator[None] = iter(())
         numbered = rotate_bytes is not None or rotate_ns is not None
         if numbered and not overwrite:
             self._refuse_numbered()
@@ -125,7 +131,8 @@ class RotatingMcap:
     @property
     def size(self) -> int:
         """Bytes written, all files together."""
-        return self._finished + self._sink.size
+        ending = self._old.size if self._old is not None else 0
+        return self._finished + ending + self._sink.size
 
     @property
     def deleted(self) -> tuple[Path, ...]:
@@ -185,6 +192,7 @@ class RotatingMcap:
         """Write what waits: raw bytes at once, what was decoded in time."""
         self._check()
         self._sink.flush()
+        self._end_old(STEP_NS)
 
     def close(self) -> None:
         """Finish the file; after a failure everything is left as it is."""
@@ -192,7 +200,10 @@ class RotatingMcap:
             return
         self._closed = True
         if self._failure is None:
-            self._sink.close()
+            try:
+                self._end_old()
+            finally:
+                self._sink.close()
 
     def _check(self) -> None:
         if self._failure is not None or self._closed:
@@ -215,6 +226,7 @@ class RotatingMcap:
             undecided[bus], t_ns = _behind(state.kept, places[bus], self._byte_ns(bus))
             if t_ns is not None:
                 ends[f"{TIME}.{bus}"] = str(t_ns)
+        self._end_old()
         try:
             # no file follows one that has not got all before it: that would be a hole
             old.flush()
@@ -226,12 +238,23 @@ class RotatingMcap:
         self._asked, self._began = False, None
         for bus, placed in undecided.items():
             self._buses[bus].kept = placed
+        self._old, self._ending = old, old.closing(ends)
+        self._end_old(STEP_NS)
+
+    def _end_old(self, most_ns: int | None = None) -> None:
+        """Go on ending the file before the current one, in ``most_ns`` where that is given."""
+        if self._old is None:
+            return
+        began = time.monotonic_ns()
         failure: OutputError | None = None
         try:
-            old.close(ends)
+            for _ in self._ending:
+                if most_ns is not None and time.monotonic_ns() - began >= most_ns:
+                    return
         except OutputError as error:
             failure = error
-        self._finished += old.size
+        self._finished += self._old.size
+        self._old = None
         self._drop_oldest()
         if failure is not None:
             self._fail(failure)
@@ -239,8 +262,10 @@ class RotatingMcap:
     def _fail(self, error: OutputError) -> None:
         """Finish the current file and refuse everything else."""
         self._failure = str(error)
-        with contextlib.suppress(OutputError):
-            self._sink.close()
+        for ending in (self._ending, self._sink.closing({})):
+            with contextlib.suppress(OutputError):
+                for _ in ending:
+                    pass
         raise OutputError(self._failure) from None
 
     def _begin(
