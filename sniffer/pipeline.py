@@ -143,6 +143,7 @@ class Pipeline:
 
     def record(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Hand chunks to the sinks as they came, before they are decoded."""
+        self._begin.setdefault(bus, 0)
         self._each(functools.partial(_raw, bus=bus, chunks=chunks))
 
     def decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
@@ -190,8 +191,8 @@ class Pipeline:
         self.decode(bus, [chunk])
 
     def decided(self) -> dict[str, int]:
-        """Return the offset up to which each bus is decoded, for those that speak something."""
-        return {bus: decoder.position for bus, decoder in self._decoders.items()}
+        """Return the offset up to which each bus is decoded: what waits for its protocol is not."""
+        return self._begin | {bus: decoder.position for bus, decoder in self._decoders.items()}
 
     def speaks(self, bus: str) -> str | None:
         """Return the protocol of a bus, None while it is not known."""

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
-from sniffer.messages import RECOVERED
+from sniffer.messages import END, RECOVERED
 from sniffer.model import InputError, OutputError
 from sniffer.sinks.files import writing
 from sniffer.sinks.mcap_bulk import Container
+from sniffer.sources.mcap_ends import end_facts
 from sniffer.sources.mcap_packed import BrokenError
 from sniffer.sources.mcap_records import NotMcapError, Piece, Records
 
@@ -69,12 +70,15 @@ def recover(path: Path, out: Path) -> Report:
     file: Container | None = None
     messages, why = 0, ""
     with stream:
+        end = end_facts(stream)  # it is kept also where it stands behind the damage
         records = Records(stream, attachments=True)
         try:
             try:
                 for record in records:
                     if isinstance(record, Header):
                         file = Container(temporary, record.library)
+                    elif isinstance(record, Metadata) and record.name == END:
+                        continue
                     elif file is not None:
                         messages += _copy(record, records, file)
             except NotMcapError as error:
@@ -86,6 +90,8 @@ def recover(path: Path, out: Path) -> Report:
                 why = str(error)
             if file is None:
                 raise InputError(f"{path}: nothing of it can be read ({why})")
+            if end:
+                file.metadata(END, end)
             if why:
                 file.metadata(RECOVERED, {"why": why})
             file.finish()

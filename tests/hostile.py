@@ -144,13 +144,13 @@ def recording(path: Path, **options: Any) -> bytes:
     return path.read_bytes()
 
 
-def with_facts(path: Path, facts: Mapping[str, str]) -> bytes:
-    """Return the recording with other facts."""
+def with_facts(path: Path, facts: Mapping[str, str], end: Mapping[str, str] | None = None) -> bytes:
+    """Return the recording with other facts, and an end mark that says ``end``."""
     from sniffer.sinks.mcap import McapSink
 
     sink = McapSink(path, {"tool": "test", **facts})
     sink.raw("bus0", conversation())
-    sink.close()
+    list(sink.closing(end or {}))
     return path.read_bytes()
 
 

@@ -30,7 +30,7 @@ CORE: Final = (
 
 FLOORS: Final = (
     ("model",),
-    ("registers", "checksums", "limits", "clues"),
+    ("registers", "checksums", "limits", "clues", "cutting"),
     ("plan", "framing", "timing", "remarks"),
     ("protocols",),
     ("pending", "matching", "echo", "staging", "torn"),

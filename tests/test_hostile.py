@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import struct
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -232,6 +233,88 @@ def test_facts_that_cannot_be_are_left_out_or_told(
     again = victim.run("replay", path, "--redecode")
     assert again.status in (0, 1, 2)
     sound(Answer(again.status, "", again.err, again.memory))
+
+
+WHOLE: Final = (ASK + ANSWER) * 20
+"""What the recordings here hold."""
+
+
+@pytest.mark.parametrize(
+    ("end", "kept"),
+    [
+        ({"offset.bus0": "30"}, 30),
+        ({"offset.bus0": "30", "t_ns.bus0": "9" * 5000}, 30),
+        ({"offset.bus0": "30", "t_ns.bus0": "0"}, 30),
+        ({"offset.bus0": "30", "t_ns.bus0": "-1"}, 30),
+        ({"offset.bus0": "0"}, 0),
+        ({"offset.bus0": "-1"}, len(WHOLE)),
+        ({"offset.bus0": "9" * 5000}, len(WHOLE)),
+        ({"offset.bus0": str(1 << 55)}, len(WHOLE)),
+        ({"offset.bus0": str(1 << 56)}, len(WHOLE)),
+        ({"offset.bus0": "\u0661"}, 1),  # a digit is a digit
+        ({"offset.bus0": ""}, len(WHOLE)),
+        ({"offset": "3", "offset.": "3", "offset.bus0.more": "3", ".bus0": "3"}, len(WHOLE)),
+        ({f"offset.bus{n}": "3" for n in range(1, 2_000)}, len(WHOLE)),
+        ({"offset.bus0": "30", "more": "x" * (1 << 20)}, 30),
+        ({"offset.bus0": "30", "more": "x" * (1 << 22)}, len(WHOLE)),  # longer than is believed
+    ],
+    ids=range(15),
+)
+@pytest.mark.parametrize("torn", [False, True])
+def test_an_end_that_cannot_be_is_left_out(
+    end: dict[str, str], kept: int, torn: bool, victim: Victim, tmp_path: Path
+) -> None:
+    path, whole = tmp_path / "x.mcap", tmp_path / "whole.mcap"
+    data = hostile.with_facts(path, {}, end)
+    path.write_bytes(data[: -1 if torn else None])
+    mended = victim.run("recover", path, "-o", whole)
+    assert (mended.status, mended.err) == (0, "")
+    for recording in (path, whole):
+        answer = victim.run("decode", recording, "--format", "jsonl", "--protocol", "mightyzap")
+        sound(answer)
+        assert answer.status == (0 if kept else 2)
+        assert (conserved(answer.out) if kept else b"") == WHOLE[:kept]
+        again = victim.run("replay", recording, "--redecode")
+        assert again.status in (0, 1, 2)
+        sound(Answer(again.status, "", again.err, again.memory))
+
+
+def test_an_end_before_the_begin_of_a_file_leaves_nothing_of_the_bus(
+    victim: Victim, tmp_path: Path
+) -> None:
+    from sniffer.sinks.mcap import McapSink
+
+    path = tmp_path / "x.mcap"
+    sink = McapSink(path, {}, starts={"arm": 1000})
+    for bus in ("arm", "leg"):
+        sink.raw(bus, [replace(chunk, bus=bus) for chunk in hostile.conversation()])
+    list(sink.closing({"offset.arm": "999", "offset.nobody": "0"}))
+    answer = victim.run("decode", path, "--format", "jsonl", "--protocol", "mightyzap")
+    sound(answer)
+    assert answer.status == 0
+    assert conserved(answer.out) == WHOLE, "of the other bus"
+
+
+@pytest.mark.parametrize("number", [0, 1, 8, 2**31, 2**62, 2**63 - 1, 2**63, 2**64 - 1])
+@pytest.mark.parametrize("place", range(6))
+def test_an_index_that_leads_astray_is_not_followed_to_an_end(
+    place: int, number: int, victim: Victim, tmp_path: Path
+) -> None:
+    """Whatever of it is changed: the mark is found in another way, or there is none."""
+    path = tmp_path / "x.mcap"
+    data = bytearray(hostile.with_facts(path, {}, {"offset.bus0": "30"}))
+    footer = len(data) - 37
+    offsets = struct.unpack_from("<Q", data, footer + 17)[0]
+    groups = range(offsets, footer, 26)
+    group = next(at for at in groups if data[at + 9] == Opcode.METADATA_INDEX)
+    index = struct.unpack_from("<Q", data, group + 10)[0]
+    while b"servo_sniffer.end" not in data[index : index + 60]:
+        index += 9 + struct.unpack_from("<Q", data, index + 1)[0]
+    changed = (footer + 1, footer + 17, group + 10, group + 18, index + 1, index + 9)
+    struct.pack_into("<Q", data, changed[place], number)
+    answer, _ = decoded(victim, path, bytes(data), "--protocol", "mightyzap")
+    assert answer.status == 0
+    assert conserved(answer.out) in (WHOLE, WHOLE[:30])
 
 
 def raw_message(offset: int, *, start: int = 0, count: int = 1, t_ns: int = START_NS) -> bytes:

@@ -207,7 +207,6 @@ def test_files_of_a_size_joined_are_all_that_was_said(tmp_path: Path, line: Pati
         while not (tmp_path / "run-0003.mcap").exists():
             say_slowly(line, TALK, 45)
             said += 1
-            # in silence a place is found where all is decided, however rarely it is looked for
             run.wait_until(partial(_has, tmp_path, said * len(TALK)), "not recorded")
         assert run.stop() == Ran(0, "", "")
     paths = sorted(tmp_path.glob("*.mcap"))

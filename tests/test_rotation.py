@@ -12,13 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sniffer.comparing import compare
+from sniffer.cutting import cut
 from sniffer.model import NS, Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.pipeline import Options, Pipeline
 from sniffer.protocols import PROTOCOLS
 from sniffer.recovery import recover
-from sniffer.sinks.rotation import RotatingMcap, cut
+from sniffer.sinks.rotation import RotatingMcap
 from sniffer.sources import open_source
 from sniffer.sources.mcap import chunks, session
+from sniffer.sources.mcap_ends import End, ends
+from tests.recorder import Collected
 from tests.recordings import START_NS, heads, messages, talk
 from tests.test_mcap import RERUN, rerun
 
@@ -42,14 +45,11 @@ class Wall:
 
 
 def spoken() -> list[list[Chunk]]:
-    """Return what four buses say in eight seconds, in groups of 50 ms; some of it is remarked on.
-
-    Their faults leave requests unanswered, so a new file begins up to two seconds after it is due.
-    """
+    """Return what four buses say in two seconds, in groups of 50 ms; some of it is remarked on."""
     rng = random.Random(1)
     sent = []
     for seed, (bus, protocol) in enumerate(BUSES.items()):
-        for chunk in talk(protocol, 8.0, seed, bus=bus):
+        for chunk in talk(protocol, 2.0, seed, bus=bus):
             some = rng.random() < 0.1
             marks = (Mark(MarkKind.FRAMING, 0, len(chunk.data), 2),) if some else ()
             sent.append(Chunk(chunk.data, chunk.t_ns, Clock.READ, bus, marks=marks))
@@ -85,6 +85,12 @@ def record(
     return file
 
 
+def ended(path: Path) -> dict[str, End]:
+    """Return where a file says that it ends."""
+    with path.open("rb") as stream:
+        return ends(stream)
+
+
 def joined(files: Sequence[Path]) -> dict[str, list[Any]]:
     """Return the messages of all files by topic."""
     out: dict[str, list[Any]] = {}
@@ -107,6 +113,21 @@ def streams(files: Sequence[Path]) -> dict[str, tuple[bytes, list[tuple[int, ...
     return {bus: (bytes(said), _merged(marks[bus])) for bus, said in data.items()}
 
 
+def gaps_recorded(path: Path, bus: str) -> list[tuple[int, int, str]]:
+    return [(g.offset, g.length, g.reason) for g in messages(path).get(f"/{bus}/gaps", [])]
+
+
+def gaps_again(path: Path, bus: str, begin: int) -> list[tuple[int, int, str]]:
+    """Return the gaps that decoding a file alone finds, by their place in the whole stream."""
+    source, found = open_source(path), Collected()
+    pipeline = Pipeline(Options().with_facts(source.facts()), [found])
+    for group in source:
+        pipeline.feed(group)
+    pipeline.close()
+    batches = found.batches.get(bus, [])
+    return [(begin + b.base + g.start, g.length, g.reason) for b in batches for g in b.gaps]
+
+
 def _merged(regions: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
     out: list[tuple[int, ...]] = []
     for start, end in regions:
@@ -118,13 +139,14 @@ def _merged(regions: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
 
 
 def ask(file: RotatingMcap, number: int) -> None:
-    if number in (5, 6, 80):
+    if number in (5, 25):
+        file.rotate()
         file.rotate()
 
 
 LIMITS: dict[str, dict[str, Any]] = {
-    "size": {"rotate_bytes": 60_000},
-    "time": {"rotate_ns": NS // 3},
+    "size": {"rotate_bytes": 150_000},
+    "time": {"rotate_ns": 2 * NS // 5},
     "asked": {"each": ask},
 }
 
@@ -171,9 +193,11 @@ def test_each_file_decodes_alone_to_what_was_recorded_in_it(
         for bus, protocol in BUSES.items():
             assert facts[f"protocol.{bus}"] == protocol
             assert facts.get(f"offset.{bus}", "0") == str(ends[bus])
-            found = messages(path)[f"/{bus}/raw"]
-            assert found[0].offset == ends[bus]
-            ends[bus] = found[-1].offset + len(found[-1].data)
+            assert messages(path)[f"/{bus}/raw"][0].offset == ends[bus]
+            assert gaps_again(path, bus, ends[bus]) == gaps_recorded(path, bus)
+            ends[bus] += len(streams([path]).get(bus, (b"",))[0])
+            assert ended(path).get(bus, End(ends[bus])).offset == ends[bus]
+        assert (ended(path).keys() == BUSES.keys()) == (path != file.path)
         for topic, mine in itertools.groupby(
             sorted(heads(path), key=lambda m: m.channel_id), lambda m: m.channel_id
         ):
@@ -233,50 +257,78 @@ def test_only_the_latest_files_are_kept_and_no_others_touched(
     assert session(tmp_path / "first.mcap")["part"] == "1"
 
 
-def test_bytes_that_stay_undecided_stand_in_both_files(tmp_path: Path) -> None:
+def test_bytes_that_are_undecided_stand_in_both_files_and_are_read_from_one(
+    tmp_path: Path,
+) -> None:
     wall = Wall()
-    file = RotatingMcap(tmp_path / "run.mcap", FACTS, now=wall)
+    file = RotatingMcap(tmp_path / "run.mcap", {**FACTS, "baud.arm": "10000"}, now=wall)
     sent = [bytes([k]) * 10 for k in range(60)]
     for number, data in enumerate(sent):
+        wall.ns += ROUND_NS
+        marks = (Mark(MarkKind.FRAMING, 0, 10, 1),) if number == 2 else ()
+        file.raw("arm", [Chunk(data, wall.ns, Clock.READ, "arm", marks=marks)])
+        file.raw("leg", [Chunk(data, wall.ns, Clock.READ, "leg")])
         if number == 10:
             file.rotate()
-        wall.ns += ROUND_NS
-        file.raw("arm", [Chunk(data, wall.ns, Clock.READ, "arm")])
-        file.raw("leg", [Chunk(data, wall.ns, Clock.READ, "leg")])
         file.turn({"arm": 25})
         file.flush()
     file.close()
     first, second = file.files
     whole = b"".join(sent)
-    before, after = streams([first]), streams([second])
-    cut_at = len(before["leg"][0])
-    assert 500 <= cut_at <= 530, "it is waited for two seconds"
-    assert before["arm"][0] == whole[:110], "what came after it was due is in the new file only"
-    assert after["arm"][0] == whole[25:]
-    assert before["leg"][0] + after["leg"][0] == whole
-    assert messages(second)["/arm/raw"][0].offset == 25
-    assert next(chunks(second)).t_ns == START_NS + 3 * ROUND_NS
+    assert streams([first, second]) == {"arm": (whole, [(20, 30)]), "leg": (whole, [])}
+    before = streams([first])
+    assert (len(before["arm"][0]), len(before["leg"][0])) == (25, 110)
+    found = [messages(path)["/arm/raw"] for path in file.files]
+    assert b"".join(m.data for m in found[0]) == whole[:110], "it was in the file before"
+    assert b"".join(m.data for m in found[1]) == whole[25:]
+    assert found[1][0].offset == 25
+    cut_at = START_NS + 3 * ROUND_NS
+    assert [c.t_ns for c in chunks(first) if c.bus == "arm"][-1] == cut_at - 5 * 1_000_000
+    assert next(chunks(second)).t_ns == cut_at
+    assert ended(first) == {"arm": End(25, cut_at - 5 * 1_000_000), "leg": End(110)}
+    assert ended(second) == {}, "no file goes on with it"
 
 
-def test_a_busy_machine_that_looks_rarely_still_finds_a_place_to_cut(tmp_path: Path) -> None:
-    wall = Wall()
-    file = RotatingMcap(tmp_path / "run.mcap", FACTS, now=wall)
-    sent = [bytes([k]) * 10 for k in range(20)]
-    for number, data in enumerate(sent):
-        if number == 3:
-            file.rotate()
-        wall.ns += 2 * NS  # a second is over at the first look
-        file.raw("arm", [Chunk(data, wall.ns, Clock.READ, "arm")])
-        file.turn({"arm": 25} if number < 5 else {})
+def test_a_recovered_file_keeps_its_end_wherever_it_was_damaged(
+    traffic: list[list[Chunk]], tmp_path: Path
+) -> None:
+    first = record(tmp_path / "run.mcap", traffic, ask).files[0]
+    data, told = first.read_bytes(), ended(first)
+    for size in (len(data) - 1, data.rindex(b"servo_sniffer.end") + 3, len(data) // 2):
+        first.write_bytes(data[:size])  # without its index, torn within the mark, before it
+        known = ended(first)
+        assert recover(first, tmp_path / "whole.mcap").bytes_kept
+        assert ended(tmp_path / "whole.mcap") == known
+    assert known == {}, "of a file that breaks off nobody knows where it was to end"
+    first.write_bytes(data[:-1])
+    assert ended(first) == told, "without an index the mark is found, too"
+    broken = bytearray(data)
+    broken[len(data) // 2] ^= 1
+    first.write_bytes(broken)
+    assert recover(first, first).bytes_lost
+    assert ended(first) == told
+
+
+def test_what_is_carried_over_does_not_count_for_the_next_file(tmp_path: Path) -> None:
+    """Else a bus of which much is undecided would begin a file with each look."""
+    wall, rng = Wall(), random.Random(1)
+    path = tmp_path / "run.mcap"
+    file = RotatingMcap(path, FACTS, now=wall, rotate_bytes=60_000, rotate_ns=NS)
+    file.raw("arm", [Chunk(rng.randbytes(200_000), wall.ns, Clock.READ, "arm")])
+    for _ in range(20):
         file.flush()
+        file.turn({"arm": 0})
+        wall.ns += NS
+    assert len(file.files) == 2, "nothing more was said"
+    file.raw("arm", [Chunk(rng.randbytes(60_000), wall.ns, Clock.READ, "arm")])
+    file.flush()
+    file.turn({"arm": 0})
     file.close()
-    first, second = file.files
-    before, after = streams([first])["arm"][0], streams([second])["arm"][0]
-    assert before + after == b"".join(sent), "nothing stands in both"
-    assert len(before) >= 50
+    assert len(file.files) == 3
+    assert [len(said) for path in file.files for said, _ in streams([path]).values()] == [260_000]
 
 
-def test_a_bus_that_is_understood_late_disturbs_no_file(tmp_path: Path) -> None:
+def test_a_bus_that_is_understood_late_is_whole_in_the_file_where_it_is(tmp_path: Path) -> None:
     wall = Wall()
     file = RotatingMcap(tmp_path / "run.mcap", FACTS, now=wall)
     pipeline = Pipeline(Options(), [file], live=True)
@@ -290,12 +342,11 @@ def test_a_bus_that_is_understood_late_disturbs_no_file(tmp_path: Path) -> None:
         file.flush()
     pipeline.close()
     pipeline.finish()
-    assert streams(file.files)["arm"][0] == b"".join(c.data for c in sent)
-    assert "/arm/frames" not in messages(file.files[0])
-    assert messages(file.files[1])["/arm/frames"][0].offset == 0, "its bytes are in the file before"
-    report = compare(file.files[1], Options(), say=pytest.fail)
-    assert not report.buses[0].otherwise
-    assert not report.buses[0].only_recorded
+    first, second = file.files
+    assert streams([second])["arm"][0] == b"".join(c.data for c in sent)
+    assert streams([first]) == {}
+    assert messages(first).keys() == {"/arm/raw"}, "it is there, for a recorder that is killed"
+    assert compare(second, Options(), say=pytest.fail).equal
 
 
 def test_every_part_is_an_input_like_any_other(traffic: list[list[Chunk]], tmp_path: Path) -> None:
@@ -336,9 +387,10 @@ def test_marks_go_with_their_bytes_where_a_chunk_is_cut(
 ) -> None:
     at = draw.draw(st.integers(1, len(data) - 1))
     chunk = Chunk(data, 1000, Clock.READ, marks=tuple(marks))
-    first, second = cut(chunk, at, 10)
+    first, second = cut(chunk, at, 990)
     assert first.data + second.data == data
-    assert (first.t_ns, second.t_ns) == (1000 - 10 * len(second.data), 1000)
+    assert len(first.data) == at
+    assert (first.t_ns, second.t_ns) == (990, 1000)
 
     def places(kept: Sequence[Mark], shift: int) -> list[tuple[MarkKind, int, int]]:
         doubt = ((m, range(m.start, m.start + m.length)) for m in kept)

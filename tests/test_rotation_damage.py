@@ -18,16 +18,20 @@ import pytest
 
 from sniffer.comparing import compare
 from sniffer.model import Chunk, Clock, DamagedInputError, OutputError
-from sniffer.pipeline import Options
+from sniffer.pipeline import Options, Pipeline
 from sniffer.recovery import recover
+from sniffer.sinks import rotation
+from sniffer.sinks.mcap_bulk import Container
+from sniffer.sinks.mcap_summary import MAGIC
 from sniffer.sinks.rotation import RotatingMcap
 from sniffer.sources.mcap import chunks, session
-from tests.recordings import talk
+from sniffer.sources.mcap_ends import End
+from tests.recordings import messages, talk
 from tests.terminals import PATIENCE_S
-from tests.test_rotation import record, spoken, streams
+from tests.test_rotation import ended, record, spoken, streams
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
@@ -55,7 +59,7 @@ def test_where_the_next_file_cannot_be_begun_the_one_before_is_finished(
     assert file.files == (path,)
     for bus, (said, _) in streams([path]).items():
         sent = b"".join(c.data for group in traffic[: len(seen)] for c in group if c.bus == bus)
-        assert said == sent, "what was held for the next file too"
+        assert said == sent, "what is undecided belongs to it: no file goes on with it"
     assert compare(path, Options(), say=pytest.fail).buses
 
 
@@ -71,9 +75,9 @@ path, room, speed = Path(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
 if room:
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
 reads = talk("mightyzap", 8.0, rate=0)
-file = RotatingMcap(path, {"tool": "test"}, rotate_bytes=48_000, flush_ns=100_000_000)
+file = RotatingMcap(path, {"tool": "test"}, rotate_bytes=52_000, flush_ns=100_000_000)
 pipeline = Pipeline(Options(protocol="mightyzap"), [file], live=True)
-began, first, sent, safe = time.monotonic_ns(), reads[0].t_ns, 0, 0
+began, first, sent = time.monotonic_ns(), reads[0].t_ns, 0
 try:
     while reads:
         time.sleep(0.02 / speed)
@@ -82,24 +86,22 @@ try:
         due = [c for c in reads if c.t_ns - first <= now][:40]
         reads = reads[len(due):]
         sent += sum(len(c.data) for c in due)
-        was_due = file.is_due
+        print("handed", sent, flush=True)
         pipeline.feed(due)
-        file.turn(pipeline.decided())
-        if not (was_due and file.is_due):  # else it is held for the next file
-            safe = sent
-        print(safe, sent, flush=True)
         file.flush()
+        print("flushed", sent, flush=True)
+        file.turn(pipeline.decided())
 except OutputError as error:
     print(error)
 file.close()
 """
 
 
-def parts(folder: Path) -> list[Path]:
-    return sorted(folder.glob("run-*.mcap"))
+def parts(folder: Path, names: str = "run-*.mcap") -> list[Path]:
+    return sorted(folder.glob(names), key=lambda path: path.stem)
 
 
-def test_a_recorder_that_is_killed_between_files_loses_no_more_than_was_held(
+def test_a_recorder_that_is_killed_between_files_loses_nothing_that_was_flushed(
     tmp_path: Path,
 ) -> None:
     command = [sys.executable, "-c", RECORDER, str(tmp_path / "run.mcap"), "0", "1"]
@@ -111,18 +113,105 @@ def test_a_recorder_that_is_killed_between_files_loses_no_more_than_was_held(
             time.sleep(0.01)
         recorder.send_signal(signal.SIGKILL)
         told += recorder.stdout.read().splitlines()
-    handed = [(int(safe), int(sent)) for safe, sent in (line.split() for line in told)]
-    must = handed[-2][0]  # the round before the last one it told of was flushed to its end
-    files = parts(tmp_path)
+    least, most = (
+        max(int(line.split()[1]) for line in told if line.startswith(word))
+        for word in ("flushed", "handed")
+    )
+    files = [path for path in parts(tmp_path) if path.stat().st_size]  # it may be just begun
     with pytest.raises(DamagedInputError):
         list(chunks(files[-1]))
     for path in files[1:]:  # the one before it may not have been finished
         recover(path, path)
-    said = streams(files)["bus0"][0]
-    assert must <= len(said)  # the round it was killed in may be there, too
+    said = joined(files, "bus0")
+    assert least <= len(said) <= most
     assert b"".join(c.data for c in talk("mightyzap", 8.0, rate=0)).startswith(said)
     for path in files[:-1]:
         assert compare(path, Options(), say=pytest.fail).equal
+
+
+def test_wherever_in_a_change_a_recorder_is_killed_no_byte_is_in_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever is written is noted: a killed recorder has written the beginning of that."""
+    written: list[tuple[str, bytes, int]] = []
+    flushed = 0
+    put = Container._put
+
+    def note(self: Container, data: bytes, *, checked: bool = True) -> None:
+        written.append((self.path.name, data, flushed))
+        put(self, data, checked=checked)
+
+    monkeypatch.setattr(Container, "_put", note)
+    traffic = talk("wck", 0.4, rate=0.1)
+    said = b"".join(chunk.data for chunk in traffic)
+    file = RotatingMcap(tmp_path / "run.mcap", {"tool": "test"}, flush_ns=0)
+    pipeline = Pipeline(Options(protocol="wck"), [file], live=True)
+    turns: list[int] = []
+    for number, chunk in enumerate(traffic):
+        pipeline.feed([chunk])
+        file.flush()
+        flushed += len(chunk.data)
+        began = len(written)
+        if number in (20, 40):
+            file.rotate()
+        file.turn(pipeline.decided())
+        turns += range(began + 1, len(written) + 1)
+    assert len(turns) > 20
+    left = tmp_path / "left"
+    left.mkdir()
+    for count in turns:
+        for name in {name for name, _, _ in written[:count]}:
+            of_it = [data for of, data, _ in written[:count] if of == name]
+            (left / name).write_bytes(b"".join(of_it))
+            recover(left / name, left / name)
+        least = written[count - 1][2]
+        files = sorted(left.iterdir(), key=lambda path: path.stem)
+        assert joined(files, "bus0") == said[:least]
+    pipeline.close()
+    pipeline.finish()
+
+
+def test_while_a_long_file_is_ended_what_comes_is_in_the_next_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rotation, "STEP_NS", 0)
+    file = RotatingMcap(tmp_path / "run.mcap", {"tool": "test"})
+    for n in range(1100):
+        file.raw("bus0", [Chunk(b"0123456789", n, Clock.READ)])
+        file.flush()
+    file.rotate()
+    file.turn({"bus0": 10_995})
+    first, second = file.files
+    steps = 0
+    while not first.read_bytes().endswith(MAGIC):
+        steps += 1
+        assert ended(first) == {"bus0": End(10_995, 1099)}
+        file.raw("bus0", [Chunk(bytes([steps]), 3000 + steps, Clock.READ)])
+        file.flush()
+        assert [chunk.data for chunk in readable(second)][-1] == bytes([steps])
+        assert file.size == sum(path.stat().st_size for path in file.files)
+    assert steps >= 3
+    assert len(messages(first)["/bus0/raw"]) == 1100, "the index is sound"
+    file.rotate()
+    file.turn({})
+    file.rotate()
+    file.turn({})
+    file.close()
+    assert len(file.files) == 4
+    assert all(path.read_bytes().endswith(MAGIC) for path in file.files)
+
+
+def joined(files: Sequence[Path], bus: str) -> bytes:
+    """Return what a bus said: bytes that stand in two files are the same in both."""
+    said = b""
+    for path in files:
+        begin = int(session(path).get(f"offset.{bus}", "0"))
+        data = streams([path]).get(bus, (b"",))[0]
+        assert begin <= len(said), f"bytes are missing before {path.name}"
+        twice = min(len(said) - begin, len(data))
+        assert data[:twice] == said[begin : begin + twice], path.name
+        said += data[len(said) - begin :]
+    return said
 
 
 def test_a_disk_that_fills_up_leaves_every_file_readable(tmp_path: Path) -> None:
@@ -170,25 +259,28 @@ def test_no_file_follows_one_that_did_not_get_its_last_bytes(small_disk: Path) -
     """The oldest file is deleted, so the disk has room again: but not for what is missing."""
     rng = random.Random(1)
     file = RotatingMcap(small_disk / "run.mcap", {"tool": "test"}, rotate_bytes=60_000, keep=1)
-    sent = 0
-
-    def say(size: int) -> int:
-        nonlocal sent
-        file.raw("bus0", [Chunk(rng.randbytes(size))])
-        sent += size
-        return sent
-
-    say(100_000)
+    file.raw("bus0", [Chunk(rng.randbytes(100_000))])
     file.flush()
-    file.turn({"bus0": sent})  # a new file is due: what comes is held back
-    behind = say(160_000)
-    say(1_000)
+    file.raw("bus0", [Chunk(rng.randbytes(160_000)), Chunk(rng.randbytes(1_000))])
     with pytest.raises(OutputError, match="No space left"):
-        file.turn({"bus0": behind})
+        file.turn({"bus0": 260_000})
     file.close()
-    parts = sorted(small_disk.glob("run-*.mcap"))
-    assert [part.name for part in parts] == ["run-0001.mcap"]
-    assert sum(len(chunk.data) for part in parts for chunk in readable(part)) >= 100_000
+    files = parts(small_disk)
+    assert [part.name for part in files] == ["run-0001.mcap"]
+    assert sum(len(chunk.data) for chunk in readable(files[0])) >= 100_000
+
+
+def test_a_file_that_did_not_get_what_was_undecided_is_not_begun(small_disk: Path) -> None:
+    rng = random.Random(1)
+    file = RotatingMcap(small_disk / "run.mcap", {"tool": "test"}, rotate_bytes=60_000)
+    data = rng.randbytes(140_000)
+    file.raw("bus0", [Chunk(data)])
+    file.flush()
+    with pytest.raises(OutputError, match=r"run-0002\.mcap: cannot be written \(No space left"):
+        file.turn({"bus0": 1_000})
+    assert [part.name for part in parts(small_disk)] == ["run-0001.mcap"]
+    assert file.files == (small_disk / "run-0001.mcap",)
+    assert b"".join(chunk.data for chunk in chunks(file.path)) == data
 
 
 def readable(path: Path) -> list[Chunk]:

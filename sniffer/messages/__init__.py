@@ -19,5 +19,12 @@ BUS: Final = "servo_sniffer.bus"
 OFFSET: Final = "offset"
 """Facts ``<OFFSET>.<bus>`` of a session: where in the stream a file begins that goes on with it."""
 
+END: Final = "servo_sniffer.end"
+"""Metadata record behind all messages of a file that another one goes on with: ``<OFFSET>.<bus>``
+is where it ends, ``<TIME>.<bus>`` when the byte before that was on the wire, where that lies within
+a chunk. What stands in the file from there on belongs to the next one, which has it, too."""
+
+TIME: Final = "t_ns"
+
 RECOVERED: Final = "servo_sniffer.recovered"
 """Metadata record: the recorder did not finish the file; ``why`` says what was wrong with it."""

@@ -28,7 +28,7 @@ from mcap.records import Attachment
 
 from sniffer import __version__
 from sniffer.limits import BAUDS, number_in
-from sniffer.messages import BUS, OFFSET, SESSION, TOOL
+from sniffer.messages import BUS, END, OFFSET, SESSION, TOOL
 from sniffer.model import NS, OutputError
 from sniffer.registers import schema_path
 from sniffer.sinks.mcap_bulk import Container
@@ -150,13 +150,23 @@ class McapSink:
 
     def close(self) -> None:
         """Finish the file; after a failure it is left as it is."""
+        for _ in self.closing({}):
+            pass
+
+    def closing(self, end: Mapping[str, str]) -> Iterator[None]:
+        """Do that in steps of some ms; in the first one all but the file's index is written.
+
+        ``end`` tells where another file goes on: the facts of the end mark, none where none does.
+        """
         if self._closed:
             return
         if self._failure is None:
             with self._guard():
                 self._encode(final=True)
                 self._flush(None)
-                self._file.finish()
+                if end:
+                    self._file.metadata(END, {_told(k): v for k, v in end.items()})
+                yield from self._file.finishing()
         self._closed = True
 
     @contextlib.contextmanager

@@ -34,7 +34,7 @@ from sniffer.sinks.files import occupied, writing
 from sniffer.sinks.mcap_summary import MAGIC, ChunkNote, Summary, as_bytes
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
     from google.protobuf.descriptor import FileDescriptor
@@ -221,6 +221,11 @@ class Container:
 
         Where there is no room for it the file ends behind the last whole record.
         """
+        for _ in self.finishing():
+            pass
+
+    def finishing(self) -> Iterator[None]:
+        """Do that in steps of some ms: other things may be done between them."""
         if self._file.closed:
             return
         try:
@@ -229,6 +234,7 @@ class Container:
             try:
                 for piece in self._summary.pieces(here):
                     self._put(piece, checked=False)
+                    yield
             except BaseException:
                 self._cut(here)
                 raise

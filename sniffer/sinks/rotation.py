@@ -1,11 +1,14 @@
 """A recording as a row of files: each is whole in itself, and between them nothing is missing.
 
-When a new file is due, chunks are held back until the recorder tells how far each bus is decoded:
-there the stream is cut, in the middle of a chunk where need be. No frame, reply or gap crosses the
-cut, so each file decodes alone to the frames and gaps that were decoded live. Remarks whose rule
-remembers the exchanges before may differ at a file's begin: nothing of that memory crosses the cut.
-A request that nobody answered is undecided for some hundred bytes: so far each bus is waited for,
-but not for ever. Then the bytes that were undecided when the file was due stand in both files.
+Bytes are in the current file with the next flush, whatever else is due. A new file begins on each
+bus behind the last byte that is decided, in the middle of a chunk where need be. No frame, reply or
+gap crosses that place, so each file decodes alone to the frames and gaps that were decoded live.
+Remarks whose rule remembers the exchanges before may differ at a file's begin: nothing of that
+memory crosses the cut.
+
+What is not decided yet is in the old file already, and written to the new one before anything
+else. Then the old one gets its end mark: readers leave out what lies behind it. So a recorder that
+is killed in between leaves bytes in both files, never in none.
 
 Offsets count through all files; a file's session tells its part, the file before it, and where
 each bus begins (``offset.<bus>``). Counts of the second in which the cut falls stand in both.
@@ -16,28 +19,30 @@ from __future__ import annotations
 import contextlib
 import re
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
+from sniffer.cutting import cut
 from sniffer.limits import BAUDS, number_in
-from sniffer.model import NS, Chunk, Mark, OutputError
+from sniffer.messages import OFFSET, TIME
+from sniffer.model import Chunk, OutputError
 from sniffer.sinks.files import is_lost, writing
 from sniffer.timing import byte_time_ns
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from sniffer.model import Batch
     from sniffer.protocols.base import BusProtocol
     from sniffer.sinks.mcap import McapSink
 
-PATIENCE_NS: Final = 2 * NS
-LOOKS: Final = 3
-"""How long, and how often, a place is looked for at which no bus is undecided: both at least, as in
-that time a busy machine may look once."""
 FLUSH_NS: Final = 250_000_000
 """How long decoded records wait to be written: twice as long saves less than a tenth more."""
+
+STEP_NS: Final = 10_000_000
+"""How long a file is ended in one go: the index of an hour takes some tenths of a second, in which
+nothing that comes would be written."""
 
 Placed = tuple[int, Chunk]
 """A chunk, and the offset of its first byte in the stream."""
@@ -45,15 +50,15 @@ Placed = tuple[int, Chunk]
 
 @dataclass(slots=True)
 class _Bus:
-    """One bus: how far it was handed in, how far it is in the current file.
-
-    ``kept`` are chunks in the file that may not be decided yet, ``held`` those not written.
-    """
+    """One bus: how far it was handed in, and the chunks that may not be decided yet."""
 
     end: int = 0
-    written: int = 0
     kept: list[Placed] = field(default_factory=list)
-    held: list[Placed] = field(default_factory=list)
+
+    @property
+    def begin(self) -> int:
+        """Offset of the first byte that is here."""
+        return self.kept[0][0] if self.kept else self.end
 
 
 class RotatingMcap:
@@ -67,8 +72,10 @@ class RotatingMcap:
     Args:
         path: of the file, or of all of them but for the number.
         session: facts of the recording; ``baud.<bus>`` or ``baud`` tells how long a byte takes.
-        rotate_bytes: a new file is due when the current one has so many bytes.
-        rotate_ns: the same when its first byte came so long ago; a file without bytes is kept on.
+        rotate_bytes: a new file is due when the current one has so many bytes, beside those that
+            were undecided when it was begun.
+        rotate_ns: the same when the first byte came so long ago that was handed in since; a file
+            without such bytes is kept on.
         keep: so many files are kept, the current one among them; older ones of this recording are
             deleted, if they are still those that were written.
         durable: whether the disk is waited for with each flush, against a power failure.
@@ -105,26 +112,27 @@ class RotatingMcap:
         self._now = now
         self._buses: dict[str, _Bus] = {}
         self._protocols: dict[str, BusProtocol] = {}
-        self._batches: list[tuple[str, BusProtocol, Batch]] = []
         self._files: list[tuple[Path, tuple[int, int]]] = []
         self._deleted: list[Path] = []
-        self._part = self._finished = self._looks = 0
+        self._part = self._finished = self._carried = 0
         self._asked = self._closed = False
-        self._due_since: int | None = None
         self._began: int | None = None
         self._failure: str | None = None
+        self._old: McapSink | None = None
+        self._ending: Iterator[None] = iter(())
         numbered = rotate_bytes is not None or rotate_ns is not None
         if numbered and not overwrite:
             self._refuse_numbered()
         self._number = 1
         self.path = self._numbered(1) if numbered else path
         """The file that is being written."""
-        self._sink = self._open(self.path, {})
+        self._sink = self._begin(self.path, {}, {})
 
     @property
     def size(self) -> int:
         """Bytes written, all files together."""
-        return self._finished + self._sink.size
+        ending = self._old.size if self._old is not None else 0
+        return self._finished + ending + self._sink.size
 
     @property
     def deleted(self) -> tuple[Path, ...]:
@@ -141,11 +149,6 @@ class RotatingMcap:
         """Tell whether the current file is no more under its name."""
         return is_lost(*self._files[-1])
 
-    @property
-    def is_due(self) -> bool:
-        """Tell whether a new file is due: what comes is held until it begins."""
-        return self._due_since is not None
-
     def rotate(self) -> None:
         """Ask for a new file; a signal handler may do so."""
         self._asked = True
@@ -153,24 +156,20 @@ class RotatingMcap:
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks as they came, before they are decoded."""
         self._check()
+        if not chunks:
+            return
+        self._began = self._now() if self._began is None else self._began
         state = self._buses.setdefault(bus, _Bus())
-        placed: list[Placed] = []
         for chunk in chunks:
-            placed.append((state.end, chunk))
-            state.end = _end(placed[-1])
-        if self._due_since is None:
-            self._pass_on(bus, placed)
-        else:
-            state.held += placed
+            state.kept.append((state.end, chunk))
+            state.end += len(chunk.data)
+        self._sink.raw(bus, chunks)
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Take what one pass decided; the chunks it was decoded from were taken before."""
         self._check()
         self._protocols[bus] = protocol
-        if self._due_since is None:
-            self._sink.write(bus, protocol, batch)
-        else:
-            self._batches.append((bus, protocol, batch))
+        self._sink.write(bus, protocol, batch)
 
     def turn(self, decided: Mapping[str, int]) -> None:
         """Learn up to which offset each bus is decoded; here a new file may begin.
@@ -181,24 +180,19 @@ class RotatingMcap:
         if self._sink.is_deleted and self.path not in self._deleted:
             self._deleted.append(self.path)
             self._asked = True  # what comes from now on goes where it can be found
-        places = {bus: min(decided.get(bus, b.end), b.end) for bus, b in self._buses.items()}
-        now = self._now()
-        if self._due_since is not None:
-            self._looks += 1
-            clean = all(places[bus] >= b.written for bus, b in self._buses.items())
-            if clean or (now - self._due_since >= PATIENCE_NS and self._looks >= LOOKS):
-                self._change(places)
+        places = {
+            bus: min(max(decided.get(bus, b.end), b.begin), b.end) for bus, b in self._buses.items()
+        }
+        if self._due(self._now()):
+            self._change(places)
         for bus, state in self._buses.items():
             state.kept = [p for p in state.kept if _end(p) > places[bus]]
-        if not self._due(now):
-            self._due_since = None
-        elif self._due_since is None:
-            self._due_since, self._looks = now, 0
 
     def flush(self) -> None:
-        """Write what waits, but for a next file: raw bytes at once, what was decoded in time."""
+        """Write what waits: raw bytes at once, what was decoded in time."""
         self._check()
         self._sink.flush()
+        self._end_old(STEP_NS)
 
     def close(self) -> None:
         """Finish the file; after a failure everything is left as it is."""
@@ -207,7 +201,7 @@ class RotatingMcap:
         self._closed = True
         if self._failure is None:
             try:
-                self._release()
+                self._end_old()
             finally:
                 self._sink.close()
 
@@ -219,66 +213,48 @@ class RotatingMcap:
         """Tell whether the file has reached a limit; one without bytes never has."""
         if self._asked or self._began is None:
             return self._asked
-        full = self._rotate_bytes is not None and self._sink.size >= self._rotate_bytes
+        size = self._sink.size - self._carried
+        full = self._rotate_bytes is not None and size >= self._rotate_bytes
         return full or (self._rotate_ns is not None and now - self._began >= self._rotate_ns)
 
-    def _pass_on(self, bus: str, placed: Iterable[Placed]) -> None:
-        """Hand chunks to the current file."""
-        if not (placed := list(placed)):
-            return
-        self._began = self._now() if self._began is None else self._began
-        state = self._buses[bus]
-        state.kept += placed
-        state.written = _end(placed[-1])
-        self._sink.raw(bus, [chunk for _, chunk in placed])
-
-    def _release(self) -> None:
-        """Hand what is held to the current file."""
-        for bus, state in self._buses.items():
-            held, state.held = state.held, []
-            self._pass_on(bus, held)
-        batches, self._batches = self._batches, []
-        for bus, protocol, batch in batches:
-            self._sink.write(bus, protocol, batch)
-
     def _change(self, places: Mapping[str, int]) -> None:
-        """End the current file at ``places`` and go on in a new one."""
-        twice: dict[str, list[Placed]] = {}
-        behind: dict[str, list[Placed]] = {}
-        starts: dict[str, int] = {}
+        """Go on in a new file, and end the current one at ``places``."""
+        old, ends = self._sink, dict[str, str]()
+        undecided: dict[str, list[Placed]] = {}
         for bus, state in self._buses.items():
-            place, byte_ns = places[bus], self._byte_ns(bus)
-            state.held, behind[bus] = _split(state.held, place, byte_ns)
-            # undecided bytes that are in the old file already stand in both
-            twice[bus] = _split(state.kept, place, byte_ns)[1] if place < state.written else []
-            begin = twice[bus] + behind[bus]
-            starts[bus] = begin[0][0] if begin else state.end
-        self._release()
-        old = self._sink
+            ends[f"{OFFSET}.{bus}"] = str(places[bus])
+            undecided[bus], t_ns = _behind(state.kept, places[bus], self._byte_ns(bus))
+            if t_ns is not None:
+                ends[f"{TIME}.{bus}"] = str(t_ns)
+        self._end_old()
         try:
             # no file follows one that has not got all before it: that would be a hole
             old.flush()
-        except OutputError as error:
-            self._fail(error)
-        try:
             path = self._next_path()
-            self._sink = self._open(path, starts)
+            self._sink = self._begin(path, places, undecided)
         except OutputError as error:
-            with contextlib.suppress(OutputError):
-                for bus, placed in behind.items():
-                    self._pass_on(bus, placed)
             self._fail(error)
         self.path = path
         self._asked, self._began = False, None
+        for bus, placed in undecided.items():
+            self._buses[bus].kept = placed
+        self._old, self._ending = old, old.closing(ends)
+        self._end_old(STEP_NS)
+
+    def _end_old(self, most_ns: int | None = None) -> None:
+        """Go on ending the file before the current one, in ``most_ns`` where that is given."""
+        if self._old is None:
+            return
+        began = time.monotonic_ns()
         failure: OutputError | None = None
         try:
-            old.close()
+            for _ in self._ending:
+                if most_ns is not None and time.monotonic_ns() - began >= most_ns:
+                    return
         except OutputError as error:
             failure = error
-        self._finished += old.size
-        for bus, placed in behind.items():
-            self._buses[bus].kept = []
-            self._pass_on(bus, twice[bus] + placed)
+        self._finished += self._old.size
+        self._old = None
         self._drop_oldest()
         if failure is not None:
             self._fail(failure)
@@ -286,12 +262,16 @@ class RotatingMcap:
     def _fail(self, error: OutputError) -> None:
         """Finish the current file and refuse everything else."""
         self._failure = str(error)
-        with contextlib.suppress(OutputError):
-            self._sink.close()
+        for ending in (self._ending, self._sink.closing({})):
+            with contextlib.suppress(OutputError):
+                for _ in ending:
+                    pass
         raise OutputError(self._failure) from None
 
-    def _open(self, path: Path, starts: Mapping[str, int]) -> McapSink:
-        """Begin a file; where that fails, nothing of it is left."""
+    def _begin(
+        self, path: Path, starts: Mapping[str, int], undecided: Mapping[str, Sequence[Placed]]
+    ) -> McapSink:
+        """Begin a file with what was undecided; where that fails, nothing of it is left."""
         from sniffer.sinks.mcap import McapSink  # the mcap library is loaded when it is needed
 
         facts = {**self._session, "part": str(self._part + 1)}
@@ -309,11 +289,17 @@ class RotatingMcap:
                 durable=self._durable,
                 starts=starts,
             )
+            empty = sink.size
+            for bus, placed in undecided.items():
+                if placed:
+                    sink.raw(bus, [chunk for _, chunk in placed])
+            sink.flush()
         except OutputError:
             if not was_there:
                 with contextlib.suppress(OSError):
                     path.unlink()
             raise
+        self._carried = sink.size - empty
         self._part += 1
         self._files.append((path, _identity(path)))
         return sink
@@ -362,39 +348,15 @@ def _end(placed: Placed) -> int:
     return placed[0] + len(placed[1].data)
 
 
-def _split(placed: Iterable[Placed], place: int, byte_ns: int) -> tuple[list[Placed], list[Placed]]:
-    """Return the chunks before a place in the stream, and those behind it."""
-    before: list[Placed] = []
-    after: list[Placed] = []
+def _behind(placed: Iterable[Placed], place: int, byte_ns: int) -> tuple[list[Placed], int | None]:
+    """Return the chunks behind a place, and where one is cut there the time of the byte before."""
+    behind: list[Placed] = []
+    t_ns: int | None = None
     for start, chunk in placed:
-        if start + len(chunk.data) <= place:
-            before.append((start, chunk))
-        elif start >= place:
-            after.append((start, chunk))
-        else:
-            first, second = cut(chunk, place - start, byte_ns)
-            before.append((start, first))
-            after.append((place, second))
-    return before, after
-
-
-def cut(chunk: Chunk, at: int, byte_ns: int) -> tuple[Chunk, Chunk]:
-    """Return a chunk as two, ``at`` bytes in the first one.
-
-    A mark over the cut stands on both, with its whole count: nobody knows on which side it was.
-    """
-    first, second = chunk.data[:at], chunk.data[at:]
-    t_ns = None if chunk.t_ns is None else chunk.t_ns - len(second) * byte_ns
-    left: list[Mark] = []
-    right: list[Mark] = []
-    for mark in chunk.marks:
-        end = mark.start + mark.length
-        if mark.start < at:
-            left.append(mark._replace(length=min(end, at) - mark.start))
-        if mark.start >= at or end > at:
-            start = max(mark.start, at)
-            right.append(mark._replace(start=start - at, length=end - start))
-    return (
-        replace(chunk, data=first, t_ns=t_ns, marks=tuple(left)),
-        replace(chunk, data=second, marks=tuple(right)),
-    )
+        rest = start + len(chunk.data) - place
+        if start > place or (start == place and rest):
+            behind.append((start, chunk))
+        elif rest > 0:
+            t_ns = None if chunk.t_ns is None else chunk.t_ns - rest * byte_ns
+            behind.append((place, cut(chunk, place - start, t_ns)[1]))
+    return behind, t_ns

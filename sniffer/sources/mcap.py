@@ -28,11 +28,12 @@ from sniffer.model import (
     Mark,
     MarkKind,
 )
+from sniffer.sources.mcap_ends import End, ends
 from sniffer.sources.mcap_packed import BrokenError
 from sniffer.sources.mcap_records import NotMcapError, Piece, Records
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from sniffer.sources.text import Stream
 
@@ -79,13 +80,15 @@ def chunks(source: Path | str | Stream) -> Iterator[Chunk]:
 def groups(source: Path | str | Stream) -> Iterator[list[Chunk]]:
     """Yield the chunks of a recording, all buses, in groups of about 256 KiB.
 
-    The chunks of a bus come in their order, and those of several by the time of arrival.
+    The chunks of a bus come in their order, and those of several by the time of arrival. What lies
+    behind the end of a file's part is left out: the next file has it.
 
     Raises:
         InputError: this is no recording of this tool.
         DamagedInputError: it was cut off or is damaged; all that comes before has been yielded.
     """
     with _opened(source) as (stream, name, size):
+        until = ends(stream)
         records = Records(stream)
         raw = _Channels(records, RawChunk)
         group: list[Chunk] = []
@@ -101,7 +104,7 @@ def groups(source: Path | str | Stream) -> Iterator[list[Chunk]]:
                     ours |= record.name == SESSION
                 if not isinstance(record, Piece):
                     continue
-                for chunk in _raw(raw, record, offsets):
+                for chunk in _raw(raw, record, offsets, until):
                     group.append(chunk)
                     held += len(chunk.data)
                     if held >= GROUP or len(group) >= GROUP_CHUNKS:
@@ -243,8 +246,13 @@ def _of(piece: Piece, buses: dict[int, str], *, first: bool = False) -> Iterator
             yield buses[channel], data
 
 
-def _raw(channels: _Channels, piece: Piece, offsets: dict[str, int]) -> Iterator[Chunk]:
-    """Yield a piece's chunks; ``offsets`` tells for each bus where the next one must begin."""
+def _raw(
+    channels: _Channels, piece: Piece, offsets: dict[str, int], until: Mapping[str, End]
+) -> Iterator[Chunk]:
+    """Yield a piece's chunks, as far as they lie before the ends.
+
+    ``offsets`` tells for each bus where the next one must begin.
+    """
     for bus, message in _of(piece, channels.buses()):
         raw = _decoded(RawChunk, message)
         at, data = raw.offset, raw.data
@@ -257,7 +265,11 @@ def _raw(channels: _Channels, piece: Piece, offsets: dict[str, int]) -> Iterator
         t_ns = raw.t_ns if raw.HasField("t_ns") else None
         if t_ns is not None and not is_time(t_ns):
             raise BrokenError("a chunk has a time that cannot be reckoned with")
-        yield Chunk(data, t_ns, clock, bus, direction, _marks(raw) if raw.marks else ())
+        chunk = Chunk(data, t_ns, clock, bus, direction, _marks(raw) if raw.marks else ())
+        end = until.get(bus)
+        mine = chunk if end is None else end.of(chunk, at)
+        if mine is not None:
+            yield mine
 
 
 def _marks(raw: RawChunk) -> tuple[Mark, ...]:
