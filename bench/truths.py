@@ -36,6 +36,9 @@ CHECKED: Final = ("mightyzap", "rs30x")
 """Protocols with a checksum in every frame: what is damaged there is no frame."""
 
 
+MARGIN_NS: Final = 20_000_000
+"""How much earlier than a request is closed its answer must begin, at a stamp's uncertainty."""
+
 Place = tuple[int, int]
 """Where bytes begin and end in the stream."""
 
@@ -65,7 +68,8 @@ class Compared:
 
     ``whole`` are the frames that were said undamaged, in order; ``damaged`` the places of all other
     ones and of noise; ``unasked`` those of answers to nothing that was heard: second ones, and the
-    first one where its request came before the recorder. Some protocols know no such frame.
+    first one where its request came before the recorder, and those that came too late. Some
+    protocols know no such frame.
     """
 
     bus: Bus
@@ -177,7 +181,9 @@ def compared(run: Path, folder: Path, buses: Sequence[Bus]) -> Iterator[Compared
         # what came between opening a port and setting it up was thrown away, and is told of
         begin = int(facts.get(f"port.{bus.name}.dropped_at_open", "0"))
         told = [json.loads(x) for x in (folder / f"{bus.name}.jsonl").read_text().splitlines()]
-        said, whole, damaged, unasked = _truth(told, begin)
+        said, whole, damaged, unasked = _truth(
+            told, begin, PROTOCOLS[bus.protocol].tail_ns - MARGIN_NS
+        )
         faults = Counter(
             row["fault"] for row in told if row["type"] == "frame" and row["fault"] is not None
         )
@@ -196,21 +202,27 @@ def compared(run: Path, folder: Path, buses: Sequence[Bus]) -> Iterator[Compared
 
 
 def _truth(
-    told: Sequence[dict[str, Any]], begin: int
+    told: Sequence[dict[str, Any]], begin: int, open_ns: int
 ) -> tuple[bytes, list[Row], list[Place], list[Place]]:
-    """Return what was said from ``begin`` on: the bytes, whole frames, places of all else."""
+    """Return what was said from ``begin`` on: the bytes, whole frames, places of all else.
+
+    An answer that began later than a request stays open, because a busy machine kept the servos
+    waiting, is an answer to nothing.
+    """
     said = b""
     whole, damaged, unasked = [], [], []
-    has_asked = False
+    has_asked, open_until = False, 0
     for row in told:
         if row["type"] != "frame" or row["offset"] is None:
             continue
         wire, at = bytes.fromhex(row["wire"]), row["offset"] - begin
         said += wire
         has_asked |= row["kind"] == KINDS[REQUEST] and at >= 0
+        belated = row["kind"] != KINDS[REQUEST] and row["t_start_ns"] > open_until
+        open_until = row["t_end_ns"] + open_ns
         if row["wire"] != row["hex"]:
             damaged.append((at, at + len(wire)))
-        elif not has_asked or row["fault"] == "duplicate":
+        elif not has_asked or belated or row["fault"] == "duplicate":
             unasked.append((at, at + len(wire)))
         else:
             whole.append(Row(at, wire, row["kind"], row["servo_id"], row["op"]))
@@ -237,8 +249,8 @@ def complaints(it: Compared) -> list[str]:
         wrong.append(f"{len(it.heard)} bytes are recorded, {len(it.said)} were said")
     if it.recorded != it.decoded:
         wrong.append("the raw bytes decode to something else than what was recorded")
-    begin = it.whole[0].offset if it.whole else 0  # before it, an answer to nothing at most
-    if not it.bus.faults and [row for row in it.recorded if row.offset >= begin] != it.whole:
+    unasked = {a for a, _ in it.unasked}
+    if not it.bus.faults and [r for r in it.recorded if r.offset not in unasked] != it.whole:
         wrong.append(f"missed {it.missed[:3]}, otherwise {it.invented[:3]}")
     if missed := [row for row in it.missed if not it.touches_damage(row)]:
         wrong.append(f"missed {missed[:3]}, which nothing had damaged or touched")

@@ -137,6 +137,8 @@ class Watcher:
                 if not data:
                     return
                 yield data
+            else:
+                self._flush()  # a viewer that is none may take its time to show it
 
     def _show(self, parcels: Iterable[Parcel]) -> None:
         """Decode all parcels, those of a bus in one pass, and wait until the viewer has them."""

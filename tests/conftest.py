@@ -10,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.commands import talk
+from tests.hostile import Victim, recording
 from tests.viewer import HeadlessViewer, headless
 
 if TYPE_CHECKING:
@@ -67,3 +68,16 @@ def good(tmp_path: Path) -> Path:
     path = tmp_path / "good.bin"
     path.write_bytes(talk(20))
     return path
+
+
+@pytest.fixture(scope="module")
+def victim() -> Iterator[Victim]:
+    """The program in a process of its own, whose memory is limited and measured."""
+    with Victim() as program:
+        yield program
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """A recording, to do harm to."""
+    return recording(tmp_path_factory.mktemp("base") / "run.mcap")

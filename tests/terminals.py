@@ -6,6 +6,7 @@ the escaping to the hang-up, is the kernel's own.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import select
 import sys
@@ -58,11 +59,11 @@ class Terminal:
     def answers(self) -> bytes:
         """Return what was sent into the line by whoever has it open."""
         out = b""
-        while select.select([self._master], [], [], 0)[0]:
-            try:
-                out += os.read(self._master, 1 << 16)
-            except OSError:  # nobody has it open
-                break
+        os.set_blocking(self._master, False)  # "nobody has it open" may be over before it is read
+        with contextlib.suppress(OSError):  # nothing more, or nobody has it open
+            while data := os.read(self._master, 1 << 16):
+                out += data
+        os.set_blocking(self._master, True)
         return out
 
     def settings(self) -> list[int]:

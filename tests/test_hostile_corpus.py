@@ -9,7 +9,7 @@ import random
 import struct
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import pytest
 from hypothesis import given, settings
@@ -19,24 +19,10 @@ from tests import hostile
 from tests.hostile import ANSWER, ASK, Answer, Victim, decoded, frame, sound
 from tests.recordings import START_NS
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="limits memory as POSIX does")
 
 SEEDS: Final = Path(__file__).parent / "data" / "formats"
 CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
-
-
-@pytest.fixture(scope="module")
-def victim() -> Iterator[Victim]:
-    with Victim() as program:
-        yield program
-
-
-@pytest.fixture(scope="module")
-def base(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    return hostile.recording(tmp_path_factory.mktemp("base") / "run.mcap")
 
 
 BIG: Final = tuple(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import select
 import subprocess
 import sys
 import threading
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from sniffer.model import InputError
-from sniffer.sources.ports import PortOptions, open_port
+from sniffer.sources.ports import PortOptions, kernel, open_port
 from tests.commands import sniffer, talk, within
 from tests.recorder import raw
 from tests.terminals import (
@@ -75,6 +76,32 @@ def test_what_a_plain_port_heard_before_it_was_opened_is_kept(line: Terminal, ma
     expected = EVERY_BYTE + HEADERS + HEADERS
     assert listen(port, len(expected)) == (expected, [])
     assert port.facts()["dropped_at_open"] == "0"
+    port.close()
+    os.close(slave)
+
+
+@LINUX_ONLY
+@pytest.mark.parametrize("meanwhile", [b"*1QD10\r", HEADERS])
+def test_what_a_port_heard_before_its_settings_held_is_kept_without_a_hole_or_dropped_whole(
+    line: Terminal, meanwhile: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slave = held_open(line, marks=False)
+    line.say(b"#1QD\r")
+    real = kernel.set_settings
+
+    def late(fd: int, settings: kernel.Settings) -> None:
+        line.say(meanwhile)
+        wait(lambda: bool(select.select([fd], [], [], 0)[0]), "it did not come")
+        real(fd, settings)
+
+    monkeypatch.setattr(kernel, "set_settings", late)
+    port = open_port(line.path, AT_115200)
+    monkeypatch.undo()
+    line.say(b"now")
+    before = b"#1QD\r" + meanwhile
+    kept = before if b"\xff" not in before else b""
+    assert listen(port, len(kept) + 3)[0] == kept + b"now"
+    assert int(port.facts()["dropped_at_open"]) >= len(before) - len(kept)
     port.close()
     os.close(slave)
 

@@ -7,6 +7,7 @@ import random
 import re
 import signal
 import threading
+from collections import Counter
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Final
 
@@ -125,7 +126,7 @@ def test_eight_buses_at_once_are_all_recorded_each_under_its_own_name(tmp_path: 
 
 
 def test_the_recording_says_what_it_was_made_with(tmp_path: Path, line: Terminal) -> None:
-    with Recorder(tmp_path, "arm={}=mightyzap", "--latency", "4", lines=[line]) as run:
+    with Recorder(tmp_path, "arm={}=mightyzap@57600", "--latency", "4", lines=[line]) as run:
         line.say(TALK)
         run.wait_for(len(TALK), "arm")
         assert run.stop().status == 0
@@ -140,10 +141,11 @@ def test_the_recording_says_what_it_was_made_with(tmp_path: Path, line: Terminal
     assert int(told["clock_monotonic_ns"]) > 0
     assert stamps == sorted(stamps)
     # the same latency, and so the same uncertainty, without a word from anybody
-    # (on a busy machine the reader comes late, and says by how much)
+    # (a busy reader says how late it comes, and some frames are read in two)
     marks = [m for c in chunks(run.path) for m in c.marks if m.kind == MarkKind.HELD]
     held_ns = max((m.count for m in marks), default=0)
-    assert max(f[3] for f in frames_recorded(run.path)["arm"]) <= 4_000_000 + held_ns
+    found = Counter(f[3] for f in frames_recorded(run.path)["arm"])
+    assert 4_000_000 <= found.most_common(1)[0][0] <= 4_000_000 + held_ns
     assert_true_to_itself(run.path)
 
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 import random
-import shutil
 import signal
-import subprocess
 import time
 from typing import TYPE_CHECKING
 
@@ -14,6 +12,7 @@ import pytest
 
 from sniffer.recovery import recover
 from tests.commands import conserved, sniffer
+from tests.disks import disk
 from tests.recorder import (
     Patient,
     Recorder,
@@ -74,16 +73,8 @@ def test_a_file_that_may_not_grow_ends_the_recording_with_one_line(
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    mount, umount = shutil.which("mount"), shutil.which("umount")
-    if mount is None or umount is None:
-        pytest.skip("mount is not here")
-    command = [mount, "-t", "tmpfs", "-o", "size=320k", "tmpfs", str(folder)]
-    if subprocess.run(command, check=False, capture_output=True).returncode:
-        pytest.skip("file systems may not be mounted here")
-    yield folder
-    subprocess.run([umount, "-l", str(folder)], check=True)
+    with disk(tmp_path / "disk", "320k") as folder:
+        yield folder
 
 
 def test_a_full_disk_ends_the_recording_with_one_line(

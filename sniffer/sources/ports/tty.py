@@ -190,9 +190,11 @@ class TtyPort:
         keeps = options.modem == "keep"
         early = _rest(fd) if before.is_plain else b""
         kernel.set_settings(fd, before.listening(options.baud, hangs_up=False if keeps else None))
-        # these came between the two: whether they are escaped cannot be told
-        unescaped = b"" if before.is_listening else _rest(fd)
-        self._early = early.replace(b"\xff", b"\xff\xff")
+        between = b"" if before.is_listening else _rest(fd)
+        # whether an FF in that is escaped cannot be told; without the rest there would be a hole
+        kept = before.is_plain and b"\xff" not in between
+        dropped = b"" if kept else early + between
+        self._early = early.replace(b"\xff", b"\xff\xff") + between if kept else b""
         lines = kernel.modem_lines(fd)
         if options.modem == "low" and lines and lines & (kernel.DTR | kernel.RTS):
             # leaving a baud rate of 0 raises them again
@@ -219,7 +221,7 @@ class TtyPort:
             "locked": "yes",
             "also_open_in": _named(self._rivals) or ("none" if info.all_seen else "not known"),
             "line_errors": self._tells.words,
-            "dropped_at_open": str(len(unescaped)),
+            "dropped_at_open": str(len(dropped)),
         }
 
     def _lost(self, why: str | None) -> PortLostError:
