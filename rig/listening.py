@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from rig.machine import Machine
 
-SIZED_BY_US: Final = ("HELD", "ENDED")
-"""Marks that tell of the machine's own speed."""
+SIZED_BY_US: Final = ("HELD", "ENDED", "SILENT")
+"""Marks that tell of the machine's own speed, or of how slowly we speak."""
 
 _COUNT = itertools.count(1)
 
