@@ -93,6 +93,7 @@ class Clues:
     def __init__(self, models: Sequence[RegisterMap]) -> None:
         self._models = models
         self._checks: dict[tuple[int, int, bool], tuple[Check, ...]] = {}
+        self._spans: dict[tuple[int, int, bool], Found | None] = {}
 
     def of(self, address: int, data: bytes, *, written: bool) -> list[Found]:
         """Return the clues in ``data``, which a request writes or an answer returns."""
@@ -105,7 +106,13 @@ class Clues:
         return out
 
     def span(self, address: int, length: int, *, written: bool) -> Found | None:
-        """Return what the mere place of the bytes tells: which tables name them."""
+        """Return what the mere place of the bytes tells: which tables name them; cached."""
+        key = (address, length, written)
+        if key not in self._spans:
+            self._spans[key] = self._find_span(address, length, written=written)
+        return self._spans[key]
+
+    def _find_span(self, address: int, length: int, *, written: bool) -> Found | None:
         fits = [self._fit(m, address, length) for m in self._models]
         if not written:
             points = tuple(

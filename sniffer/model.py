@@ -158,21 +158,32 @@ WHOLE: Final = 0
 PARTS: Final = ("", "low byte", "high byte", "part")
 
 
+_NAMES: Final[dict[Any, tuple[str, ...]]] = {}
+
+
+def _names(kind: type[Columns]) -> tuple[str, ...]:
+    """Return the columns of a kind of record; asking the dataclass for them takes a while."""
+    found = _NAMES.get(kind)
+    if found is None:
+        found = _NAMES[kind] = tuple(f.name for f in fields(kind))
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class Columns:
     """Base of the column records: rows are counted, taken and joined, nothing else."""
 
     def __len__(self) -> int:
-        return len(getattr(self, fields(self)[0].name))
+        return len(getattr(self, _names(type(self))[0]))
 
     def take(self, index: Any) -> Self:
         """Return the rows that ``index`` (a slice, a mask or row numbers) selects."""
-        return type(self)(*(getattr(self, f.name)[index] for f in fields(self)))
+        return type(self)(*[getattr(self, name)[index] for name in _names(type(self))])
 
     @classmethod
     def concat(cls, parts: Sequence[Self]) -> Self:
         """Join records of one kind; ``parts`` must not be empty."""
-        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
+        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in _names(cls)))
 
     @classmethod
     def empty(cls) -> Self:
