@@ -19,18 +19,18 @@ from typing import TYPE_CHECKING
 from bench.one_by_one import one_by_one
 from bench.results import NOTES, RESULTS, live
 from bench.streams import STREAMS, hostile
-from sniffer.decoder import Decoder
-from sniffer.model import Batch, Chunk
-from sniffer.pipeline import Options, Pipeline
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.decoding.reference import Reference
+from sniffer.ground.model import Batch, Chunk
 from sniffer.protocols import PROTOCOLS
-from sniffer.reference import Reference
 from sniffer.sinks import open_sink
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sniffer.bus import Paired
-    from sniffer.framing import Block
+    from sniffer.decoding.pairing import Paired
+    from sniffer.ground.framing import Block
 
 BLOCK = 1 << 18
 SIZES = {"mightyzap": 20_000_000, "wck": 5_000_000, "rs30x": 5_000_000, "lss": 5_000_000}

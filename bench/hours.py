@@ -22,23 +22,23 @@ from typing import TYPE_CHECKING, Any, Final, cast
 import numpy as np
 
 from bench.lines import PART_S, SLICE_S, protocol_of, traffic
-from sniffer.model import NS
-from sniffer.pipeline import Options, Pipeline
-from sniffer.recording import recorder
-from sniffer.recording.stops import Stops
-from sniffer.recording.taps import PortSpec, Tap
-from sniffer.sinks import mcap
-from sniffer.sinks.rotation import RotatingMcap
-from sniffer.sources.listening import Read
-from sniffer.sources.ports.unmark import Unmarker
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.model import NS
+from sniffer.mcapfile import sink
+from sniffer.mcapfile.rotation import RotatingMcap
+from sniffer.ports.unmark import Unmarker
+from sniffer.tap import recorder
+from sniffer.tap.reader import Read
+from sniffer.tap.stops import Stops
+from sniffer.tap.taps import PortSpec, Tap
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from sniffer.model import Mark
-    from sniffer.sinks.base import Sink
-    from sniffer.sources.listening import Anchor, Listener
-    from sniffer.sources.ports import Port
+    from sniffer.decoding.sink import Sink
+    from sniffer.ground.model import Mark
+    from sniffer.ports import Port
+    from sniffer.tap.reader import Anchor, Listener
 
 START_NS: Final = 1_795_215_306 * NS
 SAMPLE_S: Final = 10.0
@@ -159,7 +159,7 @@ def run(
     with tempfile.TemporaryDirectory(dir=folder) as name:
         lines = [Line(n, baud) for n in range(buses)]
         clock, seen = Leaping(), Hours()
-        for module in (recorder, mcap):
+        for module in (recorder, sink):
             module.time = clock  # type: ignore[attr-defined]
         try:
             names = [f"b{n}" for n in range(buses)]
@@ -206,7 +206,7 @@ def run(
             seen.bytes = sum(tap.bytes for tap in taps)
             seen.file_mb = file.size / 1e6
         finally:
-            for module in (recorder, mcap):
+            for module in (recorder, sink):
                 module.time = time  # type: ignore[attr-defined]
         return seen
 

@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.playing.ports import Pty
 from sniffer.simulation import BUSES, simulate
+from sniffer.simulation.play.ports import Pty
 from sniffer.simulation.render import raw
 
 if TYPE_CHECKING:

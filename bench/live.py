@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from bench.lines import WAIT_S, Said, Writer, protocol_of
-from sniffer.sources.mcap import groups, session
+from sniffer.mcapfile.source import groups, session
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

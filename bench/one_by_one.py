@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import register_schema
 
-from sniffer.decoder import Decoder
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import Chunk
+from sniffer.mcapfile.messages import state_field
 from sniffer.messages.recording_pb2 import Frame, RawChunk, Transaction
 from sniffer.messages.servo_state_pb2 import ServoState
-from sniffer.model import Chunk
-from sniffer.sinks.mcap_messages import state_field
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from sniffer.model import Batch
+    from sniffer.ground.model import Batch
 
 BLOCK = 1 << 18
 

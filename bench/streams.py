@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from sniffer.checksums import COMPLEMENT_SUM, XOR7, XOR8, Checksum
+from sniffer.ground.checksums import COMPLEMENT_SUM, XOR7, XOR8, Checksum
 
 U8 = npt.NDArray[np.uint8]
 SERVOS = 8

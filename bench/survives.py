@@ -25,10 +25,10 @@ from mcap.reader import make_reader
 
 from bench.lines import NAMES, Line, ticks, traffic
 from sniffer.cli import run as run_command
-from sniffer.decoder import Decoder
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import Chunk, DamagedInputError
+from sniffer.mcapfile.source import groups, session
 from sniffer.messages import OFFSET
-from sniffer.model import Chunk, DamagedInputError
-from sniffer.sources.mcap import groups, session
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from bench.lines import NAMES, WAIT_S
-from sniffer.decoder import Decoder
-from sniffer.model import KINDS, REQUEST, Chunk
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import KINDS, REQUEST, Chunk
+from sniffer.mcapfile.source import groups, recorded, session
 from sniffer.protocols import PROTOCOLS
-from sniffer.sources.mcap import groups, recorded, session
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -20,16 +20,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from bench.lines import NAMES, Line, protocol_of, ticks, traffic
-from sniffer.cli.screen import BOARD, LINE, LOG, Screen
-from sniffer.decoder import Decoder
-from sniffer.model import NS, Chunk, Clock
-from sniffer.parcels import CONNECT
-from sniffer.pipeline import Options
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.pipeline import Options
+from sniffer.ground.model import NS, Chunk, Clock
+from sniffer.ports import PortOptions, open_port
 from sniffer.protocols import PROTOCOLS
-from sniffer.sources.listening import Anchor, Listener, Lost, Read
-from sniffer.sources.ports import PortOptions, open_port
-from sniffer.status import Status
-from sniffer.watching import CLOSE_S, LiveView
+from sniffer.tap.reader import Anchor, Listener, Lost, Read
+from sniffer.tap.status import Status
+from sniffer.viewers.companion.parcels import CONNECT
+from sniffer.viewers.companion.parent import CLOSE_S, LiveView
+from sniffer.viewers.screen import BOARD, LINE, LOG, Screen
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

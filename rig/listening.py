@@ -7,7 +7,7 @@ import time
 from typing import TYPE_CHECKING, Final
 
 from rig.machine import PATIENCE_S
-from sniffer.model import NS
+from sniffer.ground.model import NS
 from sniffer.simulation import simulate
 from sniffer.simulation.render import usb_reads
 from tests.recorder import codes, facts, heard, so_far

@@ -8,9 +8,9 @@ TYPE_CHECKING = False  # of typing, which alone takes longer to load than all th
 if TYPE_CHECKING:
     from typing import Any, Final
 
-    from sniffer.api import Capture, decode, frames_table, records, samples_table
-    from sniffer.decoder import Decoder
-    from sniffer.model import (
+    from sniffer.decoding.decoder import Decoder
+    from sniffer.decoding.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
+    from sniffer.ground.model import (
         Anomaly,
         Batch,
         Chunk,
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
         SnifferError,
         Transactions,
     )
+    from sniffer.jobs.api import Capture, decode, frames_table, records, samples_table
     from sniffer.protocols import PROTOCOLS
-    from sniffer.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
 
 __all__ = [
     "PROTOCOLS",
@@ -60,14 +60,14 @@ __all__ = [
 ]
 
 _ROOMS: Final = {
-    "api": ("Capture", "decode", "frames_table", "records", "samples_table"),
-    "decoder": ("Decoder",),
-    "model": (
+    "jobs.api": ("Capture", "decode", "frames_table", "records", "samples_table"),
+    "decoding.decoder": ("Decoder",),
+    "ground.model": (
         *("Anomaly", "Batch", "Chunk", "Clock", "DamagedInputError", "Direction", "Frames", "Gap"),
         *("InputError", "OutputError", "Samples", "Severity", "SnifferError", "Transactions"),
     ),
     "protocols": ("PROTOCOLS",),
-    "rows": ("AnomalyRow", "FrameRow", "GapRow", "SampleRow", "TransactionRow"),
+    "decoding.rows": ("AnomalyRow", "FrameRow", "GapRow", "SampleRow", "TransactionRow"),
 }
 """Where each public name is at home: it is loaded when it is first asked for, so that the command
 line answers Ctrl-C from its first moment."""

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Final
 import pytest
 
 from sniffer.cli import run
-from sniffer.decoder import Decoder
-from sniffer.model import RESPONSE, Chunk
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import RESPONSE, Chunk
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ import hashlib
 import io
 from pathlib import Path
 
+from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.diagnostics.catalogue import markdown
-from sniffer.pipeline import Options, Pipeline
 from sniffer.sinks.jsonl import JsonlSink
 from sniffer.sources import open_source
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from sniffer.decoder import Decoder
-from sniffer.model import Chunk
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.rows import FrameRow, GapRow, SampleRow, TransactionRow, rows
+from sniffer.ground.model import Chunk
 from sniffer.protocols import PROTOCOLS
-from sniffer.rows import FrameRow, GapRow, SampleRow, TransactionRow, rows
 from tests.records import batches
 
 

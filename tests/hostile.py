@@ -21,7 +21,7 @@ import zstandard
 from mcap.opcode import Opcode
 
 from sniffer.cli import run
-from sniffer.model import Chunk, Clock
+from sniffer.ground.model import Chunk, Clock
 from tests.commands import conserved, environment
 from tests.recordings import START_NS, keep
 
@@ -146,7 +146,7 @@ def recording(path: Path, **options: Any) -> bytes:
 
 def with_facts(path: Path, facts: Mapping[str, str], end: Mapping[str, str] | None = None) -> bytes:
     """Return the recording with other facts, and an end mark that says ``end``."""
-    from sniffer.sinks.mcap import McapSink
+    from sniffer.mcapfile.sink import McapSink
 
     sink = McapSink(path, {"tool": "test", **facts})
     sink.raw("bus0", conversation())

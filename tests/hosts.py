@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from typing import TYPE_CHECKING, Final
 
-from sniffer.model import NS, Chunk, Clock
+from sniffer.ground.model import NS, Chunk, Clock
 from sniffer.simulation.talk import REQUEST, RESPONSE
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import strategies as st
 
-from sniffer.model import Chunk, DamagedInputError, InputError
+from sniffer.ground.model import Chunk, DamagedInputError, InputError
 from sniffer.sources import open_source
 
 if TYPE_CHECKING:

@@ -17,16 +17,16 @@ from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
 from rerun.experimental import ViewerClient
 
-from sniffer import viewing
-from sniffer.decoder import Decoder
-from sniffer.model import Chunk, Clock
-from sniffer.pipeline import Options
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.pipeline import Options
+from sniffer.ground.model import Chunk, Clock
+from sniffer.viewers import viewer
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from sniffer.watching import LiveView
+    from sniffer.viewers.companion.parent import LiveView
 
 LOAD: Final = 0xF2
 POSITION, VOLTAGE = 0x8C, 0x92
@@ -102,7 +102,7 @@ def viewer_of(live: LiveView) -> tuple[int, str]:
         for pid, arguments in group(live.pid).items():
             if pid != live.pid and "--port" in arguments:
                 port = int(arguments[arguments.index("--port") + 1])
-                if viewing.listens("127.0.0.1", port):
+                if viewer.listens("127.0.0.1", port):
                     found.append((pid, f"rerun+http://127.0.0.1:{port}/proxy"))
         return bool(found)
 
@@ -133,13 +133,13 @@ def saver(path: Path) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
         port = probe.getsockname()[1]
     arguments = ("--save", str(path), "--port", str(port), "--bind", "127.0.0.1")
     with subprocess.Popen(
-        [viewing.executable(), *arguments],
+        [viewer.executable(), *arguments],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         env={**os.environ, "CI": "1"},
     ) as process:
         try:
-            until(lambda: viewing.listens("127.0.0.1", port))
+            until(lambda: viewer.listens("127.0.0.1", port))
             yield process, f"http://127.0.0.1:{port}"
         finally:
             process.send_signal(signal.SIGCONT)

@@ -11,11 +11,11 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from sniffer.comparing import compare
-from sniffer.model import Batch, Chunk, DamagedInputError, InputError, MarkKind
-from sniffer.pipeline import Options, Pipeline
-from sniffer.sources.mcap import chunks, session
-from sniffer.sources.mcap_ends import ends
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.model import Batch, Chunk, DamagedInputError, InputError, MarkKind
+from sniffer.jobs.compare import compare
+from sniffer.mcapfile.ends import ends
+from sniffer.mcapfile.source import chunks, session
 from tests.commands import COMMAND, Ran, environment
 from tests.recordings import messages, talk
 from tests.terminals import PATIENCE_S, Terminal, wait

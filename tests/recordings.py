@@ -8,14 +8,14 @@ from mcap.reader import make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
-from sniffer.decoder import Decoder
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import Batch, Chunk, Clock
+from sniffer.mcapfile.sink import McapSink
 from sniffer.messages import log_pb2, recording_pb2, servo_state_pb2
-from sniffer.model import Batch, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation.buses import simulate
 from sniffer.simulation.faults import FAULTS, Fault
 from sniffer.simulation.render import usb_reads
-from sniffer.sinks.mcap import McapSink
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sniffer.reference import Result, in_order
+from sniffer.decoding.reference import Result, in_order
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from sniffer.decoder import Decoder
-    from sniffer.model import Batch, Chunk
+    from sniffer.decoding.decoder import Decoder
+    from sniffer.ground.model import Batch, Chunk
 
 
 def batches(decoder: Decoder, groups: Iterable[Sequence[Chunk]]) -> list[Batch]:

@@ -7,9 +7,9 @@ import random
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from sniffer.decoder import Decoder
-from sniffer.merging import Merger
-from sniffer.model import NS, OK, Batch, Chunk, Clock, Direction
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import NS, OK, Batch, Chunk, Clock, Direction
+from sniffer.merge.merger import Merger
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES, Fault, TrueFrame, simulate
 

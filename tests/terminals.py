@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.model import InputError
-from sniffer.sources.ports import PortOptions, open_port
+from sniffer.ground.model import InputError
+from sniffer.ports import PortOptions, open_port
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from sniffer.model import Mark
-    from sniffer.sources.ports import Port
+    from sniffer.ground.model import Mark
+    from sniffer.ports import Port
 
 LINUX_ONLY: Final = pytest.mark.skipif(
     sys.platform != "linux", reason="ports are opened in Linux' own way only there"

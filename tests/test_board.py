@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Final
 import pytest
 from rich.cells import cell_len
 
-from sniffer.cli.screen import LINE, Screen
-from sniffer.decoder import Decoder
-from sniffer.model import NO_RESPONSE, NS, Chunk, Clock
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import NO_RESPONSE, NS, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES
-from sniffer.sinks.board import Board
-from sniffer.sinks.board_cells import told_value
-from sniffer.sinks.board_line import line, statistics
-from sniffer.sinks.board_state import QUANTITIES
-from sniffer.status import BusStatus
+from sniffer.tap.status import BusStatus
+from sniffer.viewers.board.board import Board
+from sniffer.viewers.board.cells import told_value
+from sniffer.viewers.board.line import line, statistics
+from sniffer.viewers.board.state import QUANTITIES
+from sniffer.viewers.screen import LINE, Screen
 from tests.streams.mightyzap import packet
 from tests.wires import START_NS, feed, lines_of, shown_by, status_of, wire
 

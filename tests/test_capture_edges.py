@@ -9,9 +9,9 @@ from typing import Final
 
 import pytest
 
-from sniffer.decoder import Decoder
-from sniffer.model import REQUEST, RESPONSE, Anomaly, Chunk, Clock, Direction
-from sniffer.pipeline import Options, Pipeline
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.model import REQUEST, RESPONSE, Anomaly, Chunk, Clock, Direction
 from sniffer.sources import open_source
 from tests.commands import records, sniffer, within
 from tests.streams.mightyzap import packet

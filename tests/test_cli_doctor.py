@@ -17,10 +17,10 @@ import click
 import pytest
 
 from sniffer.cli.doctor import doctor, hear, lines
-from sniffer.doctoring import Heard, diagnose
-from sniffer.model import NS, InputError
+from sniffer.doctor import Heard, diagnose
+from sniffer.ground.model import NS, InputError
+from sniffer.ports import PortOptions, open_port
 from sniffer.simulation import simulate
-from sniffer.sources.ports import PortOptions, open_port
 from tests.commands import records
 from tests.test_doctor import misheard, said, slow
 
@@ -125,7 +125,7 @@ def test_a_missing_port_is_a_mistake() -> None:
 
 
 def test_the_baud_is_found_without_opening_the_port_again(capsys: Capsys) -> None:
-    from sniffer.sources.ports import kernel, tty
+    from sniffer.ports import kernel, tty
 
     right = 57600
     garbage = itertools.cycle(misheard("mightyzap", 4 * right).chunks)

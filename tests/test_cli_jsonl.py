@@ -12,9 +12,9 @@ import pytest
 
 import sniffer
 from sniffer.cli import run
-from sniffer.model import KINDS, OUTCOMES, PROVENANCES, ROLES, Severity
+from sniffer.decoding.rows import as_dict
+from sniffer.ground.model import KINDS, OUTCOMES, PROVENANCES, ROLES, Severity
 from sniffer.protocols import PROTOCOLS
-from sniffer.rows import as_dict
 from sniffer.sources import open_source
 from tests.commands import damaged, log, records, talk, within
 

@@ -12,7 +12,7 @@ from tests.commands import within
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
-    from sniffer.registers import RegisterMap
+    from sniffer.ground.registers import RegisterMap
 
 Capsys = pytest.CaptureFixture[str]
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.recovery import recover
+from sniffer.mcapfile.recover import recover
+from sniffer.mcapfile.source import chunks
 from sniffer.sinks import SINKS
-from sniffer.sources.mcap import chunks
 from tests.commands import COMMAND, Ran, sniffer, talk, within
 from tests.recordings import keep
 from tests.recordings import talk as simulated

@@ -14,8 +14,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from sniffer.cli import session
-from sniffer.model import Chunk, OutputError
-from sniffer.pipeline import Options
+from sniffer.decoding.pipeline import Options
+from sniffer.ground.model import Chunk, OutputError
 from sniffer.sources import open_source
 from tests.commands import (
     COMMAND,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from sniffer.model import Batch
+    from sniffer.ground.model import Batch
     from sniffer.protocols.base import BusProtocol
 
 Capsys = pytest.CaptureFixture[str]

@@ -12,8 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 
 import sniffer
-from sniffer.rows import FrameRow, SampleRow
-from sniffer.sinks.files import beside
+from sniffer.decoding.rows import FrameRow, SampleRow
+from sniffer.ground.files import beside
 from sniffer.sinks.tables import FRAMES, SAMPLES
 from tests.commands import log, talk, within
 

@@ -15,7 +15,7 @@ from typing import Final
 import pytest
 
 import sniffer
-from sniffer.rows import FrameRow, GapRow
+from sniffer.decoding.rows import FrameRow, GapRow
 from sniffer.sinks.text import WIDE, fit
 from tests.commands import COMMAND, damaged, environment, log, talk, within
 from tests.streams.mightyzap import packet

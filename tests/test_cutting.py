@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.cutting import cut
-from sniffer.model import Chunk, Clock, Mark, MarkKind
+from sniffer.ground.cutting import cut
+from sniffer.ground.model import Chunk, Clock, Mark, MarkKind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sniffer.detect import ENOUGH, UndecidedError, detect
-from sniffer.model import Chunk
+from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
+from sniffer.ground.model import Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation.buses import simulate
 from tests.streams import module

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from sniffer.decoder import Decoder
+from sniffer.decoding.decoder import Decoder
 from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.model import Anomaly, Chunk, Clock, Direction, Severity
+from sniffer.ground.model import Anomaly, Chunk, Clock, Direction, Severity
 from tests.streams.mightyzap import packet
 
 MS = 1_000_000

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import sniffer
+from sniffer.decoding.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
+from sniffer.decoding.summary import Summary
 from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.model import Columns, Frames, Samples, Transactions
+from sniffer.ground.model import Columns, Frames, Samples, Transactions
 from sniffer.protocols import PROTOCOLS
-from sniffer.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
 from sniffer.sinks import SINKS
 from sniffer.sinks.tables import FRAMES, SAMPLES
 from sniffer.sources import SOURCES
-from sniffer.summary import Summary
 from tests.test_readme import HINT
 from tests.transcripts import PAGES, ROOT, Stage, agrees, is_run, shown
 
@@ -170,7 +170,7 @@ def test_every_input_and_output_format_is_documented() -> None:
 def test_every_topic_of_a_recording_is_documented(tmp_path: Path) -> None:
     from mcap.reader import make_reader
 
-    from sniffer.pipeline import Options, Pipeline
+    from sniffer.decoding.pipeline import Options, Pipeline
     from sniffer.sinks import open_sink
     from sniffer.sources import open_source
 

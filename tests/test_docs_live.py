@@ -16,18 +16,18 @@ import pytest
 from sniffer.cli import cli
 from sniffer.cli.doctor import lines as doctor_lines
 from sniffer.cli.ports import lines as port_lines
-from sniffer.doctoring import diagnose
-from sniffer.doctoring.adapter import RULE
-from sniffer.model import Clock
+from sniffer.doctor import diagnose
+from sniffer.doctor.adapter import RULE
+from sniffer.ground.model import Clock
+from sniffer.ground.timing import LATENCY_NS
+from sniffer.ports.listing import Holder, PortInfo
+from sniffer.ports.tty import PTY_NS, latency_ns
 from sniffer.simulation.faults import USUAL, spelled
-from sniffer.sinks.board import Board
-from sniffer.sinks.board_cells import COLUMNS
-from sniffer.sinks.board_line import line
-from sniffer.sources.listening import BREATH_NS
-from sniffer.sources.ports.listing import Holder, PortInfo
-from sniffer.sources.ports.tty import PTY_NS, latency_ns
-from sniffer.status import BusStatus, Status
-from sniffer.timing import LATENCY_NS
+from sniffer.tap.reader import BREATH_NS
+from sniffer.tap.status import BusStatus, Status
+from sniffer.viewers.board.board import Board
+from sniffer.viewers.board.cells import COLUMNS
+from sniffer.viewers.board.line import line
 from tests.commands import sniffer
 from tests.terminals import LINUX_ONLY
 from tests.test_architecture import FLOORS

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.doctoring import (
+from sniffer.doctor import (
     Heard,
     Level,
     Trial,
@@ -19,11 +19,11 @@ from sniffer.doctoring import (
     usual_bauds,
     worst,
 )
-from sniffer.model import NS, Chunk, Clock, Mark, MarkKind
+from sniffer.ground.model import NS, Chunk, Clock, Mark, MarkKind
+from sniffer.ports import Counters
+from sniffer.ports.listing import PortInfo
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import simulate
-from sniffer.sources.ports import Counters
-from sniffer.sources.ports.listing import PortInfo
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -8,10 +8,10 @@ from typing import Final
 import pytest
 
 from sniffer.cli.doctor import lines
-from sniffer.doctoring import Heard, Level, diagnose
-from sniffer.model import MarkKind
-from sniffer.sources.ports import Counters
-from sniffer.sources.ports.drivers import DRIVERS, UART, Tells
+from sniffer.doctor import Heard, Level, diagnose
+from sniffer.ground.model import MarkKind
+from sniffer.ports import Counters
+from sniffer.ports.drivers import DRIVERS, UART, Tells
 from tests.test_doctor import FACTS, heard, marked, said
 
 PREPARE: Final = "`sniffer doctor --prepare`"

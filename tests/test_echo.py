@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from sniffer.decoder import Decoder
-from sniffer.echo import CONFIRMED
-from sniffer.model import OUTCOMES, Batch, Chunk, Clock
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.echo import CONFIRMED
+from sniffer.decoding.reference import Reference
+from sniffer.decoding.rows import FrameRow, SampleRow, rows
+from sniffer.ground.model import OUTCOMES, Batch, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
-from sniffer.reference import Reference
-from sniffer.rows import FrameRow, SampleRow, rows
 from tests.records import batches, records
 from tests.streams.mightyzap import packet as zap
 from tests.streams.rs30x import packet, returned

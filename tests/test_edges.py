@@ -11,12 +11,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from sniffer.checksums import COMPLEMENT_SUM
-from sniffer.decoder import Decoder
-from sniffer.model import Chunk
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.reference import Reference
+from sniffer.ground.checksums import COMPLEMENT_SUM
+from sniffer.ground.model import Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.mightyzap.grammar import COMMANDS
-from sniffer.reference import Reference
 from tests.records import batches, gaps, records
 from tests.streams import module
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.detect import detect
+from sniffer.decoding.detect import detect
 from sniffer.diagnostics.catalogue import markdown
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 import pytest
 from mcap.opcode import Opcode
 
-from sniffer.limits import BUSES_MOST
+from sniffer.ground.limits import BUSES_MOST
 from sniffer.sources.hexdump import REPEATED
 from tests import hostile
 from tests.hostile import MEMORY, PAIR, Victim, decoded, sound

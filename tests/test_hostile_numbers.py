@@ -114,7 +114,7 @@ def test_an_end_that_cannot_be_is_left_out(
 def test_an_end_before_the_begin_of_a_file_leaves_nothing_of_the_bus(
     victim: Victim, tmp_path: Path
 ) -> None:
-    from sniffer.sinks.mcap import McapSink
+    from sniffer.mcapfile.sink import McapSink
 
     path = tmp_path / "x.mcap"
     sink = McapSink(path, {}, starts={"arm": 1000})

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer import bus
-from sniffer.decoder import Decoder
-from sniffer.model import NO_RESPONSE, OK, Chunk
+from sniffer.decoding import pairing
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.reference import Reference
+from sniffer.ground.model import NO_RESPONSE, OK, Chunk
+from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
-from sniffer.reference import Reference
-from sniffer.timing import byte_time_ns
 from tests.records import batches, gaps, records
 from tests.streams import bursts, chunked, stream
 from tests.streams.mightyzap import packet as zap
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 EVERY = pytest.mark.parametrize("name", PROTOCOLS)
-PIPELINED = pytest.mark.parametrize("chain", [bus.CHAIN, 0], ids=["chain", "no_chain"])
+PIPELINED = pytest.mark.parametrize("chain", [pairing.CHAIN, 0], ids=["chain", "no_chain"])
 """How far a place is looked for that no exchange leads across: 0 makes answers cross each cut."""
 
 
@@ -99,7 +99,7 @@ def test_with_several_requests_in_flight_a_recut_and_the_reference_give_equal_re
     protocol = PROTOCOLS[name]
     chunks = data.draw(chunked(s, byte_time_ns(protocol.baud), protocol.tail_ns))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bus, "CHAIN", chain)
+        patch.setattr(pairing, "CHAIN", chain)
         parts = batches(Decoder(name), [[c] for c in recut(data, chunks, name)])
     whole = records(batches(Decoder(name), [chunks]))
     again = records(parts)
@@ -119,7 +119,7 @@ def test_with_several_requests_in_flight_any_grouping_gives_equal_anomalies(
     protocol = PROTOCOLS[name]
     chunks = data.draw(chunked(s, byte_time_ns(protocol.baud), protocol.tail_ns))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bus, "CHAIN", chain)
+        patch.setattr(pairing, "CHAIN", chain)
         one = batches(Decoder(name), [[c] for c in chunks])
     whole = batches(Decoder(name), [chunks])
     assert [a for b in one for a in b.anomalies] == [a for b in whole for a in b.anomalies]
@@ -177,7 +177,7 @@ def test_a_window_that_slides_without_end_holds_no_more_than_a_chain(name: str) 
     ask, answer = WINDOW[name]
     s = b"".join([ask(0), ask(1), *(answer(i) + ask(i + 2) for i in range(1000))])
     decoder, protocol = Decoder(name), PROTOCOLS[name]
-    bound = bus.CHAIN + protocol.longest + protocol.reach + 1024
+    bound = pairing.CHAIN + protocol.longest + protocol.reach + 1024
     parts = []
     for at in range(0, len(s), 256):
         parts.append(decoder.feed(Chunk(s[at : at + 256])))

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from sniffer import Chunk, Clock, Decoder, InputError, SnifferError, decode
-from sniffer.limits import BAUDS, DURATION_MOST_NS, TIME_END_NS, TIME_LEAST_NS
-from sniffer.model import Frames, Mark, MarkKind
-from sniffer.pipeline import Options
+from sniffer.decoding.pipeline import Options
+from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, TIME_END_NS, TIME_LEAST_NS
+from sniffer.ground.model import Frames, Mark, MarkKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable

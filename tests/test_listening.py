@@ -13,16 +13,16 @@ from serial.urlhandler import protocol_socket
 from sniffer.cli.recording import Files, open_files, run_recording
 from sniffer.cli.tapping import Tapping
 from sniffer.cli.telling import Teller
-from sniffer.model import DamagedInputError, MarkKind
-from sniffer.pipeline import Options, Pipeline
-from sniffer.recording.recorder import Recorder as Worker
-from sniffer.recording.recorder import Wishes
-from sniffer.recording.stops import Stops
-from sniffer.recording.taps import PortSpec, Tap
-from sniffer.sources.listening import Anchor, Back, Event, Listener, Lost, Read
-from sniffer.sources.ports import Port, open_port
-from sniffer.sources.ports.remote import SerialPort
-from sniffer.sources.ports.tty import TtyPort
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.model import DamagedInputError, MarkKind
+from sniffer.ports import Port, open_port
+from sniffer.ports.remote import SerialPort
+from sniffer.ports.tty import TtyPort
+from sniffer.tap.reader import Anchor, Back, Event, Listener, Lost, Read
+from sniffer.tap.recorder import Recorder as Worker
+from sniffer.tap.recorder import Wishes
+from sniffer.tap.stops import Stops
+from sniffer.tap.taps import PortSpec, Tap
 from tests.commands import talk
 from tests.recorder import Collected, Patient, raw, say_slowly
 from tests.recordings import messages
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from sniffer.model import Batch
+    from sniffer.ground.model import Batch
     from sniffer.protocols.base import BusProtocol
 
 pytestmark = LINUX_ONLY

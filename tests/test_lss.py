@@ -8,9 +8,10 @@ import itertools
 import numpy as np
 import pytest
 
-from sniffer.decoder import Decoder
-from sniffer.framing import Block
-from sniffer.model import NS, Chunk, Clock
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.reference import Reference
+from sniffer.ground.framing import Block
+from sniffer.ground.model import NS, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import view
 from sniffer.protocols.lss.grammar import (
@@ -25,7 +26,6 @@ from sniffer.protocols.lss.grammar import (
     unpacked,
 )
 from sniffer.protocols.lss.lines import Line, read
-from sniffer.reference import Reference
 from tests import heard
 from tests.records import batches, records
 

@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import sniffer
-from sniffer.decoder import Decoder
-from sniffer.model import Chunk
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.reference import Reference
+from sniffer.decoding.rows import FrameRow, SampleRow
+from sniffer.ground.model import Chunk
+from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.lss.grammar import MODELS, MODIFIERS, REGISTERS, WORDS
-from sniffer.reference import Reference
-from sniffer.rows import FrameRow, SampleRow
-from sniffer.timing import byte_time_ns
 from tests.commands import sniffer as sniffer_command
 from tests.records import batches, records
 from tests.streams import chunked, stream

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from sniffer.decoder import Decoder
-from sniffer.model import Chunk
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.lss.grammar import BROADCAST, command, reply
 from tests import heard

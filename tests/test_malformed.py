@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from sniffer.decoder import Decoder
-from sniffer.model import Chunk
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import view
 from tests import heard

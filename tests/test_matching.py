@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from sniffer import matching
-from sniffer.matching import match, outcomes
-from sniffer.model import (
+from sniffer.decoding import matching
+from sniffer.decoding.matching import match, outcomes
+from sniffer.decoding.reference.pending import matched
+from sniffer.ground.model import (
     ANY_ID,
     MANY,
     MUST,
@@ -20,13 +21,12 @@ from sniffer.model import (
     UNSOLICITED,
     Frames,
 )
-from sniffer.pending import matched
 from sniffer.protocols.base import SlowFrame
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sniffer.model import I64
+    from sniffer.ground.model import I64
 
 REACHES = (0, 20, 60, 262, 512)
 Told = tuple[int, int]

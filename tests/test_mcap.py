@@ -21,8 +21,24 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 
-from sniffer import model
-from sniffer.decoder import Decoder
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground import model
+from sniffer.ground.model import (
+    NS,
+    OK,
+    Batch,
+    Chunk,
+    Clock,
+    Direction,
+    InputError,
+    Mark,
+    MarkKind,
+    OutputError,
+)
+from sniffer.ground.registers import read_table, schema_path
+from sniffer.mcapfile.messages import state_field
+from sniffer.mcapfile.sink import McapSink
+from sniffer.mcapfile.source import chunks, groups, recorded, session
 from sniffer.messages.log_pb2 import Log
 from sniffer.messages.recording_pb2 import (
     Anomaly,
@@ -42,24 +58,8 @@ from sniffer.messages.recording_pb2 import (
     Mark as MarkMessage,
 )
 from sniffer.messages.servo_state_pb2 import ServoState
-from sniffer.model import (
-    NS,
-    OK,
-    Batch,
-    Chunk,
-    Clock,
-    Direction,
-    InputError,
-    Mark,
-    MarkKind,
-    OutputError,
-)
 from sniffer.protocols import PROTOCOLS
-from sniffer.registers import read_table, schema_path
-from sniffer.sinks.mcap import McapSink
-from sniffer.sinks.mcap_messages import state_field
 from sniffer.sources import open_source
-from sniffer.sources.mcap import chunks, groups, recorded, session
 from tests.recordings import START_NS, heads, keep, messages, record, talk
 
 if TYPE_CHECKING:
@@ -245,7 +245,7 @@ def test_times_never_decrease_within_the_file_nor_within_a_topic(tmp_path: Path)
 def test_buses_that_are_converted_one_after_the_other_keep_their_times(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sniffer.sinks.mcap.FULL", 1000)
+    monkeypatch.setattr("sniffer.mcapfile.sink.FULL", 1000)
     sink = McapSink(tmp_path / "run.mcap", {}, flush_ns=0)
     buses = {name: talk("mightyzap", 6.0, seed, 0, name) for seed, name in enumerate("ab")}
     decoders = {name: Decoder("mightyzap") for name in buses}

@@ -15,11 +15,11 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
+from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError, InputError, SnifferError
+from sniffer.mcapfile.recover import recover
+from sniffer.mcapfile.sink import McapSink
+from sniffer.mcapfile.source import chunks, recorded, session
 from sniffer.messages.recording_pb2 import RawChunk
-from sniffer.model import NS, Chunk, Clock, DamagedInputError, InputError, SnifferError
-from sniffer.recovery import recover
-from sniffer.sinks.mcap import McapSink
-from sniffer.sources.mcap import chunks, recorded, session
 from tests.recordings import START_NS, heads, keep, messages, record, talk
 from tests.test_mcap import RERUN, rerun
 
@@ -259,10 +259,10 @@ def test_what_is_no_recording_at_all_is_not_recovered(tmp_path: Path) -> None:
 RECORDER = """
 import sys, time
 from pathlib import Path
-from sniffer.decoder import Decoder
+from sniffer.decoding.decoder import Decoder
 from sniffer.messages.recording_pb2 import RawChunk
-from sniffer.model import Chunk, Clock
-from sniffer.sinks.mcap import McapSink
+from sniffer.ground.model import Chunk, Clock
+from sniffer.mcapfile.sink import McapSink
 from tests.recordings import talk
 
 reads = talk("mightyzap", 3.0)
@@ -305,10 +305,10 @@ def test_a_recorder_that_is_killed_loses_no_more_than_a_tenth_of_a_second(tmp_pa
 CROWDED = """
 import random, resource, sys
 from pathlib import Path
-from sniffer.decoder import Decoder
+from sniffer.decoding.decoder import Decoder
 from sniffer.messages.recording_pb2 import RawChunk
-from sniffer.model import Chunk, Clock, OutputError
-from sniffer.sinks.mcap import McapSink
+from sniffer.ground.model import Chunk, Clock, OutputError
+from sniffer.mcapfile.sink import McapSink
 
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), int(sys.argv[2])))
 rng = random.Random(1)
@@ -352,8 +352,8 @@ def test_a_full_disk_is_told_once_and_what_was_written_stays_readable(
 STOPPED = """
 import random, resource, signal, sys
 from pathlib import Path
-from sniffer.model import Chunk, Clock, OutputError
-from sniffer.sinks.mcap import McapSink
+from sniffer.ground.model import Chunk, Clock, OutputError
+from sniffer.mcapfile.sink import McapSink
 
 def stop(*_):
     raise KeyboardInterrupt

@@ -13,13 +13,13 @@ from mcap.records import ChunkIndex
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
-from sniffer.decoder import Decoder
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import Chunk, Clock, DamagedInputError, Mark, MarkKind, OutputError
+from sniffer.mcapfile.held import MOST, Arrivals
+from sniffer.mcapfile.index import PIECE, ChunkIndexes, ChunkNote, as_bytes
+from sniffer.mcapfile.sink import McapSink
+from sniffer.mcapfile.source import chunks, session
 from sniffer.messages.recording_pb2 import RawChunk
-from sniffer.model import Chunk, Clock, DamagedInputError, Mark, MarkKind, OutputError
-from sniffer.sinks.mcap import McapSink
-from sniffer.sinks.mcap_held import MOST, Arrivals
-from sniffer.sinks.mcap_summary import PIECE, ChunkIndexes, ChunkNote, as_bytes
-from sniffer.sources.mcap import chunks, session
 from tests.recordings import START_NS, heads, messages, talk
 from tests.test_mcap import RERUN, rerun
 
@@ -122,7 +122,7 @@ def test_a_durable_recording_is_on_the_disk_with_each_flush(
         synced.append(os.fstat(descriptor).st_size)
         real(descriptor)
 
-    monkeypatch.setattr("sniffer.sinks.mcap_bulk._sync", watched)
+    monkeypatch.setattr("sniffer.mcapfile.container._sync", watched)
     path, sent = tmp_path / "run.mcap", talk("mightyzap")
     sink = live(path, sent, flush_ns=10**12, durable=True)
     assert synced[-1] == path.stat().st_size

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sniffer.mcapfile.encoder import Blob, Encoder, Heads, Loose
 from sniffer.messages.recording_pb2 import Frame
 from sniffer.messages.servo_state_pb2 import ServoState
-from sniffer.sinks.mcap_rows import Blob, Encoder, Heads, Loose
 
 IDS = (0, 1, 127, 128, 16383, 16384, 20000, 32767, -1)
 

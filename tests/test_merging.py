@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.merging import Merger
-from sniffer.model import Chunk, Clock, Direction, Mark, MarkKind
+from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind
+from sniffer.ground.timing import byte_time_ns
+from sniffer.merge.merger import Merger
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES, FAULTS, Fault
-from sniffer.timing import byte_time_ns
 from tests.streams import chunked, stream
 from tests.taps import MS, RX, START_NS, TX, Bus, decode, heard, pairs, shares, true_pairs
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.model import NS
+from sniffer.ground.model import NS
 from sniffer.simulation import BUSES, TrueFrame
 from tests.streams.mightyzap import packet as zap
 from tests.streams.rs30x import packet, returned

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.model import OK, Chunk, Clock, DamagedInputError, Direction, Mark, MarkKind
-from sniffer.pipeline import Options
+from sniffer.decoding.pipeline import Options
+from sniffer.ground.model import OK, Chunk, Clock, DamagedInputError, Direction, Mark, MarkKind
+from sniffer.merge.wires import in_order
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES, Fault, simulate
-from sniffer.wires import in_order
 from tests.commands import Ran, records, within
 from tests.taps import MS, RX, START_NS, TX, Bus, decode, heard, pairs, shares, true_pairs
 

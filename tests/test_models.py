@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import sniffer
-from sniffer.clues import SURE, Clues
-from sniffer.decoder import Decoder
-from sniffer.model import PROFILE, Chunk
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.clues import SURE, Clues
+from sniffer.ground.model import PROFILE, Chunk
+from sniffer.ground.registers import Identity, Register, RegisterMap
 from sniffer.protocols import PROTOCOLS
-from sniffer.registers import Identity, Register, RegisterMap
 from tests.commands import within
 from tests.streams import rs30x
 from tests.streams.mightyzap import packet

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.model import NS, OK, Chunk, Clock
-from sniffer.pacing import ASSUMED, ESTIMATED, STATED, Pace
-from sniffer.pipeline import Options, Pipeline
+from sniffer.decoding.pacing import ASSUMED, ESTIMATED, STATED, Pace
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.decoding.summary import Bounds, Quantiles
+from sniffer.ground.model import NS, OK, Chunk, Clock
 from sniffer.simulation import faults as f
 from sniffer.simulation.buses import BUSES, simulate
 from sniffer.simulation.faults import Fault
 from sniffer.simulation.render import frame_reads, usb_reads
-from sniffer.summary import Bounds, Quantiles
 from tests.commands import sniffer
 from tests.hosts import MS, lines, reads, truths
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
-    from sniffer.model import Batch
+    from sniffer.ground.model import Batch
     from sniffer.protocols.base import BusProtocol
     from sniffer.simulation.talk import TrueFrame
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 RECORDER: Final = """
 import select, sys, time
-from sniffer.sources.ports import PortOptions, open_port
+from sniffer.ports import PortOptions, open_port
 
 port = open_port(sys.argv[1], PortOptions(115200))
 heard = b""

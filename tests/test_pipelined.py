@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from sniffer import bus
-from sniffer.decoder import Decoder
-from sniffer.model import OUTCOMES, Batch, Chunk, Clock
+from sniffer.decoding import pairing
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.reference import Reference
+from sniffer.decoding.rows import FrameRow, SampleRow, TransactionRow, rows
+from sniffer.ground.model import OUTCOMES, Batch, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
-from sniffer.reference import Reference
-from sniffer.rows import FrameRow, SampleRow, TransactionRow, rows
 from tests.records import batches, records
 from tests.streams.mightyzap import packet as zap
 from tests.streams.rs30x import packet, returned
@@ -218,19 +218,19 @@ def test_torn_bytes_among_answers_in_turn_are_the_answer_that_is_missing() -> No
         assert told == ["damaged" if i == hit else "ok" for i in range(3)]
 
 
-@pytest.mark.parametrize("chain", [bus.CHAIN, 0])
+@pytest.mark.parametrize("chain", [pairing.CHAIN, 0])
 def test_an_answer_torn_in_a_chain_without_end_is_damaged_wherever_the_chain_is_cut(
     chain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two are asked while the two before are open; every fifth time the second answer is torn."""
-    monkeypatch.setattr(bus, "CHAIN", chain)
+    monkeypatch.setattr(pairing, "CHAIN", chain)
     ask, answer = [[b % (i % 8) for i in range(900)] for b in (b"#%dQD\r", b"*%dQD1\r")]
     torn = range(1, 890, 10)
     for i in torn:
         answer[i] = answer[i][:-3]
     rounds = (answer[i : i + 2] + ask[i + 4 : i + 6] for i in range(0, 890, 2))
     s = b"".join([*ask[:4], *(part for parts in rounds for part in parts)])
-    assert len(s) > 2 * bus.CHAIN
+    assert len(s) > 2 * pairing.CHAIN
     parts = batches(Decoder("lss"), [[Chunk(s[at : at + 64])] for at in range(0, len(s), 64)])
     told = records(parts)
     assert any(b.before is not None for b in parts)  # it was cut
@@ -247,7 +247,7 @@ def test_that_it_is_a_guess_is_told_wherever_the_chain_is_cut(
     data = [POSITION, VOLTAGE, zap(2, 0xF2, b"\x8c\x02"), TWO, *on]
     whole = codes("mightyzap", *data)
     assert whole == ["no-response", "no-response", "ambiguous-response"]
-    monkeypatch.setattr(bus, "CHAIN", 0)
+    monkeypatch.setattr(pairing, "CHAIN", 0)
     parts = batches(Decoder("mightyzap"), [[Chunk(bytes([b]))] for b in b"".join(data)])
     assert any(b.before is not None for b in parts)  # it was cut
     assert [a.code for b in parts for a in b.anomalies] == whole
@@ -257,7 +257,7 @@ def test_a_row_of_wck_commands_is_not_cut_before_its_replies(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Doubled ones wait until it is known whether they are an adapter's echo."""
-    monkeypatch.setattr(bus, "CHAIN", 0)
+    monkeypatch.setattr(pairing, "CHAIN", 0)
     one, two = bytes.fromhex("fff80e9c7f15"), bytes.fromhex("fff310bc124d")
     told = [how for *_, how in exchanges("wck", two, two, two, one, one, *[b"\x3c\x12"] * 3, two)]
     assert told == ["no_response", "no_response", "ok", "ok", "ok", "no_response"]

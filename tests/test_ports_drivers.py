@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.model import InputError, MarkKind
-from sniffer.recording.taps import PortSpec, Tap
-from sniffer.sources.listening import Back, Counted, Read
-from sniffer.sources.ports import Counters, PortOptions, open_port
-from sniffer.sources.ports.listing import PortInfo
+from sniffer.ground.model import InputError, MarkKind
+from sniffer.ports import Counters, PortOptions, open_port
+from sniffer.ports.listing import PortInfo
+from sniffer.tap.reader import Back, Counted, Read
+from sniffer.tap.taps import PortSpec, Tap
 from tests.terminals import LINUX_ONLY, Terminal
 
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ def line() -> Iterator[Terminal]:
 def test_a_driver_that_sets_something_else_is_refused(line: Terminal) -> None:
     from dataclasses import replace
 
-    from sniffer.sources.ports import kernel
-    from sniffer.sources.ports.rates import refuse_other
+    from sniffer.ports import kernel
+    from sniffer.ports.rates import refuse_other
 
     port = open_port(line.path, PortOptions(1_000_000))
     got = kernel.settings(port.fileno())
@@ -49,8 +49,8 @@ def test_a_driver_that_sets_something_else_is_refused(line: Terminal) -> None:
 def test_a_uart_that_says_76800_and_runs_at_57600_is_refused(line: Terminal) -> None:
     from dataclasses import replace
 
-    from sniffer.sources.ports import kernel
-    from sniffer.sources.ports.rates import refuse_other
+    from sniffer.ports import kernel
+    from sniffer.ports.rates import refuse_other
 
     port = open_port(line.path, PortOptions(76800))
     got = kernel.settings(port.fileno())
@@ -85,15 +85,15 @@ def test_a_uart_that_says_76800_and_runs_at_57600_is_refused(line: Terminal) -> 
 def test_a_uarts_rate_is_its_clock_by_the_nearest_whole_number(
     asked: int, base: int, at_38400: int | None, multiplies: bool, runs_at: int
 ) -> None:
-    from sniffer.sources.ports.kernel import Divider
-    from sniffer.sources.ports.rates import true_baud
+    from sniffer.ports.kernel import Divider
+    from sniffer.ports.rates import true_baud
 
     assert true_baud(asked, Divider(base, at_38400, multiplies)) == runs_at
 
 
 @LINUX_ONLY
 def test_only_uarts_that_divide_by_whole_numbers_are_reckoned() -> None:
-    from sniffer.sources.ports.rates import divides
+    from sniffer.ports.rates import divides
 
     assert divides(PortInfo("/dev/ttyS0", "serial", "16550A"))
     assert divides(PortInfo("/dev/ttyS0", "serial8250", "8250"))
@@ -119,7 +119,7 @@ def test_only_uarts_that_divide_by_whole_numbers_are_reckoned() -> None:
 def test_a_driver_is_said_to_tell_only_what_it_tells(
     info: PortInfo, marks: bool | None, counts: bool | None, counts_sent: bool
 ) -> None:
-    from sniffer.sources.ports.drivers import tells
+    from sniffer.ports.drivers import tells
 
     told = tells(info)
     assert (told.marks, told.counts, told.counts_sent) == (marks, counts, counts_sent)
@@ -130,7 +130,7 @@ def test_a_driver_is_said_to_tell_only_what_it_tells(
 def test_line_errors_are_unknown_until_one_is_told_where_the_driver_may_be_deaf(
     line: Terminal,
 ) -> None:
-    from sniffer.sources.ports.tty import TtyPort
+    from sniffer.ports.tty import TtyPort
 
     port = TtyPort(line.path, PortOptions(115200))
     assert Tap(PortSpec("arm", line.path), port).line_errors == 0  # a pseudo terminal has none

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.model import InputError
-from sniffer.sources.ports import PortOptions, kernel, open_port
+from sniffer.ground.model import InputError
+from sniffer.ports import PortOptions, kernel, open_port
 from tests.commands import sniffer, talk, within
 from tests.recorder import raw
 from tests.terminals import (
@@ -203,7 +203,7 @@ def test_a_port_that_is_refused_after_all_echoes_as_before(
 ) -> None:
     import termios
 
-    from sniffer.sources.ports import kernel
+    from sniffer.ports import kernel
 
     monkeypatch.setattr(kernel, "is_reserved", lambda fd: True)  # root is let in: we are not always
     with pytest.raises(InputError, match="is in use by"):
@@ -293,7 +293,7 @@ def test_a_port_that_another_program_has_open_is_opened_where_that_is_asked_for(
 def test_the_program_at_the_other_end_of_a_pseudo_terminal_is_no_rival(line: Terminal) -> None:
     slave = held_open(line, marks=False)  # this program has the master, too
     code = (
-        "import sys; from sniffer.sources.ports import PortOptions, open_port\n"
+        "import sys; from sniffer.ports import PortOptions, open_port\n"
         "open_port(sys.argv[1], PortOptions(115200)).close()"
     )
     subprocess.run([sys.executable, "-c", code, line.path], check=True, timeout=PATIENCE_S)

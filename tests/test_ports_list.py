@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from sniffer.cli.ports import lines, show
 from sniffer.cli.ports import ports as command
-from sniffer.sources.ports.listing import (
+from sniffer.ports.listing import (
     MISSING,
     READY,
     REFUSED,

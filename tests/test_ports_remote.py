@@ -12,9 +12,10 @@ import serial
 from serial import rfc2217
 from serial.urlhandler import protocol_loop
 
-from sniffer.model import InputError
-from sniffer.sources.ports import READ_MAX, PortLostError, PortOptions, open_port
-from sniffer.sources.ports.remote import SerialPort
+from sniffer.ground.model import InputError
+from sniffer.ports import PortLostError, PortOptions, open_port
+from sniffer.ports.base import READ_MAX
+from sniffer.ports.remote import SerialPort
 from tests.terminals import (
     AT_115200,
     EVERY_BYTE,

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.sources.ports import Counters, Port, PortLostError, PortOptions, open_port
-from sniffer.sources.ports.listing import PortInfo
+from sniffer.ports import Counters, Port, PortLostError, PortOptions, open_port
+from sniffer.ports.listing import PortInfo
 from tests.terminals import (
     AT_115200,
     EVERY_BYTE,
@@ -30,7 +30,7 @@ from tests.terminals import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sniffer.sources.ports.tty import TtyPort
+    from sniffer.ports.tty import TtyPort
 
 
 @pytest.fixture
@@ -140,7 +140,7 @@ def test_the_baud_rate_is_changed_without_opening_again(line: Terminal) -> None:
 
 
 def tty_at(path: str) -> TtyPort:
-    from sniffer.sources.ports import tty
+    from sniffer.ports import tty
 
     return tty.TtyPort(path, AT_115200)
 
@@ -278,8 +278,8 @@ def test_a_terminal_for_people_is_no_port(name: str) -> None:
 @LINUX_ONLY
 def test_the_terminal_that_we_run_in_is_no_port(line: Terminal) -> None:
     code = (
-        "import sys; from sniffer.model import InputError\n"
-        "from sniffer.sources.ports import PortOptions, open_port\n"
+        "import sys; from sniffer.ground.model import InputError\n"
+        "from sniffer.ports import PortOptions, open_port\n"
         "try: open_port(sys.argv[1], PortOptions(9600))\n"
         "except InputError as error: print(error)"
     )
@@ -310,8 +310,8 @@ def test_without_permission_the_group_to_join_is_named(line: Terminal) -> None:
     Path(line.path).chmod(stat.S_IRGRP | stat.S_IWGRP)
     code = (
         "import grp, os, sys\n"  # all of it while we may still read it
-        "from sniffer.model import InputError\n"
-        "from sniffer.sources.ports import PortOptions, kernel, open_port, tty\n"
+        "from sniffer.ground.model import InputError\n"
+        "from sniffer.ports import PortOptions, kernel, open_port, tty\n"
         "if os.geteuid() == 0: os.setgroups([]), os.setgid(65534), os.setuid(65534)\n"
         "try: open_port(sys.argv[1], PortOptions(9600))\n"
         "except InputError as error: print(error)"
@@ -354,14 +354,14 @@ def test_counters_are_compared_over_their_wrap() -> None:
 def test_how_long_bytes_are_held_back_follows_from_the_driver(
     info: PortInfo, timer_ms: int | None, latency_ns: int | None
 ) -> None:
-    from sniffer.sources.ports import tty
+    from sniffer.ports import tty
 
     assert tty.latency_ns(info, timer_ms, 115200) == latency_ns
 
 
 @LINUX_ONLY
 def test_modem_lines_are_named() -> None:
-    from sniffer.sources.ports import kernel
+    from sniffer.ports import kernel
 
     assert kernel.names(None) == "none"
     assert kernel.names(0) == "all low"

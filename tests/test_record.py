@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.model import Clock, MarkKind
-from sniffer.sources.mcap import chunks
+from sniffer.ground.model import Clock, MarkKind
+from sniffer.mcapfile.source import chunks
 from tests.commands import Ran, conserved, sniffer, talk, within
 from tests.recorder import (
     Recorder,

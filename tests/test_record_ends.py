@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.sources.mcap import chunks
+from sniffer.mcapfile.source import chunks
 from tests.commands import Ran, damaged, talk
 from tests.recorder import (
     Patient,

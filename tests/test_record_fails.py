@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.recovery import recover
+from sniffer.mcapfile.recover import recover
 from tests.commands import conserved, sniffer
 from tests.disks import disk
 from tests.recorder import (

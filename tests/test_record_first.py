@@ -7,8 +7,8 @@ import subprocess
 import sys
 from typing import TYPE_CHECKING
 
-from sniffer.model import DamagedInputError
-from sniffer.sources.mcap import chunks
+from sniffer.ground.model import DamagedInputError
+from sniffer.mcapfile.source import chunks
 from tests.commands import environment
 from tests.terminals import LINUX_ONLY, PATIENCE_S, Terminal
 
@@ -20,7 +20,7 @@ pytestmark = LINUX_ONLY
 
 STUCK = """
 import sys, time
-from sniffer.pipeline import Pipeline
+from sniffer.decoding.pipeline import Pipeline
 def stuck(self, bus, chunks):
     print("decoding", flush=True)
     while True:

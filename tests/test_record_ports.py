@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from sniffer.cli.tapping import shared
-from sniffer.model import OK, Direction, MarkKind
-from sniffer.recording.taps import PortSpec, Tap
-from sniffer.sources.mcap import chunks
-from sniffer.sources.ports.tty import TtyPort
+from sniffer.ground.model import OK, Direction, MarkKind
+from sniffer.mcapfile.source import chunks
+from sniffer.ports.tty import TtyPort
+from sniffer.tap.taps import PortSpec, Tap
 from tests.commands import Ran, talk, within
 from tests.recorder import (
     Recorder,

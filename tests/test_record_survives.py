@@ -6,7 +6,7 @@ import contextlib
 from typing import TYPE_CHECKING, Final
 
 from bench.survives import KINDS, Victim, complaints, kill, raw
-from sniffer.model import InputError
+from sniffer.ground.model import InputError
 from tests.terminals import LINUX_ONLY, PATIENCE_S
 
 if TYPE_CHECKING:

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer import registers
-from sniffer.model import SnifferError
+from sniffer.ground import registers
+from sniffer.ground.model import SnifferError
+from sniffer.ground.registers import Register, read_identity, read_table, schema_path
 from sniffer.protocols import PROTOCOLS
-from sniffer.registers import Register, read_identity, read_table, schema_path
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.decoder import Decoder
-from sniffer.model import NS, OK, Batch, Chunk, Clock, Mark, MarkKind
-from sniffer.pipeline import Options, Pipeline
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.model import NS, OK, Batch, Chunk, Clock, Mark, MarkKind
 from tests.commands import talk
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.model import NS, Chunk, Clock, DamagedInputError, InputError
-from sniffer.replaying import STEP_NS, Window, paced, peek, steps, timed
-from sniffer.replaying import within as window
-from sniffer.timing import byte_time_ns
+from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError, InputError
+from sniffer.ground.timing import byte_time_ns
+from sniffer.jobs.replay import STEP_NS, Window, paced, peek, steps, timed
+from sniffer.jobs.replay import within as window
 from tests.commands import COMMAND, Ran, environment, log, sniffer, talk, within
 
 if TYPE_CHECKING:

@@ -18,10 +18,10 @@ import rerun as rr
 from PIL import Image
 from rerun.chunk import RrdReader
 
-from sniffer.decoder import Decoder
-from sniffer.model import Chunk, Clock, OutputError
-from sniffer.sinks.rerun import RerunSink
-from sniffer.sinks.rerun_layout import PALETTE, Colours
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import Chunk, Clock, OutputError
+from sniffer.sinks.rerun.layout import PALETTE, Colours
+from sniffer.sinks.rerun.sink import RerunSink
 from tests.commands import sniffer
 from tests.streams.mightyzap import packet
 from tests.terminals import PATIENCE_S
@@ -29,7 +29,7 @@ from tests.terminals import PATIENCE_S
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.model import Batch
+    from sniffer.ground.model import Batch
     from tests.viewer import HeadlessViewer
 
 LOAD, STORE, SYMMETRIC_STORE = 0xF2, 0xF3, 0x73
@@ -324,7 +324,8 @@ def test_a_full_disk_is_an_output_error() -> None:
 
 
 def test_rerun_is_not_imported_before_a_sink_is_made() -> None:
-    code = "import sys, sniffer.sinks.rerun, sniffer.viewing; sys.exit('rerun' in sys.modules)"
+    ours = "sniffer.sinks.rerun.sink, sniffer.viewers.viewer"
+    code = f"import sys, {ours}; sys.exit('rerun' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

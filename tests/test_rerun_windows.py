@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer import viewing
-from sniffer.decoder import Decoder
-from sniffer.model import OutputError
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import OutputError
+from sniffer.viewers import viewer
 from tests.test_rerun import talk, write
 
 if TYPE_CHECKING:
@@ -38,19 +38,19 @@ def test_without_a_display_it_says_what_to_do_instead(
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(OutputError, match=r"no display.*--web.*-o x\.rrd") as caught:
-        viewing.show(recording)
+        viewer.show(recording)
     assert "\n" not in str(caught.value)
 
 
 @pytest.fixture
-def live(headless_viewer: HeadlessViewer, monkeypatch: pytest.MonkeyPatch) -> viewing.LiveSink:
+def live(headless_viewer: HeadlessViewer, monkeypatch: pytest.MonkeyPatch) -> viewer.LiveSink:
     """A live window without a display; it needs ``headless_viewer`` only for its reason to skip."""
-    monkeypatch.setattr(viewing, "has_display", lambda: True)
-    monkeypatch.setattr(viewing, "LOCAL", (*viewing.LOCAL, "--headless"))
-    return viewing.live_sink("test")
+    monkeypatch.setattr(viewer, "has_display", lambda: True)
+    monkeypatch.setattr(viewer, "LOCAL", (*viewer.LOCAL, "--headless"))
+    return viewer.live_sink("test")
 
 
-def test_a_live_window_stays_until_it_is_closed(live: viewing.LiveSink) -> None:
+def test_a_live_window_stays_until_it_is_closed(live: viewer.LiveSink) -> None:
     decoder, chunks, viewer = Decoder("mightyzap", baud=250_000), talk(ticks=4), live._viewer
     live.write("bus0", decoder.protocol, decoder.feed(*chunks[:20]))
     assert viewer.poll() is None
@@ -60,7 +60,7 @@ def test_a_live_window_stays_until_it_is_closed(live: viewing.LiveSink) -> None:
     live.write("bus0", decoder.protocol, decoder.feed(*chunks[20:]))
 
 
-def test_a_live_window_is_closed_when_an_exception_passes(live: viewing.LiveSink) -> None:
+def test_a_live_window_is_closed_when_an_exception_passes(live: viewer.LiveSink) -> None:
     try:
         raise SystemExit
     except SystemExit:
@@ -74,7 +74,7 @@ def test_web_serves_the_viewer_and_the_recording_until_it_is_stopped(
     stop: signal.Signals, status: int, recording: Path
 ) -> None:
     code = (
-        "import sys, pathlib; from sniffer.viewing import show;"
+        "import sys, pathlib; from sniffer.viewers.viewer import show;"
         "show(pathlib.Path(sys.argv[1]), web=True, say=lambda line: print(line, flush=True))"
     )
     with subprocess.Popen(

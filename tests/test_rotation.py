@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from sniffer.comparing import compare
-from sniffer.model import NS, Chunk, Clock, Mark, MarkKind, OutputError
-from sniffer.pipeline import Options, Pipeline
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.model import NS, Chunk, Clock, Mark, MarkKind, OutputError
+from sniffer.jobs.compare import compare
+from sniffer.mcapfile.ends import End, ends
+from sniffer.mcapfile.recover import recover
+from sniffer.mcapfile.rotation import RotatingMcap
+from sniffer.mcapfile.source import chunks, session
 from sniffer.protocols import PROTOCOLS
-from sniffer.recovery import recover
-from sniffer.sinks.rotation import RotatingMcap
 from sniffer.sources import open_source
-from sniffer.sources.mcap import chunks, session
-from sniffer.sources.mcap_ends import End, ends
 from tests.recorder import Collected
 from tests.recordings import START_NS, heads, messages, talk
 from tests.test_mcap import RERUN, rerun

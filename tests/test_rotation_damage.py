@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.comparing import compare
-from sniffer.model import Chunk, Clock, DamagedInputError, OutputError
-from sniffer.pipeline import Options, Pipeline
-from sniffer.recovery import recover
-from sniffer.sinks import rotation
-from sniffer.sinks.mcap_bulk import Container
-from sniffer.sinks.mcap_summary import MAGIC
-from sniffer.sinks.rotation import RotatingMcap
-from sniffer.sources.mcap import chunks, session
-from sniffer.sources.mcap_ends import End
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.model import Chunk, Clock, DamagedInputError, OutputError
+from sniffer.jobs.compare import compare
+from sniffer.mcapfile import rotation
+from sniffer.mcapfile.container import Container
+from sniffer.mcapfile.ends import End
+from sniffer.mcapfile.index import MAGIC
+from sniffer.mcapfile.recover import recover
+from sniffer.mcapfile.rotation import RotatingMcap
+from sniffer.mcapfile.source import chunks, session
 from tests.disks import disk
 from tests.recordings import messages, talk
 from tests.terminals import PATIENCE_S
@@ -66,9 +66,9 @@ def test_where_the_next_file_cannot_be_begun_the_one_before_is_finished(
 RECORDER = """
 import resource, sys, time
 from pathlib import Path
-from sniffer.model import OutputError
-from sniffer.pipeline import Options, Pipeline
-from sniffer.sinks.rotation import RotatingMcap
+from sniffer.ground.model import OutputError
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.mcapfile.rotation import RotatingMcap
 from tests.recordings import talk
 
 path, room, speed = Path(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])

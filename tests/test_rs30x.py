@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.decoder import Decoder
-from sniffer.framing import Block
-from sniffer.model import RESETS, Chunk
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.framing import Block
+from sniffer.ground.model import RESETS, Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.rs30x.block import REACH
 from sniffer.protocols.rs30x.grammar import REPLIES

@@ -6,8 +6,8 @@ import functools
 
 import pytest
 
-from sniffer.decoder import Decoder
-from sniffer.model import Chunk, Clock
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import Chunk, Clock
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.rs30x.grammar import NACK
 from tests import heard

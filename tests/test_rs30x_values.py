@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.decoder import Decoder
-from sniffer.model import Chunk
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.reference import Reference
+from sniffer.ground.model import Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import view
 from sniffer.protocols.rs30x.block import PLAN, RETURN_PLAN
 from sniffer.protocols.rs30x.grammar import ACK, MOST_DATA, PACKET, RETURN
-from sniffer.reference import Reference
 from tests import heard
 from tests.records import batches, records
 from tests.streams.rs30x import TALK, long, packet, raw, reset_with_data, returned, write

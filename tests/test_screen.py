@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, Final
 import pytest
 from rich.cells import cell_len
 
-from sniffer.cli.screen import BOARD, LINE, LOG, Screen
 from sniffer.protocols import PROTOCOLS
-from sniffer.sinks.board import Board
+from sniffer.viewers.board.board import Board
+from sniffer.viewers.screen import BOARD, LINE, LOG, Screen
 from tests.commands import environment
 from tests.terminals import PATIENCE_S
 from tests.wires import feed, lines_of, status_of, wire
@@ -282,11 +282,11 @@ def test_a_log_has_every_frame_and_statistics_go_beside_it() -> None:
 
 SCRIPT: Final = """
 import sys
-from sniffer.cli.outlet import write_within
-from sniffer.cli.screen import Screen
-from sniffer.decoder import Decoder
-from sniffer.model import Chunk
-from sniffer.status import BusStatus, Status
+from sniffer.viewers.outlet import write_within
+from sniffer.viewers.screen import Screen
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import Chunk
+from sniffer.tap.status import BusStatus, Status
 from tests.commands import talk
 
 bus = BusStatus("arm", "/dev/ttyUSB0", 57600, "mightyzap", "listening", 0, 0, None)

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 CONTROLLED: Final = """
 import os, signal, time
 from sniffer.cli.recording import leaving
-from sniffer.cli.screen import Screen
-from sniffer.status import Status
+from sniffer.viewers.screen import Screen
+from sniffer.tap.status import Status
 
 status = Status(1.0, 10**18, "run.mcap", 0, 0, ())
 with Screen("board", lambda: status, stream=open("/dev/tty", "w")) as screen, leaving(screen):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sniffer.decoder import Decoder
+from sniffer.decoding.decoder import Decoder
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES, simulate
 

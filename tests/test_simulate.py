@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.playing.outlet import HOLD_MOST, Outlet
-from sniffer.playing.ports import Pty
 from sniffer.simulation import BUSES, TrueFrame
 from sniffer.simulation import simulate as frames_of
+from sniffer.simulation.play.outlet import HOLD_MOST, Outlet
+from sniffer.simulation.play.ports import Pty
 from tests.commands import within
 from tests.simulations import DEADLINE_S, ear, framed, heard, running, told
 

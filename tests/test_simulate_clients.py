@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final
 import pytest
 import serial
 
+from sniffer.ground.registers import TYPES
 from sniffer.protocols import PROTOCOLS
-from sniffer.registers import TYPES
 from sniffer.simulation import BUSES
 from tests.simulations import DEADLINE_S, running
 from tests.streams.mightyzap import packet as zap
@@ -20,7 +20,7 @@ from tests.test_simulate_manuals import LOAD, STORE
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sniffer.registers import Register
+    from sniffer.ground.registers import Register
 
 
 def samples(register: Register) -> Iterator[int]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.model import NS
+from sniffer.ground.model import NS
 from sniffer.simulation import BUSES
 from sniffer.simulation.respond import Responder
 from tests.streams.mightyzap import packet as zap

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.model import SnifferError
+from sniffer.ground.model import SnifferError
 from sniffer.simulation import Fault
 from sniffer.simulation.faults import FAULTS, SPELLED, USUAL, read_fault
 from tests.commands import within

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.model import NS
+from sniffer.ground.model import NS
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES
 from sniffer.simulation.faults import read_fault

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from sniffer.decoder import Decoder
-from sniffer.model import KINDS, NOT_EXPECTED, NS, OK, Chunk, Clock, SnifferError
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import KINDS, NOT_EXPECTED, NS, OK, Chunk, Clock, SnifferError
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES, FAULTS, Fault, TrueFrame, simulate
 from sniffer.simulation.captures import CAPTURES, MANUALS, VECTORS, manual, write

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.limits import TIME_END_NS
-from sniffer.model import Chunk, Clock, Direction, SnifferError
+from sniffer.ground.limits import TIME_END_NS
+from sniffer.ground.model import Chunk, Clock, Direction, SnifferError
 from sniffer.sources import SOURCES, open_source
 from tests.inputs import (
     BUS,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.model import Chunk, InputError
+from sniffer.ground.model import Chunk, InputError
 from sniffer.sources import open_source
 from tests.inputs import (
     BUS,
@@ -82,10 +82,10 @@ def test_groups_hold_many_chunks_and_about_256_kib() -> None:
 def test_a_recording_is_given_to_the_mcap_source_by_its_path(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stub = types.ModuleType("sniffer.sources.mcap")
+    stub = types.ModuleType("sniffer.mcapfile.source")
     stub.chunks = lambda path: iter([Chunk(str(path).encode())])  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, stub.__name__, stub)
-    monkeypatch.setattr("sniffer.sources.mcap", stub, raising=False)
+    monkeypatch.setattr("sniffer.mcapfile.source", stub, raising=False)
     path = tmp_path / "run.mcap"
     path.write_bytes(b"\x89MCAP0\r\n")
     assert open_source(path).format == "mcap"

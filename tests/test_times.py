@@ -9,19 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.decoder import Decoder
-from sniffer.limits import DURATION_MOST_NS, TIME_END_NS, TIME_LEAST_NS
-from sniffer.model import NS, Chunk, Clock, Mark, MarkKind
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.reference import Reference
+from sniffer.ground.limits import DURATION_MOST_NS, TIME_END_NS, TIME_LEAST_NS
+from sniffer.ground.model import NS, Chunk, Clock, Mark, MarkKind
+from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
-from sniffer.reference import Reference
-from sniffer.timing import byte_time_ns
 from tests.records import batches, records
 from tests.streams import stream
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.model import Batch
+    from sniffer.ground.model import Batch
 
 EVERY = pytest.mark.parametrize("name", PROTOCOLS)
 

@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.model import Chunk, Clock, MarkKind
-from sniffer.pipeline import Options, Pipeline
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.model import Chunk, Clock, MarkKind
+from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
-from sniffer.timing import byte_time_ns
 from tests.records import gaps, records
 from tests.streams import chunked, stream
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.model import Batch
+    from sniffer.ground.model import Batch
     from sniffer.protocols.base import BusProtocol
 
 EVERY = pytest.mark.parametrize("name", PROTOCOLS)

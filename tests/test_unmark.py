@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.model import Mark, MarkKind
-from sniffer.sources.ports.unmark import Unmarker
+from sniffer.ground.model import Mark, MarkKind
+from sniffer.ports.unmark import Unmarker
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import sniffer
+from sniffer.decoding.rows import FrameRow, GapRow, TransactionRow
 from sniffer.protocols import PROTOCOLS
-from sniffer.rows import FrameRow, GapRow, TransactionRow
 from tests.vectors import Vector, vectors
 
 if TYPE_CHECKING:

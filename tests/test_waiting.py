@@ -6,8 +6,8 @@ import os
 import threading
 from typing import TYPE_CHECKING
 
-from sniffer.sources import waiting
-from sniffer.sources.waiting import Account
+from sniffer.tap import waiting
+from sniffer.tap.waiting import Account
 from tests.terminals import LINUX_ONLY
 
 if TYPE_CHECKING:

@@ -22,10 +22,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rerun.experimental import ViewerClient
 
-from sniffer import viewing
-from sniffer.model import Chunk, Clock, Direction, Mark, MarkKind, OutputError
-from sniffer.parcels import CONNECT, WEB, WINDOW, Parcel, Unpacker, packed
-from sniffer.watching import LiveView
+from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind, OutputError
+from sniffer.viewers import viewer
+from sniffer.viewers.companion.parcels import CONNECT, WEB, WINDOW, Parcel, Unpacker, packed
+from sniffer.viewers.companion.parent import LiveView
 from tests.live import (
     MS,
     OPTIONS,
@@ -122,7 +122,7 @@ def test_what_is_packed_comes_out_of_the_pipe_in_pieces_of_any_size(
     ],
 )
 def test_an_address_may_be_told_in_several_ways(url: str, address: str) -> None:
-    assert viewing.data_address(url)[0] == address
+    assert viewer.data_address(url)[0] == address
 
 
 @pytest.mark.parametrize(
@@ -312,7 +312,8 @@ def test_a_recorder_that_is_killed_leaves_nothing_but_a_window_to_be_closed(
     mode: str, headless_viewer: HeadlessViewer
 ) -> None:
     code = (
-        "import sys, time; from sniffer.watching import LiveView; import tests.live as t\n"
+        "import sys, time; import tests.live as t\n"
+        "from sniffer.viewers.companion.parent import LiveView\n"
         "more = {'arguments': ('--headless',)} if sys.argv[1] == 'window' else {}\n"
         "live = LiveView(sys.argv[1], options=t.OPTIONS, name='x', say=t.Said(), **more)\n"
         "print(live.pid, flush=True)\n"

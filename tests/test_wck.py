@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from construct import ConstructError
 
-from sniffer.decoder import Decoder
-from sniffer.framing import Block
-from sniffer.model import NS, Chunk, Clock
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.framing import Block
+from sniffer.ground.model import NS, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.wck.block import KIND, NONE
 from sniffer.protocols.wck.grammar import COMMANDS, FIRSTS, OPS, SECONDS

@@ -8,14 +8,14 @@ import itertools
 import numpy as np
 import pytest
 
-from sniffer.decoder import Decoder
-from sniffer.detect import detect
-from sniffer.framing import Block
-from sniffer.model import Chunk
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.detect import detect
+from sniffer.decoding.reference import Reference
+from sniffer.ground.framing import Block
+from sniffer.ground.model import Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import view
 from sniffer.protocols.wck.controller import CONTENTS_MOST, HEADER, TYPES
-from sniffer.reference import Reference
 from tests import heard
 from tests.records import batches, records
 from tests.streams.wck import command, rbc

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.decoder import Decoder
-from sniffer.model import Chunk
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.reference import Reference
+from sniffer.ground.model import Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import view
-from sniffer.reference import Reference
 from tests import heard
 from tests.records import batches, records
 from tests.streams.wck import any_command, command

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.decoder import Decoder
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.reference import Reference
 from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.model import Chunk
+from sniffer.ground.model import Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.wck.grammar import OPS, build
-from sniffer.reference import Reference
 from tests import heard
 from tests.records import batches, records
 from tests.streams.wck import command

@@ -34,8 +34,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from sniffer.model import DamagedInputError, InputError
-from sniffer.sources.mcap import chunks
+from sniffer.ground.model import DamagedInputError, InputError
+from sniffer.mcapfile.source import chunks
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
 
-from sniffer.decoder import Decoder
-from sniffer.model import NS, Batch, Chunk, Clock
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import NS, Batch, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES, Fault, simulate
 from sniffer.simulation.render import usb_reads
-from sniffer.sinks.board import Board
-from sniffer.status import BusStatus, Status
+from sniffer.tap.status import BusStatus, Status
+from sniffer.viewers.board.board import Board
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.cli.screen import Screen
+    from sniffer.viewers.screen import Screen
 
 START_NS: Final = 1_795_215_306 * NS
 PASS_NS: Final = NS // 20

@@ -29,7 +29,7 @@ from sniffer.cli.replay import replay
 from sniffer.cli.session import say, silence, silence_stdout
 from sniffer.cli.simulate import simulate
 from sniffer.cli.view import view
-from sniffer.model import DamagedInputError, SnifferError
+from sniffer.ground.model import DamagedInputError, SnifferError
 
 DONE: Final = 0
 MISTAKE: Final = 2

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sniffer.limits import BAUDS
-from sniffer.model import NS
-from sniffer.pipeline import AUTO
+from sniffer.decoding.pipeline import AUTO
+from sniffer.ground.limits import BAUDS
+from sniffer.ground.model import NS
 from sniffer.protocols import PROTOCOLS
-from sniffer.recording.taps import PortSpec
+from sniffer.tap.taps import PortSpec
 
 if TYPE_CHECKING:
     _Number = click.ParamType[int]

@@ -11,8 +11,8 @@ import click
 
 from sniffer.cli.options import decoding, examples, pipeline_options, printed, with_force
 from sniffer.cli.session import Standard, open_outputs, run_source, session_facts, tell_lost
-from sniffer.model import Severity
-from sniffer.sinks.base import Sink
+from sniffer.decoding.sink import Sink
+from sniffer.ground.model import Severity
 from sniffer.sinks.jsonl import JsonlSink
 from sniffer.sources import open_source
 

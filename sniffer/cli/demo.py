@@ -12,9 +12,9 @@ from rich.console import Console
 
 from sniffer import __version__
 from sniffer.cli.session import say
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.model import Chunk, SnifferError
 from sniffer.messages import TOOL
-from sniffer.model import Chunk, SnifferError
-from sniffer.pipeline import Options, Pipeline
 from sniffer.protocols import PROTOCOLS
 from sniffer.sinks import open_sink
 from sniffer.sinks.report import print_summary
@@ -69,7 +69,7 @@ def record(outputs: list[Path]) -> None:
 
 def demo() -> None:
     """Run the demo."""
-    from sniffer import viewing
+    from sniffer.viewers import viewer
 
     console = Console(highlight=False)
     show_summaries(console)
@@ -79,7 +79,7 @@ def demo() -> None:
     console.print()
     console.print(f"wrote {recording} (the recording) and {plots} (its plots)", soft_wrap=True)
     try:
-        viewing.need_display(str(recording))
+        viewer.need_display(str(recording))
     except SnifferError:
         console.print(
             f"there is no display here. On a machine with one: .venv/bin/sniffer view {recording}\n"
@@ -87,7 +87,7 @@ def demo() -> None:
             soft_wrap=True,
         )
     else:
-        viewing.show(plots, web=False, say=say)
+        viewer.show(plots, web=False, say=say)
 
 
 if __name__ == "__main__":

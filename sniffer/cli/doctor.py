@@ -19,7 +19,8 @@ from rich.text import Text
 from sniffer.cli.amounts import port_spec
 from sniffer.cli.options import FALLBACK_BAUD, SHARED, Finite, Whole, examples, printed
 from sniffer.cli.session import say
-from sniffer.doctoring import (
+from sniffer.decoding.pipeline import AUTO
+from sniffer.doctor import (
     Heard,
     Level,
     Trial,
@@ -30,12 +31,11 @@ from sniffer.doctoring import (
     usual_bauds,
     worst,
 )
-from sniffer.limits import BAUDS
-from sniffer.model import NS, Chunk, Clock, InputError
-from sniffer.pipeline import AUTO
+from sniffer.ground.limits import BAUDS
+from sniffer.ground.model import NS, Chunk, Clock, InputError
+from sniffer.ports import Port, PortLostError, PortOptions, open_port
+from sniffer.ports.listing import port_at
 from sniffer.protocols import PROTOCOLS
-from sniffer.sources.ports import Port, PortLostError, PortOptions, open_port
-from sniffer.sources.ports.listing import port_at
 
 TRIAL_S: Final = 1.0
 """How long another baud is listened at."""

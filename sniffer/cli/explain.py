@@ -6,8 +6,8 @@ import click
 from rich.console import Console
 
 from sniffer.cli.options import examples
-from sniffer.explaining import explain_bytes, read_hex
-from sniffer.pipeline import AUTO
+from sniffer.decoding.pipeline import AUTO
+from sniffer.jobs.explain import explain_bytes, read_hex
 from sniffer.protocols import PROTOCOLS
 
 

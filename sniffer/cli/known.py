@@ -11,9 +11,9 @@ import click
 from rich.console import Console
 
 from sniffer.cli.options import examples
-from sniffer.model import ROLES
+from sniffer.ground.model import ROLES
+from sniffer.ground.registers import Register, RegisterMap
 from sniffer.protocols import PROTOCOLS
-from sniffer.registers import Register, RegisterMap
 
 
 @click.command()

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import click
 
-from sniffer.limits import BAUDS, IDS, number_in
-from sniffer.pipeline import AUTO, Options
+from sniffer.decoding.pipeline import AUTO, Options
+from sniffer.ground.limits import BAUDS, IDS, number_in
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import SOURCES
 

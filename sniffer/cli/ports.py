@@ -13,8 +13,8 @@ from rich.console import Console
 
 from sniffer.cli.options import examples, printed
 from sniffer.cli.session import say
-from sniffer.sources.ports.listing import READY, REFUSED, PortInfo
-from sniffer.sources.ports.listing import ports as listed
+from sniffer.ports.listing import READY, REFUSED, PortInfo
+from sniffer.ports.listing import ports as listed
 
 WIDE: Final = 120
 """From this width on a port's maker and name stand on its own line."""

@@ -20,12 +20,12 @@ from sniffer.cli.options import (
     with_force,
 )
 from sniffer.cli.session import session_facts, tell_lost
+from sniffer.decoding.pipeline import AUTO
 from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.limits import BAUDS
-from sniffer.pipeline import AUTO
+from sniffer.ground.limits import BAUDS
 from sniffer.protocols import PROTOCOLS
-from sniffer.recording.stops import Stops
-from sniffer.recording.taps import PortSpec
+from sniffer.tap.stops import Stops
+from sniffer.tap.taps import PortSpec
 
 
 @click.command(
@@ -130,10 +130,10 @@ def record(
     """
     # What only this command needs is loaded only by it, and before a port is opened.
     from sniffer.cli import recording
-    from sniffer.cli.screen import LOG, usual_mode
     from sniffer.cli.tapping import tap_ports
     from sniffer.cli.telling import Teller
-    from sniffer.recording.recorder import Wishes
+    from sniffer.tap.recorder import Wishes
+    from sniffer.viewers.screen import LOG, usual_mode
 
     if log and quiet:
         raise click.UsageError("--log prints, --quiet does not: choose one")

@@ -16,24 +16,24 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from sniffer.cli.screen import LOG, Screen
 from sniffer.cli.session import open_outputs
 from sniffer.cli.tapping import Tapping
 from sniffer.cli.telling import Teller, result
-from sniffer.detect import UndecidedError
-from sniffer.model import DamagedInputError, OutputError, SnifferError
-from sniffer.pipeline import Pipeline
-from sniffer.recording.recorder import Recorder, Wishes
-from sniffer.recording.stops import Stops
+from sniffer.decoding.detect import UndecidedError
+from sniffer.decoding.pipeline import Pipeline
+from sniffer.decoding.sink import Sink
+from sniffer.ground.files import files_of, refuse_occupied
+from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
+from sniffer.mcapfile.rotation import RotatingMcap
 from sniffer.sinks import suffix_known
-from sniffer.sinks.base import Sink
-from sniffer.sinks.board import Board
-from sniffer.sinks.files import files_of, refuse_occupied
-from sniffer.sinks.rotation import RotatingMcap
+from sniffer.tap.recorder import Recorder, Wishes
+from sniffer.tap.stops import Stops
+from sniffer.viewers.board.board import Board
+from sniffer.viewers.screen import LOG, Screen
 
 if TYPE_CHECKING:
-    from sniffer.sources.listening import Anchor
-    from sniffer.watching import LiveView
+    from sniffer.tap.reader import Anchor
+    from sniffer.viewers.companion.parent import LiveView
 
 SWITCH_S: Final = 0.0005
 """How long a thread may keep the interpreter from the reader thread, in seconds."""
@@ -131,7 +131,7 @@ def live_view(
     """Open the viewer that was asked for."""
     if show.view is None:
         return None
-    from sniffer.watching import LiveView
+    from sniffer.viewers.companion.parent import LiveView
 
     return LiveView(
         show.view,

@@ -18,8 +18,8 @@ from sniffer.cli.options import examples, with_force
 @with_force
 def recover(file: Path, output: Path | None, force: bool) -> int:
     """Repair the recording FILE (.mcap) that a killed recorder left behind."""
-    from sniffer.recovery import recover as repair
-    from sniffer.sinks.files import refuse_occupied
+    from sniffer.ground.files import refuse_occupied
+    from sniffer.mcapfile.recover import recover as repair
 
     if output is not None and output.suffix.lower() != ".mcap":
         raise click.UsageError(f"{output}: a recording's name ends in .mcap")

@@ -12,12 +12,12 @@ import click
 
 from sniffer.cli.options import FALLBACK_BAUD, Finite, decoding, examples, pipeline_options
 from sniffer.cli.session import Standard, merged, run_source, say
-from sniffer.detect import ENOUGH, UndecidedError, detect
-from sniffer.model import Chunk
-from sniffer.pipeline import AUTO, Options
+from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
+from sniffer.decoding.pipeline import AUTO, Options
+from sniffer.decoding.sink import Sink
+from sniffer.ground.model import Chunk
+from sniffer.jobs.replay import Window, paced, peek, steps, timed, within
 from sniffer.protocols import PROTOCOLS
-from sniffer.replaying import Window, paced, peek, steps, timed, within
-from sniffer.sinks.base import Sink
 from sniffer.sources import open_source
 
 
@@ -80,7 +80,7 @@ def replay(
     if redecode and in_rerun:
         raise click.UsageError("--redecode compares, --rerun shows: choose one")
     if redecode:
-        from sniffer.comparing import compare
+        from sniffer.jobs.compare import compare
 
         report = compare(Path(file), options, say=say)
         click.echo(str(report))
@@ -100,7 +100,7 @@ def replay(
             groups = _as_part(groups, start, stop)
         sink: Sink
         if in_rerun:
-            from sniffer.viewing import live_sink
+            from sniffer.viewers.viewer import live_sink
 
             sink = live_sink(Path(file).stem)
         else:

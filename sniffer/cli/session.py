@@ -15,18 +15,18 @@ from typing import TextIO
 import click
 
 from sniffer import __version__
-from sniffer.detect import Detection, UndecidedError
+from sniffer.decoding.detect import Detection, UndecidedError
+from sniffer.decoding.pacing import ASSUMED, Pace
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.decoding.sink import Paced, Sink
+from sniffer.ground.files import files_of, is_lost, occupied, probe, refuse_occupied
+from sniffer.ground.model import Batch, Chunk, DamagedInputError, InputError, OutputError
+from sniffer.ground.wording import one_line
+from sniffer.merge.wires import MIXED, in_order
 from sniffer.messages import TOOL
-from sniffer.model import Batch, Chunk, DamagedInputError, InputError, OutputError
-from sniffer.pacing import ASSUMED, Pace
-from sniffer.pipeline import Options, Pipeline
 from sniffer.protocols.base import BusProtocol
 from sniffer.sinks import open_sink, suffix_known
-from sniffer.sinks.base import Paced, Sink
-from sniffer.sinks.files import files_of, is_lost, occupied, probe, refuse_occupied
-from sniffer.sinks.lines import one_line
 from sniffer.sources import Source
-from sniffer.wires import MIXED, in_order
 
 
 class Standard:

@@ -17,17 +17,17 @@ from sniffer import __version__
 from sniffer.cli.amounts import Duration
 from sniffer.cli.options import Whole, examples, models, with_force
 from sniffer.cli.session import say
-from sniffer.limits import BAUDS
-from sniffer.model import NS, OutputError, SnifferError
+from sniffer.ground.files import refuse_occupied
+from sniffer.ground.limits import BAUDS
+from sniffer.ground.model import NS, OutputError, SnifferError
 from sniffer.protocols import PROTOCOLS
-from sniffer.sinks.files import refuse_occupied
 
 if TYPE_CHECKING:
-    from sniffer.playing.outlet import Outlet
-    from sniffer.playing.player import Clock, Stop
-    from sniffer.playing.ports import Port
-    from sniffer.playing.truth import Truth
     from sniffer.simulation import Fault, TrueFrame
+    from sniffer.simulation.play.outlet import Outlet
+    from sniffer.simulation.play.player import Clock, Stop
+    from sniffer.simulation.play.ports import Port
+    from sniffer.simulation.play.truth import Truth
 
 MAX = "max"
 """The ``--rate`` of a line that is loaded as far as it goes."""
@@ -168,7 +168,7 @@ def simulate(
     if truth is not None and not force:
         refuse_occupied([truth])
     try:
-        from sniffer.playing import ports
+        from sniffer.simulation.play import ports
     except ImportError:
         raise OutputError("this system has no pseudo-terminals: use Linux or macOS") from None
     from sniffer.simulation import BUSES
@@ -253,10 +253,10 @@ def _run(
     links: dict[str, Path | None],
 ) -> None:
     """Play until it is over; whatever ends it, the truth and the links are put in order."""
-    from sniffer.playing.link import linked
-    from sniffer.playing.outlet import Outlet
-    from sniffer.playing.player import Clock, Stop
-    from sniffer.playing.truth import Truth
+    from sniffer.simulation.play.link import linked
+    from sniffer.simulation.play.outlet import Outlet
+    from sniffer.simulation.play.player import Clock, Stop
+    from sniffer.simulation.play.truth import Truth
 
     clock = Clock()
     with contextlib.ExitStack() as stack:
@@ -287,7 +287,7 @@ def _run(
 def _play(
     wishes: Wishes, clock: Clock, stop: Stop, bus: Outlet, tap: Outlet | None, truth: Truth | None
 ) -> None:
-    from sniffer.playing.player import GROUP_NS, GROUPED_FROM, Player
+    from sniffer.simulation.play.player import GROUP_NS, GROUPED_FROM, Player
 
     player = Player(clock, stop, (lambda: None) if truth is None else truth.flush)
     if wishes.respond:

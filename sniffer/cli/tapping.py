@@ -10,14 +10,14 @@ from typing import Literal
 import click
 
 from sniffer.cli.options import FALLBACK_BAUD
-from sniffer.merging import Merger
-from sniffer.model import Direction
-from sniffer.pipeline import AUTO, Options
+from sniffer.decoding.pipeline import AUTO, Options
+from sniffer.ground.model import Direction
+from sniffer.ground.timing import LATENCY_NS
+from sniffer.merge.merger import Merger
+from sniffer.ports import PortOptions, open_port
 from sniffer.protocols import PROTOCOLS
-from sniffer.recording.taps import PortSpec, Tap
-from sniffer.sources.listening import BREATH_NS, Anchor, Listener
-from sniffer.sources.ports import PortOptions, open_port
-from sniffer.timing import LATENCY_NS
+from sniffer.tap.reader import BREATH_NS, Anchor, Listener
+from sniffer.tap.taps import PortSpec, Tap
 
 Modem = Literal["low", "keep"]
 

@@ -6,16 +6,16 @@ import sys
 import time
 from typing import TYPE_CHECKING, Final
 
-from sniffer.cli.outlet import write_within
-from sniffer.model import NS
-from sniffer.sinks.lines import one_line
+from sniffer.ground.model import NS
+from sniffer.ground.wording import one_line
+from sniffer.viewers.outlet import write_within
 
 if TYPE_CHECKING:
-    from sniffer.cli.screen import Screen
-    from sniffer.detect import Detection
-    from sniffer.recording.recorder import Recorder
-    from sniffer.sinks.rotation import RotatingMcap
-    from sniffer.sources.listening import Anchor
+    from sniffer.decoding.detect import Detection
+    from sniffer.mcapfile.rotation import RotatingMcap
+    from sniffer.tap.reader import Anchor
+    from sniffer.tap.recorder import Recorder
+    from sniffer.viewers.screen import Screen
 
 MISTAKES_S: Final = 5.0
 """How often it is looked whether a bus speaks another protocol than was said."""

@@ -44,7 +44,7 @@ def view(
     port: int | None,
 ) -> int:
     """Open FILE (a recording, or any capture) in Rerun: position, load, voltage, alarms."""
-    from sniffer import viewing
+    from sniffer.viewers import viewer
 
     if output is not None and web:
         raise click.UsageError("-o writes a file, --web serves one: choose one")
@@ -53,7 +53,7 @@ def view(
     options = pipeline_options(protocol, baud, models, latency)
     source = open_source(file, input_format)
     if output is None and not web:
-        viewing.need_display(file)
+        viewer.need_display(file)
     name = "standard input" if file == "-" else file
     if output is not None:
         if output.suffix != ".rrd":
@@ -68,5 +68,5 @@ def view(
         path = Path(folder) / f"{Path(file).stem or 'stdin'}.rrd"
         sinks = open_outputs([path], session_facts(file, options), file, force=True)
         _, status = run_source(source, options, sinks, name=name)
-        viewing.show(path, web=web, port=port, say=say)
+        viewer.show(path, web=web, port=port, say=say)
         return status

@@ -9,18 +9,18 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from sniffer.diagnostics.answers import PairingRules
 from sniffer.diagnostics.device import DeviceRules
 from sniffer.diagnostics.doubled import DoubledAnswers
 from sniffer.diagnostics.hearing import Hearing
 from sniffer.diagnostics.models import ModelRules
-from sniffer.diagnostics.pairing import PairingRules
 from sniffer.diagnostics.rules import CaptureRules, gap_anomalies, protocol_anomalies
 from sniffer.diagnostics.tap import TapRules, without_our_fault
 
 if TYPE_CHECKING:
-    from sniffer.model import Anomaly, Batch
+    from sniffer.diagnostics.learned import Meaning
+    from sniffer.ground.model import Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
-    from sniffer.samples import Meaning
 
 
 class Diagnostics:

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnostics.tap import TAP_CODES
-from sniffer.model import Severity
+from sniffer.ground.model import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

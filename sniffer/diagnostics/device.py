@@ -9,12 +9,12 @@ import numpy as np
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.diagnostics.edges import Edges
 from sniffer.diagnostics.rules import anomaly
-from sniffer.model import REQUEST, WHOLE, Anomaly, Batch, Samples
+from sniffer.ground.model import REQUEST, WHOLE, Anomaly, Batch, Samples
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from sniffer.changes import Change
+    from sniffer.diagnostics.learned import Change
     from sniffer.protocols.base import BusProtocol
 
 STATUS_BITS: Final = 15

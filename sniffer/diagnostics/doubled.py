@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnostics.rules import anomaly
-from sniffer.framing import Block
-from sniffer.model import OK, RESPONSE
+from sniffer.ground.framing import Block
+from sniffer.ground.model import OK, RESPONSE
 
 if TYPE_CHECKING:
-    from sniffer.model import I16, I64, Anomaly, Batch
+    from sniffer.ground.model import I16, I64, Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
 
 OFTEN: Final = 3

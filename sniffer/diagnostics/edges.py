@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from sniffer.model import I64, Mask
+    from sniffer.ground.model import I64, Mask
 
 
 class Edges:

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnostics.rules import anomaly
-from sniffer.model import NEVER_NS, REQUEST, RESPONSE, Anomaly, Direction
+from sniffer.ground.model import NEVER_NS, REQUEST, RESPONSE, Anomaly, Direction
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from sniffer.model import Batch
+    from sniffer.ground.model import Batch
 
 ENOUGH: Final = 8
 """Requests without any answer (answers without any request) from which on only one side is heard.

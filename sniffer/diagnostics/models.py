@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sniffer.clues import DEFAULT, NUMBER, RANGE, READ, SURE, TEXT, WORD, WRITTEN
+from sniffer.diagnostics.evidence import AGAINST, GIVEN_UP, LIKELY, TAKEN
 from sniffer.diagnostics.rules import anomaly
-from sniffer.evidence import AGAINST, GIVEN_UP, LIKELY, TAKEN
-from sniffer.registers import unseen_scale
+from sniffer.ground.clues import DEFAULT, NUMBER, RANGE, READ, SURE, TEXT, WORD, WRITTEN
+from sniffer.ground.registers import unseen_scale
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sniffer.model import Anomaly, Batch
+    from sniffer.diagnostics.learned import Meaning, Misfit, Told, Weighed
+    from sniffer.ground.model import Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
-    from sniffer.samples import Meaning, Misfit
-    from sniffer.weighing import Told, Weighed
 
 SPANS = 4
 """So many frames are named as evidence, the latest first."""

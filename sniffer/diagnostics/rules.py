@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.model import (
+from sniffer.ground.model import (
     ECHO,
     ECHO_DIFFERS,
     MALFORMED,

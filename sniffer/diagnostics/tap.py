@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.model import NEVER, NS, REQUEST, Anomaly, MarkKind, Remark, Severity
+from sniffer.ground.model import NEVER, NS, REQUEST, Anomaly, MarkKind, Remark, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from sniffer.model import Batch, Cut
+    from sniffer.ground.model import Batch, Cut
 
 NOTE, WARN, ERROR = Severity.NOTE, Severity.WARN, Severity.ERROR
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sniffer.model import SnifferError
+from sniffer.ground.model import SnifferError
 from sniffer.protocols.lss import Lss
 from sniffer.protocols.mightyzap import MightyZap
 from sniffer.protocols.rs30x import Rs30x

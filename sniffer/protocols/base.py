@@ -13,16 +13,16 @@ from typing import Protocol as TypingProtocol
 
 import numpy as np
 
-from sniffer.model import PROFILE
+from sniffer.ground.model import PROFILE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from sniffer.checksums import Checksum
-    from sniffer.clues import Clue
-    from sniffer.framing import Block
-    from sniffer.model import I16, I64, U8, Frames, Gap, Mask, Spans
-    from sniffer.registers import Register, RegisterMap
+    from sniffer.ground.checksums import Checksum
+    from sniffer.ground.clues import Clue
+    from sniffer.ground.framing import Block
+    from sniffer.ground.model import I16, I64, U8, Frames, Gap, Mask, Spans
+    from sniffer.ground.registers import Register, RegisterMap
 
 
 class Turn(NamedTuple):

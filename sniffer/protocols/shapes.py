@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.clues import Clues
-from sniffer.model import REQUEST, WHOLE
+from sniffer.ground.clues import Clues
+from sniffer.ground.model import REQUEST, WHOLE
+from sniffer.ground.registers import TYPES, Entry
 from sniffer.protocols.base import Sightings, Values
-from sniffer.registers import TYPES, Entry
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from sniffer.clues import Check, Clue
-    from sniffer.framing import Block
-    from sniffer.model import I16, I64, U8, Frames, Mask
+    from sniffer.ground.clues import Check, Clue
+    from sniffer.ground.framing import Block
+    from sniffer.ground.model import I16, I64, U8, Frames, Mask
+    from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import State
-    from sniffer.registers import RegisterMap
 
 
 FEW_SHAPES: Final = 12

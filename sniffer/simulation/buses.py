@@ -10,7 +10,7 @@ import random
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sniffer.model import NS, SnifferError
+from sniffer.ground.model import NS, SnifferError
 from sniffer.simulation.faults import Fault, Mischief
 from sniffer.simulation.line import Line
 from sniffer.simulation.lss import LssBus

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from sniffer.model import NS
+from sniffer.ground.model import NS
 from sniffer.simulation import faults as f
 from sniffer.simulation.buses import BUSES, simulate
 from sniffer.simulation.faults import Fault

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sniffer.model import NS, SnifferError
+from sniffer.ground.model import NS, SnifferError
 
 if TYPE_CHECKING:
     import random

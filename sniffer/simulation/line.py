@@ -9,7 +9,7 @@ from __future__ import annotations
 import random
 from typing import TYPE_CHECKING, Final
 
-from sniffer.model import NS
+from sniffer.ground.model import NS
 from sniffer.simulation import faults as f
 from sniffer.simulation.talk import (
     NOISE,

@@ -10,7 +10,7 @@ import functools
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sniffer.model import MALFORMED, UNKNOWN
+from sniffer.ground.model import MALFORMED, UNKNOWN
 from sniffer.protocols.lss.grammar import (
     BROADCAST,
     MODELS,
@@ -38,8 +38,8 @@ from sniffer.simulation.talk import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import SlowFrame
-    from sniffer.registers import RegisterMap
     from sniffer.simulation.motion import Joint, Rig
 
 TURNAROUND_NS: Final = 1 * MS

@@ -6,13 +6,13 @@ import functools
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sniffer.model import WHOLE
-from sniffer.registers import TYPES, Register, RegisterMap
+from sniffer.ground.model import WHOLE
+from sniffer.ground.registers import TYPES, Register, RegisterMap
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from sniffer.registers import Entry
+    from sniffer.ground.registers import Entry
     from sniffer.simulation.talk import Value
 
 NOTHING: Final[Mapping[str, int]] = MappingProxyType({})

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from sniffer.model import MALFORMED, UNKNOWN
+from sniffer.ground.model import MALFORMED, UNKNOWN
 from sniffer.protocols.mightyzap.block import MODELS
 from sniffer.protocols.mightyzap.grammar import (
     BROADCAST,

@@ -21,7 +21,7 @@ from sniffer.simulation.talk import Message, Servo, Value
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from sniffer.registers import RegisterMap
+    from sniffer.ground.registers import RegisterMap
     from sniffer.simulation.motion import Joint, Rig
 
 TOP: Final = 4095

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sniffer.model import NS
+from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from sniffer.framing import Block
-from sniffer.model import REQUEST as ASKS
-from sniffer.model import WHOLE
+from sniffer.ground.framing import Block
+from sniffer.ground.model import REQUEST as ASKS
+from sniffer.ground.model import WHOLE
 from sniffer.protocols import protocol_named
 from sniffer.protocols.base import State
 from sniffer.simulation.buses import mischief, put_up

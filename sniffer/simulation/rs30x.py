@@ -11,7 +11,7 @@ import functools
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
-from sniffer.model import MALFORMED, UNKNOWN
+from sniffer.ground.model import MALFORMED, UNKNOWN
 from sniffer.protocols.rs30x.block import MODELS
 from sniffer.protocols.rs30x.grammar import (
     ACK,
@@ -50,8 +50,8 @@ from sniffer.simulation.talk import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import SlowFrame
-    from sniffer.registers import RegisterMap
     from sniffer.simulation.motion import Joint, Rig
 
 PATIENCE_NS: Final = 30 * MS

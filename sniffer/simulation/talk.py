@@ -12,12 +12,12 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
-from sniffer.model import KINDS, NS
+from sniffer.ground.model import KINDS, NS
 from sniffer.simulation.motion import Joint, Rig, trajectory
 
 if TYPE_CHECKING:
+    from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import SlowFrame
-    from sniffer.registers import RegisterMap
 
 REQUEST, RESPONSE = KINDS
 NOISE: Final = "noise"

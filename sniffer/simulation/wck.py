@@ -12,7 +12,7 @@ import functools
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
-from sniffer.model import UNKNOWN
+from sniffer.ground.model import UNKNOWN
 from sniffer.protocols.wck.block import MODELS
 from sniffer.protocols.wck.grammar import (
     COMMANDS,
@@ -39,8 +39,8 @@ from sniffer.simulation.talk import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import SlowFrame
-    from sniffer.registers import RegisterMap
     from sniffer.simulation.motion import Joint, Rig
 
 TURNAROUND_NS: Final = {

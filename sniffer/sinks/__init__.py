@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sniffer.model import OutputError
+from sniffer.ground.model import OutputError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from sniffer.sinks.base import Sink
+    from sniffer.decoding.sink import Sink
 
 Session = Mapping[str, str]
 """Facts of a recording: tool, source, protocol, baud ..."""
@@ -30,13 +30,13 @@ def _table(path: Path, session: Session) -> Sink:
 
 
 def _mcap(path: Path, session: Session) -> Sink:
-    from sniffer.sinks.mcap import McapSink
+    from sniffer.mcapfile.sink import McapSink
 
     return McapSink(path, session)
 
 
 def _rerun(path: Path, session: Session) -> Sink:
-    from sniffer.sinks.rerun import RerunSink
+    from sniffer.sinks.rerun.sink import RerunSink
 
     return RerunSink(path)
 

@@ -7,15 +7,15 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from sniffer.rows import as_dict, rows
-from sniffer.sinks.files import open_text, writing
-from sniffer.summary import Summary
+from sniffer.decoding.rows import as_dict, rows
+from sniffer.decoding.summary import Summary
+from sniffer.ground.files import open_text, writing
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.model import Batch, Chunk
-    from sniffer.pacing import Pace
+    from sniffer.decoding.pacing import Pace
+    from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
 _encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode

@@ -11,20 +11,20 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from sniffer.decoding.pacing import ASSUMED, ESTIMATED
+from sniffer.decoding.summary import FIGURES
 from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.model import OBSERVED
-from sniffer.pacing import ASSUMED, ESTIMATED
+from sniffer.ground.model import OBSERVED
+from sniffer.ground.wording import plain, short
 from sniffer.protocols import protocol_named
-from sniffer.sinks.lines import plain, short
-from sniffer.summary import FIGURES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from rich.console import Console
 
-    from sniffer.pacing import Pace
-    from sniffer.summary import BusTotals, Summary
+    from sniffer.decoding.pacing import Pace
+    from sniffer.decoding.summary import BusTotals, Summary
 
 GLUE: Final = "\u2800"
 """Stands for a blank at which no line is broken, until all is laid out."""

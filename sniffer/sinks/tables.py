@@ -15,9 +15,9 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from sniffer.model import KINDS, PARTS, PROVENANCES, ROLES, Batch, Chunk, OutputError
+from sniffer.ground.files import beside, open_binary, writing
+from sniffer.ground.model import KINDS, PARTS, PROVENANCES, ROLES, Batch, Chunk, OutputError
 from sniffer.protocols.base import BusProtocol
-from sniffer.sinks.files import beside, open_binary, writing
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any, Final, TextIO
 from rich.console import Console
 from rich.style import Style
 
-from sniffer.model import (
+from sniffer.decoding.rows import frame_row, value_ranges
+from sniffer.decoding.summary import Summary
+from sniffer.ground.model import (
     NOT_EXPECTED,
     NS,
     OK,
@@ -20,16 +22,14 @@ from sniffer.model import (
     Clock,
     Severity,
 )
-from sniffer.rows import frame_row, value_ranges
-from sniffer.sinks.lines import plain
+from sniffer.ground.wording import plain
 from sniffer.sinks.report import print_summary
-from sniffer.summary import Summary
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.ground.registers import Register
     from sniffer.protocols.base import BusProtocol
-    from sniffer.registers import Register
 
 WIDE: Final = 120
 """From this width on the table has microseconds and a column for the bus."""

@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sniffer.limits import BUSES_MOST
-from sniffer.model import Chunk, DamagedInputError, InputError, SnifferError
+from sniffer.ground.limits import BUSES_MOST
+from sniffer.ground.model import Chunk, DamagedInputError, InputError, SnifferError
 from sniffer.sources.binary import read_binary
 from sniffer.sources.candump import read_candump
 from sniffer.sources.hexdump import read_hexdump, read_od, read_xxd
@@ -46,10 +46,10 @@ GROUP_CHUNKS: Final = 1 << 15
 
 def _read_mcap(opened: Opened) -> Iterator[Chunk]:
     assert opened.path is not None, "open_source spools what has none"
-    from sniffer.sources import mcap  # the mcap library is loaded only where it is needed
+    from sniffer.mcapfile import source
 
     try:
-        yield from mcap.chunks(opened.path)
+        yield from source.chunks(opened.path)
     except SnifferError as error:
         # what was spooled has a name that says nothing
         told = str(error).replace(str(opened.path), opened.name)
@@ -130,9 +130,9 @@ class Source:
         """Return what a recording knows about itself: protocol and baud by bus, models."""
         if self.format != "mcap" or self._origin.path is None:
             return {}
-        from sniffer.sources import mcap
+        from sniffer.mcapfile import source
 
-        return mcap.session(self._origin.path)
+        return source.session(self._origin.path)
 
     def rehearse(self) -> None:
         """Read the head only, so that a mistake in the first lines shows before any output."""

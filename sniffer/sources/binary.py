@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sniffer.model import Chunk
+from sniffer.ground.model import Chunk
 from sniffer.sources.text import BLOCK, Opened
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final
 
-from sniffer.limits import TIME_END_NS
-from sniffer.model import NS, Chunk, Clock, Direction
+from sniffer.ground.limits import TIME_END_NS
+from sniffer.ground.model import NS, Chunk, Clock, Direction
 from sniffer.sources.text import Block, Damage, Opened, blocks, quoted
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from sniffer.sources.text import PIECE, Block, Damage, Opened, blocks, quoted, u
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from sniffer.model import Chunk
+    from sniffer.ground.model import Chunk
 
 REPEATED: Final = 1 << 22
 """Bytes that the ``*`` lines of a dump may stand for, whatever its size: six minutes of a line at

@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any, Final
 
-from sniffer.limits import OFFSET_END, is_time
-from sniffer.model import Chunk, Clock, Direction
+from sniffer.ground.limits import OFFSET_END, is_time
+from sniffer.ground.model import Chunk, Clock, Direction
 from sniffer.sources.text import Damage, Opened, blocks, quoted
 
 if TYPE_CHECKING:

@@ -16,13 +16,13 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final, Protocol
 
-from sniffer.model import DamagedInputError, InputError
+from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.sources.recognise import HEAD
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sniffer.sources.text import Stream
+    from sniffer.ground.files import Stream
 
 STDIN: Final = "-"
 

@@ -14,7 +14,7 @@ from sniffer.sources.text import Block, Damage, Opened, blocks, quoted, untimed
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from sniffer.model import Chunk
+    from sniffer.ground.model import Chunk
 
 _DIGITS: Final = b"0123456789abcdefABCDEF"
 # what may stand between bytes, besides blanks: lists, C arrays, string quotes around \x escapes

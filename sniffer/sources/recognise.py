@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from sniffer.model import InputError
+from sniffer.ground.model import InputError
 from sniffer.sources import candump, jsonl
 from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, Parts, bytes_in, counted, tidy
 from sniffer.sources.plain import Mistake, bare, decimal_line, hex_line, share_of_hex

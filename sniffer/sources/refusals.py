@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from typing import Final, NamedTuple
 
-from sniffer.model import InputError
+from sniffer.ground.model import InputError
 
 
 class _Kind(NamedTuple):

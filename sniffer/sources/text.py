@@ -8,13 +8,15 @@ having yielded all that came before.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final
 
-from sniffer.model import Chunk, DamagedInputError
+from sniffer.ground.model import Chunk, DamagedInputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
+
+    from sniffer.ground.files import Stream
 
 BLOCK: Final = 1 << 18
 """Text or raw bytes read at a time, in bytes."""
@@ -29,13 +31,6 @@ FIRST_LINES: Final = 8
 """Nonsense up to this line means a wrong format, not a damaged file."""
 
 UTF8_BOM: Final = b"\xef\xbb\xbf"
-
-
-class Stream(Protocol):
-    """The one method a reader needs of a binary file."""
-
-    def read(self, size: int, /) -> bytes:
-        """Return up to ``size`` bytes, none at the end."""
 
 
 @dataclass(frozen=True, slots=True)

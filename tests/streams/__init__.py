@@ -13,7 +13,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from sniffer.model import Chunk, Clock
+from sniffer.ground.model import Chunk, Clock
 
 TAIL = 40
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from sniffer.checksums import COMPLEMENT_SUM
+from sniffer.ground.checksums import COMPLEMENT_SUM
 from sniffer.protocols.mightyzap.grammar import COMMANDS, PACKET
 
 BYTES = [0xFF, 0xFF, 0xFF, 0, 1, 2, 3, 4, 7, 0x16, 0x73, 0x86, 0x8C, 0xF2, 0xF3, 0xFE]

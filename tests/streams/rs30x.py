@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from sniffer.checksums import XOR8
+from sniffer.ground.checksums import XOR8
 from sniffer.protocols.rs30x.grammar import PACKET, REPLIES, RESET_WITH_DATA, RETURN
 
 BYTES = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from sniffer.checksums import XOR7, XOR8
+from sniffer.ground.checksums import XOR7, XOR8
 from sniffer.protocols.wck.controller import HEADER
 from sniffer.protocols.wck.grammar import COMMANDS, INDEX, OPS, READ_10BIT_TEXT, byte_values
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.model import I16, I64, REQUEST, Frames, Gap, Mask
+from sniffer.ground.model import I16, I64, REQUEST, Frames, Gap, Mask
 from sniffer.protocols.base import FieldSpan, FrameView
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.lss import block, lines, slow
@@ -24,8 +24,8 @@ from sniffer.protocols.lss.grammar import (
 )
 
 if TYPE_CHECKING:
-    from sniffer.checksums import Checksum
-    from sniffer.registers import Register
+    from sniffer.ground.checksums import Checksum
+    from sniffer.ground.registers import Register
 
 WINDOW_NS: Final = 100_000_000
 """The page promises a reply "almost instantaneously" (Query Commands) and gives no figure; client

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.clues import told_by_word
-from sniffer.model import (
+from sniffer.ground.clues import told_by_word
+from sniffer.ground.model import (
     ANY_ID,
     I64,
     IF_ALL,
@@ -60,8 +60,8 @@ from sniffer.protocols.lss.tables import (
 )
 
 if TYPE_CHECKING:
-    from sniffer.clues import Clue
-    from sniffer.framing import Block
+    from sniffer.ground.clues import Clue
+    from sniffer.ground.framing import Block
 
 _IS_EDGE: Final = np.isin(np.arange(256), [HASH, STAR, CR])
 _NUMBER: Final = re.compile(rb"-?[0-9]{1,%d}" % NUMBER_DIGITS)

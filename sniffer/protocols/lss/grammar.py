@@ -28,13 +28,13 @@ from construct import (
     Struct,
 )
 
+from sniffer.ground.registers import load_models
 from sniffer.protocols.base import joined
-from sniffer.registers import load_models
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from sniffer.registers import Register
+    from sniffer.ground.registers import Register
 
 MODELS: Final = load_models("lss", "lss-pro")
 REGISTERS: Final = joined(MODELS)

@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sniffer.model import Gap
+from sniffer.ground.model import Gap
 from sniffer.protocols.lss.grammar import (
     COMMAND_MARK,
     END,

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from sniffer.model import I64, U8, Columns, Mask
+from sniffer.ground.model import I64, U8, Columns, Mask
 from sniffer.protocols.lss.grammar import (
     COMMAND_MARK,
     END,

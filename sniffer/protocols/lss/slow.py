@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from sniffer.clues import told_by_word
-from sniffer.model import (
+from sniffer.ground.clues import told_by_word
+from sniffer.ground.model import (
     ANY_ID,
     IF_ALL,
     MALFORMED,
@@ -40,7 +40,7 @@ from sniffer.protocols.lss.grammar import (
 )
 
 if TYPE_CHECKING:
-    from sniffer.clues import Clue
+    from sniffer.ground.clues import Clue
 
 
 def parse(data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None:

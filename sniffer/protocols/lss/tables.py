@@ -11,7 +11,7 @@ from sniffer.protocols.lss.grammar import MODELS, MODIFIERS, REGISTERS, WORDS, W
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from sniffer.model import I64, U8
+    from sniffer.ground.model import I64, U8
 
 SELECTORS: Final = 10
 """Selectors 0 (also: none) to 9 have a column each; all others share the last one."""

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.model import I16, I64, MALFORMED, REQUEST, Frames, Gap, Mask
+from sniffer.ground.model import I16, I64, MALFORMED, REQUEST, Frames, Gap, Mask
+from sniffer.ground.registers import bit_names
 from sniffer.protocols.base import FieldSpan, FrameView, joined, no_clues
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.mightyzap import block, slow
@@ -23,10 +24,9 @@ from sniffer.protocols.mightyzap.grammar import (
     SYMMETRIC_STORE,
     leading,
 )
-from sniffer.registers import bit_names
 
 if TYPE_CHECKING:
-    from sniffer.checksums import Checksum
+    from sniffer.ground.checksums import Checksum
 
 WINDOW_NS: Final = 10_000_000
 """Return delay is at most 255 us (user manual v1.02, Data Map 0x05); the vendor's guide asks

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.framing import Block, frame_by_plan
-from sniffer.model import (
+from sniffer.ground.framing import Block, frame_by_plan
+from sniffer.ground.model import (
     ANY_ID,
     I16,
     I64,
@@ -28,7 +28,8 @@ from sniffer.model import (
     Mask,
     Spans,
 )
-from sniffer.plan import plan_of
+from sniffer.ground.plan import plan_of
+from sniffer.ground.registers import load_models
 from sniffer.protocols.mightyzap.grammar import (
     BROADCAST,
     COMMANDS,
@@ -46,7 +47,6 @@ from sniffer.protocols.mightyzap.grammar import (
     WRITES,
 )
 from sniffer.protocols.shapes import Addressed
-from sniffer.registers import load_models
 
 if TYPE_CHECKING:
     from sniffer.protocols.base import State, Values

@@ -28,8 +28,8 @@ from construct import (
     this,
 )
 
-from sniffer.checksums import COMPLEMENT_SUM
-from sniffer.model import IF_ALL, IF_READ, MUST, NEVER
+from sniffer.ground.checksums import COMPLEMENT_SUM
+from sniffer.ground.model import IF_ALL, IF_READ, MUST, NEVER
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -6,7 +6,7 @@ import io
 
 from construct import ConstructError
 
-from sniffer.model import (
+from sniffer.ground.model import (
     ANY_ID,
     IF_ALL,
     MALFORMED,

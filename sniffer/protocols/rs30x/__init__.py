@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from construct import ConstructError
 
-from sniffer.model import MALFORMED, REQUEST
+from sniffer.ground.model import MALFORMED, REQUEST
 from sniffer.protocols.base import FieldSpan, joined, no_clues
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.rs30x import block, slow
@@ -29,8 +29,8 @@ from sniffer.protocols.rs30x.grammar import (
 )
 
 if TYPE_CHECKING:
-    from sniffer.checksums import Checksum
-    from sniffer.model import I16, I64, Frames, Gap, Mask
+    from sniffer.ground.checksums import Checksum
+    from sniffer.ground.model import I16, I64, Frames, Gap, Mask
     from sniffer.protocols.base import FrameView
     from sniffer.protocols.dissection import Leaf
 

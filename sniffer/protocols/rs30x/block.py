@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.checksums import XOR8
-from sniffer.framing import Block, candidates, settle, undecided_from
-from sniffer.model import (
+from sniffer.ground.checksums import XOR8
+from sniffer.ground.framing import Block, candidates, settle, undecided_from
+from sniffer.ground.model import (
     ANY_ID,
     I64,
     IF_ALL,
@@ -28,7 +28,8 @@ from sniffer.model import (
     Mask,
     Spans,
 )
-from sniffer.plan import plan_of
+from sniffer.ground.plan import plan_of
+from sniffer.ground.registers import load_models
 from sniffer.protocols.rs30x.grammar import (
     ACK_BYTE,
     ACK_OP,
@@ -70,7 +71,6 @@ from sniffer.protocols.rs30x.grammar import (
     status_names,
 )
 from sniffer.protocols.shapes import Addressed
-from sniffer.registers import load_models
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

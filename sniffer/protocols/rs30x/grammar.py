@@ -32,8 +32,8 @@ from construct import (
     this,
 )
 
-from sniffer.checksums import XOR8
-from sniffer.registers import bit_names
+from sniffer.ground.checksums import XOR8
+from sniffer.ground.registers import bit_names
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -7,7 +7,7 @@ from typing import Any
 
 from construct import ConstructError
 
-from sniffer.model import (
+from sniffer.ground.model import (
     ANY_ID,
     IF_ALL,
     MALFORMED,

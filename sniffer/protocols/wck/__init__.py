@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.checksums import XOR7
-from sniffer.model import I16, I64, NS, REQUEST, Frames, Gap, Mask
+from sniffer.ground.checksums import XOR7
+from sniffer.ground.model import I16, I64, NS, REQUEST, Frames, Gap, Mask
 from sniffer.protocols.base import FieldSpan, FrameView, joined, no_clues
 from sniffer.protocols.dissection import Leaf, leaves
 from sniffer.protocols.wck import block, controller, reading, slow
@@ -26,8 +26,8 @@ from sniffer.protocols.wck.grammar import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from sniffer.checksums import Checksum
-    from sniffer.registers import Register, RegisterMap
+    from sniffer.ground.checksums import Checksum
+    from sniffer.ground.registers import Register, RegisterMap
 
 FAST_NS: Final = 5 * NS // 1000
 """Reads and moves are answered within 0.3 to 1 ms of the command's last byte. Source: manual 1.07,

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.checksums import XOR7
-from sniffer.framing import Block, in_order, settle
-from sniffer.model import (
+from sniffer.ground.checksums import XOR7
+from sniffer.ground.framing import Block, in_order, settle
+from sniffer.ground.model import (
     ANY_ID,
     DEPTH,
     ECHO_DIFFERS,
@@ -31,6 +31,7 @@ from sniffer.model import (
     Mask,
     Spans,
 )
+from sniffer.ground.registers import load_models
 from sniffer.protocols.wck import controller
 from sniffer.protocols.wck.grammar import (
     HEADER,
@@ -43,7 +44,6 @@ from sniffer.protocols.wck.grammar import (
     Op,
     byte_values,
 )
-from sniffer.registers import load_models
 
 if TYPE_CHECKING:
     from collections.abc import Callable

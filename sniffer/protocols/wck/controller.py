@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from construct import Byte, Bytes, Check, Checksum, Const, ConstructError, RawCopy, Struct, this
 
-from sniffer.checksums import XOR8
-from sniffer.framing import Block, candidates
-from sniffer.model import I64, NO_ALT, OPTIONAL, REQUEST, RESPONSE, Gap, Mask
-from sniffer.plan import plan_of
+from sniffer.ground.checksums import XOR8
+from sniffer.ground.framing import Block, candidates
+from sniffer.ground.model import I64, NO_ALT, OPTIONAL, REQUEST, RESPONSE, Gap, Mask
+from sniffer.ground.plan import plan_of
 from sniffer.protocols.base import SlowFrame
 
 if TYPE_CHECKING:

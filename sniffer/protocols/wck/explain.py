@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any, Final
 
-from sniffer.checksums import XOR7
-from sniffer.model import Gap
+from sniffer.ground.checksums import XOR7
+from sniffer.ground.model import Gap
 from sniffer.protocols.wck import controller
 from sniffer.protocols.wck.block import (
     DATA1,

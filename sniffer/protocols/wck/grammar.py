@@ -34,7 +34,7 @@ from construct import (
     this,
 )
 
-from sniffer.checksums import XOR7
+from sniffer.ground.checksums import XOR7
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.model import I64, REQUEST, RESPONSE, Frames, Mask
+from sniffer.ground.model import I64, REQUEST, RESPONSE, Frames, Mask
 from sniffer.protocols.base import State, Values
 from sniffer.protocols.wck.block import DATA1, DATA2, ID_BITS, PARAMS, REGISTERS, SYNC
 from sniffer.protocols.wck.grammar import MASKS, OPS, UNKNOWN_OP, Bits
 
 if TYPE_CHECKING:
-    from sniffer.framing import Block
+    from sniffer.ground.framing import Block
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from construct import ConstructError
 
-from sniffer.model import (
+from sniffer.ground.model import (
     ANY_ID,
     DEPTH,
     ECHO_DIFFERS,

@@ -1,0 +1,157 @@
+"""What frames change about servos: a mode, a return mode, an id, everything back to the defaults.
+
+Changes are rare. They are found for all rows at once and applied between rows, in order.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnostics.learned import Change
+from sniffer.ground.model import (
+    I64,
+    OK,
+    RELEASES,
+    REQUEST,
+    RESETS,
+    STAGED,
+    WHOLE,
+    Frames,
+    Mask,
+    Transactions,
+)
+
+if TYPE_CHECKING:
+    from sniffer.protocols.base import BusProtocol, State, Values
+
+SET, FEEDBACK, RENUMBER, RESET, RELEASE = range(5)
+"""A mode register was set, a return mode became known, a servo has a new id, or its defaults (and,
+where the protocol says so, the id ``value``); or what is staged takes effect."""
+
+EVERY: Final = -1
+"""In place of a servo id: all of them."""
+
+FEW: Final = 16
+"""Fewer changes than these are taken as they come; more, and repetitions are left out."""
+
+
+def new_id(change: Change) -> int:
+    """Return the id a servo has from a change on, -1 for none: of all at once, nobody can say."""
+    moves = change.what == RENUMBER or (change.what == RESET and change.servo != EVERY)
+    return change.value if moves and 0 <= change.value <= 255 else -1
+
+
+class Changes:
+    """Finds the changes of a pass; remembers what is staged and waits for its execution."""
+
+    def __init__(self, protocol: BusProtocol, state: State) -> None:
+        self._protocol = protocol
+        registers = protocol.registers
+        self._what = np.full(len(registers), -1, np.int64)
+        for i, r in enumerate(registers):
+            if r.name in state.modes:
+                self._what[i] = SET
+            elif r.effect in ("feedback", "servo_id"):
+                self._what[i] = FEEDBACK if r.effect == "feedback" else RENUMBER
+        self.traits = self._what >= 0
+        self._staged: list[Change] = []
+
+    def find(
+        self,
+        frames: Frames,
+        transactions: Transactions,
+        v: Values,
+        hits: I64,
+        accepted: Mask,
+        trusted: Mask | None = None,
+        each: bool = False,
+    ) -> tuple[list[Change], list[Change]]:
+        """Return the changes in order, and what is staged behind them; nothing is remembered.
+
+        ``hits`` are the values (row numbers of ``v``) that may change something, ``accepted`` tells
+        by frame whether what it states became true, ``trusted`` by value whether a loose one counts
+        (None: none does). ``each``: repetitions matter, too.
+        """
+        flags = np.where(accepted, frames.flags & (RESETS | RELEASES | STAGED), 0)
+        asked = frames.kind[v.row[hits]] == REQUEST
+        counts = accepted[v.row[hits]] & (v.part[hits] == WHOLE)
+        is_id = asked & (v.raw[hits] >= 0) & (v.raw[hits] <= 255)
+        counts &= is_id | (self._what[v.register[hits]] != RENUMBER)
+        if v.loose is not None:
+            counts &= ~v.loose[hits] if trusted is None else ~v.loose[hits] | trusted[hits]
+        hits = hits[counts]
+        special = np.flatnonzero(flags & (RESETS | RELEASES))
+        staging = bool(self._staged) or bool((flags & STAGED).any())
+        if len(hits) > FEW and not (each or staging or len(special)):
+            hits = self._news(frames, v, hits)
+        if not len(hits) and not len(special):
+            return [], self._staged
+        found = [self._of_value(frames, transactions, v, i) for i in hits.tolist()]
+        for row in special.tolist():
+            at = int(np.searchsorted(v.row, row, "right"))
+            servo = int(frames.servo_id[row])
+            who = EVERY if servo in self._protocol.everyone else servo
+            what = RESET if flags[row] & RESETS else RELEASE
+            found.append(Change(at, row, what, who, int(frames.alt_id[row]), servo))
+        found.sort(key=lambda c: c[:2])
+        return self._in_effect(found, flags)
+
+    def keep(self, staged: list[Change]) -> None:
+        """Remember what is staged."""
+        self._staged = staged
+
+    def _in_effect(self, found: list[Change], flags: I64) -> tuple[list[Change], list[Change]]:
+        """Put what is staged behind the frame that releases it."""
+        staged, out = list(self._staged), []
+        for change in found:
+            if change.what == RELEASE:
+                due = [s for s in staged if change.servo == EVERY or change.named == s.named]
+                out += [s._replace(at=change.at, row=change.row) for s in due]
+                staged = [s for s in staged if s not in due]
+            elif change.what != RESET and flags[change.row] & STAGED:
+                # a later one to the same register stands in its place
+                key = change.what, change.named, change.name
+                staged = [s for s in staged if (s.what, s.named, s.name) != key]
+                staged.append(change)
+            else:
+                out.append(change)
+        return out, staged
+
+    def _of_value(self, frames: Frames, transactions: Transactions, v: Values, i: int) -> Change:
+        row, register, servo = int(v.row[i]), int(v.register[i]), int(v.servo_id[i])
+        what, raw = int(self._what[register]), int(v.raw[i])
+        to_all = int(frames.kind[row]) == REQUEST and servo in self._protocol.everyone
+        if what == RENUMBER:
+            named = servo
+            if to_all:
+                servo = self._answerer(frames, transactions, row, raw, servo)
+            return Change(i + 1, row, what, servo, raw, named)
+        name = self._protocol.registers[register].name if what == SET else ""
+        return Change(i + 1, row, what, EVERY if to_all else servo, raw, servo, name)
+
+    def _answerer(
+        self, frames: Frames, transactions: Transactions, row: int, new: int, servo: int
+    ) -> int:
+        """Return who took an id that was given to all: it answers under the old one, if at all."""
+        t = transactions
+        answers = t.response[(t.request == row) & (t.outcome == OK)]
+        answers = answers[(answers >= 0) & (answers < len(frames))]
+        for who in frames.servo_id[answers].tolist():
+            if who >= 0 and who != new and who not in self._protocol.everyone:
+                return int(who)
+        return servo
+
+    def _news(self, frames: Frames, v: Values, hits: I64) -> I64:
+        """Drop what repeats what is known already (a controller polling the register)."""
+        servo, register, raw = v.servo_id[hits], v.register[hits], v.raw[hits]
+        told_all = np.isin(servo, self._protocol.everyone)
+        told_all &= frames.kind[v.row[hits]] == REQUEST
+        if (told_all | (self._what[register] == RENUMBER)).any():
+            return hits
+        order = np.lexsort((hits, register, servo))
+        s, r, x = servo[order], register[order], raw[order]
+        same = np.zeros(len(order), bool)
+        same[1:] = (s[1:] == s[:-1]) & (r[1:] == r[:-1]) & (x[1:] == x[:-1])
+        return np.sort(hits[order[~same]])

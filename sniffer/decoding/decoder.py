@@ -1,0 +1,319 @@
+"""The whole core behind three calls: ``feed(*chunks)``, ``idle(now_ns)``, ``close()``.
+
+Bytes and times in, records out; no port, file, clock, thread or log in here. The only carry-over is
+bytes: a block is cut where nothing is open (at the start of the last request that may still be
+answered, or of the last undecided bytes) and the rest is framed again next time. Beside that live
+the arrival stamps, the mode registers, and what diagnostics remembers about each servo.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sniffer.decoding.pairing import Expectations, Pairing
+from sniffer.decoding.values import Scaling
+from sniffer.diagnostics import Diagnostics
+from sniffer.ground.framing import Block
+from sniffer.ground.limits import (
+    BAUDS,
+    DURATION_MOST_NS,
+    OFFSET_END,
+    TIME_END_NS,
+    TIME_LEAST_NS,
+    chunks_of,
+    model_ids,
+    whole,
+)
+from sniffer.ground.model import (
+    GAP_MAX,
+    I64,
+    NEVER,
+    OK,
+    REQUEST,
+    RESPONSE,
+    Batch,
+    Chunk,
+    Clock,
+    Cut,
+    Frames,
+    Gap,
+    Remark,
+    Samples,
+    SnifferError,
+    Transactions,
+)
+from sniffer.ground.remarks import Remarks
+from sniffer.ground.timing import Stamps, byte_time_ns
+from sniffer.protocols import protocol_named
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.decoding.pairing import Paired
+    from sniffer.protocols.base import BusProtocol
+
+
+class Decoder:
+    """Decodes one bus.
+
+    Args:
+        protocol: a name of ``PROTOCOLS`` or the protocol itself.
+        baud: bits per second; the protocol's default where None.
+        models: servo id (None: all) -> model name, for register tables other than the default.
+        latency_ns: how long the adapter may hold bytes back; by kind of clock where None.
+        base: offset in the stream of the first byte that it will be fed.
+        slowest: the slowest rate that the line may have, where nobody stated it: no silence and no
+            late answer is told that it would explain. As ``baud`` where None.
+        doubtful: the line may well be as slow as that: uncertainties cover it.
+
+    Raises:
+        SnifferError: unknown protocol or model, or a number that cannot be; its calls raise it
+            too, before they have taken anything.
+    """
+
+    def __init__(
+        self,
+        protocol: str | BusProtocol,
+        *,
+        baud: int | None = None,
+        models: Mapping[int | None, str] | None = None,
+        latency_ns: int | None = None,
+        base: int = 0,
+        slowest: int | None = None,
+        doubtful: bool = False,
+    ) -> None:
+        self.protocol = protocol_named(protocol) if isinstance(protocol, str) else protocol
+        if not hasattr(self.protocol, "models"):
+            raise SnifferError(f"a protocol is a name or one of PROTOCOLS, not {protocol!r:.40}")
+        known = [m.model for m in self.protocol.models]
+        models = model_ids(models or {})
+        for model in models.values():
+            if model not in known:
+                raise SnifferError(
+                    f"{self.protocol.name} has no model {str(model)[:40]!r}: "
+                    f"one of {', '.join(known)}"
+                )
+        self.baud = self.protocol.baud if baud is None else whole("baud", baud, *BAUDS)
+        if latency_ns is not None:
+            latency_ns = whole("latency_ns", latency_ns, 0, DURATION_MOST_NS)
+        if slowest is not None:
+            slowest = whole("slowest", slowest, BAUDS[0], self.baud)
+        base = whole("base", base, 0, OFFSET_END - 1)
+        self._buffer = bytearray()
+        self._base = base
+        self._now_ns = 0
+        self._barriers: list[int] = []
+        self._remarks = Remarks()
+        self._asked_until = -1  # end of the last frame, if it is a request that has an answer
+        self._slower_ns = byte_time_ns(slowest or self.baud) - byte_time_ns(self.baud)
+        self._stamps = Stamps(
+            self.baud,
+            self.protocol.tail_ns,
+            latency_ns,
+            base,
+            slowest=slowest or self.baud,
+            doubtful=doubtful,
+        )
+        self._pairing = Pairing(self.protocol)
+        self._expectations = Expectations()
+        self._scaling = Scaling(self.protocol, models)
+        self._diagnostics = Diagnostics(self.protocol)
+
+    def feed(self, *chunks: Chunk | bytes | bytearray | memoryview) -> Batch:
+        """Decode chunks, each with its own time, in one pass: group them, a pass costs ~200 us.
+
+        Plain bytes are a chunk without a time.
+        """
+        told = chunks_of(chunks)
+        timed = tuple(k for k in told if k.data)
+        if any(k.marks for k in told):
+            self._now_ns = max(self._now_ns, *(k.t_ns or 0 for k in told))
+            torn = self._remarks.add(told, self.position + self.pending, self._stamps.last_ns)
+            self._barriers += (at for at in torn if at > self._base)
+        if timed:
+            self._barriers += self._stamps.add(timed).tolist()
+            self._buffer += b"".join(k.data for k in timed)
+        return self._decode(final=False) if timed else self._nothing()
+
+    def idle(self, now_ns: int) -> Batch:
+        """Declare what the clock says: after the tail time, what waits will not be completed."""
+        now_ns = whole("now_ns", now_ns, TIME_LEAST_NS, TIME_END_NS - 1)
+        self._now_ns = max(self._now_ns, now_ns)
+        if not self._buffer or not self._stamps.silent_since(now_ns):
+            return self._nothing()
+        batch = self._decode(final=True)
+        # Nothing crosses this place any more, also if the next bytes say that there was no pause.
+        self._barriers.append(self._base)
+        return batch
+
+    def close(self) -> Batch:
+        """Decode what is left; the decoder may be fed again afterwards.
+
+        What nobody knows to have been silent behind the last byte is cut there, not over.
+        """
+        cut = not self._stamps.silent_since(self._now_ns)
+        return self._diagnostics.finish(self._decode(final=True, is_cut=cut))
+
+    @property
+    def pending(self) -> int:
+        """Bytes held back because their fate is not decided."""
+        return len(self._buffer)
+
+    @property
+    def heard_ns(self) -> int:
+        """The latest stamp; 0 where there is none."""
+        return self._stamps.last_ns
+
+    @property
+    def position(self) -> int:
+        """Offset in the stream up to which everything is decided."""
+        return self._base
+
+    def _nothing(self) -> Batch:
+        """Return no bytes, with what has been remarked between those before and those to come."""
+        batch = _empty(self._base, self._stamps.clock, self._remarks.until(self._base))
+        return self._diagnostics.judge(batch) if batch.remarks else batch
+
+    def _decode(self, *, final: bool, is_cut: bool = False) -> Batch:
+        data = bytes(self._buffer)
+        if not data:
+            return self._nothing()
+        base = self._base
+        barriers = np.array(
+            sorted({b - base for b in self._barriers if 0 < b - base < len(data)}), np.int64
+        )
+        block = Block(np.frombuffer(data, np.uint8), barriers, final)
+        spans, decided = self.protocol.frame(block)
+        whole = self.protocol.describe(block, spans)
+        silent = base in self._barriers
+        whole, partner = self._pairing.match(whole, block, decided, base, silent=silent)
+        cut, kept = self._cut(whole, partner, decided, block)
+        self._pairing.forget(whole, block, kept, cut)
+        frames = whole.take(slice(0, kept))
+        gaps = self._gaps(data, frames, cut, block)
+        frames = self._stamps.time(frames, base)
+        paired = self._pairing.pair(frames, whole, partner, block, decided, base)
+        batch = Batch(
+            base,
+            data[:cut],
+            self._stamps.clock,
+            frames,
+            gaps,
+            Transactions.empty(),
+            Samples.empty(),
+            remarks=self._remarks.until(base + cut),
+            cut=self._left_open(frames, partner, block, paired.transactions) if is_cut else None,
+            before=paired.before if len(paired.before) else None,
+            slower_ns=self._slower_ns,
+        )
+        batch = self._records(block, batch, paired)
+        del self._buffer[:cut]
+        self._base += cut
+        self._barriers = [b for b in self._barriers if b >= self._base]
+        if len(frames):
+            waits = frames.kind[-1] == REQUEST and frames.reply[-1] != NEVER
+            self._asked_until = base + int(frames.end[-1]) if waits else -1
+        self._stamps.forget(self._base)
+        return batch
+
+    def _left_open(
+        self, frames: Frames, partner: I64, block: Block, transactions: Transactions
+    ) -> Cut:
+        """Return what more bytes could still have changed, where the capture ends with a block.
+
+        A request whose time for an answer was over is not among it: by the clock; without one,
+        where the controller asked again after an answer, unless all answers behind that request
+        are to earlier ones: with several in flight those come first.
+        """
+        _, decided = self.protocol.frame(Block(block.data, block.barriers, False))
+        rows = self._pairing.open_rows(frames, partner, decided, block)
+        tail = frames.take(rows)
+        answer = frames.kind == RESPONSE
+        turns = np.flatnonzero(answer[:-1] & ~answer[1:])
+        t = transactions.take(transactions.response >= 0)
+        passed = np.where(t.outcome == OK, t.request, t.response)
+        may = rows > min(max(turns.tolist(), default=-1), max(passed.tolist(), default=-1))
+        waited = self._stamps.last_ns - tail.t_end - tail.uncertainty
+        may = np.where(tail.uncertainty >= 0, waited <= self.protocol.window_ns(tail), may)
+        first = min(frames.start[rows[may]].tolist(), default=len(block.data))
+        # What waits for the bytes behind it all, as wCK commands in a row do, may be over as well.
+        ends = frames.end[rows[~may]]
+        over = max(ends[ends <= first].tolist(), default=0)
+        asked = max(min(decided, first), over)
+        return Cut(self._base + asked, self._base + max(decided, over))
+
+    def _records(self, block: Block, batch: Batch, paired: Paired) -> Batch:
+        """Add what follows from the frames: transactions, values, anomalies."""
+        meaning = self._scaling.decode(block, paired, batch.base)
+        transactions = paired.told(self._expectations.judge(paired, meaning.feedback))
+        batch = replace(
+            batch,
+            frames=paired.frames,
+            transactions=transactions,
+            values=meaning.samples,
+            models=self._scaling.models(paired.frames),
+        )
+        return self._diagnostics.judge(batch, meaning)
+
+    def _cut(self, frames: Frames, partner: I64, decided: int, block: Block) -> tuple[int, int]:
+        """Return where this batch ends, and how many frames that are: nothing before it is open."""
+        if block.final:
+            return decided, len(frames)
+        row = self._pairing.cut(frames, partner, decided, block)
+        if row is not None:
+            return int(frames.start[row]), row
+        # An undecided gap is cut at whole pieces counted from its start, else chunking would show.
+        last = int(frames.end[-1]) if len(frames) else 0
+        edge = max(last, int(block.barriers[-1]) if len(block.barriers) else 0)
+        return edge + (decided - edge) // GAP_MAX * GAP_MAX, len(frames)
+
+    def _gaps(self, data: bytes, frames: Frames, cut: int, block: Block) -> tuple[Gap, ...]:
+        """Explain the bytes no frame claims, in pieces counted from where each run begins."""
+        edges_from = np.concatenate([[0], frames.end])
+        edges_to = np.concatenate([frames.start, [cut]])
+        holes = np.flatnonzero(edges_to > edges_from)
+        if not len(holes):
+            return ()
+        waits = frames.end[(frames.kind == REQUEST) & (frames.reply != NEVER)]
+        asked = set(waits[np.isin(waits, edges_from[holes])].tolist())
+        asked.add(self._asked_until - self._base)
+        asked -= {b - self._base for b in self._barriers}
+        out: list[Gap] = []
+        for a, b in zip(edges_from[holes].tolist(), edges_to[holes].tolist(), strict=True):
+            for c, d, closed in _stretches(a, b, block):
+                for s in range(c, d, GAP_MAX):
+                    e = min(d, s + GAP_MAX)
+                    pieces = self.protocol.explain(data[s:e], s, awaited=s == a and a in asked)
+                    if closed and e == d:
+                        _mark_tail(pieces)
+                    out += pieces
+        ends = np.array([g.start + g.length for g in out], np.int64) + self._base
+        times: I64 = self._stamps.at(ends)
+        out = self._remarks.explain(out, self._base)
+        return tuple(Gap(*g[:-1], t) for g, t in zip(out, times.tolist(), strict=True))
+
+
+def _stretches(a: int, b: int, block: Block) -> list[tuple[int, int, bool]]:
+    """Cut ``a..b`` at silences; tell for each part whether a silence (or the end) follows it."""
+    if not len(block.barriers):
+        return [(a, b, block.final and b == block.n)]
+    inside = block.barriers[(block.barriers > a) & (block.barriers <= b)].tolist()
+    edges = [a, *(x for x in inside if x < b), b]
+    silent = {*inside, *([block.n] if block.final else [])}
+    return [(c, d, d in silent) for c, d in itertools.pairwise(edges)]
+
+
+def _mark_tail(pieces: list[Gap]) -> None:
+    """A frame cut off by silence or by the end of the capture is an idle tail."""
+    if pieces and pieces[-1].reason == "truncated":
+        g = pieces[-1]
+        pieces[-1] = Gap(g.start, g.length, "idle_tail", g.detail)
+
+
+def _empty(base: int, clock: Clock, remarks: tuple[Remark, ...]) -> Batch:
+    none = Frames.empty(), (), Transactions.empty(), Samples.empty(), ()
+    return Batch(base, b"", clock, *none, remarks)

@@ -1,0 +1,170 @@
+"""Requests that an adapter's echo doubles: every one twice, byte for byte, nothing between.
+
+Some adapters hear what they send, and some programs log both. The second of the two is no request:
+nobody answers it. A mere retry looks the same once, so it takes ``CONFIRMED`` doubled requests
+with one answer each, and no single one among them. Doubled requests with two answers, or with none
+(a program that sends its broadcasts twice), prove nothing. Bytes decide alone: a doubled request is
+an echo if the proof is complete no more than ``SPAN`` bytes behind it, before the next silence.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.ground.model import MANY, NEVER, REQUEST, RESPONSE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.ground.framing import Block
+    from sniffer.ground.model import Frames, Mask
+    from sniffer.protocols.base import SlowFrame
+
+CONFIRMED: Final = 8
+"""So many requests in a row that each needed one retry, and only one, are not met by chance."""
+
+SPAN: Final = 1024
+"""Bytes in which eight exchanges of every protocol have room; so long is held back what looks like
+an echo before it is known to be one."""
+
+
+class Echoes:
+    """Finds echoes block after block."""
+
+    def __init__(self) -> None:
+        self._count = 0  # doubled requests with one answer since the last single one
+        self._last = b""  # the last request, if the next frame may be its echo
+        self._seconds = self._proofs = np.empty(0, bool)
+        self._singles = self._seconds
+
+    def find(
+        self, frames: Frames, block: Block, decided: int, *, silent: bool
+    ) -> tuple[Mask, int | None]:
+        """Return which rows are echoes, and from which row on that is not decided.
+
+        ``silent``: a silence stands before the block.
+        """
+        n = len(frames)
+        none = np.zeros(n, bool)
+        self._seconds = self._proofs = self._singles = none
+        sends = frames.kind == REQUEST
+        second = self._doubled(frames, block, sends, silent=silent)
+        if self._last and n and not second[0]:
+            self._count = 0  # that was a single one
+        if not second.any() and not self._count:
+            self._singles = sends
+            return none, None
+        first = np.zeros(n, bool)
+        first[:-1] = second[1:]
+        # The last row may still be echoed; then it is no single one.
+        waits = np.zeros(n, bool)
+        if n and sends[-1] and not second[-1] and not block.final:
+            waits[-1] = frames.end[-1] == decided
+        segment = block.segment(frames.start)
+        self._seconds = second
+        self._singles = sends & ~second & ~first
+        self._proofs = _proofs(frames, second, block)
+        single = self._singles & ~waits
+        run = np.cumsum(single)
+        total = np.cumsum(self._proofs) + self._count
+        total -= np.concatenate([[0], total[np.flatnonzero(single)]])[run]
+        rows = np.flatnonzero(second)
+        if not len(rows):
+            return none, None
+        until = np.searchsorted(frames.start, frames.start[rows] + SPAN, "right") - 1
+        # the last row of the same run and stretch that stands no further behind
+        stretch = run * (int(segment[-1]) + 1) + segment
+        until = np.minimum(until, np.searchsorted(stretch, stretch[rows], "right") - 1)
+        proved = total[until] >= CONFIRMED
+        out = none.copy()
+        out[rows[proved]] = True
+        open_end = stretch[rows] == stretch[-1]
+        open_end &= (frames.start[rows] + SPAN >= decided) & (not block.final)
+        open_end &= ~proved
+        if len(block.barriers):
+            open_end &= frames.start[rows] >= block.barriers[-1]
+        held = rows[open_end]
+        return out, max(int(held[0]) - 1, 0) if len(held) else None
+
+    def _doubled(self, frames: Frames, block: Block, sends: Mask, *, silent: bool) -> Mask:
+        """Tell which rows repeat the one before, in pairs: the fourth of four is the third's."""
+        same = np.zeros(len(frames), bool)
+        f = frames
+        if len(f) > 1:
+            same[1:] = sends[1:] & sends[:-1] & (f.start[1:] == f.end[:-1])
+            same[1:] &= (f.length[1:] == f.length[:-1]) & (f.op[1:] == f.op[:-1])
+        rows = np.flatnonzero(same)
+        if len(block.barriers):
+            rows = rows[~np.isin(f.start[rows], block.barriers)]
+        data = block.data.tobytes() if len(rows) or self._last else b""
+        out = np.zeros(len(f), bool)
+        if self._last and len(f) and not silent and sends[0] and not f.start[0]:
+            out[0] = data[: int(f.length[0])] == self._last
+        start, end = f.start[rows].tolist(), f.end[rows].tolist()
+        for row, a, b in zip(rows.tolist(), start, end, strict=True):
+            out[row] = not out[row - 1] and data[2 * a - b : a] == data[a:b]
+        return out
+
+    def forget(self, frames: Frames, block: Block, kept: int, cut: int) -> None:
+        """Keep what the next block must know; it begins at ``cut``, with row ``kept``."""
+        if not kept:
+            if cut:  # bytes that no frame claims
+                self._count, self._last = (0 if self._last else self._count), b""
+            return
+        self._last = b""
+        if frames.kind[kept - 1] == REQUEST and not self._seconds[kept - 1]:
+            start, end = int(frames.start[kept - 1]), int(frames.end[kept - 1])
+            if end == cut:
+                self._last = block.data[start:end].tobytes()
+        singles = np.flatnonzero(self._singles[: kept - 1 if self._last else kept])
+        begin = int(singles[-1]) + 1 if len(singles) else 0
+        self._count = int(self._proofs[begin:kept].sum()) + (0 if len(singles) else self._count)
+
+
+def _proofs(frames: Frames, second: Mask, block: Block) -> Mask:
+    """Tell which second requests have one answer, and not more, right behind them."""
+    n = len(frames)
+    out = np.zeros(n, bool)
+    rows = np.flatnonzero(second & (frames.reply != NEVER) & (frames.reply != MANY))
+    rows = rows[rows + 1 < n]
+    segment = block.segment(frames.start)
+    answered = (frames.kind[rows + 1] == RESPONSE) & (segment[rows + 1] == segment[rows])
+    rows = rows[answered]
+    more = np.minimum(rows + 2, n - 1)
+    twice = (rows + 2 < n) & (frames.kind[more] == RESPONSE) & (segment[more] == segment[rows])
+    # The last answer may not be the only one: that shows when something else stands behind it.
+    last = 0 if not len(block.barriers) else int(block.barriers[-1])
+    unknown = (rows + 2 == n) & (not block.final) & (frames.start[rows] >= last)
+    out[rows[~twice & ~unknown]] = True
+    return out
+
+
+def slow_echoes(frames: Sequence[SlowFrame], count: int) -> tuple[set[int], int]:
+    """Return the rows of one stretch that are echoes, the obvious way, and the count behind it."""
+    seconds: set[int] = set()
+    for i in range(1, len(frames)):
+        a, b = frames[i - 1], frames[i]
+        both = a.kind == b.kind == REQUEST and a.end == b.start
+        if both and i - 1 not in seconds and a.raw == b.raw:
+            seconds.add(i)
+    counts: list[tuple[int, int]] = []  # for each row, the run it is in and the proofs so far
+    run = 0
+    for i, f in enumerate(frames):
+        if f.kind == REQUEST and i not in seconds and i + 1 not in seconds:
+            run, count = run + 1, 0
+        answers = [g.kind == RESPONSE for g in frames[i + 1 : i + 3]]
+        proof = i in seconds and f.reply not in (NEVER, MANY)
+        count += proof and answers[:1] == [True] and answers[1:] != [True]
+        counts.append((run, count))
+    out = set()
+    for i in seconds:
+        near = [
+            proofs
+            for f, (number, proofs) in zip(frames[i:], counts[i:], strict=True)
+            if number == counts[i][0] and f.start <= frames[i].start + SPAN
+        ]
+        if near[-1] >= CONFIRMED:
+            out.add(i)
+    return out, count

@@ -1,0 +1,288 @@
+"""What the stamps of a log tell about who made it: the line's rate, and how long bytes were held.
+
+Nobody states either with a text log. A rate that was not stated is estimated where stamps inside
+one frame, or of answers of several lengths, allow it, and else assumed; the slowest one that the
+stamps do not contradict bounds what is doubtful about it. A host that hands bytes on by a timer
+(FTDI's is 16 ms as delivered) shows as answers that come with their question, in deliveries that
+are never closer than the timer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.limits import chunks_of
+from sniffer.ground.model import I64, OK, RESPONSE, Chunk, Clock
+from sniffer.ground.timing import LATENCY_NS, TOLERANCE, byte_time_ns, clock_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.protocols.base import BusProtocol
+
+STATED: Final = "stated"
+ESTIMATED: Final = "estimated"
+ASSUMED: Final = "assumed"
+
+FAR: Final = 4
+"""A line that may be so many times slower than assumed is worth a word."""
+
+LOOK: Final = 4096
+"""Chunks that are looked at: a minute of a bus that is asked fifty times a second."""
+
+MS: Final = 1_000_000
+
+ONE_READ_NS: Final = 300_000
+"""Lines closer than this may be one read that a program printed piece by piece."""
+
+PACKET: Final = 62
+"""Bytes of a full USB packet of an FTDI chip: it is sent at once, whatever the timer says."""
+
+EXCHANGES: Final = 4
+"""Fewer answered requests tell nothing."""
+
+MANY: Final = 8
+"""Of so many answers one at least would have come faster than a slower line can have it."""
+
+MERGED: Final = 0.05
+"""Share of answers that come with their question from which on bytes are said to be held."""
+
+PROMPT_NS: Final = 2 * MS
+"""Deliveries that are closer than this are no timer's."""
+
+CLOSEST: Final = 0.03
+"""The share of deliveries that may be closer than the timer: one that came late, the next not."""
+
+TIMER_NS: Final = 16 * MS
+"""The FTDI latency timer's default (AN232B-04, 2.1), which most hosts leave as it is."""
+
+LONGEST_NS: Final = 40 * MS
+"""Deliveries further apart than this are the controller's doing: the timer's default stands."""
+
+BEYOND_NS: Final = 50 * MS
+"""No adapter holds bytes as long: stamps that are off by more contradict the rate."""
+
+CLOSE: Final = 0.08
+"""How far an estimate may be from a rate of the protocol to be taken for it: they are further
+apart."""
+
+SPAN_NS: Final = 10 * MS
+"""Line time that an estimate by lengths needs: a stamp is good to a millisecond."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """By what a bus is timed, and how that is known.
+
+    ``slowest``: the slowest rate that the line may have; ``baud`` itself where that is known.
+    ``latency_ns``: how long bytes were held; None: as usual for the kind of clock.
+    ``usual``: the protocol's own rate; an estimate that comes to it is no news.
+    ``doubtful``: no answer of many came faster than ``slowest`` has it, so it may well be that.
+    ``faster``: how many times faster than the rate allows bytes came, 0 where they did not.
+    """
+
+    baud: int
+    slowest: int
+    rate: str = STATED
+    latency_ns: int | None = None
+    latency: str = ""
+    faster: float = 0.0
+    doubtful: bool = False
+    usual: int = 0
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a person should know, in words."""
+        out = []
+        if self.rate == ESTIMATED and self.baud != self.usual:
+            out.append(f"by its stamps the line runs at {self.baud} baud (--baud states it)")
+        if self.doubtful and self.slowest * FAR <= self.baud:
+            out.append(
+                f"{self.baud} baud are assumed, but no answer came faster than {self.slowest} baud "
+                "would have it: times are that uncertain (--baud states it)"
+            )
+        if self.faster:
+            out.append(
+                f"{self.baud} baud ({self.rate}) cannot be: by their stamps, bytes came "
+                f"{self.faster:.1f} times faster"
+            )
+        if self.latency == ESTIMATED and self.latency_ns is not None:
+            out.append(
+                f"the host seems to have held bytes for up to {self.latency_ns / MS:.0f} ms: "
+                "times are that uncertain (--latency states it)"
+            )
+        return tuple(out)
+
+
+def pace(
+    protocol: BusProtocol,
+    chunks: Sequence[Chunk],
+    *,
+    baud: int | None = None,
+    latency_ns: int | None = None,
+) -> Pace:
+    """Return by what to time a bus, from its first chunks and from what was stated.
+
+    Only stamps of files and logic analysers are judged: a recorder states both.
+    """
+    chosen = baud or protocol.baud
+    rate = STATED if baud else ASSUMED
+    stated = STATED if latency_ns is not None else ""
+    slowest = chosen if baud else min(*protocol.bauds, chosen)
+    known = Pace(chosen, slowest, rate, latency_ns, stated, usual=protocol.baud)
+    told = chunks_of([k for k in chunks if k.data][:LOOK])
+    clocks = {clock_of(k) for k in told}
+    if len(told) < 2 or not clocks <= {Clock.FILE, Clock.SAMPLE}:
+        return known
+    looked = _Look(protocol, told)
+    if latency_ns is None and clocks == {Clock.FILE}:
+        held = looked.held_ns(byte_time_ns(chosen))
+        if held > LATENCY_NS[Clock.FILE]:
+            known = replace(known, latency_ns=held, latency=ESTIMATED)
+    spare = known.latency_ns if known.latency_ns is not None else LATENCY_NS[max(clocks)]
+    spare = max(spare, 3 * MS)  # a busy host is not called a wrong rate
+    if baud:
+        return replace(known, faster=looked.faster(byte_time_ns(baud), BEYOND_NS + spare))
+    rates = sorted({*protocol.bauds, protocol.baud})
+    possible = [r for r in rates if looked.behind_ns(byte_time_ns(r)) <= spare]
+    if not possible:
+        return replace(known, faster=looked.faster(byte_time_ns(chosen), BEYOND_NS + spare))
+    byte_ns = looked.byte_ns(is_prompt=known.latency != ESTIMATED)
+    near = [r for r in possible if abs(byte_ns / byte_time_ns(r) - 1) < CLOSE]
+    if near:
+        chosen = min(near, key=lambda r: abs(byte_ns / byte_time_ns(r) - 1))
+        return replace(known, baud=chosen, slowest=chosen, rate=ESTIMATED)
+    if possible[0] > chosen:
+        return replace(known, baud=possible[0], slowest=possible[0], rate=ESTIMATED)
+    return replace(known, slowest=possible[0], doubtful=len(looked.asked) >= MANY)
+
+
+class _Look:
+    """The first chunks as columns, with the frames in them."""
+
+    def __init__(self, protocol: BusProtocol, chunks: Sequence[Chunk]) -> None:
+        self.t = np.array([k.t_ns or 0 for k in chunks], np.int64)
+        self.n = np.array([len(k.data) for k in chunks], np.int64)
+        self.end = np.cumsum(self.n)
+        # Which answer belongs to which question is told by the bytes alone here.
+        decoder = Decoder(protocol)
+        parts = [decoder.feed(b"".join(k.data for k in chunks)), decoder.close()]
+        self.start = np.concatenate([b.frames.start + b.base for b in parts])
+        self.stop = np.concatenate([b.frames.end + b.base for b in parts])
+        pairs = []
+        for b in parts:
+            t, f = b.transactions, b.frames
+            rows = np.flatnonzero((t.outcome == OK) & (t.request >= 0) & (t.response >= 0))
+            q, r = t.request[rows], t.response[rows]
+            rows = np.flatnonzero(f.kind[r] == RESPONSE)
+            pairs.append(np.stack([f.end[q], f.start[r], f.end[r]])[:, rows] + b.base)
+        self.asked, self.begun, self.answered = np.concatenate(pairs, axis=1)
+
+    def held_ns(self, byte_ns: int) -> int:
+        """Return how long the host may have held bytes, by how deliveries and answers lie."""
+        gap = np.diff(self.t)
+        apart = (gap < 0) | (gap > np.maximum(self.n[1:] * byte_ns // 2, ONE_READ_NS))
+        number = np.concatenate([[0], np.cumsum(apart)])
+        last = np.flatnonzero(np.concatenate([apart, [True]]))
+        size = np.bincount(number, self.n).astype(np.int64)
+        between = np.diff(self.t[last])
+        # A full packet does not wait for the timer, and what follows it waits for less.
+        full = size % PACKET == 0
+        between = between[(between > 0) & ~full[1:] & ~full[:-1]]
+        if len(self.asked) < EXCHANGES:
+            return 0
+        # A packet that takes longer to fill than a prompt host waits says that it was waited for.
+        packed = full.sum() >= EXCHANGES and full.mean() >= MERGED and PACKET * byte_ns > PROMPT_NS
+        if len(between) < EXCHANGES:
+            return _with_margin(TIMER_NS) if packed else 0
+        closest = int(np.quantile(between, CLOSEST, method="lower"))
+        chunk_of = np.searchsorted(self.end, np.stack([self.asked, self.answered]), "left")
+        together = number[chunk_of[0]] == number[chunk_of[1]]
+        merged = together.sum() >= 2 and together.mean() >= MERGED and closest >= PROMPT_NS
+        grid = np.gcd.reduce(np.abs(self.t - self.t[0]))
+        resolution = int(grid) if grid >= PROMPT_NS and grid < 60_000 * MS else 0
+        if merged and closest > PROMPT_NS and _share_on(between, closest) > 1 - 2 * MERGED:
+            timer = closest if closest <= LONGEST_NS else TIMER_NS
+        elif merged or packed:
+            timer = max(TIMER_NS, min(closest, LONGEST_NS))
+        elif (
+            len(between) >= 3 * EXCHANGES
+            and closest > TIMER_NS - 2 * MS
+            and _share_on(between, TIMER_NS) > 1 - 2 * MERGED
+        ):
+            timer = TIMER_NS
+        else:
+            return resolution
+        return max(_with_margin(timer), resolution)
+
+    def byte_ns(self, *, is_prompt: bool) -> float:
+        """Return the time of a byte as the stamps have it; 0 where they do not tell."""
+        inside = self._inside() if is_prompt else 0.0
+        return inside or (self._by_length() if is_prompt else 0.0)
+
+    def _inside(self) -> float:
+        """Return it from stamps within frames, whose bytes follow each other without a pause."""
+        first = np.searchsorted(self.end, self.start, "right")
+        last = np.searchsorted(self.end, self.stop, "right") - 1
+        rows = np.flatnonzero(last > first)
+        size = (self.end[last] - self.end[first])[rows]
+        took = (self.t[last] - self.t[first])[rows]
+        if len(rows) < EXCHANGES or took.min() <= 0:
+            return 0.0
+        each = took / size
+        middle = float(np.median(each))
+        steady = np.abs(each / middle - 1) < CLOSE / 2
+        return middle if steady.mean() > 0.5 and took.sum() > SPAN_NS // 8 else 0.0
+
+    def _by_length(self) -> float:
+        """Return it from answers of different lengths: what the longer ones take longer."""
+        ends = np.searchsorted(self.end, self.answered, "left")
+        asked = np.searchsorted(self.end, self.asked, "left")
+        whole = (self.end[ends] == self.answered) & (self.end[asked] == self.asked)
+        size = (self.answered - self.asked)[whole & (self.begun == self.asked)]
+        took = (self.t[ends] - self.t[asked])[whole & (self.begun == self.asked)]
+        sizes, count = np.unique(size, return_counts=True)
+        sizes = sizes[count >= EXCHANGES]
+        if len(sizes) < 2:
+            return 0.0
+        least = [int(took[size == n].min()) for n in (sizes[0], sizes[-1])]
+        more = least[1] - least[0]
+        return more / float(sizes[-1] - sizes[0]) if more >= SPAN_NS else 0.0
+
+    def behind_ns(self, byte_ns: int) -> int:
+        """Return how far the stamps fall behind a line of this rate, less its tolerance."""
+        return int(self._behind(byte_ns - byte_ns // TOLERANCE).max(initial=0))
+
+    def _behind(self, byte_ns: int) -> I64:
+        gap = np.diff(self.t, prepend=self.t[0])
+        step = np.where(gap < 0, 0, self.n * byte_ns - gap)  # a clock that was set starts anew
+        step[0] = 0
+        run = np.cumsum(step)
+        out: I64 = run - np.minimum.accumulate(run)
+        return out
+
+    def faster(self, byte_ns: int, most_ns: int) -> float:
+        """Return how many times faster bytes came than a rate allows; 0 within ``most_ns``."""
+        behind = self._behind(byte_ns - byte_ns // TOLERANCE)
+        worst = int(behind.argmax())
+        if behind[worst] <= most_ns:
+            return 0.0
+        run = np.flatnonzero(behind[: worst + 1] == 0)
+        begun = int(run[-1]) if len(run) else 0
+        line_ns = int(self.n[begun + 1 : worst + 1].sum()) * byte_ns
+        return line_ns / max(int(self.t[worst] - self.t[begun]), MS)
+
+
+def _with_margin(timer_ns: int) -> int:
+    """Return a timer with what it and a busy host are late themselves: an eighth, a USB frame."""
+    return timer_ns + timer_ns // 8 + MS
+
+
+def _share_on(between: I64, timer_ns: int) -> float:
+    """Return the share of deliveries that are whole periods of a timer apart."""
+    near = np.round(between / timer_ns) * timer_ns
+    return float((np.abs(between - near) <= min(1.25 * MS, timer_ns / 5)).mean())

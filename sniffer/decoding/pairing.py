@@ -1,0 +1,364 @@
+"""Requests and their responses, in columns; no protocol is named here.
+
+Which request an answer belongs to, ``matching`` finds; several may be open at once. The decoder
+cuts its blocks in front of the first request that bytes to come may still answer. If an exchange
+leads across that place, the block is cut before it; where one exchange leads into the next without
+end, answers stand behind the cut, and the requests they belong to are carried along (``Pairing``).
+What a request expects stands in the Frames columns (``reply``, ``token``, ``alt_id``).
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.decoding.echo import Echoes
+from sniffer.decoding.matching import match, match_in_order, outcomes
+from sniffer.decoding.staging import StagedIds
+from sniffer.decoding.torn import TornAnswers
+from sniffer.ground.model import (
+    DAMAGED,
+    ECHO,
+    I64,
+    IF_ALL,
+    IF_READ,
+    MANY,
+    MUST,
+    NEVER,
+    NO_RESPONSE,
+    NOT_EXPECTED,
+    OK,
+    REQUEST,
+    RESPONSE,
+    U8,
+    UNSOLICITED,
+    Frames,
+    Mask,
+    Transactions,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.diagnostics.learned import FeedbackWrite
+    from sniffer.ground.framing import Block
+    from sniffer.protocols.base import BusProtocol
+
+CHAIN: Final = 4096
+"""Bytes within which a place is looked for that no exchange leads across. A controller that always
+has another request under way never leaves one; holding more back would delay the screen (4096 bytes
+take 0.36 s at 115200 baud) and bounds no memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class Paired:
+    """What follows from which request each answer belongs to, for the frames before a cut."""
+
+    frames: Frames
+    transactions: Transactions
+    """One a request or unasked response, in order; ``place`` is where each stands in the frames."""
+    place: I64
+    torn: Mask
+    """For each transaction whether unclaimed bytes stand where its answer should."""
+    readable: Mask
+    """For each frame whether its values can be read."""
+    accepted: Mask
+    """For each frame whether they became true: false for a request that was refused."""
+    before: Frames
+    """Requests of earlier blocks that are answered here: ``-2 - row`` in the transactions."""
+
+    def told(self, transactions: Transactions) -> Transactions:
+        """Return the transactions without those whose answer a later block holds."""
+        inside = transactions.response < len(self.frames)
+        return transactions if inside.all() else transactions.take(inside)
+
+
+class Pairing:
+    """Gives each response of a bus the request it answers, block after block."""
+
+    def __init__(self, protocol: BusProtocol) -> None:
+        self._protocol = protocol
+        self._longest = protocol.longest
+        # Requests told already, whose answers are known but stand in bytes that are not.
+        self._owing = Frames.empty()  # starts count from the beginning of the stream
+        self._owed = np.empty(0, np.int64)  # the start of each answer, likewise
+        self._how = np.empty(0, np.int64)
+        self._echoes = Echoes()
+        self._staged_ids = StagedIds(protocol)
+        self._torn = TornAnswers(protocol)
+        self._held: int | None = None  # from this row on it is not known what is an echo
+
+    def match(
+        self, frames: Frames, block: Block, decided: int, base: int, *, silent: bool = False
+    ) -> tuple[Frames, I64]:
+        """Mark echoes and new ids; return the frames, and the partner of each as ``match`` does.
+
+        ``silent``: a silence stands before the block.
+        """
+        frames = self._staged_ids.mark(frames)
+        echo, self._held = self._echoes.find(frames, block, decided, silent=silent)
+        if not echo.any():
+            return frames, self._match(frames, block, base)
+        rows = np.flatnonzero(~echo)
+        found = self._match(frames.take(rows), block, base)
+        partner = np.full(len(frames), -1, np.int64)
+        behind = np.where(found < -1, -2 - found, found)
+        partner[rows] = np.where(
+            found >= 0, rows[behind], np.where(found < -1, -2 - rows[behind], -1)
+        )
+        flags = frames.flags | np.where(echo, np.uint8(ECHO), np.uint8(0))
+        return replace(frames, flags=flags), partner
+
+    def _match(self, frames: Frames, block: Block, base: int) -> I64:
+        if self._protocol.ordered:
+            return match_in_order(frames)
+        segment = block.segment(frames.start) if len(block.barriers) else None
+        claimed = np.isin(frames.start + base, self._owed) if len(self._owed) else None
+        return match(frames, segment, self._protocol.reach, claimed)
+
+    def cut(self, frames: Frames, partner: I64, decided: int, block: Block) -> int | None:
+        """Return the row of a block's cut: nothing before it is open. None: behind all frames."""
+        alone = self.open_rows(frames, partner, decided, block)
+        first = int(alone[0]) if len(alone) else None
+        if self._held is not None:
+            first = self._held if first is None else min(first, self._held)
+        if first is None:
+            return None
+        clear = _clear(frames, partner, first)
+        # How many answers stand in a row is known from all of their requests.
+        near = frames.start[first] - frames.start[clear] <= CHAIN or self._protocol.ordered
+        return clear if near else first
+
+    def forget(self, frames: Frames, block: Block, kept: int, cut: int) -> None:
+        """Keep what the next block must know; it begins at ``cut``, with row ``kept``."""
+        self._echoes.forget(frames, block, kept, cut)
+        self._staged_ids.forget(frames.take(slice(0, kept)))
+
+    def open_rows(self, frames: Frames, partner: I64, decided: int, block: Block) -> I64:
+        """Return the rows of the requests that bytes from ``decided`` on may still answer.
+
+        That others have closed it does not count: torn bytes may still be its answer.
+        """
+        near = int(np.searchsorted(frames.start, decided - self._protocol.reach - self._longest))
+        last = int(block.barriers[-1]) if len(block.barriers) else 0
+        near = max(near, int(np.searchsorted(frames.start, last)))
+        tail = frames.take(slice(near, None))
+        asks = (tail.kind == REQUEST) & (tail.reply != NEVER) & (tail.flags & ECHO == 0)
+        asks &= decided - tail.end <= self._protocol.reach
+        behind = partner[near:]
+        answered = np.zeros(len(tail), bool)
+        answered[behind[behind >= near] - near] = True
+        return near + np.flatnonzero(asks & (~answered | (tail.reply == MANY)))
+
+    def pair(
+        self, frames: Frames, whole: Frames, partner: I64, block: Block, decided: int, base: int
+    ) -> Paired:
+        """Give each response the request it answers.
+
+        It takes over the request's op, and its address and servo id where it states none itself;
+        but one that does not fit keeps the name it bears, and is read where that is enough.
+
+        Args:
+            frames: rows before the cut, with times.
+            whole: the same rows and those behind the cut.
+            partner: what ``match`` returned for those.
+            block: for its barriers, which no pair crosses.
+            decided: how far every byte of the block has its fate.
+            base: offset in the stream of the block's first byte.
+        """
+        n = len(frames)
+        protocol = self._protocol
+        answer, asked, how = outcomes(partner)
+        now = asked < n
+        answer, asked, how = answer[now], asked[now], how[now]
+        inside = answer < n
+        before, late, late_how = self._due(frames, base)
+        self._owe(frames, whole, answer[~inside], asked[~inside], how[~inside], base)
+        if not n:
+            none = np.empty(0, np.int64)
+            nothing = np.empty(0, bool)
+            return Paired(frames, Transactions.empty(), none, nothing, nothing, nothing, before)
+        is_response = frames.kind == RESPONSE
+        refused = np.zeros(n, bool)
+        status = whole.status[answer]
+        no = (how == OK) & (status >= 0) & protocol.refused(status)
+        refused[asked[no]] = True
+        torn = self._torn.find(whole, partner, block, decided, base, n, across=not inside.all())
+
+        rows = np.arange(n)
+        request = np.where(is_response, -1, rows)
+        response = np.where(is_response, rows, -1)
+        outcome = np.where(is_response, UNSOLICITED, NO_RESPONSE).astype(np.uint8)
+        took, spread = np.full(n, -1, np.int64), np.full(n, -1, np.int64)
+        keep = np.ones(n, bool)
+        many = frames.reply[asked] == MANY
+        # A pair is one row: the request's, or the response's own where a request has many.
+        if many.any() or not inside.all():
+            keep[answer[inside & ~many]] = False
+            keep[asked[many]] = False
+            told = inside | ~many
+            at = np.where(many, answer, asked)[told]
+            request[at], response[at], outcome[at] = asked[told], answer[told], how[told]
+            at = np.where(many, answer, asked)[inside]
+            answer, asked, how = answer[inside], asked[inside], how[inside]
+        else:
+            at = asked
+            keep[answer] = False
+            response[at], outcome[at] = answer, how
+        echo = frames.flags & ECHO > 0
+        sent = asked
+        if echo.any():
+            outcome[echo] = NOT_EXPECTED
+            # The echo tells when the request was on the wire, not when the adapter was given it.
+            sent = asked + np.append(echo, False)[asked + 1]
+        took[at], spread[at] = _took(frames, answer, frames, sent)
+        fits = how == OK
+        request[late], outcome[late] = -2 - np.arange(len(late)), late_how
+        took[late], spread[late] = _took(frames, late, before, np.arange(len(late)))
+
+        readable = ~is_response & ~echo
+        readable[answer[fits]] = readable[late[late_how == OK]] = True
+        # What does not fit keeps the name it bears, if it bears one.
+        own = is_response & ~readable & (frames.op >= 0)
+        odd = np.flatnonzero(is_response & ~readable)
+        if len(odd):
+            readable[odd] = protocol.states_itself(frames.take(odd))
+        readable &= frames.data_length > 0
+        frames = _told_by(frames, answer, frames, asked, own)
+        frames = _told_by(frames, late, before, np.arange(len(late)), own)
+        place = np.flatnonzero(keep)
+        transactions = Transactions(request, response, outcome, took, spread).take(place)
+        return Paired(frames, transactions, place, torn[place], readable, ~refused, before)
+
+    def _due(self, frames: Frames, base: int) -> tuple[Frames, I64, U8]:
+        """Return requests of earlier blocks, the rows that answer them, and the outcomes."""
+        if not len(self._owed):
+            return self._owing, np.empty(0, np.int64), np.empty(0, np.uint8)
+        row = np.searchsorted(frames.start, self._owed - base)
+        here = row < len(frames)
+        before, how, row = self._owing.take(here), self._how[here], row[here]
+        self._owing, self._owed = self._owing.take(~here), self._owed[~here]
+        self._how = self._how[~here]
+        start, data_start = before.start - base, before.data_start - base
+        return replace(before, start=start, data_start=data_start), row, how.astype(np.uint8)
+
+    def _owe(
+        self, frames: Frames, whole: Frames, answer: I64, asked: I64, how: I64, base: int
+    ) -> None:
+        if not len(answer):
+            return
+        f = frames.take(asked)
+        f = replace(f, start=f.start + base, data_start=f.data_start + base)
+        self._owing = Frames.concat([self._owing, f])
+        self._owed = np.concatenate([self._owed, whole.start[answer] + base])
+        self._how = np.concatenate([self._how, how])
+
+
+def _clear(frames: Frames, partner: I64, row: int) -> int:
+    """Return the last row up to ``row`` that no exchange leads across."""
+    answer, asked, _ = outcomes(partner[row:])
+    if not (asked < row).any():
+        return row
+    answer, asked, _ = outcomes(partner)
+    edges = np.zeros(len(frames) + 2, np.int64)
+    np.add.at(edges, asked + 1, 1)
+    np.add.at(edges, answer + 1, -1)
+    return int(np.flatnonzero(np.cumsum(edges[: row + 1]) == 0)[-1])
+
+
+def _took(answers: Frames, answer: I64, requests: Frames, asked: I64) -> tuple[I64, I64]:
+    """Return response times and their uncertainties, -1 where they are not known."""
+    unsure = answers.uncertainty[answer], requests.uncertainty[asked]
+    known = (unsure[0] >= 0) & (unsure[1] >= 0)
+    if not known.any():
+        return np.full(len(answer), -1), np.full(len(answer), -1)
+    took = np.maximum(answers.t_start[answer] - requests.t_end[asked], 0)
+    return np.where(known, took, -1), np.where(known, np.maximum(*unsure), -1)
+
+
+def _told_by(frames: Frames, answer: I64, requests: Frames, asked: I64, own: Mask) -> Frames:
+    """Fill in what responses do not state themselves; rows of ``own`` keep what they do."""
+    if not len(answer):
+        return frames
+    op, address, servo_id = frames.op.copy(), frames.address.copy(), frames.servo_id
+    op[answer] = np.where(own[answer], op[answer], requests.op[asked])
+    address[answer] = np.where(
+        own[answer] | (address[answer] >= 0), address[answer], requests.address[asked]
+    )
+    # A bare answer names nobody: it is that of the servo asked.
+    bare = servo_id[answer] < 0
+    if bare.any():
+        servo_id = servo_id.copy()
+        servo_id[answer[bare]] = requests.servo_id[asked[bare]]
+    return replace(frames, op=op, address=address, servo_id=servo_id)
+
+
+class Expectations:
+    """Which servos answer what: known from their return mode, or from having answered before.
+
+    Modes: 0 nothing but pings, 1 reads, 2 everything; -1 not known (reads are answered, other
+    commands may be).
+    """
+
+    def __init__(self) -> None:
+        self._mode = np.full(256, -1, np.int64)
+
+    def judge(
+        self,
+        paired: Paired,
+        writes: Sequence[FeedbackWrite] = (),
+    ) -> Transactions:
+        """Settle the outcome of requests nobody answered."""
+        frames, transactions, torn = paired.frames, paired.transactions, paired.torn
+        outcome = transactions.outcome.copy()
+        order = paired.place
+        edges = [0, *(int(np.searchsorted(order, w.row, "right")) for w in writes), len(order)]
+        for number, (a, b) in enumerate(itertools.pairwise(edges)):
+            if number:
+                write = writes[number - 1]
+                where = slice(None) if write.servo_id < 0 else write.servo_id & 255
+                if write.new_id >= 0:
+                    self._mode[write.new_id] = self._mode[write.servo_id & 255]
+                else:
+                    self._mode[where] = write.mode
+            if b > a:
+                self._judge(frames, transactions, torn, outcome, slice(a, b))
+        return replace(transactions, outcome=outcome)
+
+    def _judge(
+        self,
+        frames: Frames,
+        transactions: Transactions,
+        torn: Mask,
+        outcome: np.ndarray[tuple[int, ...], np.dtype[np.uint8]],
+        part: slice,
+    ) -> None:
+        row: I64 = transactions.request[part]
+        kind = transactions.outcome[part]
+        asked = row >= 0
+        row = np.where(asked, row, 0)
+        reply = np.where(asked, frames.reply[row], NEVER)
+        servo = frames.servo_id[row] & 255
+        mode = self._mode[servo]
+        # Among several open requests the answer may be another's: right behind its own it is not.
+        behind = row + 1
+        echo = frames.flags & ECHO > 0
+        if echo.any():
+            behind += np.append(echo, False)[behind]
+        proof = asked & (kind == OK) & (transactions.response[part] == behind)
+        answered = np.flatnonzero(proof & (reply == IF_ALL) & (mode != 2))
+        if len(answered):
+            # whoever answers a write once answers them all: later rows of that servo expect it
+            who, first = np.unique(servo[answered], return_index=True)
+            since = np.full(256, len(row))
+            since[who] = answered[first]
+            mode = np.where(np.arange(len(row)) > since[servo], 2, mode)
+            self._mode[who] = 2
+        alone = asked & (kind == NO_RESPONSE)
+        expected = (reply >= MUST) | ((reply == IF_READ) & (mode != 0))
+        expected |= (reply == IF_ALL) & (mode == 2)
+        verdict = np.where(expected, np.where(torn[part], DAMAGED, NO_RESPONSE), NOT_EXPECTED)
+        outcome[part] = np.where(alone, verdict, kind)

@@ -1,0 +1,395 @@
+"""Source -> decoders -> sinks: one decoder a bus, its protocol named or found from the bytes."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final
+
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.detect import (
+    CLEAR,
+    ENOUGH,
+    GUESSED,
+    SURE,
+    Detection,
+    Mistake,
+    UndecidedError,
+    detect,
+    latest,
+)
+from sniffer.decoding.pacing import ASSUMED, Pace, pace
+from sniffer.decoding.sink import Paced
+from sniffer.decoding.summary import Summary
+from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, number_in
+from sniffer.ground.model import Batch, Chunk, Clock, Mark, MarkKind, OutputError
+from sniffer.ground.timing import LATENCY_NS
+from sniffer.protocols import protocol_named
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from sniffer.decoding.sink import Sink
+
+AUTO: Final = "auto"
+
+FIRST_LOOK: Final = 512
+"""Bytes of a slow input after which its protocol is looked for the first time."""
+
+PATIENCE: Final = 1 << 20
+"""Bytes of a live bus that are kept for decoding while its protocol is not known."""
+
+AFTER_NS: Final = LATENCY_NS[Clock.READ]
+"""By how much the stamps of one bus may lag behind those of another."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to decode: ``protocols``, ``bauds``, ``latencies`` by bus, the others for all buses."""
+
+    protocol: str = AUTO
+    protocols: Mapping[str, str] = field(default_factory=dict)
+    baud: int | None = None
+    bauds: Mapping[str, int] = field(default_factory=dict)
+    models: Mapping[int | None, str] = field(default_factory=dict)
+    latency_ns: int | None = None
+    latencies: Mapping[str, int] = field(default_factory=dict)
+
+    def with_facts(self, facts: Mapping[str, str]) -> Options:
+        """Return the options with what a recording knows about itself, where nobody said more."""
+        told = self
+        if self.protocol == AUTO:
+            known = {k.partition(".")[2]: v for k, v in facts.items() if k.startswith("protocol.")}
+            told = replace(told, protocols={**known, **self.protocols})
+        if self.baud is None and facts.get("rate") != ASSUMED:
+            bauds = _numbers(facts, "baud.", *BAUDS)
+            told = replace(told, bauds={**bauds, **self.bauds})
+        if self.latency_ns is None:
+            latencies = _numbers(facts, "latency_ns.", 0, DURATION_MOST_NS)
+            every = number_in(facts.get("latency_ns", ""), 0, DURATION_MOST_NS)
+            if every is not None:
+                told = replace(told, latency_ns=every)
+            told = replace(told, latencies={**latencies, **self.latencies})
+        if not self.models:
+            models: dict[int | None, str] = {}
+            for key, model in facts.items():
+                name, _, servo = key.partition(".")
+                number = number_in(servo, 0, IDS - 1)
+                if name == "model" and (not servo or number is not None):
+                    models[number] = model
+            told = replace(told, models=models)
+        return told
+
+
+class Pipeline:
+    """Takes groups of chunks, decodes them and hands records to the sinks.
+
+    Args:
+        options: how to decode.
+        sinks: what takes the records.
+        on_detection: is told which protocol a bus was found to speak.
+        on_pace: is told by what a bus is timed, before its first record.
+        ahead: the first chunks of an input that is fed piece by piece: what they tell about rate
+            and latency counts, not how they are grouped.
+        live: more bytes may come for ever: a bus whose protocol cannot be told yet is waited for.
+
+    Raises:
+        UndecidedError: the protocol is to be found from the bytes and cannot be told.
+    """
+
+    def __init__(
+        self,
+        options: Options,
+        sinks: Sequence[Sink],
+        *,
+        on_detection: Callable[[str, Detection], None] = lambda bus, found: None,
+        on_pace: Callable[[str, Pace], None] = lambda bus, told: None,
+        ahead: Iterable[Chunk] = (),
+        live: bool = False,
+    ) -> None:
+        if options.protocol != AUTO:
+            protocol_named(options.protocol)
+        self.summary = Summary()
+        self._options = options
+        self._sinks = list(sinks)
+        self._failure: OutputError | None = None
+        self._on_detection = on_detection
+        self._on_pace = on_pace
+        self._ahead: dict[str, list[Chunk]] = {}
+        for chunk in ahead:
+            self._ahead.setdefault(chunk.bus, []).append(chunk)
+        self._live = live
+        self.paces: dict[str, Pace] = {}
+        """By what each bus is timed, once it is decoded."""
+        self._decoders: dict[str, Decoder] = {}
+        self._waiting: dict[str, list[Chunk]] = {}
+        self._look_at: dict[str, int] = {}
+        self._first: dict[str, list[Chunk]] = {}
+        self._begin: dict[str, int] = {}
+
+    def add(self, sink: Sink) -> None:
+        """Take another sink; it gets what comes from now on."""
+        self._sinks.append(sink)
+
+    def feed(self, group: Iterable[Chunk]) -> None:
+        """Decode a group; chunks of several buses may be mixed."""
+        by_bus: dict[str, list[Chunk]] = {}
+        for chunk in group:
+            by_bus.setdefault(chunk.bus, []).append(chunk)
+        for bus, chunks in by_bus.items():
+            self.record(bus, chunks)
+            self.decode(bus, chunks)
+
+    def record(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Hand chunks to the sinks as they came, before they are decoded."""
+        self._begin.setdefault(bus, 0)
+        self._each(functools.partial(_raw, bus=bus, chunks=chunks))
+
+    def decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Decode chunks of one bus that have been recorded."""
+        if bus in self._decoders:
+            self._decode(bus, chunks)
+            return
+        waiting = self._waiting.setdefault(bus, [])
+        waiting += chunks
+        if self._named(bus) != AUTO or self._enough(bus, waiting):
+            self._start(bus)
+
+    def idle(self, now_ns: int) -> None:
+        """Tell all decoders how late it is.
+
+        Where one ends what was open, that is recorded: bytes that an adapter held for longer than
+        it should may say later that there was no pause, and decoding again must not believe them.
+        """
+        for bus, decoder in self._decoders.items():
+            if not decoder.pending:
+                continue
+            batch = decoder.idle(now_ns)
+            if batch.data:
+                silent = Chunk(b"", now_ns, Clock.READ, bus, marks=(Mark(MarkKind.SILENT, 0),))
+                self.record(bus, [silent])
+            self._deliver(bus, decoder, batch)
+
+    def skip(self, bus: str, count: int, chunk: Chunk) -> None:
+        """Leave out ``count`` bytes that nobody had time to decode, and go on with ``chunk``.
+
+        What was begun before them is ended there.
+        """
+        decoder = self._decoders.get(bus)
+        mark = Mark(MarkKind.SKIPPED, 0, count=count)
+        if decoder is not None:
+            torn = replace(chunk, data=b"", marks=(mark,))
+            for batch in (decoder.feed(torn), decoder.close()):
+                self._deliver(bus, decoder, batch)
+            self._begin[bus] = decoder.position + count
+            self._decoders[bus] = self._decoder(bus, decoder.protocol.name)
+        else:
+            count += sum(len(c.data) for c in self._waiting.pop(bus, ()))
+            self._begin[bus] = self._begin.get(bus, 0) + count
+            chunk = replace(chunk, marks=(mark._replace(count=count), *chunk.marks))
+        self.decode(bus, [chunk])
+
+    def decided(self) -> dict[str, int]:
+        """Return the offset up to which each bus is decoded: what waits for its protocol is not."""
+        return self._begin | {bus: decoder.position for bus, decoder in self._decoders.items()}
+
+    def speaks(self, bus: str) -> str | None:
+        """Return the protocol of a bus, None while it is not known."""
+        decoder = self._decoders.get(bus)
+        return None if decoder is None else decoder.protocol.name
+
+    def baud_of(self, bus: str) -> int | None:
+        """Return the rate by which a bus is decoded, None while its protocol is not known."""
+        decoder = self._decoders.get(bus)
+        return None if decoder is None else decoder.baud
+
+    def has(self, sink: Sink) -> bool:
+        """Tell whether a sink still takes records: one that fails is given up."""
+        return any(s is sink for s in self._sinks)
+
+    @property
+    def failure(self) -> OutputError | None:
+        """The first failure of a sink, if there was one."""
+        return self._failure
+
+    def close(self) -> None:
+        """Decode what waits and finish the decoders; the sinks are closed by ``finish``.
+
+        A bus whose protocol cannot be told does not keep the others from being decoded.
+        """
+        undecided: UndecidedError | None = None
+        for bus in list(self._waiting):
+            if not any(chunk.data for chunk in self._waiting[bus]):
+                continue  # a bus on which nothing was said
+            try:
+                self._start(bus)
+            except UndecidedError as error:
+                undecided = undecided or error
+        # Where one bus goes on, the end of another is a silence, not a cut.
+        self.idle(max((d.heard_ns for d in self._decoders.values()), default=0) - AFTER_NS)
+        for bus, decoder in self._decoders.items():
+            self._deliver(bus, decoder, decoder.close())
+        for mistake in self.mistaken():
+            self.summary.buses[mistake.bus].looks_like = mistake.found.protocol
+        if undecided is not None:
+            raise undecided
+
+    def mistaken(self) -> list[Mistake]:
+        """Return the buses whose named protocol explains little, though another one does."""
+        out = []
+        for bus, chunks in self._first.items():
+            totals = self.summary.buses.get(bus)
+            if totals is None or totals.bytes_in_frames > CLEAR * totals.bytes:
+                continue
+            with contextlib.suppress(UndecidedError):
+                found = detect(chunks)
+                share = totals.bytes_in_frames / totals.bytes
+                if found.protocol != totals.protocol and (not share or found.certainty != GUESSED):
+                    out.append(Mistake(bus, totals.protocol, share, found))
+        return out
+
+    def finish(self) -> None:
+        """Close every sink, once, also if one of them fails; the first failure is raised."""
+        sinks, self._sinks = self._sinks, []
+        with contextlib.ExitStack() as stack:
+            for sink in reversed(sinks):
+                stack.callback(self._finish, sink)
+        if self._failure is not None:
+            raise self._failure
+
+    def _finish(self, sink: Sink) -> None:
+        try:
+            _act(_close, sink)
+        except OutputError as error:
+            self._failure = self._failure or error
+
+    def _each(self, act: Callable[[Sink], None]) -> None:
+        """Do something with every sink; one that fails is given up, the others go on."""
+        for sink in list(self._sinks):
+            try:
+                _act(act, sink)
+            except OutputError as error:
+                self._sinks.remove(sink)
+                self._failure = self._failure or error
+                with contextlib.suppress(OutputError):
+                    _act(_close, sink)
+                if not self._sinks:
+                    raise
+
+    def _enough(self, bus: str, waiting: list[Chunk]) -> bool:
+        """Tell whether these bytes say which protocol it is; asked when they have doubled."""
+        size = sum(len(c.data) for c in waiting)
+        if size >= ENOUGH and not self._live:
+            return True
+        if size < self._look_at.setdefault(bus, FIRST_LOOK):
+            return False
+        self._look_at[bus] = 2 * size
+        try:
+            found = detect(latest(waiting, ENOUGH))
+        except UndecidedError:
+            if size > PATIENCE:
+                self._forget(bus, waiting)
+            return False
+        return found.certainty == SURE or size >= ENOUGH
+
+    def _forget(self, bus: str, waiting: list[Chunk]) -> None:
+        """Keep the latest bytes only of a bus that says nothing we know."""
+        kept = latest(waiting, ENOUGH)
+        left_out = sum(len(c.data) for c in waiting) - sum(len(c.data) for c in kept)
+        before = self._begin.get(bus, 0)
+        self._begin[bus] = before + left_out
+        # the mark of an earlier time stood on a chunk that is left out now
+        mark = Mark(MarkKind.SKIPPED, 0, count=self._begin[bus])
+        marks = tuple(m for m in kept[0].marks if m.kind != MarkKind.SKIPPED)
+        waiting[:] = [replace(kept[0], marks=(mark, *marks)), *kept[1:]]
+        self._look_at[bus] = 2 * ENOUGH
+
+    def _named(self, bus: str) -> str:
+        return self._options.protocols.get(bus, self._options.protocol)
+
+    def _start(self, bus: str) -> None:
+        chunks = self._waiting[bus]
+        name = self._named(bus)
+        if name == AUTO:
+            found = detect(latest(chunks, ENOUGH) if self._live else chunks)
+            self._on_detection(bus, found)
+            name = found.protocol
+        else:
+            self._first[bus] = []
+        o = self._options
+        self.paces[bus] = pace(
+            protocol_named(name),
+            self._ahead.pop(bus, chunks),
+            baud=o.bauds.get(bus, o.baud),
+            latency_ns=o.latencies.get(bus) if o.latency_ns is None else o.latency_ns,
+        )
+        told = self.summary.paces[bus] = self.paces[bus]
+        self._on_pace(bus, told)
+        for sink in self._sinks:
+            if isinstance(sink, Paced):
+                sink.pace(bus, told)
+        self._decoders[bus] = self._decoder(bus, name)
+        self._decode(bus, self._waiting.pop(bus))
+
+    def _decoder(self, bus: str, protocol: str) -> Decoder:
+        models, told = self._options.models, self.paces[bus]
+        if self._live:  # they were named for all buses, which may speak different protocols
+            known = {m.model for m in protocol_named(protocol).models}
+            models = {servo: model for servo, model in models.items() if model in known}
+        return Decoder(
+            protocol,
+            baud=told.baud,
+            models=models,
+            latency_ns=told.latency_ns,
+            slowest=told.slowest,
+            doubtful=told.doubtful,
+            base=self._begin.get(bus, 0),
+        )
+
+    def _decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        first = self._first.get(bus)
+        if first is not None and sum(len(c.data) for c in first) < ENOUGH:
+            first += chunks
+        decoder = self._decoders[bus]
+        self._deliver(bus, decoder, decoder.feed(*chunks))
+
+    def _deliver(self, bus: str, decoder: Decoder, batch: Batch) -> None:
+        if not batch.data and not batch.remarks and not batch.anomalies:
+            return
+        self.summary.add(bus, decoder.protocol, batch)
+        totals = self.summary.buses[bus]
+        if totals.bytes >= ENOUGH and totals.bytes_in_frames > CLEAR * totals.bytes:
+            self._first.pop(bus, None)  # it speaks what was named
+        self._each(lambda sink: sink.write(bus, decoder.protocol, batch))
+
+
+def _numbers(facts: Mapping[str, str], name: str, least: int, most: int) -> dict[str, int]:
+    """Return what a recording says of its buses; what cannot be is left out."""
+    told = {k.removeprefix(name): v for k, v in facts.items() if k.startswith(name)}
+    numbers = {bus: number_in(text, least, most) for bus, text in told.items()}
+    return {bus: number for bus, number in numbers.items() if number is not None}
+
+
+def _act(act: Callable[[Sink], None], sink: Sink) -> None:
+    """Do something with a sink; what nobody has foreseen is its failure, not that of the others.
+
+    Raises:
+        OutputError: it failed.
+        BrokenPipeError: nobody reads what it writes.
+    """
+    try:
+        act(sink)
+    except (OutputError, BrokenPipeError):
+        raise
+    except Exception as error:
+        what = f"{type(error).__name__}: {error}"[:200]
+        raise OutputError(f"{type(sink).__name__} failed ({what}); it is left as it is") from error
+
+
+def _close(sink: Sink) -> None:
+    sink.close()
+
+
+def _raw(sink: Sink, *, bus: str, chunks: Sequence[Chunk]) -> None:
+    sink.raw(bus, chunks)

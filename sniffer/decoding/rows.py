@@ -1,0 +1,326 @@
+"""Records one by one, as frozen dataclasses in wire order: for people, scripts and JSON lines.
+
+The only place where a Python object per frame exists; bulk work stays in the columns of a Batch.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+import numpy as np
+
+from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.ground.model import (
+    ECHO,
+    ECHO_DIFFERS,
+    KINDS,
+    MALFORMED,
+    OUTCOMES,
+    PARTS,
+    PROVENANCES,
+    ROLES,
+    UNKNOWN,
+    UNUSUAL,
+    WHOLE,
+    Anomaly,
+    Batch,
+    Clock,
+    Direction,
+    Samples,
+)
+from sniffer.protocols.base import BusProtocol, view
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from sniffer.ground.registers import Register
+
+FLAGS: Final[Mapping[int, str]] = {
+    MALFORMED: "malformed",
+    UNKNOWN: "unknown",
+    ECHO_DIFFERS: "echo_differs",
+    UNUSUAL: "unusual",
+    ECHO: "echo",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class FrameRow:
+    """A frame that holds; ``fields`` is every value it states."""
+
+    type: ClassVar[str] = "frame"
+    bus: str
+    t_ns: int
+    offset: int
+    length: int
+    hex: str
+    protocol: str
+    kind: str
+    servo_id: int | None
+    op: str
+    checksum: str
+    fields: dict[str, Any]
+    flags: tuple[str, ...]
+    t_start_ns: int
+    uncertainty_ns: int | None
+    clock: str
+    direction: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class GapRow:
+    """Bytes no frame claims."""
+
+    type: ClassVar[str] = "gap"
+    bus: str
+    t_ns: int
+    offset: int
+    length: int
+    hex: str
+    reason: str
+    detail: dict[str, Any]
+    clock: str
+
+
+@dataclass(frozen=True, slots=True)
+class TransactionRow:
+    """A request and its response."""
+
+    type: ClassVar[str] = "transaction"
+    bus: str
+    request_offset: int | None
+    response_offset: int | None
+    servo_id: int | None
+    op: str
+    outcome: str
+    response_time_ns: int | None
+    uncertainty_ns: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class SampleRow:
+    """One value of one register; ``name`` is what an enumerated value means."""
+
+    type: ClassVar[str] = "sample"
+    bus: str
+    t_ns: int
+    servo_id: int | None
+    register: str
+    quantity: str
+    role: str
+    raw: int
+    value: float | None
+    unit: str
+    scale: str
+    name: str | list[str] | None
+    part: str | None
+    offset: int
+
+
+@dataclass(frozen=True, slots=True)
+class AnomalyRow:
+    """What is wrong, with its bytes, its numbers and its likely cause."""
+
+    type: ClassVar[str] = "anomaly"
+    bus: str
+    t_ns: int
+    severity: str
+    group: str
+    code: str
+    servo_id: int | None
+    detail: str
+    evidence: list[list[int]] = field(default_factory=list)
+    means: str = ""
+    causes: str = ""
+    remedy: str = ""
+
+
+Row = FrameRow | GapRow | TransactionRow | SampleRow | AnomalyRow
+
+
+def as_dict(row: Row) -> dict[str, Any]:
+    """Return a row as the JSON lines have it: ``type`` first, keys in order."""
+    out: dict[str, Any] = {"type": row.type}
+    for f in dataclasses.fields(row):
+        value = getattr(row, f.name)
+        out[f.name] = value
+    return out
+
+
+def tidy(value: float) -> float | None:
+    """Return a value as people read it: NaN is none, rounding dust is swept off."""
+    return None if math.isnan(value) else round(value, 6)
+
+
+def value_entry(register: Register, raw: int, value: float, part: int) -> dict[str, Any]:
+    """Return one register value as ``fields`` show it."""
+    out: dict[str, Any] = {"raw": raw}
+    if part == WHOLE and register.unit:
+        out |= {"value": tidy(value), "unit": register.unit}
+    if part == WHOLE:
+        names = register.names(raw)
+        if names is not None:
+            out["names" if isinstance(names, list) else "name"] = names
+    return out
+
+
+def _frame_fields(batch: Batch, protocol: BusProtocol, i: int, values: range) -> dict[str, Any]:
+    f, v = batch.frames, batch.values
+    start, length = int(f.start[i]), int(f.length[i])
+    row = view(f, i, v.register[values.start : values.stop].tolist())
+    out = protocol.fields(batch.data[start : start + length], row)
+    targets: dict[str, dict[str, Any]] = {}
+    covered = 0
+    for k in values:
+        register = protocol.registers[int(v.register[k])]
+        part = int(v.part[k])
+        name = register.name if part == WHOLE else f"{register.name} ({PARTS[part]})"
+        entry = value_entry(register, int(v.raw[k]), float(v.value[k]), part)
+        covered += register.width if part == WHOLE else 1
+        if int(v.servo_id[k]) == row.servo_id:
+            out[name] = entry
+        else:
+            targets.setdefault(str(int(v.servo_id[k])), {})[name] = entry
+    if targets:
+        out["targets"] = targets
+    elif row.address >= 0 and covered < row.data_length and "data" not in out:
+        # registers no table names: shown as the bytes they are
+        at = start + row.data_start
+        out["data"] = batch.data[at : at + row.data_length].hex()
+    return out
+
+
+def value_ranges(v: Samples, n: int) -> list[int]:
+    """Return for each frame where its values begin; one more entry ends the last."""
+    edges: list[int] = np.searchsorted(v.row, np.arange(n + 1)).tolist()
+    return edges
+
+
+def frame_row(batch: Batch, protocol: BusProtocol, bus: str, i: int, values: range) -> FrameRow:
+    """Return frame ``i`` of a batch."""
+    f = batch.frames
+    start, length = int(f.start[i]), int(f.length[i])
+    raw = batch.data[start : start + length]
+    uncertainty, servo = int(f.uncertainty[i]), int(f.servo_id[i])
+    flags, wire = int(f.flags[i]), int(f.direction[i])
+    return FrameRow(
+        bus=bus,
+        t_ns=int(f.t_end[i]),
+        offset=batch.base + start,
+        length=length,
+        hex=raw.hex(),
+        protocol=protocol.name,
+        kind=KINDS[int(f.kind[i])],
+        servo_id=servo if servo >= 0 else None,
+        op=protocol.op_name(int(f.op[i])),
+        checksum="ok" if protocol.checksum_of(raw) else "none",
+        fields=_frame_fields(batch, protocol, i, values),
+        flags=tuple(name for bit, name in FLAGS.items() if flags & bit) if flags else (),
+        t_start_ns=int(f.t_start[i]),
+        uncertainty_ns=uncertainty if uncertainty >= 0 else None,
+        clock=batch.clock.name.lower(),
+        direction=Direction(wire).name if wire else None,
+    )
+
+
+def _samples(batch: Batch, protocol: BusProtocol, bus: str) -> Iterator[tuple[int, SampleRow]]:
+    v = batch.samples
+    columns = (v.t_ns, v.servo_id, v.register, v.role, v.raw, v.value, v.provenance, v.part, v.row)
+    starts = (batch.frames.start[v.row] + batch.base).tolist()
+    for start, (t, servo, register, role, raw, value, scale, part, _) in zip(
+        starts, zip(*(c.tolist() for c in columns), strict=True), strict=True
+    ):
+        r = protocol.registers[register]
+        yield (
+            start,
+            SampleRow(
+                bus,
+                t,
+                servo if servo >= 0 else None,
+                r.name,
+                r.quantity,
+                ROLES[role],
+                raw,
+                tidy(value),
+                r.unit,
+                PROVENANCES[scale],
+                r.names(raw) if part == WHOLE else None,
+                PARTS[part] or None,
+                start,
+            ),
+        )
+
+
+def _transactions(
+    batch: Batch, protocol: BusProtocol, bus: str
+) -> Iterator[tuple[int, TransactionRow]]:
+    f, t = batch.frames, batch.transactions
+    before = batch.asked(t.request[t.request < -1])  # told in earlier batches
+    earlier = iter(range(len(before)))
+    for q, r, outcome, took, spread in zip(
+        *(
+            c.tolist()
+            for c in (t.request, t.response, t.outcome, t.response_time_ns, t.uncertainty_ns)
+        ),
+        strict=True,
+    ):
+        told = r if r >= 0 else q
+        request, row = (before, next(earlier)) if q < -1 else (f, q)
+        asked = int(request.servo_id[row]) if q != -1 else -1
+        servo = asked if asked >= 0 else int(f.servo_id[told])
+        yield (
+            batch.base + int(f.start[told]),
+            TransactionRow(
+                bus,
+                batch.base + int(request.start[row]) if q != -1 else None,
+                batch.base + int(f.start[r]) if r >= 0 else None,
+                servo if servo >= 0 else None,
+                protocol.op_name(int(request.op[row] if q != -1 else f.op[r])),
+                OUTCOMES[outcome],
+                took if took >= 0 else None,
+                spread if took >= 0 and spread >= 0 else None,
+            ),
+        )
+
+
+def anomaly_row(anomaly: Anomaly, bus: str) -> AnomalyRow:
+    """Return an anomaly with what the catalogue knows about its code."""
+    known = CATALOGUE[anomaly.code]
+    return AnomalyRow(
+        bus,
+        anomaly.t_ns,
+        anomaly.severity.name.lower(),
+        anomaly.group,
+        anomaly.code,
+        anomaly.servo_id,
+        anomaly.detail,
+        [list(span) for span in anomaly.evidence],
+        known.means,
+        known.causes,
+        anomaly.remedy or known.remedy,
+    )
+
+
+def rows(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Iterator[Row]:
+    """Yield everything a batch says, in wire order: a frame, its samples, its transaction."""
+    edges = value_ranges(batch.values, len(batch.frames))
+    clock = Clock(batch.clock).name.lower()
+    found: list[tuple[int, int, Row]] = []
+    for i, start in enumerate((batch.frames.start + batch.base).tolist()):
+        row = frame_row(batch, protocol, bus, i, range(edges[i], edges[i + 1]))
+        found.append((start, 0, row))
+    for g in batch.gaps:
+        raw = batch.data[g.start : g.start + g.length].hex()
+        at = batch.base + g.start
+        gap = GapRow(bus, g.t_ns, at, g.length, raw, g.reason, dict(g.detail), clock)
+        found.append((at, 0, gap))
+    found += [(at, 1, s) for at, s in _samples(batch, protocol, bus)]
+    found += [(at, 2, t) for at, t in _transactions(batch, protocol, bus)]
+    for a in batch.anomalies:
+        found.append((a.known_at, 3, anomaly_row(a, bus)))
+    found.sort(key=lambda e: e[:2])
+    for _, _, one in found:
+        yield one

@@ -1,0 +1,279 @@
+"""Running totals of a decode, in constant memory: bytes, frames, outcomes, anomalies, times."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from sniffer.ground.model import (
+    I64,
+    KINDS,
+    NS,
+    OK,
+    OUTCOMES,
+    PROVENANCES,
+    Anomaly,
+    Batch,
+    Severity,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.decoding.pacing import Pace
+    from sniffer.protocols.base import BusProtocol
+
+_PER_OCTAVE: Final = 32
+_BINS: Final = 64 * _PER_OCTAVE
+
+
+FIGURES: Final[Mapping[str, float]] = MappingProxyType({"p50": 0.5, "p99": 0.99, "max": 1.0})
+"""The figures that are told of response times, and the share of all that stay below."""
+
+POINT: Final = 0.1
+"""A figure is told as a point if its bounds are no further from it than this share of it."""
+
+
+class Bounds(NamedTuple):
+    """A duration as far as the stamps tell it: at least and at most, in ns."""
+
+    low: int
+    high: int
+
+    @property
+    def point(self) -> int | None:
+        """The duration where the bounds are close enough to call it one; None elsewhere."""
+        middle = (self.low + self.high) // 2
+        return middle if self.high - self.low <= 2 * POINT * middle else None
+
+    def ms(self) -> str:
+        """Return it in ms: a point, an upper bound, or both bounds."""
+        if self.point is not None:
+            return f"{self.point / 1e6:.2f}"
+        high = f"{self.high / 1e6:.2f}"
+        return f"{self.low / 1e6:.2f}-{high}" if 2 * self.low > self.high else f"<{high}"
+
+
+class Quantiles:
+    """Quantiles of durations that are known within bounds, in fixed memory.
+
+    Two histograms of logarithms, to 2 %: where each duration lies between its bounds, each quantile
+    lies between the same quantile of the lower bounds and that of the upper ones.
+    """
+
+    def __init__(self) -> None:
+        self._bins = np.zeros((2, _BINS), np.int64)
+        self._most = [0, 0]
+        self.count = 0
+
+    def add(self, ns: I64, spread: I64) -> None:
+        """Count durations, in ns, each known to ``spread``; negative ones are not known at all."""
+        known = ns >= 0
+        ns, spread = ns[known], np.maximum(spread[known], 0)
+        if not len(ns):
+            return
+        self.count += len(ns)
+        for k, bound in enumerate((np.maximum(ns - spread, 0), ns + spread)):
+            at = (np.log2(np.maximum(bound, 1)) * _PER_OCTAVE).astype(np.int64)
+            self._bins[k] += np.bincount(at, minlength=_BINS)
+            self._most[k] = max(self._most[k], int(bound.max()))
+
+    def at(self, share: float) -> Bounds | None:
+        """Return the duration that ``share`` of all stay below, and 1 the longest; None: no one."""
+        if not self.count:
+            return None
+        out = []
+        for k, bins in enumerate(self._bins):
+            row = int(np.searchsorted(np.cumsum(bins), share * self.count))
+            edge = 2 ** ((row + k) / _PER_OCTAVE) if row or k else 0
+            out.append(min(int(edge), self._most[k]))
+        return Bounds(*out)
+
+
+@dataclass(slots=True)
+class BusTotals:
+    """Totals of one bus."""
+
+    protocol: str
+    bytes: int = 0
+    bytes_in_frames: int = 0
+    kinds: Counter[str] = field(default_factory=Counter)
+    gaps: Counter[str] = field(default_factory=Counter)
+    bytes_in_gaps: int = 0
+    outcomes: Counter[str] = field(default_factory=Counter)
+    codes: Counter[str] = field(default_factory=Counter)
+    severities: Counter[Severity] = field(default_factory=Counter)
+    by_command: Counter[tuple[int, str, str]] = field(default_factory=Counter)
+    """(servo id, command, kind) -> frames; servo -1 is none."""
+    bad_by_servo: Counter[int] = field(default_factory=Counter)
+    times: dict[int, Quantiles] = field(default_factory=dict)
+    samples: int = 0
+    first: dict[str, Anomaly] = field(default_factory=dict)
+    by_servo: dict[str, Counter[int]] = field(default_factory=dict)
+    """Code -> anomalies of each servo that is to blame."""
+    looks_like: str | None = None
+    """The protocol that the bytes speak, where another one was named."""
+    models: dict[int, tuple[str, int]] = field(default_factory=dict)
+    """Servo id -> model and grounds (a provenance), where it was named or the wire showed it."""
+    clock: str = "none"
+    t_first_ns: int | None = None
+    t_last_ns: int | None = None
+    _ops: dict[int, str] = field(default_factory=dict)
+
+    def add(self, protocol: BusProtocol, batch: Batch) -> None:
+        """Count a batch in."""
+        f, t = batch.frames, batch.transactions
+        self.bytes += len(batch.data)
+        self.clock = batch.clock.name.lower()
+        self.samples += int(batch.values.accepted.sum())
+        for g in batch.gaps:
+            self.gaps[g.reason] += 1
+            self.bytes_in_gaps += g.length
+        for a in batch.anomalies:
+            self.codes[a.code] += 1
+            self.severities[a.severity] += 1
+            self.first.setdefault(a.code, a)
+            if a.servo_id is not None:
+                self.by_servo.setdefault(a.code, Counter())[a.servo_id] += 1
+        if not len(f):
+            return
+        self.models.update(batch.models)
+        self.bytes_in_frames += int(f.length.sum())
+        if self.t_first_ns is None:
+            self.t_first_ns = int(f.t_start[0])
+        self.t_last_ns = int(f.t_end[-1])
+        for kind, n in zip(KINDS, np.bincount(f.kind, minlength=len(KINDS)).tolist(), strict=True):
+            self.kinds[kind] += n
+        for outcome, n in zip(
+            OUTCOMES, np.bincount(t.outcome, minlength=len(OUTCOMES)).tolist(), strict=True
+        ):
+            self.outcomes[outcome] += n
+        self._count_commands(protocol, batch)
+        self._count_times(batch)
+
+    def _count_commands(self, protocol: BusProtocol, batch: Batch) -> None:
+        f = batch.frames
+        ops, which = np.unique(f.op, return_inverse=True)
+        key = (which.astype(np.int64) << 20) | ((f.servo_id.astype(np.int64) + 2) << 1) | f.kind
+        found, counts = np.unique(key, return_counts=True)
+        for k, n in zip(found.tolist(), counts.tolist(), strict=True):
+            op = int(ops[k >> 20])
+            name = self._ops.get(op) or self._ops.setdefault(op, protocol.op_name(op))
+            self.by_command[(k >> 1 & 0x7FFFF) - 2, name, KINDS[k & 1]] += n
+
+    def _count_times(self, batch: Batch) -> None:
+        f, t = batch.frames, batch.transactions
+        asked = t.request >= 0
+        missing = asked & (t.outcome != OK) & (OUTCOMES.index("not_expected") != t.outcome)
+        self.bad_by_servo.update(f.servo_id[t.request[missing]].tolist())
+        known = (t.outcome == OK) & (t.response_time_ns >= 0)
+        if not known.any():
+            return
+        servo = f.servo_id[t.response[known]]
+        took = t.response_time_ns[known]
+        spread = t.uncertainty_ns[known]
+        for who in np.unique(servo).tolist():
+            mine = servo == who
+            self.times.setdefault(who, Quantiles()).add(took[mine], spread[mine])
+
+    @property
+    def seconds(self) -> float | None:
+        """Length of the capture by its own clock; None where it has none."""
+        if self.clock == "none" or self.t_first_ns is None or self.t_last_ns is None:
+            return None
+        return (self.t_last_ns - self.t_first_ns) / NS
+
+
+class Summary:
+    """Totals of all buses of one decode."""
+
+    def __init__(self) -> None:
+        self.buses: dict[str, BusTotals] = {}
+        self.paces: dict[str, Pace] = {}
+        """By what each bus is timed, where that is known."""
+
+    def add(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Count a batch in."""
+        if bus not in self.buses:
+            self.buses[bus] = BusTotals(protocol.name)
+        self.buses[bus].add(protocol, batch)
+
+    def worst(self) -> Severity | None:
+        """Return the highest severity met."""
+        return max((s for b in self.buses.values() for s in b.severities), default=None)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the summary record of the JSON lines: totals, then each bus."""
+        each = {name: _totals(b, self.paces.get(name)) for name, b in self.buses.items()}
+        out: dict[str, Any] = {"type": "summary"}
+        for key in ("bytes", "bytes_in_frames", "bytes_in_gaps", "frames", "gaps", "transactions"):
+            out[key] = sum(b[key] for b in each.values())
+        for key in ("samples", "anomalies"):
+            out[key] = sum(b[key] for b in each.values())
+        for key in ("kinds", "reasons", "outcomes", "codes", "severities"):
+            total: Counter[str] = Counter()
+            for b in each.values():
+                total.update(b[key])
+            out[key] = dict(total)
+        out["buses"] = each
+        return out
+
+
+def _timing(told: Pace | None) -> dict[str, Any]:
+    if told is None:
+        return {}
+    return {
+        "baud": told.baud,
+        "rate": told.rate,
+        "slowest_baud": told.slowest,
+        "latency_ns": told.latency_ns,
+        "latency": told.latency or "usual",
+        "impossible": bool(told.faster),
+    }
+
+
+def _figures(q: Quantiles) -> dict[str, Any]:
+    """Return the figures of one servo: a number only where the stamps carry one."""
+    bounds = {name: q.at(share) for name, share in FIGURES.items()}
+    return {
+        "count": q.count,
+        **{name: b.point if b is not None else None for name, b in bounds.items()},
+        **{f"{name}_bounds": list(b) if b is not None else None for name, b in bounds.items()},
+    }
+
+
+def _totals(b: BusTotals, told: Pace | None) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "protocol": b.protocol,
+        "bytes": b.bytes,
+        "bytes_in_frames": b.bytes_in_frames,
+        "bytes_in_gaps": b.bytes_in_gaps,
+        "frames": sum(b.kinds.values()),
+        "gaps": sum(b.gaps.values()),
+        "transactions": sum(b.outcomes.values()),
+        "samples": b.samples,
+        "anomalies": sum(b.codes.values()),
+        "kinds": {k: n for k, n in b.kinds.items() if n},
+        "reasons": dict(b.gaps),
+        "outcomes": {k: n for k, n in b.outcomes.items() if n},
+        "codes": dict(b.codes),
+        "codes_by_servo": {
+            code: {str(servo): n for servo, n in servos.most_common()}
+            for code, servos in b.by_servo.items()
+        },
+        "severities": {s.name.lower(): n for s, n in b.severities.items()},
+        "clock": b.clock,
+        **({"looks_like": b.looks_like} if b.looks_like else {}),
+        **_timing(told),
+        "response_times_ns": {str(servo): _figures(q) for servo, q in sorted(b.times.items())},
+    }
+    if b.models:
+        out["models"] = {
+            str(servo): {"model": model, "scale": PROVENANCES[grounds]}
+            for servo, (model, grounds) in sorted(b.models.items())
+        }
+    return out

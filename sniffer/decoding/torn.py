@@ -1,0 +1,134 @@
+"""Bytes that no frame claims where the answer to a request should stand: it came, but torn.
+
+Right behind a request there is nothing to find out. Where several were asked in a row, in one
+*turn*, the answer that is missing stands behind that to the request before it, or, if none before
+it was answered, behind the last request of the turn.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sniffer.ground.model import ECHO, NEVER, REQUEST
+
+if TYPE_CHECKING:
+    from sniffer.ground.framing import Block
+    from sniffer.ground.model import I64, Frames, Mask
+    from sniffer.protocols.base import BusProtocol
+
+
+class TornAnswers:
+    """Finds torn answers block after block, also where a cut leads through a turn."""
+
+    def __init__(self, protocol: BusProtocol) -> None:
+        self._protocol = protocol
+        # Where the answer begins, in the stream, to the last request before the cut that has one.
+        self._behind: int | None = None  # only if the turn it is of goes on behind the cut
+
+    def find(
+        self,
+        frames: Frames,
+        partner: I64,
+        block: Block,
+        decided: int,
+        base: int,
+        kept: int,
+        *,
+        across: bool,
+    ) -> Mask:
+        """Tell for each of the ``kept`` rows whether torn bytes stand where its answer should.
+
+        Args:
+            frames: all rows of the block.
+            partner: which request each answers, as ``match`` returned it.
+            block: for its bytes and its barriers.
+            decided: how far every byte of the block has its fate.
+            base: offset in the stream of the block's first byte.
+            kept: rows before the cut.
+            across: whether an answer behind the cut belongs to a request before it.
+        """
+        torn = _unclaimed_behind(frames, block, decided, self._protocol.blank)
+        cut = across or self._behind is not None
+        if not cut and not torn.any():
+            return torn[:kept]
+        sends = frames.kind == REQUEST
+        together = sends[1:] & sends[:-1] & ~torn[:-1]
+        if together.any() and len(block.barriers):
+            segment = block.segment(frames.start)
+            together &= segment[1:] == segment[:-1]
+        if not cut and not together.any():
+            return torn[:kept]
+        first = sends.copy()
+        first[1:] &= ~together
+        turn = np.cumsum(first) * sends
+        answered = np.full(len(frames), -1, np.int64)
+        answer = np.flatnonzero(partner >= 0)
+        answered[partner[answer]] = answer
+        latest = self._latest(frames, turn, answered, base)
+        if torn.any():
+            _in_turn(frames, torn, turn, answered, latest, self._protocol.reach)
+        self._behind = None
+        if kept < len(frames) and together[kept - 1] and latest[kept - 1] >= 0:
+            self._behind = base + int(frames.start[latest[kept - 1]])
+        return torn[:kept]
+
+    def _latest(self, frames: Frames, turn: I64, answered: I64, base: int) -> I64:
+        """Return what answers the last answered request of each row's turn up to it, or -1."""
+        asked = np.maximum.accumulate(np.where(answered >= 0, np.arange(len(frames)), -1))
+        latest = np.where((asked >= 0) & (turn[asked] == turn), answered[asked], -1)
+        if self._behind is not None:
+            row = int(np.searchsorted(frames.start, self._behind - base))
+            latest[(turn == 1) & (latest < 0)] = row
+        return latest
+
+
+def _unclaimed_behind(frames: Frames, block: Block, decided: int, blank: bytes) -> Mask:
+    """Tell behind which rows unclaimed bytes stand."""
+    end = frames.end
+    following = np.append(frames.start[1:], decided)
+    if len(block.barriers):
+        following = np.minimum(following, block.limit(end - 1))
+    torn: Mask = following > end
+    if not torn.any():
+        return torn
+    if blank:
+        data = block.data.tobytes()
+        for i in np.flatnonzero(torn).tolist():
+            if not data[int(end[i]) : int(following[i])].strip(blank):
+                torn[i] = False
+    echo = np.flatnonzero(frames.flags & ECHO)
+    torn[echo - 1] |= torn[echo]
+    return torn
+
+
+def _in_turn(frames: Frames, torn: Mask, turn: I64, answered: I64, latest: I64, reach: int) -> None:
+    """Where several were asked in a row, tell which answers are torn among those that came.
+
+    Args:
+        frames: all rows.
+        torn: what is told, of all rows; those behind which torn bytes stand are told already.
+        turn: the number of each request's turn, 0 for other rows.
+        answered: the row of each request's answer, or -1.
+        latest: the same of the last request of the turn, up to each, that has one.
+        reach: bytes after which a request is closed.
+    """
+    some = np.zeros(int(turn.max()) + 1, bool)
+    some[turn[(answered >= 0) | (latest >= 0)]] = True
+    some[0] = False
+    alone = np.flatnonzero(some[turn] & (answered < 0) & (frames.reply != NEVER))
+    start, end = frames.start, frames.end
+    found: list[int] = []
+    for row in alone.tolist():
+        where = int(latest[row])
+        if where < 0:
+            where, others = row, False
+            while where + 1 < len(turn) and turn[where + 1] == turn[row]:
+                where += 1
+                near = start[answered[where]] - end[row] <= reach
+                others |= bool(answered[where] >= 0 and near)
+            where = where if others else row
+        if torn[where] and end[where] - end[row] < reach:
+            found.append(row)
+    torn[found] = True

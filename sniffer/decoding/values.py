@@ -1,0 +1,289 @@
+"""Values become samples: scaled, and accepted or not.
+
+The only memory is what changes the meaning of later bytes: *mode registers* (a resolution that
+scales positions), a servo's id, and which model it is. They are applied as stretches between the
+rare rows that set them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sniffer.decoding.changes import EVERY, FEEDBACK, RESET, SET, Changes, new_id
+from sniffer.decoding.weighing import Weighing
+from sniffer.diagnostics.evidence import loose_counts
+from sniffer.diagnostics.learned import FeedbackWrite, Meaning, Misfit
+from sniffer.ground.model import (
+    ASSUMED,
+    ECHO,
+    F64,
+    I64,
+    OBSERVED,
+    PROFILE,
+    RELEASES,
+    REQUEST,
+    RESETS,
+    STAGED,
+    U8,
+    WHOLE,
+    Frames,
+    Mask,
+    Samples,
+    Transactions,
+)
+from sniffer.ground.registers import scale_limit, unseen_scale
+from sniffer.protocols.base import BusProtocol, State, Turn, Values
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from sniffer.decoding.pairing import Paired
+    from sniffer.diagnostics.learned import Change
+    from sniffer.ground.framing import Block
+
+
+SIGNED, SPECIAL, MODED, EVENT = 1, 2, 4, 8
+CHANGES = RESETS | RELEASES | STAGED
+PROVENANCE = (ASSUMED, PROFILE, OBSERVED)
+UNSEEN = 256
+"""Column of the scales for a mode nobody has seen yet."""
+
+
+class Scaling:
+    """Turns raw register values into samples, with what the wire has shown so far."""
+
+    def __init__(
+        self, protocol: BusProtocol, models: Mapping[int | None, str] | None = None
+    ) -> None:
+        self.protocol = protocol
+        self.state = State(protocol, models)
+        self._changes = Changes(protocol, self.state)
+        self._weighing = Weighing(protocol, self.state)
+        registers = protocol.registers
+        self._scale = np.array([r.scale for r in registers])
+        self._role = np.array([r.role for r in registers], np.uint8)
+        self._sign_bit = np.array([r.sign_bit or 0 for r in registers])
+        self._special = {i: list(r.special) for i, r in enumerate(registers) if r.special}
+        self._moded = {i: r.scale_by for i, r in enumerate(registers) if r.scale_by is not None}
+        self._mode_of = np.array([r.scale_by[0] if r.scale_by else "" for r in registers])
+        # Scale by register and mode, and the highest value that fits it.
+        self._by_mode = np.full((len(registers), UNSEEN + 1), np.nan)
+        self._limit = np.full((len(registers), UNSEEN + 1), np.inf)
+        for i, (_, table) in self._moded.items():
+            self._by_mode[i, list(table)] = list(table.values())
+            self._by_mode[i, UNSEEN] = unseen_scale(registers[i])
+            self._limit[i, list(table)] = [scale_limit(registers[i], mode) for mode in table]
+        # What there is to do for a register, as bits: one look-up tells it for all values.
+        self._traits = np.zeros(len(registers), np.uint8)
+        for i, r in enumerate(registers):
+            self._traits[i] = (
+                SIGNED * (r.sign_bit is not None)
+                | SPECIAL * bool(r.special)
+                | MODED * (r.scale_by is not None)
+                | EVENT * bool(self._changes.traits[i])
+            )
+
+    def decode(self, block: Block, paired: Paired, base: int = 0) -> Meaning:
+        """Return every value the frames state, scaled; ``base`` is the block's offset.
+
+        See ``Samples.accepted``.
+        """
+        frames, transactions = paired.frames, paired.transactions
+        # What only comes again as an echo takes effect once.
+        accepted = paired.accepted & (frames.flags & ECHO == 0)
+        rows = np.flatnonzero(paired.readable)
+        state = self.state
+        v = self.protocol.values(block, frames, rows, state)
+        traits = self._traits[v.register]
+        present = int(np.bitwise_or.reduce(traits)) if len(traits) else 0
+        is_eventful = bool(present & EVENT) or bool((frames.flags & CHANGES).any())
+        changes: list[Change] = []
+        if is_eventful:
+            changes, staged = self._find(frames, transactions, v, traits, accepted)
+        known = state.model.copy(), state.origin.copy()
+        weighed = self._weighing.weigh(block, frames, v.sightings, accepted, changes, base)
+        now = state.model, state.origin
+        (state.model, state.origin), state.turns = known, weighed.turns
+        if weighed.turns and len(self.protocol.models) > 1:
+            v = self.protocol.values(block, frames, rows, state)
+            traits = self._traits[v.register]
+            present = int(np.bitwise_or.reduce(traits)) if len(traits) else 0
+        origin = state.origins_of(v.row, v.servo_id)
+        (state.model, state.origin), state.turns = now, ()
+        if weighed.turns or v.loose is not None:
+            trusted = np.array([loose_counts(o) for o in PROVENANCE])[origin]
+            trusted &= frames.kind[v.row] != REQUEST
+            changes, staged = self._find(frames, transactions, v, traits, accepted, trusted)
+            is_eventful = True
+        if is_eventful:
+            self._changes.keep(staged)
+        value = v.raw * self._scale[v.register]
+        if present & SIGNED:
+            mine = np.flatnonzero(traits & SIGNED)
+            raw, bit = v.raw[mine], self._sign_bit[v.register[mine]]
+            magnitude = raw & ((1 << bit) - 1)
+            signed = np.where(raw >> bit & 1, magnitude, -magnitude)
+            value[mine] = signed * self._scale[v.register[mine]]
+        takes = accepted[v.row]
+        misfits: list[Misfit] = []
+        if changes or weighed.anew or present & MODED:
+            moved = [c for c in changes if c.what != FEEDBACK]
+            misfits = self._apply_modes(v, traits, takes, moved, weighed.anew, value, origin)
+        if present & SPECIAL:
+            mine = np.flatnonzero(traits & SPECIAL)
+            for i in np.unique(v.register[mine]).tolist():
+                own = mine[v.register[mine] == i]
+                value[own[np.isin(v.raw[own], self._special[i])]] = np.nan
+        if v.part.any():
+            value[v.part != WHOLE] = np.nan
+        samples = Samples(
+            t_ns=frames.t_end[v.row],
+            servo_id=v.servo_id,
+            register=v.register,
+            role=self._role[v.register],
+            raw=v.raw,
+            value=value,
+            provenance=origin,
+            part=v.part,
+            row=v.row,
+            accepted=takes,
+        )
+        resets = [c for c in changes if c.what == RESET and c.value >= 0]
+        return Meaning(samples, _feedback(changes), weighed.told, misfits, resets)
+
+    def models(self, frames: Frames) -> dict[int, tuple[str, int]]:
+        """Return model and grounds of the servos in ``frames``, where it is not just assumed."""
+        state = self.state
+        if not state.origin.any():
+            return {}
+        met = np.bincount(frames.servo_id[frames.servo_id >= 0], minlength=256) > 0
+        met[[s for s in self.protocol.everyone if s]] = False
+        return {
+            servo: (self.protocol.models[int(state.model[servo])].model, int(state.origin[servo]))
+            for servo in np.flatnonzero(met & (state.origin != ASSUMED)).tolist()
+        }
+
+    def _find(
+        self,
+        frames: Frames,
+        transactions: Transactions,
+        v: Values,
+        traits: U8,
+        accepted: Mask,
+        trusted: Mask | None = None,
+    ) -> tuple[list[Change], list[Change]]:
+        hits = np.flatnonzero(traits & EVENT)
+        return self._changes.find(
+            frames,
+            transactions,
+            v,
+            hits,
+            accepted,
+            trusted,
+            each=self._may_misfit(v, traits, hits),
+        )
+
+    def _may_misfit(self, v: Values, traits: U8, hits: I64) -> bool:
+        """Whether a value may contradict one of the modes that are, or may come to be, in force."""
+        if not self.state.modes or not len(hits):
+            return False
+        modes = {int(m) & 255 for m in np.unique(v.raw[hits])}
+        modes |= {int(m) for known in self.state.modes.values() for m in np.unique(known)}
+        modes.discard(-1)
+        mine = np.flatnonzero(traits & MODED)
+        lowest = self._limit[:, sorted(modes)].min(axis=1, initial=np.inf)
+        return bool((v.raw[mine] > lowest[v.register[mine]]).any())
+
+    def _apply_modes(
+        self,
+        v: Values,
+        traits: U8,
+        takes: Mask,
+        changes: Sequence[Change],
+        anew: Sequence[Turn],
+        value: F64,
+        provenance: U8,
+    ) -> list[Misfit]:
+        """Scale what a mode scales, in stretches between the changes; return what fits no mode."""
+        state = self.state
+        events: list[tuple[int, int, Change | Turn | None]]
+        events = [(c.at, c.row, c) for c in changes]
+        events += [(int(np.searchsorted(v.row, t.row)), t.row, t) for t in anew]
+        events.sort(key=lambda e: e[:2])
+        mine = np.flatnonzero(traits & MODED)
+        servo = (v.servo_id[mine] & 255).astype(np.int64)
+        register, raw = v.register[mine], v.raw[mine]
+        name_of = self._mode_of[register] if len(state.modes) > 1 else None
+        column = np.full(len(mine), UNSEEN)
+        seen = np.zeros(len(mine), bool)
+        sound = takes[mine] & (v.part[mine] == WHOLE)
+        misfits: list[Misfit] = []
+        for (at, _, act), (until, _, _) in itertools.pairwise(
+            [(0, -1, None), *events, (len(v), -1, None)]
+        ):
+            if act is not None:
+                self._act(act)
+            k = np.arange(*np.searchsorted(mine, [at, until]).tolist())
+            if not len(k):
+                continue
+            for name, known in state.modes.items():
+                own = k if name_of is None else k[name_of[k] == name]
+                who = servo[own]
+                mode = known[who]
+                column[own] = np.where(mode < 0, UNSEEN, mode & 255)
+                seen[own] = state.seen[name][who]
+                over = sound[own] & (raw[own] > self._limit[register[own], column[own]])
+                while over.any():
+                    # From the first value that cannot be, the mode of its servo is not believed.
+                    first = int(np.argmax(over))
+                    one, index = int(who[first]), int(own[first])
+                    misfits.append(
+                        Misfit(
+                            int(v.row[mine[index]]),
+                            int(v.servo_id[mine[index]]),
+                            int(register[index]),
+                            int(raw[index]),
+                            int(known[one]),
+                        )
+                    )
+                    known[one], state.seen[name][one] = -1, False
+                    gone = own[first:][who[first:] == one]
+                    column[gone], seen[gone] = UNSEEN, False
+                    over &= who != one
+        value[mine] = raw * self._by_mode[register, column]
+        origin = provenance[mine]
+        provenance[mine] = np.where(seen, OBSERVED, np.where(origin == OBSERVED, ASSUMED, origin))
+        return sorted(misfits)
+
+    def _act(self, change: Change | Turn) -> None:
+        """Let a change take effect on the modes."""
+        modes, seen = self.state.modes, self.state.seen
+        if isinstance(change, Turn):
+            for name in modes:
+                modes[name][change.servo], seen[name][change.servo] = -1, False
+            return
+        where = slice(None) if change.servo == EVERY else change.servo & 255
+        if change.what == SET:
+            modes[change.name][where], seen[change.name][where] = change.value, True
+            return
+        if change.what == RESET:
+            for name in modes:
+                modes[name][where], seen[name][where] = -1, False
+        new = new_id(change)
+        if new >= 0:
+            for known in (*modes.values(), *seen.values()):
+                known[new] = known[where]
+
+
+def _feedback(changes: Sequence[Change]) -> list[FeedbackWrite]:
+    """Return where a servo's return mode became known, unknown, or that of another id."""
+    out = []
+    for c in changes:
+        if c.what in (FEEDBACK, RESET):
+            out.append(FeedbackWrite(c.row, c.servo, c.value if c.what == FEEDBACK else -1))
+        if new_id(c) >= 0:
+            out.append(FeedbackWrite(c.row, c.servo, -1, new_id(c)))
+    return out

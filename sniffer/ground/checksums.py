@@ -1,0 +1,60 @@
+"""Named checksums: one scalar form (grammars, explanations) and one on columns (block framing)."""
+
+from __future__ import annotations
+
+import functools
+import operator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sniffer.ground.model import I64, U8, Mask
+
+
+@dataclass(frozen=True, slots=True)
+class Checksum:
+    """Fold all bytes by ``fold``, then ``seal`` the result; ``formula`` says it to a person.
+
+    ``plain`` folds the few bytes of one frame: numpy takes longer to start than that takes.
+    """
+
+    formula: str
+    plain: Callable[[bytes], int]
+    fold: np.ufunc
+    undo: np.ufunc
+    seal: Callable[[Any], Any]
+
+    def __call__(self, data: bytes) -> int:
+        """Return the checksum byte of ``data``."""
+        return int(self.seal(self.plain(data) & 0xFF))
+
+    def good(self, block: U8, first: I64, at: I64) -> Mask:
+        """Tell where ``block[first:at]`` sums to ``block[at]``; a header precedes ``first``."""
+        if not len(first):
+            return np.zeros(0, bool)
+        run = self.fold.accumulate(block, dtype=np.uint8)
+        folded = self.undo(run[at - 1], run[first - 1])
+        # an empty run (first == at) folds to zero, which the subtraction gives as well
+        return np.asarray(self.seal(folded) == block[at])
+
+
+def _xor(data: bytes) -> int:
+    return functools.reduce(operator.xor, data, 0)
+
+
+COMPLEMENT_SUM: Final = Checksum(
+    "~(sum of the bytes) & 0xFF", sum, np.add, np.subtract, lambda s: ~s & 0xFF
+)
+"""mightyZAP. Source: user manual v1.02, (2) Packet Description, Check Sum."""
+
+XOR7: Final = Checksum(
+    "XOR of the bytes & 0x7F", _xor, np.bitwise_xor, np.bitwise_xor, lambda s: s & 0x7F
+)
+"""wCK. Source: user manual 1.07, command tables, CHECKSUM rows."""
+
+XOR8: Final = Checksum("XOR of the bytes", _xor, np.bitwise_xor, np.bitwise_xor, lambda s: s)
+"""RS30x. Source: RS305CR manual, packet format, Sum."""

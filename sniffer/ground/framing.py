@@ -1,0 +1,145 @@
+"""Block framing in columns.
+
+One rule for every protocol: left to right, the first candidate that holds wins, on failure advance
+ONE byte. A block's end is open (more bytes may come) unless it is final; barriers inside it are
+silences that no frame crosses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sniffer.ground.model import I64, REQUEST, U8, Mask, Spans
+
+if TYPE_CHECKING:
+    from sniffer.ground.plan import Plan
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Bytes of one pass. ``barriers`` are sorted offsets inside it; ``final`` makes its end one.
+
+    ``notes`` is where a protocol's framing may leave what describing would work out once more.
+    """
+
+    data: U8
+    barriers: I64
+    final: bool
+    notes: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+    @property
+    def n(self) -> int:
+        """Length in bytes."""
+        return len(self.data)
+
+    def limit(self, start: I64) -> Any:
+        """Return for each offset the first barrier behind it, or the block's end."""
+        if not len(self.barriers):
+            return np.int64(self.n)
+        ends = np.append(self.barriers, self.n)
+        return ends[np.searchsorted(self.barriers, start, "right")]
+
+    def open(self, limit: Any) -> Any:
+        """Tell for which limits more bytes may still come."""
+        return (limit == self.n) & (not self.final)
+
+    def decided_but(self, tail: int) -> int:
+        """Return how far bytes can be judged if the last ``tail`` of an open end cannot."""
+        if self.final:
+            return self.n
+        closed = int(self.barriers[-1]) if len(self.barriers) else 0
+        return max(closed, self.n - tail)
+
+    def segment(self, start: I64) -> I64:
+        """Return the number of the silence-bounded stretch each offset lies in."""
+        return np.searchsorted(self.barriers, start, "right").astype(np.int64)
+
+
+def greedy(start: I64, end: I64) -> I64 | None:
+    """Return the rows a left-to-right parser keeps (None: all); walks only where rows overlap."""
+    overlaps = np.flatnonzero(start[1:] < end[:-1])
+    if not len(overlaps):
+        return None
+    keep = np.ones(len(start), bool)
+    done = 0
+    for j in overlaps.tolist():
+        if j + 1 < done or not keep[j]:
+            continue
+        stop, q = end[j], j + 1
+        while q < len(start) and start[q] < stop:
+            keep[q] = False
+            q += 1
+        done = q
+    return np.flatnonzero(keep)
+
+
+def settle(start: I64, end: I64, waiting: I64, limit: int) -> tuple[I64, int]:
+    """Keep rows greedily, but never past a candidate that still waits for bytes.
+
+    A waiting candidate inside a frame that was kept waits for nothing. Returns the rows kept and
+    the offset up to which every byte's fate is decided.
+    """
+    while True:
+        stop = int(waiting[0]) if len(waiting) else limit
+        n = int(np.searchsorted(start, stop))
+        kept = greedy(start[:n], end[:n])
+        rows = np.arange(n) if kept is None else kept
+        last = int(end[rows[-1]]) if len(rows) else 0
+        if not len(waiting) or last <= stop:
+            return rows, max(stop, last)
+        waiting = waiting[waiting >= last]
+
+
+def candidates(plan: Plan, block: Block) -> tuple[I64, I64, I64]:
+    """Return starts and ends of frames whose checksum holds, and starts that wait for bytes."""
+    data, n = block.data, block.n
+    head = plan.header
+    m = n - plan.prefix + 1
+    none = np.empty(0, np.int64)
+    if m <= 0:
+        return none, none, none
+    mask = data[:m] == head[0]
+    same = data == head[0]
+    for k in range(1, len(head)):
+        other = same if head[k] == head[0] else data == head[k]
+        mask = mask & other[k : k + m]
+    start = np.flatnonzero(mask)
+    limit = block.limit(start)
+    columns = plan.columns(data, start)
+    ok = np.asarray(start + plan.prefix <= limit)
+    for check in plan.checks:
+        ok = ok & check(columns)
+    end = start + plan.tail(columns) + (plan.tail_at + 1)
+    whole = ok & (end <= limit)
+    waiting = start[ok & (end > limit) & block.open(limit)]
+    start, end = start[whole], end[whole]
+    good = plan.checksum.good(data, start + plan.sum_from, end - 1)
+    return start[good], end[good], waiting
+
+
+def in_order(answers: Mask) -> I64:
+    """Return each answer's request: m answers in a row are those of the last m rows before them."""
+    n = len(answers)
+    rows = np.arange(n)
+    if not (answers[1:] & answers[:-1]).any():
+        return rows - 1
+    before = np.maximum.accumulate(np.where(answers, -1, rows))
+    behind = np.minimum.accumulate(np.where(answers, n, rows)[::-1])[::-1]
+    asked: I64 = rows - (behind - 1 - before)
+    return asked
+
+
+def undecided_from(plan: Plan, block: Block) -> int:
+    """Return the offset from which a header may begin that cannot be judged yet."""
+    return block.decided_but(plan.prefix - 1)
+
+
+def frame_by_plan(plan: Plan, block: Block) -> tuple[Spans, int]:
+    """Frame a block by one plan; every frame is marked a request, the protocol knows better."""
+    start, end, waiting = candidates(plan, block)
+    rows, decided = settle(start, end, waiting, undecided_from(plan, block))
+    start, end = start[rows], end[rows]
+    return Spans(start, end, np.full(len(start), REQUEST, np.uint8)), decided

@@ -1,0 +1,112 @@
+"""Grammar -> plan: a length-prefixed wire grammar, walked once, in the form block framing needs.
+
+The grammar stays the only place where a layout is written: header, field offsets, guards, length
+expression and checksum are read from it. What the walker does not know it refuses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import construct as c
+
+if TYPE_CHECKING:
+    from sniffer.ground.checksums import Checksum
+    from sniffer.ground.model import I64, U8
+
+Expression = Callable[[Any], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Numbers and expressions of one wire grammar; offsets count from the frame's first byte."""
+
+    header: bytes
+    at: Mapping[str, int]
+    checks: tuple[Expression, ...]
+    tail: Expression  # length of the one variable field
+    tail_at: int
+    sum_from: int  # first byte under the checksum
+    checksum: Checksum
+    prefix: int  # bytes needed before length and guards can be read
+
+    def columns(self, block: U8, start: I64) -> c.Container:
+        """Read the fields that length and guards depend on, for frames beginning at ``start``."""
+        out = c.Container()
+        for name, at in self.at.items():
+            if at < self.prefix:
+                out[name] = block[start + at].astype("i8")
+        return out
+
+
+def plan_of(grammar: Any) -> Plan:
+    """Walk ``grammar``: header, one-byte fields, one variable field, checksum.
+
+    Raises:
+        TypeError: the grammar holds something no plan can express; give the protocol a scanner
+            of its own.
+    """
+    header = b""
+    at: dict[str, int] = {}
+    checks: list[Expression] = []
+    tail: Expression | None = None
+    checksum: Checksum | None = None
+    tail_at = sum_from = -1
+    pos = 0
+
+    def walk(con: Any, name: str = "") -> None:
+        nonlocal header, tail, tail_at, sum_from, checksum, pos
+        match con:
+            case c.Renamed():
+                walk(con.subcon, con.name)
+            case c.Struct():
+                for sub in con.subcons:
+                    walk(sub)
+            case c.RawCopy():
+                sum_from = pos
+                walk(con.subcon)
+            case c.Const() if pos == len(header):
+                header += con.value
+                pos += len(con.value)
+            case c.Check():
+                checks.append(con.func)
+            case c.Checksum():
+                checksum = con.hashfunc
+            case c.Bytes() if callable(con.length) and tail is None:
+                tail, tail_at = con.length, pos
+            case c.FormatField() if con.fmtstr[1] == "B" and tail is None:
+                at[name] = pos
+                pos += 1
+            case c.Enum() | c.FlagsEnum():
+                walk(con.subcon, name)
+            case _:
+                raise TypeError(
+                    f"no plan for {con!r}: give the protocol a block scanner of its own"
+                )
+
+    walk(grammar)
+    if tail is None or checksum is None or tail_at != pos:
+        raise TypeError("a plan needs one variable field, the last before the checksum")
+    seen: set[str] = set()
+
+    class Probe(dict[str, int]):
+        def __missing__(self, key: str) -> int:
+            seen.add(key)
+            return 4
+
+    for expression in (tail, *checks):
+        expression(Probe())
+    prefix = max(at[k] for k in seen) + 1
+    return Plan(
+        header,
+        MappingProxyType(at),
+        tuple(checks),
+        tail,
+        tail_at,
+        sum_from,
+        checksum,
+        prefix,
+    )

@@ -1,0 +1,59 @@
+"""What a live tap remarked about its bytes, until the bytes are decided."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sniffer.ground.model import Chunk, Gap, MarkKind, Remark
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+LINE_ERRORS: Final = frozenset({MarkKind.FRAMING, MarkKind.PARITY, MarkKind.BREAK})
+"""Kinds that say: the byte may not be what was on the line."""
+
+TEARS: Final = frozenset({MarkKind.LOST, MarkKind.BACK, MarkKind.SKIPPED, MarkKind.SILENT})
+"""Kinds that say: bytes are missing here, or none came, for long; nothing crosses this place."""
+
+
+class Remarks:
+    """The marks of chunks that are still in the buffer, at their places in the stream."""
+
+    def __init__(self) -> None:
+        self._waiting: list[Remark] = []
+
+    def add(self, chunks: Sequence[Chunk], at: int, now_ns: int) -> list[int]:
+        """Take the marks of chunks whose first byte stands at offset ``at``.
+
+        ``now_ns`` is the time of a chunk without a stamp. Returns the offsets of tears.
+        """
+        torn = []
+        for chunk in chunks:
+            now_ns = now_ns if chunk.t_ns is None else chunk.t_ns
+            for m in chunk.marks:
+                self._waiting.append(Remark(m.kind, at + m.start, m.length, m.count, now_ns))
+                if m.kind in TEARS:
+                    torn.append(at + m.start)
+            at += len(chunk.data)
+        return torn
+
+    def until(self, offset: int) -> tuple[Remark, ...]:
+        """Return what ends at or before ``offset``, once."""
+        if not self._waiting:
+            return ()
+        due = tuple(r for r in self._waiting if r.end <= offset)
+        self._waiting = [r for r in self._waiting if r.end > offset]
+        return due
+
+    def explain(self, gaps: list[Gap], base: int) -> list[Gap]:
+        """Add to the gaps how many line errors the UART told in their bytes."""
+        doubts = [r for r in self._waiting if r.kind in LINE_ERRORS]
+        if not doubts:
+            return gaps
+        return [_doubted(g, base, doubts) for g in gaps]
+
+
+def _doubted(gap: Gap, base: int, doubts: Iterable[Remark]) -> Gap:
+    start = base + gap.start
+    errors = sum(r.count for r in doubts if r.start < start + gap.length and r.end > start)
+    return gap._replace(detail={**gap.detail, "line_errors": errors}) if errors else gap

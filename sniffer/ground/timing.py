@@ -1,0 +1,281 @@
+"""Arrival stamps -> time on the wire, with an uncertainty.
+
+A stamp is the latest moment its chunk's last byte can have come. Bytes are laid back to back from
+there; they can have come earlier by the *slack*: the time the line had to spare since the chunk
+before, counted from when that can have come at the earliest, but never more than the adapter can
+hold bytes back (its latency).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.ground.model import I64, NS, U8, Chunk, Clock, Direction, Frames, MarkKind, Mask
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.ground.model import Mask
+
+LATENCY_NS: Final[Mapping[Clock, int]] = MappingProxyType(
+    {
+        Clock.NONE: 0,
+        # The stamps of a text file are taken at their word, to one USB full-speed frame.
+        Clock.FILE: 1_000_000,
+        # The FTDI latency timer's default; an adapter that merges bytes holds them this long.
+        Clock.READ: 16_000_000,
+        Clock.SAMPLE: 0,
+    }
+)
+"""How long a stamp may lag behind its bytes, by kind of clock."""
+
+TOLERANCE: Final = 50
+"""A sender's bytes are as long as the nominal rate says to one part in so many (2 %): what a UART
+must keep to be understood, and what the recorder asks of a port."""
+
+
+def byte_time_ns(baud: int) -> int:
+    """Return the wire time of one byte, 8N1: ten bits."""
+    return 10 * NS // baud
+
+
+def _held(chunks: tuple[Chunk, ...]) -> I64:
+    """Return by how much each chunk may be older than stamped because the tap came late, in ns."""
+    out = np.zeros(len(chunks), np.int64)
+    for i, chunk in enumerate(chunks):
+        for mark in chunk.marks:
+            if mark.kind == MarkKind.HELD:
+                out[i] = max(mark.count, out[i])
+    return out
+
+
+def _merged(chunks: tuple[Chunk, ...], latency: I64) -> Mask:
+    """Tell which chunks are of two taps; their latency is raised to what their marks say."""
+    out = np.zeros(len(chunks), bool)
+    for i, chunk in enumerate(chunks):
+        out[i] = chunk.clock == Clock.READ and chunk.direction != Direction.UNKNOWN
+        for mark in chunk.marks:
+            if mark.kind == MarkKind.MERGED:
+                out[i], latency[i] = True, max(mark.count, int(latency[i]))
+    return out
+
+
+def clock_of(chunk: Chunk) -> Clock:
+    """Return a chunk's clock; a time that nobody vouches for is a time stamp like any other."""
+    if chunk.t_ns is None:
+        return Clock.NONE
+    return chunk.clock or Clock.FILE
+
+
+class Stamps:
+    """One row a chunk that is still in the buffer: offset behind it, stamp, slack, direction.
+
+    A chunk without a stamp has a nominal time, which follows the bytes before it without a pause,
+    and a slack of -1: nothing is known of it.
+
+    Args:
+        baud: the rate by which bytes are laid out.
+        tail_ns: the protocol's; a longer silence is a barrier.
+        latency_ns: how long the adapter may hold bytes back; by kind of clock where None.
+        base: offset of the first byte.
+        slowest: the slowest that the line may be; pauses are reckoned by it. ``baud`` where None.
+        doubtful: the line may well be as slow as that.
+    """
+
+    def __init__(
+        self,
+        baud: int,
+        tail_ns: int,
+        latency_ns: int | None = None,
+        base: int = 0,
+        *,
+        slowest: int | None = None,
+        doubtful: bool = False,
+    ) -> None:
+        self.byte_ns = byte_time_ns(baud)
+        self.clock = Clock.NONE
+        self._pause_ns = byte_time_ns(slowest or baud)
+        self._doubt_ns = self._pause_ns - self.byte_ns if doubtful else 0
+        self._tail_ns = tail_ns
+        self._latency_ns = latency_ns
+        self._end = np.empty(0, np.int64)
+        self._t = np.empty(0, np.int64)
+        self._slack = np.empty(0, np.int64)
+        self._exact = np.empty(0, bool)
+        self._direction = np.empty(0, np.uint8)
+        self._first = self._offset = base
+        self._last: int | None = None  # the latest time, nominal or not
+        self._slack_before = -1  # of the last chunk
+        self._stamped = False
+
+    def add(self, chunks: tuple[Chunk, ...]) -> I64:
+        """Take chunks in; return the stream offsets of the silences (barriers) before them."""
+        sizes = np.array([len(k.data) for k in chunks], np.int64)
+        end = self._offset + np.cumsum(sizes)
+        clocks = np.array([k.clock for k in chunks], np.uint8)
+        untold = np.array([k.t_ns is None for k in chunks], bool)
+        clocks = np.where(untold, Clock.NONE, np.where(clocks == Clock.NONE, Clock.FILE, clocks))
+        directions = np.array([k.direction for k in chunks], np.uint8)
+        told = clocks != Clock.NONE
+        if told.any():
+            t = self._known(chunks, sizes)
+            slack, silent = self._slacks(chunks, sizes, t, clocks)
+            barriers = (end - sizes)[silent]
+        else:  # nominal, all of them
+            before = end[0] * self.byte_ns - sizes[0] * self.byte_ns
+            before = before if self._last is None else self._last
+            t = before + np.cumsum(sizes) * self.byte_ns
+            slack = np.full(len(end), -1)
+            barriers = np.empty(0, np.int64)
+            self._slack_before = -1
+        self.clock = max(self.clock, Clock(int(clocks.max())))
+        self._last = int(t[-1])
+        self._stamped = self._stamped or bool(told.any())
+        self._end = np.concatenate([self._end, end])
+        self._t = np.concatenate([self._t, t])
+        self._slack = np.concatenate([self._slack, slack])
+        self._exact = np.concatenate([self._exact, clocks == Clock.SAMPLE])
+        self._direction = np.concatenate([self._direction, directions])
+        self._offset = int(end[-1])
+        return barriers[barriers > self._first]
+
+    def _known(self, chunks: tuple[Chunk, ...], sizes: I64) -> I64:
+        """Return the stamps; a chunk without one follows the chunk before it without a pause."""
+        told = [k.t_ns for k in chunks if k.t_ns is not None]
+        if len(told) == len(chunks):
+            return np.array(told, np.int64)
+        out: list[int] = []
+        last = self._last
+        for chunk, size in zip(chunks, sizes.tolist(), strict=True):
+            if chunk.t_ns is not None:
+                last = chunk.t_ns
+            else:
+                before = last if last is not None else self._offset * self.byte_ns
+                last = before + size * self.byte_ns
+            out.append(last)
+        return np.array(out, np.int64)
+
+    def _slacks(
+        self, chunks: tuple[Chunk, ...], sizes: I64, t: I64, clocks: U8
+    ) -> tuple[I64, Mask]:
+        """Return the slack of each chunk, and whether a silence precedes it."""
+        told = clocks != Clock.NONE
+        before = t[0] - sizes[0] * self.byte_ns if self._last is None else self._last
+        previous = np.concatenate([[before], t[:-1]])
+        # Nominal times at the very beginning say nothing of the pause behind them.
+        dated = np.logical_or.accumulate(told) | self._stamped
+        since = np.concatenate([[self._stamped], dated[:-1]])
+        lull = np.where(since, t - sizes * self.byte_ns - previous, 0)
+        held = _held(chunks)
+        if self._latency_ns is None:
+            ever = np.maximum.accumulate(np.maximum(clocks, self.clock if self._stamped else 0))
+            usual = _USUAL_NS[ever]
+        else:
+            usual = np.full(len(t), self._latency_ns)
+        latency = usual + held
+        merged = _merged(chunks, latency)
+        # What follows nothing that has a stamp may be late by the whole latency.
+        beside = since & np.concatenate([[self._slack_before >= 0], told[:-1]])
+        slack = self._reckoned(np.where(beside, lull, latency), latency)
+        self._slack_before = int(slack[-1]) if told[-1] else -1
+        # Of two taps the pause on the wire is not known: each stamp may be late by all of it.
+        slack = np.where(merged, latency, slack)
+        slack[~told] = -1
+        # The bytes of a tap that came late may follow those before without a pause.
+        pause = t - sizes * self._pause_ns - previous - held
+        return slack, since & told & (pause > self._tail_ns)
+
+    def _reckoned(self, lull: I64, latency: I64) -> I64:
+        """Return the slacks: each is the lull and the slack before it, from none to the latency."""
+        if not latency.any():
+            return np.zeros(len(lull), np.int64)
+        # A lull beyond the latency says no more than one of just that, whatever the clock did.
+        most_ns = max(int(latency.max()), self._slack_before)
+        lull = np.clip(lull, -most_ns, latency)
+        # Where no stamp contradicts those before it: the running maximum of the earliest times.
+        spare = np.cumsum(lull)
+        last = max(self._slack_before, 0)
+        floor = np.concatenate([[-last], spare - latency])
+        slack: I64 = spare - np.maximum.accumulate(floor)[1:]
+        if (slack >= 0).all():
+            return slack
+        out: list[int] = []
+        for spared, most in zip(lull.tolist(), latency.tolist(), strict=True):
+            last = min(max(spared + last, 0), most)
+            out.append(last)
+        return np.array(out, np.int64)
+
+    @property
+    def last_ns(self) -> int:
+        """The latest stamp; 0 before the first."""
+        return self._last or 0
+
+    def silent_since(self, now_ns: int) -> bool:
+        """Tell whether the line has been silent for longer than the protocol's tail time."""
+        return self._last is not None and now_ns - self._last > self._tail_ns
+
+    def forget(self, offset: int) -> None:
+        """Drop the rows of chunks that end at or before ``offset``."""
+        keep = int(np.searchsorted(self._end, offset, "right"))
+        # A chunk's last byte is needed as long as a gap may end on it: keep one row back.
+        keep = max(0, keep - 1)
+        if keep:
+            self._end, self._t = self._end[keep:], self._t[keep:]
+            self._slack, self._direction = self._slack[keep:], self._direction[keep:]
+            self._exact = self._exact[keep:]
+
+    def at(self, end: I64) -> I64:
+        """Return the time of the byte before each stream offset."""
+        k = np.searchsorted(self._end, end, "left")
+        return np.asarray(self._t[k] - (self._end[k] - end) * self.byte_ns)
+
+    def time(self, frames: Frames, base: int) -> Frames:
+        """Fill in times, uncertainty and direction.
+
+        The uncertainty covers both times: the end's slack, the start's (in an earlier read it may
+        be greater), and what the rate's tolerance adds to bytes that are laid out by it.
+        """
+        if not len(frames):
+            return frames
+        start, end = frames.start + base, frames.end + base
+        k = np.searchsorted(self._end, end, "left")
+        behind = self._end[k] - end
+        t_end = self._t[k] - behind * self.byte_ns
+        j = np.searchsorted(self._end, start, "right")
+        laid = self._end[j] - start
+        t_first = self._t[j] - laid * self.byte_ns
+        whole = t_end - frames.length * self.byte_ns
+        # A frame takes its time on the line; where each stamp is exact, the first one knows better.
+        t_start = np.minimum(t_first, whole)
+        if self._exact.any():
+            t_start = np.where(self._exact[j], t_first, t_start)
+        nominal = self._slack < 0
+        if nominal.all():
+            return replace(
+                frames,
+                t_end=t_end,
+                uncertainty=np.full(len(frames), -1, np.int64),
+                t_start=np.minimum(t_start, t_end),
+                direction=self._direction[k],
+            )
+        if nominal.any():  # a nominal time is none beside a stamp
+            t_start = np.where(nominal[j] & ~nominal[k], whole, t_start)
+        doubt = np.maximum(laid, behind) * self.byte_ns // TOLERANCE
+        unsure = np.maximum(self._slack[k], self._slack[j] - (t_first - t_start))
+        if self._doubt_ns:
+            unsure = unsure + np.maximum(frames.length, behind) * self._doubt_ns
+        directions: U8 = self._direction[k]
+        return replace(
+            frames,
+            t_end=t_end,
+            uncertainty=np.where(self._slack[k] < 0, -1, np.maximum(unsure, doubt)),
+            t_start=np.minimum(t_start, t_end),
+            direction=directions,
+        )
+
+
+_USUAL_NS: Final[I64] = np.array([LATENCY_NS[c] for c in Clock], np.int64)

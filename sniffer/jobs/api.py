@@ -1,0 +1,137 @@
+"""``sniffer.decode(path_or_bytes)``: a whole capture as batches, rows, or data frames."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from sniffer.decoding.pipeline import AUTO, Options, Pipeline
+from sniffer.decoding.rows import Row, rows
+from sniffer.ground.limits import BAUDS, whole
+from sniffer.ground.model import Batch, Chunk, DamagedInputError
+from sniffer.merge.wires import MIXED, in_order
+from sniffer.sources import open_source
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from sniffer.decoding.summary import Summary
+    from sniffer.protocols.base import BusProtocol
+
+
+class _Keep:
+    """A sink that keeps the batches."""
+
+    def __init__(self) -> None:
+        self.batches: list[tuple[str, BusProtocol, Batch]] = []
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Keep a batch."""
+        self.batches.append((bus, protocol, batch))
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class Capture:
+    """A decoded capture in memory; iterate it for rows in wire order.
+
+    ``damage`` says what broke the input off, None where it was read to its end.
+    """
+
+    def __init__(
+        self,
+        batches: list[tuple[str, BusProtocol, Batch]],
+        summary: Summary,
+        damage: str | None = None,
+    ) -> None:
+        self.batches = batches
+        self.summary = summary
+        self.damage = damage
+
+    def __iter__(self) -> Iterator[Row]:
+        for bus, protocol, batch in self.batches:
+            yield from rows(batch, protocol, bus)
+
+    def samples(self) -> Any:
+        """Return all samples as an arrow table (``.to_pandas()`` makes a data frame)."""
+        from sniffer.sinks import tables
+
+        return self._table(tables.samples_table, tables.SAMPLES)
+
+    def frames(self) -> Any:
+        """Return all frames as an arrow table."""
+        from sniffer.sinks import tables
+
+        return self._table(tables.frames_table, tables.FRAMES)
+
+    def _table(self, build: Any, schema: Any) -> Any:
+        import pyarrow as pa
+
+        parts = [build(bus, protocol, batch) for bus, protocol, batch in self.batches]
+        return pa.concat_tables(parts).unify_dictionaries() if parts else schema.empty_table()
+
+
+def records(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Iterator[Row]:
+    """Yield a batch's records one by one, in wire order."""
+    return rows(batch, protocol, bus)
+
+
+def samples_table(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Any:
+    """Return a batch's samples as an arrow table."""
+    from sniffer.sinks import tables
+
+    return tables.samples_table(bus, protocol, batch)
+
+
+def frames_table(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Any:
+    """Return a batch's frames as an arrow table."""
+    from sniffer.sinks import tables
+
+    return tables.frames_table(bus, protocol, batch)
+
+
+def decode(
+    source: str | Path | bytes | bytearray | memoryview,
+    protocol: str = AUTO,
+    *,
+    input_format: str = "auto",
+    baud: int | None = None,
+    models: Mapping[int | None, str] | None = None,
+    latency_ns: int | None = None,
+) -> Capture:
+    """Decode a file (or the bytes of one) as a whole.
+
+    Args:
+        source: a path, ``"-"`` for standard input, or the content of a file.
+        protocol: a name of ``PROTOCOLS``, or ``"auto"``.
+        input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        baud: bits per second; the protocol's default where None.
+        models: servo id (None: all) -> model name.
+        latency_ns: how long the adapter may have held bytes back.
+
+    Raises:
+        InputError: the input cannot be read, or its protocol cannot be told.
+        SnifferError: unknown protocol or model, or a number that cannot be.
+    """
+    if baud is not None:
+        baud = whole("baud", baud, *BAUDS)
+    keep = _Keep()
+    given = open_source(source, input_format)
+    options = Options(protocol=protocol, baud=baud, models=models or {}, latency_ns=latency_ns)
+    options = options.with_facts(given.facts())
+    pipeline = Pipeline(options, [keep])
+    damage = None
+    groups: Iterable[Sequence[Chunk]] = given
+    if given.format in MIXED:
+        groups = in_order(given, options, lambda message: None)
+    try:
+        for group in groups:
+            pipeline.feed(group)
+    except DamagedInputError as error:
+        damage = str(error)
+    pipeline.close()
+    return Capture(keep.batches, pipeline.summary, damage)

@@ -1,0 +1,186 @@
+"""One frame in words, byte by byte: what ``sniffer explain`` prints."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.detect import detect
+from sniffer.decoding.pipeline import AUTO
+from sniffer.ground.model import OUTCOMES, WHOLE, Batch, Chunk, InputError, SnifferError
+from sniffer.protocols import PROTOCOLS, protocol_named
+from sniffer.protocols.base import BusProtocol, view
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_LSS = re.compile(r"[#*][0-9A-Za-z*. -]+")
+
+
+def read_hex(text: str) -> bytes:
+    """Return the bytes of a hex text, or of an LSS line given as text.
+
+    Raises:
+        InputError: it is neither.
+    """
+    plain = text.strip()
+    if _LSS.fullmatch(plain):
+        return plain.encode("ascii") + b"\r"
+    squeezed = re.sub(r"0[xX]|[\s,;:]", "", plain)
+    try:
+        return bytes.fromhex(squeezed)
+    except ValueError:
+        pass
+    odd = len(squeezed) % 2 and re.fullmatch(r"[0-9A-Fa-f]+", squeezed)
+    why = "an odd number of hex digits" if odd else "not hex digits"
+    raise InputError(f"{text!r}: {why}; write bytes as FF FF FF 01 02 F1 0B")
+
+
+def explain_bytes(
+    data: bytes, before: bytes = b"", *, protocol: str = AUTO, model: str | None = None
+) -> tuple[bool, list[str]]:
+    """Return whether every byte belongs to a frame that holds, and the drawing.
+
+    Raises:
+        InputError: no bytes, or the protocol cannot be told.
+        SnifferError: unknown protocol or model.
+    """
+    if not data:
+        raise InputError("no bytes to explain: write them as FF FF FF 01 02 F1 0B")
+    if protocol == AUTO:
+        owner = next(
+            (p.name for p in PROTOCOLS.values() for m in p.models if m.model == model), None
+        )
+        if model is not None and owner is None:
+            known = sorted(m.model for p in PROTOCOLS.values() for m in p.models)
+            raise SnifferError(f"no model {model[:40]!r}: one of {', '.join(known)}")
+        protocol = owner or _told(before + data)
+    chosen = protocol_named(protocol)
+    decoder = Decoder(chosen, models={None: model} if model else None)
+    decoder_parts = [decoder.feed(Chunk(before + data)), decoder.close()]
+    out = [f"{chosen.title}, {len(data)} bytes"]
+    held = True
+    for batch in decoder_parts:
+        for at, lines, good in _pieces(batch, chosen):
+            if at >= len(before):
+                held = held and good
+                out += ["", *lines]
+    return held, out
+
+
+def _told(data: bytes) -> str:
+    try:
+        return detect([Chunk(data)]).protocol
+    except SnifferError:
+        return _likely(data)
+
+
+def _likely(data: bytes) -> str:
+    """Take the protocol that sees a damaged frame in the bytes, or else a torn one."""
+    seen = {p.name: p.explain(data, 0) for p in PROTOCOLS.values()}
+    for name, gaps in seen.items():
+        if any(g.reason == "damaged" and "checksum_expected" in g.detail for g in gaps):
+            return name
+    for name, gaps in seen.items():
+        if gaps and gaps[0].reason == "truncated" and "fields" in gaps[0].detail:
+            return name
+    raise InputError("cannot tell the protocol of these bytes: name it with --protocol")
+
+
+def _pieces(batch: Batch, protocol: BusProtocol) -> Iterator[tuple[int, list[str], bool]]:
+    pieces: list[tuple[int, list[str], bool]] = []
+    for i, start in enumerate(batch.frames.start.tolist()):
+        pieces.append((batch.base + start, _frame(batch, protocol, i), True))
+    for g in batch.gaps:
+        raw = batch.data[g.start : g.start + g.length]
+        lines = [f"no frame: {g.reason.replace('_', ' ')}", f"  {raw.hex(' ').upper()}"]
+        lines += _detail(g.detail)
+        pieces.append((batch.base + g.start, lines, False))
+    found = {a.evidence[0][0]: a for a in batch.anomalies if a.group not in ("pairing",)}
+    for at, lines, good in sorted(pieces, key=lambda e: e[0]):
+        if at in found and good:
+            lines.append(f"  ! {found[at].detail}")
+        yield at, lines, good
+
+
+def _detail(detail: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what is known of bytes that are no frame, a line each."""
+    for key, value in detail.items():
+        title = key.replace("_", " ")
+        if isinstance(value, Mapping):
+            yield f"  {title}, as they were read:"
+            for name, entry in value.items():
+                yield f"    {name.replace('_', ' ')}: {_plainly(entry)}"
+        elif key.startswith("checksum") and isinstance(value, int):
+            yield f"  {title}: {value:02X}"
+        else:
+            yield f"  {title}: {_plainly(value)}"
+
+
+def _plainly(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {_plainly(v)}" for k, v in value.items())
+    if isinstance(value, list | tuple):
+        return " ".join(_plainly(v) for v in value) or "none"
+    return str(value) if value not in ("", None) else "none"
+
+
+def _frame(batch: Batch, protocol: BusProtocol, i: int) -> list[str]:
+    f = batch.frames
+    start, n = int(f.start[i]), int(f.length[i])
+    raw = batch.data[start : start + n]
+    row = view(f, i, batch.values.register[batch.values.row == i].tolist())
+    kind = "response" if row.kind else "request"
+    who = f", servo {row.servo_id}" if row.servo_id >= 0 else ""
+    lines = [f"{kind}: {protocol.op_name(row.op)}{who}", f"  {raw.hex(' ').upper()}"]
+    spans = protocol.dissect(raw, row)
+    width = max((len(s.name) for s in spans), default=8)
+    covered = 0
+    for s in spans:
+        covered = max(covered, s.offset + s.length)
+        shown = raw[s.offset : s.offset + s.length].hex(" ").upper()
+        if len(shown) > 23:
+            shown = shown[:20] + "..."
+        note = f"   {s.note}" if s.note else ""
+        lines.append(f"  {s.offset:3}  {shown:23}  {s.name:{width}}  {s.value}{note}")
+    lines += _values(batch, protocol, i)
+    lines += _checksum(protocol, raw)
+    t = batch.transactions
+    for k in range(len(t)):
+        if int(t.response[k]) == i:
+            lines.append(f"  exchange: {OUTCOMES[int(t.outcome[k])].replace('_', ' ')}")
+    return lines
+
+
+def _values(batch: Batch, protocol: BusProtocol, i: int) -> list[str]:
+    v = batch.values
+    out = []
+    for k in range(len(v)):
+        if int(v.row[k]) != i:
+            continue
+        r = protocol.registers[int(v.register[k])]
+        raw, value = int(v.raw[k]), float(v.value[k])
+        text = f"raw {raw}"
+        if not math.isnan(value) and r.unit:
+            text += f" = {value:.6g} {r.unit}"
+        names = r.names(raw) if int(v.part[k]) == WHOLE else "part of the register"
+        if names:
+            text += f" ({', '.join(names) if isinstance(names, list) else names})"
+        who = int(v.servo_id[k])
+        owner = f"servo {who} " if who != int(batch.frames.servo_id[i]) and who >= 0 else ""
+        out.append(f"       {owner}{r.name}: {text}")
+    return out
+
+
+def _checksum(protocol: BusProtocol, raw: bytes) -> list[str]:
+    found = protocol.checksum_of(raw)
+    if found is None:
+        return []
+    checksum, body, got = found
+    shown = " ".join(f"{b:02X}" for b in body[:24]) + (" ..." if len(body) > 24 else "")
+    return [
+        f"       checksum: {checksum.formula} of [{shown}] = {checksum(body):02X}, sent {got:02X}"
+    ]

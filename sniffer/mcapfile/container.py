@@ -1,0 +1,298 @@
+"""An MCAP file written a chunk at a time from ready-made message records.
+
+The mcap library supplies every record but the messages; its own writer takes one call a message,
+which costs ten times what is done here. Nothing is buffered: a chunk that was written is in the
+file. A chunk holds the schemas and channels that are new in it, before its messages.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import struct
+import zlib
+from typing import TYPE_CHECKING, Final, cast
+
+import numpy as np
+import zstandard
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    DataEnd,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+)
+
+from sniffer.ground.files import occupied, writing
+from sniffer.ground.model import OutputError
+from sniffer.mcapfile.index import MAGIC, ChunkNote, Summary, as_bytes
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from google.protobuf.descriptor import FileDescriptor
+    from google.protobuf.message import Message
+
+    from sniffer.ground.model import I64
+    from sniffer.mcapfile.encoder import U16
+    from sniffer.mcapfile.queue import Sorted
+
+LEVEL: Final = 1
+"""Of zstd: 3, its default, takes half as long again for the same size."""
+
+_INDEX: Final = np.dtype([("log", "<u8"), ("at", "<u8")])
+
+
+class Container:
+    """The file.
+
+    Args:
+        path: of the file.
+        library: what the header names as its maker.
+        overwrite: whether a file that is there may be replaced.
+        durable: whether ``sync`` waits until the disk has what was written.
+
+    Raises:
+        OutputError: it cannot be written; what was written before is left readable.
+    """
+
+    def __init__(
+        self, path: Path, library: str, *, overwrite: bool = True, durable: bool = False
+    ) -> None:
+        self.path = path
+        if not overwrite and occupied(path):
+            raise OutputError(f"{path} is there already: choose another name")
+        with writing(path):
+            # an empty file, or a device, is nobody's recording
+            new = not overwrite and not path.exists() and not path.is_symlink()
+            self._file = path.open("xb" if new else "wb", buffering=0)
+        self.size = 0
+        """Bytes written."""
+        self._durable = durable
+        self._synced = 0
+        self._crc = 0
+        self._new: list[McapRecord] = []
+        self._summary = Summary()
+        self._compress = zstandard.ZstdCompressor(level=LEVEL).compress
+        try:
+            self._put(MAGIC + as_bytes(Header("", library)))
+            if durable:
+                with writing(path):
+                    _sync_folder(path.parent)
+        except BaseException:
+            self.abandon()
+            raise
+
+    @property
+    def last(self) -> int:
+        """The latest log time in the file."""
+        return self._summary.last
+
+    @property
+    def is_deleted(self) -> bool:
+        """Tell whether the open file has no name any more: what is written to it is lost."""
+        return not self._file.closed and os.fstat(self._file.fileno()).st_nlink == 0
+
+    def schema(self, message: type[Message]) -> int:
+        """Return the id of a message type's schema."""
+        name = message.DESCRIPTOR.full_name
+        for schema in self._summary.schemas.values():
+            if schema.name == name:
+                return schema.id
+        number = max(self._summary.schemas, default=0) + 1
+        self._register(
+            Schema(
+                number,
+                _descriptors(cast("FileDescriptor", message.DESCRIPTOR.file)),
+                "protobuf",
+                name,
+            )
+        )
+        return number
+
+    def channel(self, topic: str, message: type[Message], metadata: Mapping[str, str]) -> int:
+        """Open a channel for messages of one type; return its id."""
+        schema = self.schema(message)
+        number = max(self._summary.channels, default=0) + 1
+        self._register(Channel(number, topic, "protobuf", dict(metadata), schema))
+        return number
+
+    def know(self, *records: Schema | Channel) -> None:
+        """Take note of schemas and channels that are in the file already, for its end."""
+        for record in records:
+            if isinstance(record, Schema):
+                self._summary.schemas[record.id] = record
+            else:
+                self._summary.channels[record.id] = record
+
+    def append(self, record: Schema | Channel) -> None:
+        """Write a schema or channel outside of any chunk."""
+        self.know(record)
+        self._put(as_bytes(record))
+
+    def _register(self, record: Schema | Channel) -> None:
+        """Make a schema or channel known; the next chunk begins with it."""
+        self.know(record)
+        self._new.append(record)
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Write a metadata record."""
+        data = as_bytes(Metadata(name=name, metadata=dict(values)))
+        self._put(data)
+        self._summary.metadata.append(MetadataIndex(self.size - len(data), len(data), name))
+
+    def attach(self, attachment: Attachment) -> None:
+        """Write an attachment."""
+        a = attachment
+        data = as_bytes(a)
+        self._put(data)
+        self._summary.attachments.append(
+            AttachmentIndex(
+                self.size - len(data),
+                len(data),
+                a.log_time,
+                a.create_time,
+                len(a.data),
+                a.name,
+                a.media_type,
+            )
+        )
+
+    def write(self, rows: Sorted) -> None:
+        """Write a chunk of messages, and before them the schemas and channels that are new."""
+        head = b"".join(map(as_bytes, self._new))
+        data = b"".join((head, rows.data))
+        packed = self._compress(data)
+        at = rows.start + len(head)
+        self.chunk("zstd", packed, len(data), zlib.crc32(data), rows.log, rows.channel, at)
+        self._new.clear()
+
+    def chunk(
+        self,
+        compression: str,
+        packed: bytes,
+        size: int,
+        crc: int,
+        log: I64,
+        channel: U16,
+        at: I64,
+    ) -> None:
+        """Write a chunk that is packed already; ``at`` is where in it each message stands."""
+        times = log.astype(np.uint64)  # as the format has them, whatever a damaged one says
+        first, last = int(times.min()), int(times.max())
+        name = compression.encode()
+        body = struct.pack("<QQQII", first, last, size, crc, len(name)) + name
+        body += struct.pack("<Q", len(packed))
+        head = struct.pack("<BQ", Opcode.CHUNK, len(body) + len(packed)) + body
+        length = len(head) + len(packed)
+        order = np.argsort(channel, kind="stable")
+        ids, counts = np.unique(channel, return_counts=True)
+        index = np.empty(len(order), _INDEX)
+        index["log"], index["at"] = times[order], at[order]
+        entries = index.tobytes()
+        parts, done = [head, packed], 0
+        for number, count in zip(ids.tolist(), counts.tolist(), strict=True):
+            n = 16 * count
+            parts.append(struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + n, number, n))
+            parts.append(entries[done : done + n])
+            done += n
+        start = self.size
+        self._put(b"".join(parts))
+        self._summary.add(
+            ChunkNote(start, length, first, last, compression, len(packed), size, ids, counts)
+        )
+
+    def sync(self) -> None:
+        """Wait, where that was asked for, until the disk has what was written."""
+        if self._durable and self._synced != self.size:
+            with writing(self.path):
+                _sync(self._file.fileno())
+            self._synced = self.size
+
+    def finish(self) -> None:
+        """Write the summary and close the file.
+
+        Where there is no room for it the file ends behind the last whole record.
+        """
+        for _ in self.finishing():
+            pass
+
+    def finishing(self) -> Iterator[None]:
+        """Do that in steps of some ms: other things may be done between them."""
+        if self._file.closed:
+            return
+        try:
+            self._put(as_bytes(DataEnd(self._crc)))
+            here = self.size
+            try:
+                for piece in self._summary.pieces(here):
+                    self._put(piece, checked=False)
+                    yield
+            except BaseException:
+                self._cut(here)
+                raise
+            self.sync()
+        finally:
+            self.abandon()
+
+    def abandon(self) -> None:
+        """Close the file as it is."""
+        with contextlib.suppress(OSError):
+            self._file.close()
+
+    def _put(self, data: bytes, *, checked: bool = True) -> None:
+        """Write all of ``data`` or, where the system refuses or Ctrl-C comes, nothing of it."""
+        try:
+            with writing(self.path):
+                rest = memoryview(data)
+                while rest:
+                    rest = rest[self._file.write(rest) :]
+        except BaseException:
+            self._cut(self.size)
+            raise
+        if checked:
+            self._crc = zlib.crc32(data, self._crc)
+        self.size += len(data)
+
+    def _cut(self, size: int) -> None:
+        """Take back what was written behind ``size``."""
+        with contextlib.suppress(OSError):
+            self._file.truncate(size)
+            self._file.seek(size)
+        self.size = size
+
+
+_sync: Final = getattr(os, "fdatasync", os.fsync)  # not every system has the former
+
+
+def _sync_folder(folder: Path) -> None:
+    """Wait until the disk knows the names in a folder; on Windows a folder cannot be opened."""
+    if os.name == "posix":
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def _descriptors(file: FileDescriptor) -> bytes:
+    """Return the file's descriptor set, the files it imports before it."""
+    out = FileDescriptorSet()
+    seen: set[str] = set()
+
+    def add(one: FileDescriptor) -> None:
+        if one.name not in seen:
+            seen.add(one.name)
+            for imported in one.dependencies:
+                add(imported)
+            one.CopyToProto(out.file.add())
+
+    add(file)
+    return out.SerializeToString()

@@ -1,0 +1,399 @@
+"""Columns in, MCAP message records out, all records of one shape in one go.
+
+Protobuf messages of one *shape* (the same fields present, the same text, bytes of the same length)
+have one layout as long as every number in them has a fixed width. So the records of a shape are
+one array: a template repeated, and the columns written over it. Where a shape has but a few rows,
+packing them one by one is faster; both ways go by the same layout.
+"""
+
+from __future__ import annotations
+
+import functools
+import struct
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from google.protobuf.descriptor import FieldDescriptor
+from mcap.opcode import Opcode
+
+from sniffer.mcapfile.varints import narrow, spelled, varint, wide_rows
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+    from google.protobuf.message import Message
+
+    from sniffer.ground.model import I64, Mask
+
+U16 = npt.NDArray[np.uint16]
+Void = npt.NDArray[np.void]
+Column = npt.NDArray[Any]
+
+RECORD: Final = struct.Struct("<BQHIQQ")
+"""Head of a message record: opcode, length, channel, sequence, log time, publish time."""
+
+_HEAD: Final = struct.Struct("<BQ")
+
+LOG_AT: Final = 15
+"""Where the log time stands in a record: it is written last, when the order is known."""
+
+FEW: Final = 6
+"""Rows of a shape up to which one by one is faster; measured, flat between 4 and 10."""
+
+_SHAPES: Final = 4096
+"""Shapes remembered; more than that only noise has."""
+
+_F: Final = FieldDescriptor
+_WIRE: Final[Mapping[int, tuple[int, str, str]]] = {
+    _F.TYPE_DOUBLE: (1, "<f8", "d"),
+    _F.TYPE_FIXED64: (1, "<u8", "Q"),
+    _F.TYPE_SFIXED64: (1, "<i8", "q"),
+    _F.TYPE_FIXED32: (5, "<u4", "I"),
+    _F.TYPE_BOOL: (0, "u1", "B"),
+    # varints of two bytes, see mcap_numbers
+    _F.TYPE_UINT32: (0, "<u2", "H"),
+    _F.TYPE_ENUM: (0, "<u2", "H"),
+}
+"""Wire type, numpy type and struct code of a field with a fixed width, by its declared type."""
+
+
+@dataclass(frozen=True, slots=True)
+class Heads:
+    """What the records' heads say, one entry a row.
+
+    ``log`` decides the order in the file, and ``rank`` among rows of one time.
+    """
+
+    channel: U16
+    sequence: npt.NDArray[np.uint32]
+    log: I64
+    publish: I64
+    rank: I64
+
+    def take(self, rows: I64 | Mask) -> Heads:
+        """Return the heads of ``rows``."""
+        return Heads(
+            self.channel[rows],
+            self.sequence[rows],
+            self.log[rows],
+            self.publish[rows],
+            self.rank[rows],
+        )
+
+    @classmethod
+    def concat(cls, parts: Sequence[Heads]) -> Heads:
+        """Join heads."""
+        columns = ([getattr(p, f.name) for p in parts] for f in fields(cls))
+        return cls(*map(np.concatenate, columns))
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Message records of equal length; their log times are not written yet."""
+
+    data: Void
+    heads: Heads
+
+    @property
+    def widths(self) -> I64:
+        """Length of each record."""
+        return np.full(len(self.data), self.data.dtype.itemsize)
+
+    def take(self, mask: Mask) -> Rows:
+        """Return the rows that the mask selects."""
+        return Rows(self.data[mask], self.heads.take(mask))
+
+    def place(self, out: bytearray, at: I64) -> None:
+        """Write each record to its place in ``out``."""
+        width = self.data.dtype.itemsize
+        np.ndarray((len(out) - width + 1,), self.data.dtype, out, 0, (1,))[at] = self.data
+
+
+@dataclass(frozen=True, slots=True)
+class Loose:
+    """Message records of any length; their log times are not written yet."""
+
+    data: list[bytes]
+    heads: Heads
+
+    @classmethod
+    def of(cls, messages: Iterable[Message], heads: Heads) -> Loose:
+        """Return records of messages that were built one by one."""
+        numbers = (c.tolist() for c in (heads.channel, heads.sequence, heads.publish))
+        records = []
+        for message, channel, sequence, publish in zip(messages, *numbers, strict=True):
+            data = message.SerializeToString()
+            head = RECORD.pack(Opcode.MESSAGE, 22 + len(data), channel, sequence, 0, publish)
+            records.append(head + data)
+        return cls(records, heads)
+
+    @property
+    def widths(self) -> I64:
+        """Length of each record."""
+        return np.array([len(d) for d in self.data], np.int64)
+
+    def take(self, mask: Mask) -> Loose:
+        """Return the rows that the mask selects."""
+        chosen = [d for d, is_chosen in zip(self.data, mask.tolist(), strict=True) if is_chosen]
+        return Loose(chosen, self.heads.take(mask))
+
+    def place(self, out: bytearray, at: I64) -> None:
+        """Write each record to its place in ``out``."""
+        for data, a in zip(self.data, at.tolist(), strict=True):
+            out[a : a + len(data)] = data
+
+
+@dataclass(frozen=True, slots=True)
+class Blob:
+    """A bytes field: each row's part of ``data``."""
+
+    name: str
+    data: bytes
+    start: I64
+    length: I64
+
+    def take(self, rows: I64, size: int) -> Void:
+        """Return the bytes of ``rows``, all of one size."""
+        data = np.frombuffer(self.data, np.uint8)
+        return np.ndarray((len(data) - size + 1,), f"V{size}", data, 0, (1,))[self.start[rows]]
+
+    def each(self, rows: I64) -> list[bytes]:
+        """Return the bytes of ``rows``, each of its own size."""
+        at = zip(self.start[rows].tolist(), self.length[rows].tolist(), strict=True)
+        return [self.data[a : a + size] for a, size in at]
+
+
+class _Shape:
+    """One layout: constants and, between them, the variables in the order of the fields.
+
+    ``texts`` has the bytes of a text field, but only the length of a bytes field: -1 leaves it
+    open, for ``one`` alone; then the field must be the last.
+    """
+
+    def __init__(
+        self,
+        fields: Mapping[str, FieldDescriptor],
+        names: set[str],
+        texts: Mapping[str, bytes | int],
+    ) -> None:
+        pieces: list[bytes | tuple[str, str, str]] = []
+        self._open = False
+        for name, field in fields.items():
+            text = texts.get(name)
+            if isinstance(text, bytes):
+                pieces.append(varint(field.number << 3 | 2) + varint(len(text)) + text)
+            elif text is not None:
+                pieces.append(varint(field.number << 3 | 2) + (varint(text) if text >= 0 else b""))
+                self._open = text < 0
+                if text > 0:
+                    pieces.append((name, f"V{text}", f"{text}s"))
+            elif name in names:
+                wire, dtype, code = _WIRE[field.type]
+                pieces += [varint(field.number << 3 | wire), (name, dtype, code)]
+        size = sum(len(p) if isinstance(p, bytes) else np.dtype(p[1]).itemsize for p in pieces)
+        self._pieces = [
+            _HEAD.pack(Opcode.MESSAGE, RECORD.size - _HEAD.size + size),
+            ("#channel", "<u2", "H"),
+            ("#sequence", "<u4", "I"),
+            bytes(8),
+            ("#publish", "<i8", "q"),
+            *pieces,
+        ]
+        self.names = [p[0] for p in self._pieces if not isinstance(p, bytes)]
+        self._width = RECORD.size + size
+        codes = "".join(f"{len(p)}s" if isinstance(p, bytes) else p[2] for p in self._pieces)
+        self._pack = struct.Struct("<" + codes).pack
+        self._arguments: list[Any] = [p if isinstance(p, bytes) else 0 for p in self._pieces]
+        self._slots = [i for i, p in enumerate(self._pieces) if not isinstance(p, bytes)]
+
+    @functools.cached_property
+    def _template(self) -> npt.NDArray[np.uint8]:
+        parts = [
+            p if isinstance(p, bytes) else bytes(np.dtype(p[1]).itemsize) for p in self._pieces
+        ]
+        return np.frombuffer(b"".join(parts), np.uint8).reshape(1, -1)
+
+    @functools.cached_property
+    def _dtype(self) -> np.dtype[np.void]:
+        parts = enumerate(self._pieces)
+        return np.dtype(
+            [(f"={i}", f"V{len(p)}") if isinstance(p, bytes) else p[:2] for i, p in parts]
+        )
+
+    def many(self, values: Mapping[str, Column], count: int) -> Void:
+        """Return ``count`` records; ``values`` has a column for each variable."""
+        block = np.repeat(self._template, count, axis=0)
+        records = block.view(self._dtype)[:, 0]
+        for name in self.names:
+            records[name] = values[name]
+        return block.view(f"V{self._width}")[:, 0]
+
+    def one(self, values: Iterable[Any], tail: bytes) -> bytes:
+        """Return one record; ``values`` are those of ``names``, ``tail`` fills an open end."""
+        arguments = self._arguments.copy()
+        for slot, value in zip(self._slots, values, strict=True):
+            arguments[slot] = value
+        record = self._pack(*arguments)
+        if not self._open:
+            return record
+        end = varint(len(tail)) + tail
+        return b"".join((_HEAD.pack(5, len(record) - 9 + len(end)), record[9:], end))
+
+
+class Encoder:
+    """Encodes one message type of one bus.
+
+    Args:
+        message: its numbers must be double, bool, enum, uint32, fixed32, fixed64 or sfixed64; rows
+            whose uint32 or enum is not below 16384 are built one by one.
+        text: the text of a code, for the message's one text field that is encoded.
+    """
+
+    def __init__(self, message: type[Message], text: Callable[[int], str] = str) -> None:
+        declared: list[Any] = list(message.DESCRIPTOR.fields)
+        declared.sort(key=lambda f: f.number)
+        self._fields: dict[str, FieldDescriptor] = {f.name: f for f in declared}
+        self._bits = {name: i for i, name in enumerate(self._fields)}
+        self._message = message
+        self._text = text
+        self._shapes: dict[tuple[int, int, int], _Shape] = {}
+
+    def encode(
+        self,
+        heads: Heads,
+        numbers: Mapping[str, Column],
+        optional: Mapping[str, tuple[Column, Mask]],
+        text: tuple[str, I64] | None = None,
+        blob: Blob | None = None,
+    ) -> list[Rows | Loose]:
+        """Return a record for each row.
+
+        Args:
+            heads: the heads.
+            numbers: fields that every row has.
+            optional: fields that some rows have: the values, and where there are any.
+            text: the text field and each row's code, if the message has one.
+            blob: the bytes field, if the message has one.
+        """
+        wide = wide_rows(self._fields, numbers, optional, len(heads.log))
+        if not len(wide):
+            return self._encode(heads, numbers, optional, text, blob)
+        told = (self._text, *text) if text is not None else None
+        bodies = spelled(self._message, wide, numbers, optional, told, blob)
+        rest = np.delete(np.arange(len(heads.log)), wide)
+        return [
+            Loose.of(bodies, heads.take(wide)),
+            *self._encode(
+                heads.take(rest),
+                {name: column[rest] for name, column in numbers.items()},
+                {name: (column[rest], where[rest]) for name, (column, where) in optional.items()},
+                text and (text[0], text[1][rest]),
+                blob and Blob(blob.name, blob.data, blob.start[rest], blob.length[rest]),
+            ),
+        ]
+
+    def _encode(
+        self,
+        heads: Heads,
+        numbers: Mapping[str, Column],
+        optional: Mapping[str, tuple[Column, Mask]],
+        text: tuple[str, I64] | None,
+        blob: Blob | None,
+    ) -> list[Rows | Loose]:
+        n = len(heads.log)
+        if not n:
+            return []
+        fields = {**numbers, **{name: values for name, (values, _) in optional.items()}}
+        columns = self._columns(heads, fields)
+        have = np.full(n, sum(1 << self._bits[name] for name in numbers))
+        for name, (_, where) in optional.items():
+            have |= where.astype(np.int64) << self._bits[name]
+        code = np.zeros(n, np.int64) if text is None else text[1]
+        length = np.zeros(n, np.int64) if blob is None else blob.length
+
+        out: list[Rows | Loose] = []
+        few: list[I64] = []
+        for rows in _alike(have, code, length) if n > FEW else (np.arange(n),):
+            if len(rows) <= FEW:
+                few.append(rows)
+                continue
+            i = int(rows[0])
+            size = int(length[i])
+            shape = self._shape((int(have[i]), int(code[i]), size), text, blob)
+            values = {name: columns[name][rows] for name in shape.names if name in columns}
+            if blob is not None and size:
+                values[blob.name] = blob.take(rows, size)
+            data = shape.many(values, len(rows))
+            out.append(Rows(data, heads.take(rows)))
+        if few:
+            rows = np.sort(np.concatenate(few))
+            lists = {name: column[rows].tolist() for name, column in columns.items()}
+            tails = [b""] * len(rows) if blob is None else blob.each(rows)
+            keys = zip(have[rows].tolist(), code[rows].tolist(), tails, strict=True)
+            records = []
+            for i, (bits, number, tail) in enumerate(keys):
+                shape = self._shape((bits, number, -1), text, blob)
+                records.append(shape.one([lists[name][i] for name in shape.names], tail))
+            out.append(Loose(records, heads.take(rows)))
+        return out
+
+    def _columns(self, heads: Heads, fields: Mapping[str, Column]) -> dict[str, Column]:
+        columns: dict[str, Column] = {
+            "#channel": heads.channel,
+            "#sequence": heads.sequence,
+            "#publish": heads.publish,
+        }
+        for name, values in fields.items():
+            kind = self._fields[name].type
+            if kind in (_F.TYPE_UINT32, _F.TYPE_ENUM):
+                columns[name] = narrow(values)
+            elif kind == _F.TYPE_BOOL:
+                columns[name] = (values != 0).astype(np.uint8)
+            else:
+                columns[name] = values.astype(_WIRE[kind][1], copy=False)
+        return columns
+
+    def _shape(
+        self, key: tuple[int, int, int], text: tuple[str, I64] | None, blob: Blob | None
+    ) -> _Shape:
+        shape = self._shapes.get(key)
+        if shape is None:
+            if len(self._shapes) >= _SHAPES:
+                self._shapes.clear()
+            names = {name for name, bit in self._bits.items() if key[0] >> bit & 1}
+            texts: dict[str, bytes | int] = {}
+            if text is not None:
+                texts[text[0]] = self._text(key[1]).encode()
+            if blob is not None:
+                texts[blob.name] = key[2]
+            shape = self._shapes[key] = _Shape(self._fields, names, texts)
+        return shape
+
+
+def _alike(*columns: I64) -> Iterator[I64]:
+    """Yield the rows of each combination of values that occurs."""
+    key = np.zeros(len(columns[0]), np.int64)
+    span = 1
+    for column in columns:
+        low = int(column.min())
+        size = int(column.max()) - low + 1
+        if size > 1 << 31:
+            column = np.unique(column, return_inverse=True)[1]
+            low, size = 0, int(column.max()) + 1
+        if span * size > 1 << 62:
+            key = np.unique(key, return_inverse=True)[1]
+            span = int(key.max()) + 1
+        key = key * size + (column - low)
+        span *= size
+    if span == 1:
+        yield np.arange(len(key))
+        return
+    _, which, count = np.unique(key, return_inverse=True, return_counts=True)
+    small = which.astype(np.uint16) if len(count) < 1 << 16 else which  # radix sort below 64 Ki
+    order = np.argsort(small, kind="stable")
+    end = 0
+    for n in count.tolist():
+        yield order[end : end + n]
+        end += n

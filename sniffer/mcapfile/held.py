@@ -1,0 +1,146 @@
+"""What is held between calls: batches to be joined, arrival times, the counts of a second."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.ground.model import NS, Batch, Frames, Gap, Samples, Transactions
+from sniffer.messages.recording_pb2 import Stats
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    import numpy.typing as npt
+
+    from sniffer.ground.model import I64
+
+FRAMES, GAPS, ANOMALIES = 1, 2, 3
+_NAMES: Final = ("bytes", "frames", "gaps", "anomalies")
+
+
+MOST: Final = 1 << 17
+"""Chunks whose arrival is remembered: nobody may ever decode what a bus says."""
+
+
+class Arrivals:
+    """When each byte of the stream arrived, as long as no batch has accounted for it.
+
+    Args:
+        start: offset of the first byte.
+    """
+
+    def __init__(self, start: int = 0) -> None:
+        self._start = start
+        self._end = np.empty(0, np.int64)
+        self._log = np.empty(0, np.int64)
+        self._timed = np.empty(0, bool)
+
+    def add(self, end: I64, log: I64, timed: npt.NDArray[np.bool_]) -> None:
+        """Take chunks: the offset behind each, its log time, and whether it came with a clock."""
+        self._end = np.concatenate([self._end, end])
+        self._log = np.concatenate([self._log, log])
+        self._timed = np.concatenate([self._timed, timed])
+        if len(self._end) > MOST:
+            self.forget(int(self._end[-MOST // 2]))
+
+    def of(self, end: I64, otherwise: I64) -> I64:
+        """Return when the byte before each offset arrived, ``otherwise`` where nothing tells."""
+        if not len(self._end):
+            return otherwise
+        k = np.minimum(np.searchsorted(self._end, end, "left"), len(self._end) - 1)
+        known = self._timed[k] & (end <= self._end[-1]) & (end > self._start)
+        return np.where(known, self._log[k], otherwise)
+
+    def forget(self, offset: int) -> None:
+        """Drop what lies before ``offset``."""
+        keep = int(np.searchsorted(self._end, offset, "right"))
+        if keep:
+            self._start = int(self._end[keep - 1])
+        self._end, self._log = self._end[keep:], self._log[keep:]
+        self._timed = self._timed[keep:]
+
+
+class Seconds:
+    """Counts by the second, as rows of the statistics."""
+
+    def __init__(self) -> None:
+        self._open: dict[int, list[int]] = {}
+        self._last: int | None = None
+
+    def count(self, column: int, times: I64, lengths: I64 | None = None) -> None:
+        """Count records of one kind, and their bytes."""
+        if not len(times):
+            return
+        seconds, which, counts = np.unique(times // NS, return_inverse=True, return_counts=True)
+        size = np.bincount(which, lengths) if lengths is not None else np.zeros(len(seconds))
+        for second, n, b in zip(seconds.tolist(), counts.tolist(), size.tolist(), strict=True):
+            row = self._open.setdefault(second, [0, 0, 0, 0])
+            row[0] += int(b)
+            row[column] += n
+
+    def over(self, *, final: bool) -> list[Stats]:
+        """Return the seconds that are over; of a silence only its first and its last."""
+        out: list[Stats] = []
+        now = max(self._open, default=0)
+        for second in sorted(self._open):
+            if second == now and not final:
+                break
+            last = self._last
+            if last is not None and second > last + 1:
+                out += [Stats(t_ns=s * NS) for s in sorted({last + 1, second - 1})]
+            row = zip(_NAMES, self._open.pop(second), strict=True)
+            out.append(Stats(t_ns=second * NS, **dict(row)))
+            self._last = second
+        return out
+
+
+def runs(batches: Sequence[Batch]) -> Iterator[list[Batch]]:
+    """Yield the batches that follow on each other, each lot a list."""
+    run: list[Batch] = []
+    for batch in batches:
+        if run and run[-1].base + len(run[-1].data) != batch.base:
+            yield run
+            run = []
+        run.append(batch)
+    if run:
+        yield run
+
+
+def joined(batches: Sequence[Batch]) -> Batch:
+    """Return batches that follow on each other as one."""
+    if len(batches) == 1:
+        return batches[0]
+    frames, transactions, values, before = [], [], [], [Frames.empty()]
+    gaps: list[Gap] = []
+    rows = earlier = 0
+    for b in batches:
+        shift = b.base - batches[0].base
+        f, t, v = b.frames, b.transactions, b.values
+        frames.append(replace(f, start=f.start + shift, data_start=f.data_start + shift))
+        request = np.where(t.request < 0, t.request, t.request + rows)
+        request[t.request < -1] -= earlier
+        if b.before is not None:
+            asked = b.before
+            before.append(
+                replace(asked, start=asked.start + shift, data_start=asked.data_start + shift)
+            )
+            earlier += len(asked)
+        response = np.where(t.response < 0, -1, t.response + rows)
+        transactions.append(replace(t, request=request, response=response))
+        values.append(replace(v, row=v.row + rows))
+        gaps += (g._replace(start=g.start + shift) for g in b.gaps)
+        rows += len(f)
+    return Batch(
+        batches[0].base,
+        b"".join(b.data for b in batches),
+        batches[-1].clock,
+        Frames.concat(frames),
+        tuple(gaps),
+        Transactions.concat(transactions),
+        Samples.concat(values),
+        tuple(a for b in batches for a in b.anomalies),
+        before=Frames.concat(before) if earlier else None,
+    )

@@ -1,0 +1,378 @@
+"""What one bus says, as messages: chunks and batches in, message records out, a topic each.
+
+Rows that are many go through the bulk encoder; gaps, anomalies and the seconds of the statistics
+are rare and built one by one. ``log_time`` is when the bytes arrived, ``publish_time`` when they
+were on the wire by the best estimate.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from sniffer.ground.model import I64, NS, OK, Clock, Severity
+from sniffer.ground.timing import byte_time_ns
+from sniffer.mcapfile.encoder import U16, Blob, Encoder, Heads, Loose
+from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds, joined, runs
+from sniffer.mcapfile.raw import Heard
+from sniffer.messages.log_pb2 import Log
+from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, RawChunk, Transaction
+from sniffer.messages.servo_state_pb2 import ServoState
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    import numpy.typing as npt
+    from google.protobuf.message import Message
+
+    from sniffer.ground.model import Anomaly as Found
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.ground.registers import Register
+    from sniffer.mcapfile.queue import Queue
+    from sniffer.protocols.base import BusProtocol
+
+UNITS: Final[Mapping[str, str]] = {
+    "mm": "mm",
+    "deg": "deg",
+    "deg/s": "deg_per_s",
+    "us/s": "us_per_s",
+    "V": "v",
+    "mA": "ma",
+    "degC": "degc",
+    "us": "us",
+    "ms": "ms",
+    "s": "s",
+    "%": "percent",
+}
+"""How a register table's unit ends the name of a field."""
+
+LEVELS: Final = {
+    Severity.NOTE: Log.Level.INFO,
+    Severity.WARN: Log.Level.WARNING,
+    Severity.ERROR: Log.Level.ERROR,
+}
+SEVERITIES: Final = {
+    Severity.NOTE: Anomaly.Severity.NOTE,
+    Severity.WARN: Anomaly.Severity.WARN,
+    Severity.ERROR: Anomaly.Severity.ERROR,
+}
+
+
+def state_field(register: Register) -> str | None:
+    """Return the field of ServoState that holds a register, None for a mere setting."""
+    if not register.quantity:
+        return None
+    if not register.unit:
+        return register.quantity
+    return f"{register.quantity}_{UNITS.get(register.unit, register.unit)}"
+
+
+class BusWriter:
+    """One bus.
+
+    Args:
+        name: of the bus.
+        baud: bits per second, None for the protocol's default.
+        start: offset of its first byte.
+        queue: takes the records.
+        open_channel: opens a channel (topic, message type, metadata) and returns its id.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        baud: int | None,
+        start: int,
+        queue: Queue,
+        open_channel: Callable[[str, type[Message], Mapping[str, str]], int],
+    ) -> None:
+        self.name = name
+        self.protocol: BusProtocol | None = None
+        self.oldest: int | None = None
+        """Log time of the first chunk."""
+        self.newest = 0
+        """Log time of the latest bytes that are encoded."""
+        self.decoded = 0
+        """Log time up to which they are decoded too."""
+        self.held = 0
+        """Bytes taken but not encoded yet, and a little for each call."""
+        self._chunks: list[Chunk] = []
+        self._batches: list[Batch] = []
+        self._baud = baud
+        self._queue = queue
+        self._open = open_channel
+        self._channels: dict[str, int] = {}
+        self._sequences: dict[int, int] = {}
+        self._times: dict[int, tuple[int, int]] = {}
+        self._published = 0
+        self._arrivals = Arrivals(start)
+        self._offset = start
+        self._seconds = Seconds()
+        self._clock = Clock.NONE
+        self._frames = Encoder(Frame)
+        self._transactions = Encoder(Transaction)
+        self._states = Encoder(ServoState)
+        self._fields: list[str] = []
+        self._field_of = np.empty(0, np.int64)
+
+    def raw(self, chunks: Sequence[Chunk]) -> None:
+        """Take chunks as they came."""
+        self._chunks += chunks
+        self.held += sum(len(c.data) for c in chunks) + len(chunks)
+
+    def write(self, protocol: BusProtocol, batch: Batch) -> None:
+        """Take what a pass decided."""
+        if self.protocol is None:
+            self._start(protocol)
+        self._batches.append(batch)
+        self.held += len(batch.data) + 1
+
+    def heard(self) -> Heard | None:
+        """Return the chunks that were taken, ready to be encoded."""
+        chunks, self._chunks = self._chunks, []
+        if not chunks:
+            return None
+        self.held = sum(len(b.data) + 1 for b in self._batches)
+        timed = np.array([c.t_ns is not None for c in chunks])
+        t = np.array([c.t_ns or 0 for c in chunks], np.int64)
+        log = np.maximum.accumulate(np.where(timed, np.maximum(t, self.newest), self.newest))
+        length = np.array([len(c.data) for c in chunks], np.int64)
+        end = self._offset + np.cumsum(length)
+        self._arrivals.add(end, log, timed)
+        self._offset = int(end[-1])
+        self.newest = int(log[-1])
+        if self.oldest is None:
+            self.oldest = int(log[0])
+        heads = self._heads(self._channel("raw", RawChunk), log, np.where(timed, t, log))
+        return Heard(chunks, heads, t, timed, end - length, length)
+
+    def encode(self, *, final: bool = False) -> None:
+        """Queue messages for all that was decoded, in one go; ``final``: nothing will follow.
+
+        The chunks it was decoded from have been fetched by ``heard`` before.
+        """
+        batches, self._batches, self.held = self._batches, [], 0
+        for run in runs(batches):
+            self._write_batch(joined(run))
+        if batches or final:
+            self._write_stats(final=final)
+
+    def _write_batch(self, batch: Batch) -> None:
+        self._clock = batch.clock
+        frames = batch.frames
+        end = batch.base + frames.end
+        log = self._arrivals.of(end, frames.t_end)
+        log = np.maximum.accumulate(np.maximum(log, self.decoded))
+        if len(frames):
+            publish = np.maximum.accumulate(np.maximum(frames.t_end, self._published))
+            self._published = int(publish[-1])
+            self._write_frames(batch, log, publish)
+            self._write_transactions(batch, log, publish)
+            self._write_states(batch, log, publish)
+        self._seconds.count(FRAMES, frames.t_end, frames.length)
+        self._write_gaps(batch)
+        self._write_anomalies(batch)
+        done = batch.base + len(batch.data)
+        last = np.array([frames.t_end[-1] if len(frames) else self.decoded])
+        last = np.maximum(last, self.decoded)
+        self.decoded = int(self._arrivals.of(np.array([done]), last)[0])
+        self.newest = max(self.newest, self.decoded)
+        self._arrivals.forget(done)
+
+    def _start(self, protocol: BusProtocol) -> None:
+        self.protocol = protocol
+        self._baud = self._baud or protocol.baud
+        self._frames = Encoder(Frame, protocol.op_name)
+        self._transactions = Encoder(Transaction, protocol.op_name)
+        known = {f.name for f in ServoState.DESCRIPTOR.fields}
+        names = [state_field(r) for r in protocol.registers]
+        self._fields = sorted({n for n in names if n in known})
+        at = {name: i for i, name in enumerate(self._fields)}
+        self._field_of = np.array([at.get(n, -1) if n else -1 for n in names], np.int64)
+
+    def _write_frames(self, batch: Batch, log: I64, publish: I64) -> None:
+        frames = batch.frames
+        self._queue.add(
+            *self._frames.encode(
+                self._heads(self._channel("frames", Frame), log, publish),
+                {
+                    "t_start_ns": frames.t_start,
+                    "t_end_ns": frames.t_end,
+                    "offset": batch.base + frames.start,
+                    "length": frames.length,
+                    "kind": frames.kind,
+                    "op_code": frames.op,
+                    "flags": frames.flags,
+                    "direction": frames.direction,
+                },
+                {
+                    "uncertainty_ns": (frames.uncertainty, frames.uncertainty >= 0),
+                    "servo_id": (frames.servo_id, frames.servo_id >= 0),
+                    "address": (frames.address, frames.address >= 0),
+                    "status": (frames.status, frames.status >= 0),
+                },
+                ("op", frames.op),
+                Blob("data", batch.data, frames.start, frames.length),
+            )
+        )
+
+    def _write_transactions(self, batch: Batch, log: I64, publish: I64) -> None:
+        frames, t = batch.frames, batch.transactions
+        if not len(t):
+            return
+        asked, answered = t.request != -1, t.response >= 0
+        request = batch.asked(np.where(asked, t.request, t.response))
+        last = np.maximum(t.request, t.response)
+        start = batch.base + frames.start
+        self._queue.add(
+            *self._transactions.encode(
+                self._heads(
+                    self._channel("transactions", Transaction), log[last], frames.t_end[last]
+                ),
+                {"outcome": t.outcome},
+                {
+                    "request_offset": (batch.base + request.start, asked),
+                    "response_offset": (start[t.response], answered),
+                    "servo_id": (request.servo_id, request.servo_id >= 0),
+                    "response_time_ns": (t.response_time_ns, t.response_time_ns >= 0),
+                    "uncertainty_ns": (t.uncertainty_ns, t.uncertainty_ns >= 0),
+                },
+                ("op", request.op),
+            )
+        )
+
+    def _write_states(self, batch: Batch, log: I64, publish: I64) -> None:
+        v, frames, t = batch.values, batch.frames, batch.transactions
+        field = self._field_of[v.register]
+        mine = np.flatnonzero(v.accepted & (field >= 0) & ~np.isnan(v.value))
+        if not len(mine):
+            return
+        field, row, servo, value = field[mine], v.row[mine], v.servo_id[mine], v.value[mine]
+        new = np.ones(len(mine), bool)
+        new[1:] = (row[1:] != row[:-1]) | (servo[1:] != servo[:-1])
+        message = np.cumsum(new) - 1
+        row, servo = row[new], servo[new]
+        took = np.full(len(frames), -1)
+        paired = t.outcome == OK
+        took[t.response[paired]] = t.response_time_ns[paired]
+        optional: dict[str, tuple[Any, Any]] = {"response_time_ns": (took[row], took[row] >= 0)}
+        for i in np.unique(field).tolist():
+            which = np.flatnonzero(field == i)
+            there, column = np.zeros(len(row), bool), np.zeros(len(row))
+            there[message[which]] = True
+            column[message[which]] = value[which]
+            optional[self._fields[i]] = (column, there)
+        channel, sequence = np.empty(len(row), np.uint16), np.empty(len(row), np.uint32)
+        for number in np.unique(servo).tolist():
+            which = np.flatnonzero(servo == number)
+            who = str(number) if number >= 0 else "unknown"
+            channel[which] = self._channel(f"servo/{who}/state", ServoState, servo_id=who)
+            sequence[which] = self._count_up(int(channel[which[0]]), len(which))
+        heads = Heads(channel, sequence, log[row], publish[row], self._queue.ranks(len(row)))
+        numbers: dict[str, Any] = {
+            "offset": batch.base + frames.start[row],
+            "kind": frames.kind[row],
+        }
+        self._queue.add(*self._states.encode(heads, numbers, optional))
+
+    def _write_gaps(self, batch: Batch) -> None:
+        gaps = batch.gaps
+        start = np.array([g.start for g in gaps], np.int64)
+        length = np.array([g.length for g in gaps], np.int64)
+        times = np.array([g.t_ns for g in gaps], np.int64)
+        messages = [
+            Gap(
+                t_ns=g.t_ns,
+                offset=batch.base + g.start,
+                length=g.length,
+                reason=g.reason,
+                detail=json.dumps(dict(g.detail), default=repr),
+                data=batch.data[g.start : g.start + g.length],
+            )
+            for g in gaps
+        ]
+        self._seconds.count(GAPS, times, length)
+        self._rare("gaps", messages, self._arrivals.of(batch.base + start + length, times), times)
+
+    def _write_anomalies(self, batch: Batch) -> None:
+        found = sorted(batch.anomalies, key=lambda a: a.t_ns)
+        times = np.array([a.t_ns for a in found], np.int64)
+        self._seconds.count(ANOMALIES, times)
+        messages = [
+            Anomaly(
+                t_ns=a.t_ns,
+                severity=SEVERITIES[a.severity],
+                group=a.group,
+                code=a.code,
+                servo_id=a.servo_id,
+                detail=a.detail,
+                evidence=[Anomaly.Evidence(offset=at, length=n) for at, n in a.evidence],
+            )
+            for a in found
+        ]
+        self._rare("anomalies", messages, times, times)
+        logs = [
+            Log(
+                timestamp=Timestamp(seconds=a.t_ns // NS, nanos=a.t_ns % NS),
+                level=LEVELS[a.severity],
+                message=f"{_who(a)}{a.detail} [{a.code}]",
+                name=self.name,
+            )
+            for a in found
+        ]
+        self._rare("log", logs, times, times)
+
+    def _write_stats(self, *, final: bool) -> None:
+        rows = self._seconds.over(final=final)
+        if self._clock != Clock.NONE and self._baud:
+            for row in rows:
+                row.bus_load_percent = 100 * row.bytes * byte_time_ns(self._baud) / NS
+        times = np.array([r.t_ns for r in rows], np.int64)
+        times = np.maximum(np.minimum(times + NS, self.newest), times)
+        self._rare("stats", rows, times, times)
+
+    def _rare(self, topic: str, messages: Sequence[Message], log: I64, publish: I64) -> None:
+        """Queue messages that are built one by one."""
+        if not messages:
+            return
+        heads = self._heads(self._channel(topic, type(messages[0])), log, publish)
+        self._queue.add(Loose.of(messages, heads))
+
+    def _channel(self, topic: str, message: type[Message], **facts: str) -> int:
+        """Return the channel of a topic, opened with its first message."""
+        channel = self._channels.get(topic)
+        if channel is None:
+            metadata = {"bus": self.name, **facts}
+            if self.protocol is not None:
+                metadata["protocol"] = self.protocol.name
+            full = f"/{self.name.strip('/')}/{topic}"
+            channel = self._channels[topic] = self._open(full, message, metadata)
+        return channel
+
+    def _heads(self, channel: int, log: I64, publish: I64) -> Heads:
+        """Return heads whose times never decrease within the channel, as viewers want them."""
+        n = len(log)
+        ids: U16 = np.full(n, channel, np.uint16)
+        before = self._times.get(channel, (0, 0))
+        log = np.maximum.accumulate(np.maximum(log, before[0]))
+        publish = np.maximum.accumulate(np.maximum(publish, before[1]))
+        self._times[channel] = (int(log[-1]), int(publish[-1]))
+        return Heads(ids, self._count_up(channel, n), log, publish, self._queue.ranks(n))
+
+    def _count_up(self, channel: int, n: int) -> npt.NDArray[np.uint32]:
+        """Return the next sequence numbers of a channel; they wrap."""
+        first = self._sequences.get(channel, 0)
+        self._sequences[channel] = first + n
+        return np.arange(first, first + n).astype(np.uint32)
+
+
+def _who(anomaly: Found) -> str:
+    """Return the servo, unless the detail begins with it or names it."""
+    who = f"servo {anomaly.servo_id}"
+    if anomaly.servo_id is None or re.search(rf"\b{who}\b", anomaly.detail):
+        return ""
+    return f"{who}: "

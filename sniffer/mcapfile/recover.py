@@ -1,0 +1,130 @@
+"""A recording that was cut off, made whole again: what holds is kept, the summary written anew."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
+
+from sniffer.ground.files import writing
+from sniffer.ground.model import InputError, OutputError
+from sniffer.mcapfile.container import Container
+from sniffer.mcapfile.ends import end_facts
+from sniffer.mcapfile.packed import BrokenError
+from sniffer.mcapfile.records import NotMcapError, Piece, Records
+from sniffer.messages import END, RECOVERED
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What was recovered; ``why`` says what is wrong where the readable part ends."""
+
+    path: Path
+    messages: int
+    bytes_kept: int
+    bytes_lost: int
+    why: str = ""
+
+    def __str__(self) -> str:
+        """Say it in a sentence."""
+        kept = f"{self.path}: {self.messages} messages kept"
+        if not self.why:
+            return f"{kept}, nothing was lost"
+        if not self.bytes_lost:
+            return f"{kept}, no byte was lost: only the end of the file is missing ({self.why})"
+        were = "byte was" if self.bytes_lost == 1 else f"{self.bytes_lost} bytes were"
+        return f"{kept}, the file's last {were} lost ({self.why})"
+
+
+def recover(path: Path, out: Path) -> Report:
+    """Write what can be read of ``path`` to ``out``, which may be the same file.
+
+    Chunks are copied as they are, up to the first damage, and of one that breaks off the messages
+    that are whole; ``out``, or the file that it leads to as a link, is replaced at the end.
+
+    Raises:
+        InputError: there is nothing to recover.
+        OutputError: ``out`` cannot be written, or is no file.
+    """
+    if path.is_dir():
+        raise InputError(f"{path} is a directory: give the recording in it")
+    if out.exists() and not out.is_file():
+        what = "a directory" if out.is_dir() else "a device or a pipe"
+        raise OutputError(f"{out} is {what}: give a file name")
+    try:
+        stream = path.open("rb")
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    # a link stays what it is, and leads to what was mended
+    target = out.resolve()
+    temporary = target.with_name(f".{target.name[:200]}.{os.getpid()}.part")
+    file: Container | None = None
+    messages, why = 0, ""
+    with stream:
+        end = end_facts(stream)  # it is kept also where it stands behind the damage
+        records = Records(stream, attachments=True)
+        try:
+            try:
+                for record in records:
+                    if isinstance(record, Header):
+                        file = Container(temporary, record.library)
+                    elif isinstance(record, Metadata) and record.name == END:
+                        continue
+                    elif file is not None:
+                        messages += _copy(record, records, file)
+            except NotMcapError as error:
+                raise InputError(
+                    f"{path} is no recording ({error}): only an .mcap can be mended; "
+                    "`sniffer decode` reads other captures"
+                ) from None
+            except BrokenError as error:
+                why = str(error)
+            if file is None:
+                raise InputError(f"{path}: nothing of it can be read ({why})")
+            if end:
+                file.metadata(END, end)
+            if why:
+                file.metadata(RECOVERED, {"why": why})
+            file.finish()
+            with temporary.open("rb") as written:
+                os.fsync(written.fileno())
+            size = path.stat().st_size
+            with contextlib.suppress(OSError):
+                shutil.copymode(target, temporary)
+            with writing(out):
+                temporary.replace(target)
+        finally:
+            if file is not None:
+                file.abandon()
+            with contextlib.suppress(FileNotFoundError):
+                temporary.unlink()
+    lost = size - records.position if why else 0
+    return Report(out, messages, size - lost, lost, why)
+
+
+def _copy(
+    record: Attachment | Metadata | Schema | Channel | Piece, records: Records, file: Container
+) -> int:
+    """Copy a record; return how many messages it holds."""
+    if isinstance(record, Metadata):
+        file.metadata(record.name, record.metadata)
+    elif isinstance(record, Attachment):
+        file.attach(record)
+    elif isinstance(record, Piece):
+        file.know(*records.schemas.values(), *records.channels.values())
+        p = record
+        if len(p.at):
+            file.chunk(p.compression, p.packed, len(p.data), p.crc, p.log, p.channel, p.at)
+        return len(p.at)
+    else:
+        file.append(record)
+    return 0

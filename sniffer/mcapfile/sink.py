@@ -1,0 +1,264 @@
+"""Recordings as MCAP: every byte as it came, and all that was made of it.
+
+Topics of each bus: ``raw`` (all bytes; a recording can be decoded again, better), ``frames``,
+``transactions``, ``servo/<id>/state``, ``gaps``, ``anomalies``, ``log`` (foxglove.Log), ``stats``.
+The messages are declared in ``schemas/messages``; the register tables are attached.
+
+``log_time`` is when the bytes arrived; ``publish_time`` is when they were on the wire, by the best
+estimate. Both never decrease within a topic, and count from the first byte where there is no clock.
+
+There are two ways to use it. A live recorder calls ``flush`` often: the raw bytes are in the file
+then, so a killed recorder loses no more than what came since; what was decoded of them follows
+within ``flush_ns``, because encoding a little costs nearly as much as encoding a lot. Its records
+stand behind raw bytes that came later, with their own log times.
+
+Otherwise everything is written when the next call comes half of ``flush_ns`` after it was handed
+over, and ``log_time`` never decreases within the whole file. Input whose clock runs far ahead of
+the wall clock is a conversion: there the records of all buses are put in order first, as far as
+all of them are decoded.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from typing import TYPE_CHECKING, Final
+
+from mcap.records import Attachment
+
+from sniffer import __version__
+from sniffer.ground.limits import BAUDS, number_in
+from sniffer.ground.model import NS, OutputError
+from sniffer.ground.registers import schema_path
+from sniffer.mcapfile.container import Container
+from sniffer.mcapfile.messages import BusWriter
+from sniffer.mcapfile.queue import Queue
+from sniffer.mcapfile.raw import RawEncoder
+from sniffer.messages import BUS, END, OFFSET, SESSION, TOOL
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
+
+LIBRARY: Final = f"{TOOL} {__version__}"
+"""What the header names as the file's maker."""
+
+ROUND_NS: Final = 5 * NS
+"""The longest time over which the input's clock is compared with the wall clock."""
+
+MANY: Final = 1 << 16
+"""Bytes of the buses from which on they are encoded: few at a time cost too much."""
+
+FULL: Final = 4 << 20
+"""Records of a conversion are put in order and written from so many bytes on."""
+
+OVERFULL: Final = 64 << 20
+"""Records waiting, in bytes, from which on no bus is waited for."""
+
+
+class McapSink:
+    """Writes a recording.
+
+    Args:
+        path: of the file.
+        session: facts of the recording; ``baud.<bus>`` or ``baud`` is the rate for the statistics.
+        flush_ns: what is handed over is in the file so much later, in ns.
+        overwrite: whether a file that is there may be replaced.
+        live: whether the caller flushes often, and nothing is written between.
+        durable: whether the disk is waited for with each flush, against a power failure.
+        starts: stream offset of the first byte by bus, where that is not 0.
+
+    Raises:
+        OutputError: the file cannot be written; what it holds so far stays readable.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        session: Mapping[str, str],
+        *,
+        flush_ns: int = 100_000_000,
+        overwrite: bool = True,
+        live: bool = False,
+        durable: bool = False,
+        starts: Mapping[str, int] | None = None,
+    ) -> None:
+        begin = {f"{OFFSET}.{bus}": str(at) for bus, at in (starts or {}).items()}
+        self._session = {_told(k): _told(v) for k, v in {**session, **begin}.items()}
+        self._flush_ns = flush_ns
+        self._live = live
+        self._starts = dict(starts or {})
+        self._queue = Queue()
+        self._raw = RawEncoder()
+        self._buses: dict[str, BusWriter] = {}
+        self._attached: set[str] = set()
+        self._failure: str | None = None
+        self._file = Container(path, LIBRARY, overwrite=overwrite, durable=durable)
+        self._closed = False
+        self._encoded_at = time.monotonic_ns()
+        self._since: int | None = None
+        self._round_at = 0
+        self._round_from = 0
+        with self._guard():
+            self._file.metadata(SESSION, self._session)
+            for proto in sorted(schema_path("messages").glob("*.proto")):
+                self._attach(f"messages/{proto.name}", "text/plain", proto.read_bytes())
+            self._file.sync()
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file."""
+        return self._file.size
+
+    @property
+    def is_deleted(self) -> bool:
+        """Tell whether somebody has deleted the file while it is written."""
+        return self._file.is_deleted
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take chunks as they came."""
+        with self._guard():
+            again = bus == next(iter(self._buses), None)
+            self._settle(again=again)
+            now = time.monotonic_ns()
+            if again or not self._buses or now - self._round_at > ROUND_NS:
+                self._round_at, self._round_from = now, self._newest()
+            self._bus(bus).raw(chunks)
+            self._wait()
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Take what a pass decided."""
+        with self._guard():
+            writer = self._bus(bus)
+            if writer.protocol is None:
+                self._introduce(bus, protocol)
+            writer.write(protocol, batch)
+            self._wait()
+            self._settle(again=False)
+
+    def flush(self) -> None:
+        """Write what waits; of a live recording all raw bytes, and what was decoded when due."""
+        with self._guard():
+            if not self._live or time.monotonic_ns() - self._encoded_at >= self._flush_ns:
+                self._encode()
+            else:
+                self._encode_raw()
+            self._flush(None)
+
+    def close(self) -> None:
+        """Finish the file; after a failure it is left as it is."""
+        for _ in self.closing({}):
+            pass
+
+    def closing(self, end: Mapping[str, str]) -> Iterator[None]:
+        """Do that in steps of some ms; in the first one all but the file's index is written.
+
+        ``end`` tells where another file goes on: the facts of the end mark, none where none does.
+        """
+        if self._closed:
+            return
+        if self._failure is None:
+            with self._guard():
+                self._encode(final=True)
+                self._flush(None)
+                if end:
+                    self._file.metadata(END, {_told(k): v for k, v in end.items()})
+                yield from self._file.finishing()
+        self._closed = True
+
+    @contextlib.contextmanager
+    def _guard(self) -> Iterator[None]:
+        """After a failure end the file as well as it can be, and refuse everything else."""
+        if self._failure is not None or self._closed:
+            raise OutputError(self._failure or f"{self._file.path} is closed")
+        try:
+            yield
+        except OutputError as error:
+            self._failure = f"{error}; what was recorded before is kept"
+            with contextlib.suppress(OutputError):
+                self._file.finish()
+            raise OutputError(self._failure) from None
+        except BaseException:
+            # what was half done may be in the file and not in its index: it gets none
+            self._failure = f"{self._file.path}: interrupted; what was recorded before is kept"
+            self._file.abandon()
+            raise
+
+    def _bus(self, name: str) -> BusWriter:
+        writer = self._buses.get(name)
+        if writer is None:
+            baud = self._session.get(f"baud.{name}", self._session.get("baud", ""))
+            writer = self._buses[name] = BusWriter(
+                name,
+                number_in(baud, *BAUDS),
+                self._starts.get(name, 0),
+                self._queue,
+                self._file.channel,
+            )
+        return writer
+
+    def _introduce(self, bus: str, protocol: BusProtocol) -> None:
+        """Tell what a bus speaks, and attach the tables it is read by."""
+        baud = self._session.get(f"baud.{bus}", self._session.get("baud", str(protocol.baud)))
+        self._file.metadata(f"{BUS}.{bus}", {"bus": bus, "protocol": protocol.name, "baud": baud})
+        for model in protocol.models:
+            table = schema_path("registers", f"{model.model}.toml")
+            if table.is_file():
+                self._attach(f"registers/{table.name}", "application/toml", table.read_bytes())
+
+    def _attach(self, name: str, media_type: str, data: bytes) -> None:
+        if name not in self._attached:
+            self._attached.add(name)
+            self._file.attach(Attachment(0, self._file.last, name, media_type, data))
+
+    def _wait(self) -> None:
+        if self._since is None:
+            self._since = time.monotonic_ns()
+
+    def _settle(self, *, again: bool) -> None:
+        """Write what has waited long enough; ``again``: a new round of the buses begins."""
+        if self._since is None or self._live:
+            return
+        now = time.monotonic_ns()
+        due = now - self._since >= self._flush_ns // 2
+        if not due and sum(b.held for b in self._buses.values()) < MANY:
+            return
+        self._encode()
+        ran = self._newest() - (self._round_from or self._oldest())
+        live = ran < 4 * (now - self._round_at) + NS // 5
+        if (due and live) or self._queue.size >= OVERFULL:
+            self._flush(None)
+        elif again and not live and self._queue.size >= FULL:
+            self._flush(min(b.decoded for b in self._buses.values()))
+
+    def _encode_raw(self) -> None:
+        parts = (bus.heard() for bus in self._buses.values())
+        self._queue.add(*self._raw.encode([part for part in parts if part is not None]))
+
+    def _encode(self, *, final: bool = False) -> None:
+        self._encode_raw()
+        self._encoded_at = time.monotonic_ns()
+        for bus in self._buses.values():
+            bus.encode(final=final)
+
+    def _oldest(self) -> int:
+        return min((b.oldest for b in self._buses.values() if b.oldest is not None), default=0)
+
+    def _newest(self) -> int:
+        return max((b.newest for b in self._buses.values()), default=0)
+
+    def _flush(self, until: int | None) -> None:
+        rows = self._queue.take(until, 0 if self._live else self._file.last)
+        if rows is not None:
+            for piece in rows.pieces():
+                self._file.write(piece)
+        self._file.sync()
+        self._since = time.monotonic_ns() if self._queue.size else None
+
+
+def _told(text: str) -> str:
+    """Return a text as UTF-8 has it: a file's name may be any bytes."""
+    return text.encode("utf-8", "backslashreplace").decode()

@@ -1,0 +1,350 @@
+"""Batches -> a Rerun recording: a .rrd that opens with its own layout, or a live viewer.
+
+Values become ``Scalars`` at ``/<bus>/servo/<id>/<register>``, whole columns at a time; enumerated
+registers and alarms become ``StateChange``, only where they change; anomalies become ``TextLog`` at
+``/<bus>/anomalies``. A packet without a value adds nothing, so no line drops to zero. rerun is
+imported when a sink is made, not before. Written for rerun-sdk 0.41.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.decoding.summary import FIGURES, Quantiles
+from sniffer.ground.files import open_binary
+from sniffer.ground.model import I64, OK, RESPONSE, WHOLE, Clock, OutputError
+from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Entity, Lane, Line, Log
+from sniffer.sinks.rerun.layout import (
+    ALARMS,
+    EVERYONE,
+    RESPONSE_TIME,
+    TIMELINE,
+    Colours,
+    Rgb,
+    Track,
+    application_id,
+    blueprint,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    import rerun as rr
+
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.ground.registers import Register
+    from sniffer.protocols.base import BusProtocol
+
+FLUSH_S: Final = 60.0
+"""How long a slow disk or viewer may take for what is still to be written."""
+
+ALL: Final = -1
+"""The servo id of frames that name none; for protocols that say so, it means all servos."""
+
+ROWS: Final = 5000
+"""Rows an entity gathers before they are sent: from 1000 on a call costs less than its rows."""
+
+
+class RerunSink:
+    """Writes what it is given to a .rrd file, or to a recording that somebody else has connected.
+
+    Args:
+        path: the file; its layout is written by ``close``, when all servos are known.
+        recording: instead, a connected recording. Every batch is sent at once, the layout anew when
+            something appears; ``close`` does not disconnect it.
+        window_s: how much of the past a live recording shows.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: Path | None = None,
+        *,
+        recording: rr.RecordingStream | None = None,
+        window_s: float = 20.0,
+    ) -> None:
+        import rerun as rr
+
+        if path is not None:
+            if path.exists() and not path.is_file() and not path.is_char_device():
+                # the SDK would wait for a reader where no signal reaches it
+                raise OutputError(f"{path} is no file: the Rerun SDK writes to files only")
+            if not _is_utf8(path):
+                raise OutputError(f"{path}: the Rerun SDK takes names in UTF-8 only")
+            open_binary(path).close()
+            self._rec = rr.RecordingStream(application_id(path.stem))
+            try:
+                self._rec.save(path)
+            except RuntimeError as error:
+                raise OutputError(f"{path}: cannot be written ({error})") from None
+            self._rec.send_recording_name(path.stem)
+        elif recording is not None:
+            self._rec = recording
+        else:
+            raise TypeError("RerunSink needs a path or a recording")
+        self._path, self._live = path, path is None
+        self._window_s = window_s
+        self._lines: dict[tuple[str, int, int], Line] = {}
+        self._lanes: dict[tuple[str, int, int], Lane] = {}
+        self._logs: dict[str, Log] = {}
+        self._colours = Colours()
+        self._dated: bool | None = None
+        self._span: tuple[int, int] | None = None
+        self._doubt: dict[str, Quantiles] = {}
+        self._laid_out = 0  # entities in the layout last sent
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take chunks; Rerun has no use for them."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Take what one pass decided."""
+        self._clock(batch)
+        self._samples(bus, protocol, batch)
+        self._alarms(bus, protocol, batch)
+        self._response_times(bus, protocol, batch)
+        if batch.anomalies:
+            if bus not in self._logs:
+                import rerun as rr
+
+                self._logs[bus] = Log(
+                    Track(rr.new_entity_path([bus, "anomalies"]), bus, EVERYONE, "")
+                )
+            self._logs[bus].add(batch.anomalies)
+        self._send(1 if self._live else ROWS)
+        if self._live:
+            self._style()
+            self._layout()
+
+    def close(self) -> None:
+        """Send what waits; finish the file with its layout."""
+        if not self._live:
+            self._rank()
+        self._send(1)
+        self._style()
+        self._layout()
+        try:
+            self._rec.flush(timeout_sec=FLUSH_S)
+        except RuntimeError as error:
+            where = self._path or "the Rerun viewer"
+            raise OutputError(f"{where}: cannot be written ({error})") from error
+        finally:
+            if not self._live:
+                self._rec.disconnect()
+
+    def _clock(self, batch: Batch) -> None:
+        """Learn the span of time, and from the first time whether it is a date."""
+        f = batch.frames
+        edges = [a.t_ns for a in batch.anomalies]
+        if len(f):
+            edges += [int(f.t_start.min()), int(f.t_end.max())]
+        if not edges:
+            return
+        first, last = min(edges), max(edges)
+        if self._span is None:
+            self._dated = batch.clock != Clock.NONE and first >= DATED_NS
+            if self._dated and not self._live:
+                self._rec.send_recording_start_time_nanos(first)
+        else:
+            first, last = min(first, self._span[0]), max(last, self._span[1])
+        self._span = first, last
+
+    def _samples(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        s = batch.samples
+        whole = (s.part == WHOLE) & ((s.servo_id >= 0) | (ALL in protocol.everyone))
+        if not whole.all():
+            s = s.take(whole)
+        width = len(protocol.registers)
+        for key, rows in _groups((s.servo_id.astype(np.int64) - ALL) * width + s.register):
+            servo, number = key // width + ALL, key % width
+            register = protocol.registers[number]
+            if register.values or register.bits:
+                self._lane(bus, protocol, servo, number).add(s.t_ns[rows], s.raw[rows])
+            else:
+                self._line(bus, protocol, servo, number).add(s.t_ns[rows], s.value[rows])
+
+    def _alarms(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        f = batch.frames
+        told = np.flatnonzero((f.kind == RESPONSE) & (f.status >= 0) & (f.servo_id >= 0))
+        for servo, rows in _groups(f.servo_id[told].astype(np.int64)):
+            at = told[rows]
+            status = f.status[at].astype(np.int64)
+            self._lane(bus, protocol, servo, -1).add(f.t_end[at], status)
+
+    def _response_times(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        f, t = batch.frames, batch.transactions
+        timed = np.flatnonzero((t.outcome == OK) & (t.response_time_ns >= 0))
+        response = t.response[timed]
+        servo = f.servo_id[response].astype(np.int64)
+        servo = np.where(servo >= 0, servo, f.servo_id[t.request[timed]])
+        if len(timed):
+            spread = t.uncertainty_ns[timed]
+            self._doubt.setdefault(bus, Quantiles()).add(spread, np.zeros_like(spread))
+        for key, rows in _groups(servo):
+            took = t.response_time_ns[timed[rows]] / 1e6
+            self._line(bus, protocol, key, -1).add(f.t_end[response[rows]], took)
+
+    def _line(self, bus: str, protocol: BusProtocol, servo: int, number: int) -> Line:
+        """Return the line of a register, or of the response times (-1)."""
+        line = self._lines.get((bus, servo, number))
+        if line is None:
+            who, name, colour = self._who(protocol, servo)
+            if number < 0:
+                path = _path(bus, servo, RESPONSE_TIME)
+                track = Track(path, bus, who, RESPONSE_TIME, "ms")
+            else:
+                r = protocol.registers[number]
+                path = _path(bus, servo, r.name)
+                track = Track(path, bus, who, r.quantity, r.unit)
+            line = Line(track, name, colour)
+            line.is_second = self._live and any(
+                (t.track.quantity, t.track.unit) == (track.quantity, track.unit)
+                for key, t in self._lines.items()
+                if key[:2] == (bus, servo) and track.quantity
+            )
+            self._lines[bus, servo, number] = line
+        return line
+
+    def _lane(self, bus: str, protocol: BusProtocol, servo: int, number: int) -> Lane:
+        """Return the lane of an enumerated register, or of the alarms (-1)."""
+        lane = self._lanes.get((bus, servo, number))
+        if lane is None:
+            who, _, colour = self._who(protocol, servo)
+            name: Callable[[int], str]
+            if number < 0:
+                track = Track(_path(bus, servo, ALARMS), bus, who, ALARMS, is_state=True)
+                colour, name = ALARM, lambda raw: _words(protocol.status_names(raw))
+            else:
+                r = protocol.registers[number]
+                path = _path(bus, servo, r.name)
+                track = Track(path, bus, who, r.quantity, is_state=True)
+                name = functools.partial(_named, r)
+            lane = self._lanes[bus, servo, number] = Lane(track, name, colour)
+        return lane
+
+    def _who(self, protocol: BusProtocol, servo: int) -> tuple[int, str, Rgb]:
+        """Return whose a track is, what legends call it, and its colour."""
+        # The id 0 of some protocols is both: a servo's own, and heard by all.
+        if servo in protocol.everyone and servo:
+            return EVERYONE, "all servos", WHITE
+        return servo, f"servo {servo}", self._colours.of(servo)
+
+    def _entities(self) -> Iterator[Entity]:
+        for entities in (self._lines, self._lanes, self._logs):
+            yield from entities.values()
+
+    def _send(self, least: int) -> None:
+        """Send the entities that have at least so many rows waiting."""
+        import rerun as rr
+
+        for entity in self._entities():
+            if entity.rows < least:
+                continue
+            times, columns = entity.drain()
+            column = (
+                rr.TimeColumn(TIMELINE, timestamp=times.view("datetime64[ns]"))
+                if self._dated
+                else rr.TimeColumn(TIMELINE, duration=times.view("timedelta64[ns]"))
+            )
+            self._rec.send_columns(entity.track.path, [column], columns, strict=True)
+
+    def _style(self) -> None:
+        for entity in self._entities():
+            if (style := entity.style()) is not None:
+                self._rec.log(entity.track.path, style, static=True)
+
+    def _tracks(self) -> list[Track]:
+        """Return what the layout shows; a servo without any alarm needs no lane for them."""
+        lines = [line.track for line in self._lines.values() if line.total]
+        return lines + [
+            lane.track
+            for lane in self._lanes.values()
+            if not (lane.track.quantity == ALARMS and lane.rests)
+        ]
+
+    def _layout(self) -> None:
+        """Send the layout, if it is another than the one last sent."""
+        logs = {bus: log.track.path for bus, log in self._logs.items()}
+        tracks = self._tracks()
+        if len(tracks) + len(logs) == self._laid_out:
+            return
+        self._laid_out = len(tracks) + len(logs)
+        plan = blueprint(
+            tracks,
+            logs,
+            span_ns=None if self._live else self._span,
+            window_s=self._window_s if self._live else None,
+            doubt_ns={
+                bus: bounds.high
+                for bus, q in self._doubt.items()
+                if (bounds := q.at(FIGURES["p99"])) is not None
+            },
+        )
+        if plan is not None:
+            self._rec.send_blueprint(plan)
+
+    def _rank(self) -> None:
+        """Tell first registers from second ones, and draw each goal on to the end.
+
+        A goal still holds there, and a single one would not be seen.
+        """
+        alike: dict[tuple[str, int, str, str], list[tuple[int, Line]]] = {}
+        for (bus, servo, number), line in self._lines.items():
+            if line.track.quantity:
+                key = bus, servo, line.track.quantity, line.track.unit
+                alike.setdefault(key, []).append((number, line))
+        end = self._span[1] if self._span else 0
+        for (bus, servo, *_), lines in alike.items():
+            number, first = max(lines, key=lambda each: each[1].total)
+            for _, line in lines:
+                line.is_second = line is not first
+            latest = max(line.last_ns for _, line in lines)
+            if first.is_goal and first.total and first.last_ns == latest < end:
+                self._lines[bus, servo, -2 - number] = first.held(end)
+
+
+def _is_utf8(path: Path) -> bool:
+    """Tell whether a file's name, which may be any bytes, is text."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _path(bus: str, servo: int, name: str) -> str:
+    import rerun as rr
+
+    return rr.new_entity_path([bus, "servo", "all" if servo == ALL else str(servo), name])
+
+
+def _named(register: Register, raw: int) -> str:
+    return _words(register.names(raw), raw)
+
+
+def _words(names: str | Sequence[str] | None, raw: int = 0) -> str:
+    """Return a state's name as people read it."""
+    if names == "unknown":
+        return f"unknown ({raw})"
+    if isinstance(names, str):
+        return names.replace("_", " ")
+    return ", ".join(names or ()).replace("_", " ") or "none"
+
+
+def _groups(keys: I64) -> Iterator[tuple[int, I64]]:
+    """Yield each key with its rows, in order."""
+    if not len(keys):
+        return
+    # Sorting 16-bit numbers is a radix sort, ten times faster.
+    narrow = keys.astype(np.uint16) if int(keys.max()) < 1 << 16 else keys
+    order = np.argsort(narrow, kind="stable")
+    ordered = narrow[order]
+    edges = [0, *(np.flatnonzero(ordered[1:] != ordered[:-1]) + 1).tolist(), len(keys)]
+    for a, b in itertools.pairwise(edges):
+        yield int(ordered[a]), order[a:b]

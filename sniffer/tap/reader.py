@@ -1,0 +1,387 @@
+"""The reader thread: it stamps what the ports deliver and queues it, and does nothing else.
+
+Stamps are the monotonic clock, anchored to the wall clock once: a step of the system clock never
+reorders a recording. A port that goes away is opened again by its stable name until it is back.
+"""
+
+from __future__ import annotations
+
+import collections
+import contextlib
+import functools
+import os
+import selectors
+import threading
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from sniffer.ground.model import NEVER_NS, NS, SnifferError
+from sniffer.ports import Counters, Port, PortLostError, PortOptions, open_port
+from sniffer.tap.waiting import Account
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+BREATH_NS: Final = 1_000_000
+"""Pause between two rounds of reading on a busy line: a full-speed USB frame, so nothing is lost by
+it; reading every byte as it comes would take a core for eight busy buses."""
+
+WINDOW_NS: Final = 50_000_000
+BUSY: Final = 40
+"""Reads within ``WINDOW_NS`` from which on the reader takes a breath between rounds."""
+
+LOOK_S: Final = 0.05
+"""How long a silent line is waited for at most before it is said that nothing came."""
+
+LATE_NS: Final = 3_000_000
+"""Bytes that may have been there for longer than this are said to be held: beyond what a breath and
+the worker's turns cost."""
+
+WOKEN_NS: Final = 10_000_000
+"""The kernel was waited for, not the other threads, where it took longer than this."""
+
+FULL: Final = 4095
+"""What the kernel hands out of a terminal at most in one read: there may be more of it."""
+
+HELD_PASSES: Final = 4
+"""How often more is looked for where bytes were held: they come in several pieces."""
+
+JOINED_MAX: Final = 1 << 20
+"""Bytes that are taken as one read when they were waiting together."""
+
+REST_S: Final = 0.1
+"""How long is read after the end was asked for, where a line never falls silent."""
+
+RETRY_S: Final = 0.25
+"""How often a port that is away is looked for."""
+
+NUMBERED: Final = "/dev/pts/"
+"""Names that are given to others when they are free: a terminal of that name is another one."""
+
+COUNTERS_S: Final = 1.0
+"""How often the driver's error counters are read."""
+
+
+@dataclass(frozen=True, slots=True)
+class Anchor:
+    """The clock of a recording: monotonic, told in Unix time as of its start."""
+
+    wall_ns: int
+    monotonic_ns: int
+
+    @classmethod
+    def take(cls) -> Anchor:
+        """Anchor to the clocks as they are now."""
+        return cls(time.time_ns(), time.monotonic_ns())
+
+    def now(self) -> int:
+        """Return the time, in ns since the epoch."""
+        return time.monotonic_ns() - self.monotonic_ns + self.wall_ns
+
+    def step_ns(self) -> int:
+        """Return how far the system clock has been set since (or has drifted), in ns."""
+        return time.time_ns() - self.now()
+
+
+class Read(NamedTuple):
+    """Raw bytes of one read, at the time of its end.
+
+    ``held_ns`` is how long they may have been there already because nobody looked; 0: not worth a
+    word.
+    """
+
+    port: int
+    t_ns: int
+    data: bytes
+    held_ns: int = 0
+
+
+class Lost(NamedTuple):
+    """The port went away."""
+
+    port: int
+    t_ns: int
+
+
+class Back(NamedTuple):
+    """The port was opened again, as another object."""
+
+    port: int
+    t_ns: int
+    opened: Port
+
+
+class Counted(NamedTuple):
+    """The driver's counters have risen."""
+
+    port: int
+    t_ns: int
+    now: Counters
+    before: Counters
+
+
+Event = Read | Lost | Back | Counted
+
+
+class Listener:
+    """Reads ports until it is stopped; ``drain`` hands over what came since.
+
+    All ports that can be polled are read by one thread, each other one by a thread of its own. What
+    may take long, closing and opening ports that went away, is done beside them.
+
+    Args:
+        ports: opened ports; they are closed by ``stop``.
+        options: how each is opened again.
+        anchor: the clock.
+    """
+
+    def __init__(
+        self, ports: Sequence[Port], options: Sequence[PortOptions], anchor: Anchor
+    ) -> None:
+        self.died: BaseException | None = None
+        """What ended a reader thread that nobody asked to end."""
+        self._events: collections.deque[Event] = collections.deque()
+        self._found: collections.deque[tuple[_Line, Port]] = collections.deque()
+        self._anchor = anchor
+        self._stop = threading.Event()
+        self._stopping = threading.Lock()
+        self._waker, self._wakes = os.pipe()
+        lines = [_Line(i, p, o) for i, (p, o) in enumerate(zip(ports, options, strict=True))]
+        self._lines = lines
+        polled = [line for line in lines if line.pollable]
+        jobs: list[Callable[[int], None]] = []
+        if polled:
+            jobs.append(functools.partial(self._poll, polled))
+        jobs += [functools.partial(self._wait_for, line) for line in lines if not line.pollable]
+        self._heard = [anchor.now()] * len(jobs)
+        self._threads = [self._thread(functools.partial(job, n)) for n, job in enumerate(jobs)]
+
+    @property
+    def heard_ns(self) -> int:
+        """The time up to which all is in the queue: a stamp that comes later is not earlier.
+
+        It is to be asked for before ``drain``.
+        """
+        return min(self._anchor.now(), *self._heard)
+
+    def start(self) -> None:
+        """Begin to read."""
+        for thread in self._threads:
+            thread.start()
+
+    def drain(self) -> list[Event]:
+        """Return what has come since the last call, in the order of arrival of each port."""
+        return [self._events.popleft() for _ in range(len(self._events))]
+
+    def stop(self) -> None:
+        """Read what is there, stop and close the ports; what was read can still be drained."""
+        with self._stopping:  # from now on nobody wakes anybody
+            if self._stop.is_set():
+                return
+            self._stop.set()
+            os.write(self._wakes, b".")
+        for thread in self._threads:
+            if thread.is_alive():
+                thread.join(2.0)
+        for line in self._lines:
+            line.close()
+        for _, port in self._found:
+            port.close()
+        os.close(self._wakes)
+        os.close(self._waker)
+
+    def _thread(self, job: Callable[[], None]) -> threading.Thread:
+        return threading.Thread(target=self._guarded, args=(job,), name="reader", daemon=True)
+
+    def _guarded(self, job: Callable[[], None]) -> None:
+        try:
+            job()
+        except BaseException as error:
+            self.died = error
+
+    def _wait_for(self, line: _Line, number: int) -> None:
+        """Read a port that cannot be polled."""
+        with Account() as account:
+            while not self._stop.is_set():
+                if line.port is not None:
+                    self._heard[number] = self._anchor.now()
+                    account.since()
+                    if self._read(line, account=account) is None:
+                        line.close()
+                    self._count(line)
+                    continue
+                self._heard[number] = NEVER_NS
+                port = _opened(line)
+                self._heard[number] = self._anchor.now()
+                if port is not None:
+                    self._take_back(line, port)
+                else:
+                    self._stop.wait(RETRY_S)
+        self._read_rest(line)
+
+    def _poll(self, lines: Sequence[_Line], number: int) -> None:
+        """Read all ports that can be polled."""
+        with selectors.DefaultSelector() as selector, Account() as account:
+            selector.register(self._waker, selectors.EVENT_READ, None)
+            for line in lines:
+                selector.register(line.fileno(), selectors.EVENT_READ, line)
+            window, reads, breathes, is_new = 0, 0, False, True
+            came = self._anchor.now()
+            while not self._stop.is_set():
+                before, looked = came, self._anchor.now()
+                ready = selector.select(0 if is_new else LOOK_S)
+                came = self._anchor.now()
+                held_ns = _held_ns(before, looked, came)
+                if held_ns:  # the kernel moves up what did not fit, once for all ports
+                    time.sleep(BREATH_NS / NS)
+                waited_ns = account.since()
+                if waited_ns > BREATH_NS:  # the breath is part of the latency
+                    held_ns = max(held_ns, min(waited_ns, self._anchor.now() - before))
+                if is_new:  # a port may hold bytes that came before it was set up
+                    ready = [(k, 0) for k in selector.get_map().values() if k.data is not None]
+                    is_new = False
+                for key, _ in ready:
+                    if key.data is None:
+                        os.read(self._waker, len(lines))
+                    elif self._read(key.data, held_ns, came) is None:
+                        selector.unregister(key.fileobj)
+                        gone, key.data.port = key.data.port, None
+                        self._thread(functools.partial(self._look_for, key.data, gone)).start()
+                self._heard[number] = looked
+                while self._found:
+                    line, port = self._found.popleft()
+                    self._take_back(line, port)
+                    selector.register(line.fileno(), selectors.EVENT_READ, line)
+                    is_new = True
+                for line in lines:
+                    self._count(line)
+                reads += len(ready)
+                began = time.monotonic_ns()
+                if began - window > WINDOW_NS:
+                    window, reads, breathes = began, 0, reads >= BUSY
+                if breathes:
+                    time.sleep(BREATH_NS / NS)
+        for line in lines:
+            self._read_rest(line)
+
+    def _look_for(self, line: _Line, gone: Port) -> None:
+        """Close a port that went away, open it as soon as it is back, hand it to its reader."""
+        _close(gone)
+        while (port := _opened(line)) is None:
+            if self._stop.wait(RETRY_S):
+                return
+        with self._stopping:
+            if self._stop.is_set():
+                port.close()
+                return
+            self._found.append((line, port))
+            os.write(self._wakes, b".")
+
+    def _read_rest(self, line: _Line) -> None:
+        """Read what came before the end and was not read, but not what comes for ever."""
+        until = time.monotonic() + REST_S
+        while line.port is not None and time.monotonic() < until and self._read(line):
+            pass
+
+    def _read(
+        self,
+        line: _Line,
+        held_ns: int = 0,
+        came: int | None = None,
+        account: Account | None = None,
+    ) -> bytes | None:
+        """Read what is there; return None when the port is no longer there.
+
+        ``held_ns`` is how long it may have waited until ``came``; ``account`` tells how long the
+        thread waits while it reads.
+        """
+        port = line.port
+        assert port is not None
+        data, is_gone = b"", False
+        passes = HELD_PASSES if held_ns else 0
+        try:
+            more = data = port.read()
+            while more and port.pollable and len(data) < JOINED_MAX:
+                if len(more) < FULL and not passes:
+                    break
+                passes = max(passes - 1, 0)
+                more = port.read()
+                data += more
+        except PortLostError:
+            is_gone = True
+        now = self._anchor.now()
+        if data:
+            late = now - came if came is not None else account.since() if account else 0
+            held_ns = held_ns + late if held_ns or late > LATE_NS else 0
+            self._events.append(Read(line.number, now, data, held_ns))
+        if is_gone:
+            self._events.append(Lost(line.number, self._anchor.now()))
+            return None
+        return data
+
+    def _take_back(self, line: _Line, port: Port) -> None:
+        line.port, line.counters = port, port.counters()
+        self._events.append(Back(line.number, self._anchor.now(), port))
+
+    def _count(self, line: _Line) -> None:
+        """Read the driver's counters once a second; tell when they have risen."""
+        now = time.monotonic()
+        if line.port is None or now < line.count_at:
+            return
+        line.count_at = now + COUNTERS_S
+        counters = line.port.counters()
+        before, line.counters = line.counters, counters
+        if counters is not None and before is not None and counters != before:
+            self._events.append(Counted(line.number, self._anchor.now(), counters, before))
+
+
+class _Line:
+    """A port as the reader sees it; ``port`` is None while it is away."""
+
+    def __init__(self, number: int, port: Port, options: PortOptions) -> None:
+        self.number = number
+        self.port: Port | None = port
+        self.path = port.path
+        self.pollable = port.pollable
+        self.options = options
+        self.counters = port.counters()
+        self.count_at = time.monotonic() + COUNTERS_S
+
+    def fileno(self) -> int:
+        assert self.port is not None
+        return self.port.fileno()
+
+    def close(self) -> None:
+        if self.port is not None:
+            _close(self.port)
+            self.port = None
+
+
+def _held_ns(before: int, looked: int, came: int) -> int:
+    """Return how long bytes may have waited to be read.
+
+    Nobody looked from ``before``, when the last round saw what there was, until ``looked``; from
+    then on the kernel was waited for, until ``came``.
+    """
+    waited = came - looked
+    if waited > LOOK_S * NS + LATE_NS:
+        return came - before  # it should have come back sooner: the whole program stood still
+    if waited > WOKEN_NS or came - before <= LATE_NS:
+        return 0  # nothing was there when it was asked, and it came as soon as something was
+    return came - before
+
+
+def _opened(line: _Line) -> Port | None:
+    """Open a port that was away; None: it still is, or somebody else has it."""
+    if line.path.startswith(NUMBERED):
+        return None
+    try:
+        return open_port(line.path, line.options)
+    except (SnifferError, OSError):  # it may go away again in the midst of it
+        return None
+
+
+def _close(port: Port) -> None:
+    with contextlib.suppress(OSError, PortLostError):
+        port.close()

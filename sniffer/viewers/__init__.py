@@ -1,0 +1,1 @@
+"""What people look at while, or after, a bus is recorded."""

@@ -1,0 +1,1 @@
+"""The board: what every servo says now, on a terminal."""

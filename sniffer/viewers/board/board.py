@@ -1,0 +1,123 @@
+"""The live board: what is on every bus now, within the height and the width of a terminal.
+
+A line is a list of cells, texts with the name of a style: rich is handed segments and lays nothing
+out, so a picture takes a few milliseconds.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from rich.segment import Segment
+from rich.style import Style
+
+from sniffer.ground.model import NS
+from sniffer.viewers.board.cells import Rows
+from sniffer.viewers.board.picture import Picture
+from sniffer.viewers.board.state import LOAD_NS, BusTally, Sliding, Troubles, stamps
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import Console, ConsoleOptions, RenderResult
+
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.tap.status import BusStatus, Status
+    from sniffer.viewers.board.picture import Line
+
+STYLES: Final = {
+    "": Style.null(),
+    "dim": Style(dim=True),
+    "id": Style(bold=True),
+    "title": Style(dim=True, underline=True),
+    "bus": Style(bold=True),
+    "good": Style(color="green"),
+    "doubt": Style(color="yellow"),
+    "bad": Style(color="red"),
+    "alarm": Style(color="red", bold=True),
+    "dim alarm": Style(color="red", dim=True),
+    "error": Style(color="red"),
+    "warn": Style(color="yellow"),
+    "note": Style(color="cyan"),
+}
+"""Green is in order, yellow is doubtful or long past, red is wrong now; dim is old or nothing."""
+
+BITS: Final = 10
+"""Bits of a byte on the line: start, eight, stop."""
+
+
+class Lines:
+    """Lines of cells for rich: cut at a width, never wrapped."""
+
+    def __init__(self, lines: Sequence[Line], width: int) -> None:
+        self.lines = lines
+        self._width = width
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for line in self.lines:
+            cells = [Segment(text, STYLES[style]) for text, style in line]
+            yield from Segment.adjust_line_length(cells, self._width, pad=False)
+            yield Segment.line()
+
+
+class Board:
+    """A sink that remembers what is now, and shows it when it is asked to.
+
+    Not to be called from two threads. ``left_out`` is how many frames whoever calls it did not hand
+    on; the bytes left out are known from the batches themselves.
+    """
+
+    def __init__(self) -> None:
+        self.buses: dict[str, BusTally] = {}
+        self.troubles = Troubles()
+        self.left_out = 0
+        self.newest_ns = 0
+        self._bytes: dict[str, Sliding] = {}
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Count bytes for the load of the bus."""
+        t_ns, lengths = stamps(chunks)
+        if len(t_ns):
+            if bus not in self._bytes:
+                self._bytes[bus] = Sliding(NS // 10, LOAD_NS)
+            self._bytes[bus].add(t_ns, 0, lengths)
+            self.newest_ns = max(self.newest_ns, int(t_ns[-1]))
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Remember what one pass decided."""
+        tally = self.buses.get(bus)
+        if tally is None or tally.protocol is not protocol:
+            tally = self.buses[bus] = BusTally(protocol)
+        tally.add(batch)
+        self.troubles.add(bus, batch.anomalies)
+        if len(batch.frames):
+            self.newest_ns = max(self.newest_ns, int(batch.frames.t_end[-1]))
+
+    def close(self) -> None:
+        """Do nothing: what was is still shown."""
+
+    def end_ns(self, status: Status) -> int:
+        """Return until when the bytes have come here: what is on its way is not silence."""
+        return max(min(self.newest_ns, status.now_ns), status.now_ns - NS)
+
+    def load(self, bus: BusStatus, end_ns: int) -> float:
+        """Return how much of its time a line was busy lately, in percent.
+
+        More than 100 % is no load: bytes of a longer time came at once (a pseudo-terminal, a reader
+        that was held up), or the line is faster than the rate says.
+        """
+        heard = self._bytes.get(bus.bus)
+        if heard is None or bus.state != "listening" or not bus.baud:
+            return 0.0
+        sums, seconds = heard.until(end_ns)
+        return 100 * BITS * int(sums[0]) / bus.baud / seconds
+
+    def rows(self, bus: str, status: Status) -> Rows | None:
+        """Return the servos of a bus as cells; None before anything is decoded."""
+        tally = self.buses.get(bus)
+        return None if tally is None else Rows(tally, status.now_ns, self.end_ns(status))
+
+    def render(self, status: Status, width: int, height: int) -> Lines:
+        """Return the picture: at most ``height`` lines of at most ``width`` cells."""
+        return Lines(Picture(self, status, width, height).lines(), width)

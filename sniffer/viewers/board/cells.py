@@ -1,0 +1,202 @@
+"""What stands in the cells of the live board: numbers with units, in widths that do not change."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from rich.cells import cell_len, set_cell_size
+
+from sniffer.ground.model import NS
+from sniffer.ground.wording import plain
+from sniffer.viewers.board.state import QUANTITIES, RECENT_NS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.decoding.summary import Bounds
+    from sniffer.ground.registers import Register
+    from sniffer.viewers.board.state import BusTally
+
+Cell = tuple[str, str]
+"""A text that cannot steer the terminal, and a style of the board by name."""
+
+STALE_NS: Final = 2 * NS
+"""A value older than this is dimmed."""
+
+DECIMALS: Final = {"position": 2, "goal_position": 2, "load": 1, "voltage": 1}
+"""Most decimals that a quantity is shown with."""
+
+UNITS: Final = {"degC": " °C", "deg": "°", "us": " µs"}
+"""Units in a shorter form, with the blank before them where there is one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of the table of servos.
+
+    ``widths`` are those on a narrow and on a wide terminal, 0 where it is left out. ``drop`` says
+    which columns go first where even the narrow ones have no room, 0 for never.
+    """
+
+    key: str
+    titles: tuple[str, str]
+    widths: tuple[int, int]
+    drop: int = 0
+
+
+COLUMNS: Final = (
+    Column("id", ("id", "id"), (3, 3)),
+    Column("goal_position", ("goal", "goal"), (8, 10), 5),
+    Column("position", ("position", "position"), (8, 10)),
+    Column("load", ("load", "load"), (7, 9), 4),
+    Column("voltage", ("supply", "supply"), (6, 8), 3),
+    Column("temperature", ("temp", "temp"), (5, 7), 2),
+    Column("rate", ("/s", "answers/s"), (4, 9), 6),
+    Column("p50", ("p50 ms", "reply p50 ms"), (6, 13), 7),
+    Column("p99", ("p99 ms", "p99 ms"), (6, 7), 1),
+    Column("missing", ("missing", "missing"), (9, 12), 8),
+    Column("damaged", ("", "damaged"), (0, 7)),
+)
+"""All but the last one, the alarms, which has what is left."""
+
+ALARMS: Final = 8
+"""The least room for alarms: the longest name of one that is frequent, "overload"."""
+
+WIDE: Final = 120
+"""From this width on the columns are wide."""
+
+
+def fitted(text: str, width: int, *, right: bool = False) -> str:
+    """Cut or pad to a width in cells of the terminal; what was cut ends in an ellipsis."""
+    length = cell_len(text)
+    if length > width:
+        return set_cell_size(text, width - 1) + "…" if width > 0 else ""
+    pad = " " * (width - length)
+    return pad + text if right else text + pad
+
+
+def decimals(register: Register) -> int:
+    """Return how many decimals a register's resolution is worth."""
+    if not register.unit:
+        return 0
+    scales = [register.scale, *(register.scale_by[1].values() if register.scale_by else ())]
+    step = min(abs(scale) for scale in scales if scale)
+    most = DECIMALS.get(register.quantity, 0)
+    return min(max(math.ceil(-math.log10(step) - 1e-9), 0), most)
+
+
+def told_value(register: Register, raw: int, value: float) -> str:
+    """Return a value with its unit, always with as many decimals; or the name of a special one."""
+    names = register.names(raw)
+    if names is not None:
+        return plain(",".join(names) or "none" if isinstance(names, list) else names)
+    if value != value:  # NaN: nothing in units
+        return f"raw {raw}"
+    unit = register.unit
+    return f"{value:.{decimals(register)}f}{UNITS.get(unit, f' {unit}' if unit else '')}"
+
+
+def milliseconds(bounds: Bounds | None) -> str:
+    """Return a reply time; where the stamps carry no figure, what it is below."""
+    if bounds is None:
+        return "-"
+    ms = (bounds.high if bounds.point is None else bounds.point) / 1e6
+    digits = 2 if ms < 9.995 else 1 if ms < 99.95 else 0
+    return f"{'<' if bounds.point is None else ''}{ms:.{digits}f}"
+
+
+def share(count: int, of: int) -> str:
+    """Return a share in percent; what happened is never 0 %, what failed to is never 100 %."""
+    if not count or not of:
+        return ""
+    percent = 100 * count / of
+    if percent < 1:
+        return "<1%"
+    return f"{min(percent, 99) if count < of else 100:.0f}%"
+
+
+def size(count: int) -> str:
+    """Return a number of bytes in a unit that leaves it at most four digits."""
+    value, unit = float(count), "B"
+    for larger in ("kB", "MB", "GB", "TB"):
+        if value < 1000:
+            break
+        value, unit = value / 1000, larger
+    return f"{count} B" if unit == "B" else f"{value:.1f} {unit}"
+
+
+def clock(seconds: float) -> str:
+    """Return a duration as hours, minutes and seconds."""
+    whole = int(seconds)
+    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+
+
+class Rows:
+    """The servos of one bus as cells, computed for one moment."""
+
+    def __init__(self, tally: BusTally, now_ns: int, end_ns: int) -> None:
+        self._tally = tally
+        self._now_ns = now_ns
+        sums, seconds = tally.answers.until(end_ns)
+        self._rates = sums / seconds
+        self._p50, self._p99 = tally.times(end_ns)
+        self._alarmed = tally.alarmed()
+        trouble = tally.servos.trouble_ns
+        self._recent = (trouble > 0) & (now_ns - trouble < RECENT_NS)
+        self.order = np.argsort(tally.servos.servo_id).tolist()
+        """Rows by id."""
+
+    def __len__(self) -> int:
+        return len(self.order)
+
+    def troubled(self, row: int) -> bool:
+        """Tell whether a servo has an alarm on or had trouble in the last moments."""
+        return bool(self._alarmed[row] or self._recent[row])
+
+    def heard(self, row: int) -> bool:
+        """Tell whether a servo has answered lately."""
+        return self._now_ns - int(self._tally.servos.heard_ns[row]) < RECENT_NS
+
+    def cells(self, row: int, keys: Sequence[str]) -> list[Cell]:
+        """Return the cells of a servo, the alarms last."""
+        return [self._cell(row, key) for key in keys] + [self._alarms(row)]
+
+    def _cell(self, row: int, key: str) -> Cell:
+        s = self._tally.servos
+        if key == "id":
+            style = "alarm" if self._alarmed[row] else "doubt" if self._recent[row] else "id"
+            return str(int(s.servo_id[row])), style
+        if key == "rate":
+            rate = float(self._rates[row])
+            return f"{rate:.1f}" if rate < 99.95 else f"{rate:.0f}", "" if rate else "dim"
+        if key in ("p50", "p99"):
+            bounds = (self._p50 if key == "p50" else self._p99)[row]
+            return milliseconds(bounds), "dim" if bounds is None else ""
+        if key in ("missing", "damaged"):
+            count = int((s.missing if key == "missing" else s.damaged)[row])
+            style = "dim" if not count else "bad" if self._recent[row] else "doubt"
+            if key == "damaged":
+                return str(count), style
+            return f"{count} {share(count, int(s.asked[row])):>4}", style
+        return self._value(row, key)
+
+    def _value(self, row: int, key: str) -> Cell:
+        t = self._tally
+        k = QUANTITIES.index(key)
+        if key == "load" and t.seen_ns[row, k] < 0:
+            k = QUANTITIES.index("current")
+        seen = int(t.seen_ns[row, k])
+        if seen < 0:
+            return "-", "dim"
+        register = t.protocol.registers[int(t.register[row, k])]
+        text = told_value(register, int(t.raw[row, k]), float(t.value[row, k]))
+        return text, "dim" if self._now_ns - seen > STALE_NS else ""
+
+    def _alarms(self, row: int) -> Cell:
+        if not self._alarmed[row]:
+            return "", ""
+        stale = self._now_ns - int(self._tally.servos.heard_ns[row]) > STALE_NS
+        return plain(", ".join(self._tally.alarms(row))), "dim alarm" if stale else "alarm"

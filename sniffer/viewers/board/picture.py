@@ -1,0 +1,320 @@
+"""One picture of the live board: what of it fits a width and a height, line by line.
+
+A line is a list of cells, texts with the name of a style.
+"""
+
+from __future__ import annotations
+
+import datetime
+from typing import TYPE_CHECKING, Final
+
+from rich.cells import cell_len
+
+from sniffer.ground.model import NS, Severity
+from sniffer.ground.wording import plain
+from sniffer.sinks.report import counted
+from sniffer.viewers.board.cells import (
+    ALARMS,
+    COLUMNS,
+    WIDE,
+    Cell,
+    clock,
+    fitted,
+    size,
+)
+from sniffer.viewers.board.state import RECENT_NS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.tap.status import BusStatus, Status
+    from sniffer.viewers.board.board import Board
+    from sniffer.viewers.board.cells import Column
+    from sniffer.viewers.board.state import Trouble
+
+Line = list[Cell]
+
+STATES: Final = {"listening": "good", "silent": "doubt", "away": "alarm"}
+
+CROWDED: Final = 70
+"""Percent of its time that a line may be busy before it is worth a look; at 90 it is too much."""
+
+BEHIND: Final = 1 << 16
+"""Bytes that wait to be decoded from which on it is worth a look."""
+
+SPARE: Final = 8
+"""Lines that must be left over for two of them to stay blank."""
+
+LEVELS: Final = ((Severity.ERROR, "error"), (Severity.WARN, "warning"), (Severity.NOTE, "note"))
+
+
+class Picture:
+    """Decides what fits, and writes it down.
+
+    Args:
+        board: what is remembered.
+        status: the recording at the moment of the picture.
+        width: of the terminal, in cells.
+        height: how many lines there may be.
+        hint: the end of the last line.
+    """
+
+    def __init__(
+        self, board: Board, status: Status, width: int, height: int, hint: str = "Ctrl-C stops"
+    ) -> None:
+        self._board = board
+        self._status = status
+        self._width = width
+        self._height = height
+        self._hint = hint
+        self._wide = width >= WIDE
+        self._columns = columns(width)
+        self._rows = [board.rows(bus.bus, status) for bus in status.buses]
+        end_ns = board.end_ns(status)
+        self._loads = [board.load(bus, end_ns) for bus in status.buses]
+        self._names = [fitted(plain(b.bus), min(len(plain(b.bus)), 12)) for b in status.buses]
+        self._name = max(map(len, self._names), default=0)
+        spoken = max((len(b.protocol) for b in status.buses if b.protocol), default=0)
+        self._tails = [_tail(bus, spoken) for bus in status.buses]
+        self._tail = max((_length(tail) for tail in self._tails), default=0)
+
+    def lines(self) -> list[Line]:
+        """Return the lines, the most important ones where not all fit."""
+        buses = range(len(self._rows))
+        servos = [(nth, row) for nth in buses if (r := self._rows[nth]) for row in r.order]
+        wanted = min(len(self._board.troubles), 3)
+        room = self._height - 3  # titles, the head of the anomalies, the footer
+        heads = 2
+        if 2 * len(buses) + len(servos) + wanted > room:
+            heads = 1
+        if heads * len(buses) + len(servos) + wanted <= room:
+            body = self._table(buses, servos, heads)
+        else:
+            body = self._cut(room - wanted, servos)
+        left = max(room - len(body), 0)
+        blank: list[Line] = [[]] if left >= SPARE else []
+        told = self._anomalies(left - 2 * len(blank))
+        out = [self._titles(), *body, *blank, self._levels(), *told, *blank]
+        return [*out[: self._height - 1], self._footer()] if self._height > 0 else []
+
+    def _cut(self, room: int, servos: list[tuple[int, int]]) -> list[Line]:
+        """Return a table of so many lines, the last of which says what is not in it."""
+        buses = sorted(range(len(self._rows)), key=lambda nth: not self._is_trouble(nth))
+        buses = sorted(buses[: max(room - 1, 0)])
+        ranked: list[tuple[bool, bool, int, int, int]] = []
+        rank: dict[tuple[int, bool, bool], int] = {}
+        for nth, row in servos:
+            rows = self._rows[nth]
+            if nth in buses and rows is not None:
+                worth = not rows.troubled(row), not rows.heard(row)
+                place = rank[nth, *worth] = rank.get((nth, *worth), 0) + 1
+                ranked.append((*worth, place, nth, row))
+        kept = {e[-2:] for e in sorted(ranked)[: max(room - 1 - len(buses), 0)]}
+        body = self._table(buses, [e for e in servos if e in kept], 1)
+        gone = [e for e in servos if e not in kept]
+        told = [counted(len(gone), "more servo")] if gone else []
+        if len(buses) < len(self._rows):
+            told.append(f"{len(self._rows) - len(buses)} more buses")
+        bad = sum(1 for nth, row in gone if (r := self._rows[nth]) and r.troubled(row))
+        text = f"... and {', '.join(told)}"
+        more: Line = [(text, "dim")]
+        if bad:
+            more.append((f", {bad} of them in trouble", "bad"))
+        return [*body, more][: max(room, 0)]
+
+    def _is_trouble(self, nth: int) -> bool:
+        bus, rows = self._status.buses[nth], self._rows[nth]
+        ill = bus.state != "listening" or bus.lost > 0 or bool(bus.line_errors)
+        return ill or (rows is not None and any(map(rows.troubled, rows.order)))
+
+    def _table(self, buses: Sequence[int], servos: list[tuple[int, int]], heads: int) -> list[Line]:
+        keys = [column.key for column in self._columns]
+        out: list[Line] = []
+        for nth in buses:
+            out += self._head(nth) if heads == 2 else [self._short_head(nth)]
+            rows = self._rows[nth]
+            if rows is not None:
+                for which, row in servos:
+                    if which == nth:
+                        out.append(self._line(rows.cells(row, keys)))
+        return out
+
+    def _line(self, cells: list[Cell]) -> Line:
+        out: Line = []
+        for (text, style), column in zip(cells, self._columns, strict=False):
+            out += [(fitted(text, self._width_of(column), right=True), style), (" ", "")]
+        text, style = cells[-1]
+        room = self._width - sum(self._width_of(c) + 1 for c in self._columns)
+        return [*out, (fitted(text, room).rstrip(), style)] if room > 0 else out
+
+    def _width_of(self, column: Column) -> int:
+        return column.widths[self._wide]
+
+    def _titles(self) -> Line:
+        titles = [
+            fitted(c.titles[self._wide], self._width_of(c), right=True) for c in self._columns
+        ]
+        return [(fitted(" ".join([*titles, "alarms"]), self._width), "title")]
+
+    def _head(self, nth: int) -> list[Line]:
+        """Return two lines: who it is and how it goes; where its bytes are."""
+        bus = self._status.buses[nth]
+        told = max(len(str(b.baud)) for b in self._status.buses)
+        speed = f"{bus.baud:>{told}} baud"
+        taken = self._name + 2 + len(speed) + 2 + len("load 100 %") + 2 + self._tail
+        ports = max(len(plain(b.port)) for b in self._status.buses)
+        room = max(min(ports, self._width - taken - 2), 8)
+        first: Line = [
+            (f"{self._names[nth]:{self._name}}  ", "bus"),
+            (_port(bus.port, room) + "  ", ""),
+            (speed + "  ", ""),
+            *self._load(nth, "load "),
+            *self._tails[nth],
+        ]
+        second: Line = [("  ", ""), *self._bytes(nth)]
+        second += [(f", lost {bus.lost}", "bad" if bus.lost else "dim")]
+        errors = "unknown" if bus.line_errors is None else str(bus.line_errors)
+        text = f", line errors {errors}"
+        if _length(second) + len(text) > self._width:
+            text = f", errors {errors}"
+        return [first, [*second, (text, "bad" if bus.line_errors else "dim")]]
+
+    def _short_head(self, nth: int) -> Line:
+        """Return one line: what is least of all known otherwise comes last and may be cut."""
+        bus = self._status.buses[nth]
+        told = max(len(str(b.baud)) for b in self._status.buses)
+        ports = max(len(plain(b.port).rpartition("/")[2]) for b in self._status.buses)
+        out: Line = [
+            (f"{self._names[nth]:{self._name}}  ", "bus"),
+            (_port(bus.port.rpartition("/")[2], min(ports, 32 if self._wide else 10)) + "  ", ""),
+            (f"{bus.baud:>{told}}  ", ""),
+            *self._load(nth, ""),
+            *self._tails[nth],
+            (" " * (self._tail - _length(self._tails[nth]) + 2), ""),
+        ]
+        for word, count in (("lost", bus.lost), ("errors", bus.line_errors)):
+            if count:
+                out.append((f"{word} {count}  ", "bad"))
+        if self._wide:
+            return [*out, *self._bytes(nth)]
+        tally = self._board.buses.get(bus.bus)
+        if tally is None:
+            return [*out, (f"{size(bus.bytes):>8} read", "dim")]
+        return [
+            *out,
+            (f"{size(tally.end):>8} ", ""),
+            (f"{size(tally.in_gaps)} in gaps", "doubt" if tally.in_gaps else "dim"),
+        ]
+
+    def _load(self, nth: int, word: str) -> Line:
+        load = self._loads[nth]
+        style = "bad" if load >= 90 else "doubt" if load >= CROWDED else ""
+        told = f"{load:3.0f} %" if round(load) <= 100 else ">100%"
+        return [(f"{word}{told}  ", style)]
+
+    def _bytes(self, nth: int) -> Line:
+        """Say where the bytes of a bus are: each is in a frame, in a gap, or was left out."""
+        bus = self._status.buses[nth]
+        tally = self._board.buses.get(bus.bus)
+        if tally is None:
+            return [(f"{counted(bus.bytes, 'byte')} read, none decoded yet", "dim")]
+        out: Line = [
+            (f"{counted(tally.end, 'byte')} = {tally.in_frames} in frames + ", ""),
+            (f"{tally.in_gaps} in gaps", "doubt" if tally.in_gaps else ""),
+        ]
+        if tally.left_out:
+            out.append((f" + {tally.left_out} left out", "bad"))
+        return out
+
+    def _levels(self) -> Line:
+        found = self._board.troubles.severities
+        if not found:
+            out: Line = [("no anomalies", "dim")]
+        else:
+            out = [("anomalies", "bus")]
+            for level, noun in LEVELS:
+                style = level.name.lower() if found[level] else "dim"
+                out.append((f"  {counted(found[level], noun)}", style))
+        hint = "reply times: last 10 s"
+        room = self._width - _length(out) - len(hint)
+        return [*out, (" " * room + hint, "dim")] if room > 1 else out
+
+    def _anomalies(self, room: int) -> list[Line]:
+        return [self._anomaly(e) for e in self._board.troubles.latest(room)]
+
+    def _anomaly(self, trouble: Trouble) -> Line:
+        a = trouble.last
+        moment = datetime.datetime.fromtimestamp(a.t_ns // NS, datetime.UTC)
+        level = a.severity.name.lower()
+        now = self._status.now_ns - a.t_ns < RECENT_NS
+        who = "" if a.servo_id is None else str(a.servo_id)
+        times = f"×{trouble.count}" if trouble.count > 1 else ""
+        out: Line = [
+            (f"{who:>3}  ", "id" if now else "dim"),
+            (f"{moment:%H:%M:%S}.{a.t_ns % NS // 1_000_000:03d}  ", "" if now else "dim"),
+            (f"{level:5}  ", level),
+        ]
+        if len(self._names) > 1:
+            out.append((fitted(plain(trouble.bus), self._name) + "  ", "bus"))
+        if self._wide:
+            out.append((fitted(a.code, 20) + "  ", level))
+        out.append((f"{times:>6}  ", "" if now else "dim"))
+        return [
+            *out,
+            (fitted(plain(a.detail), self._width - _length(out)).rstrip(), "" if now else "dim"),
+        ]
+
+    def _footer(self) -> Line:
+        """Return the last line; two cells stay free, for the terminal's echo of Ctrl-C."""
+        s = self._status
+        late = s.waiting > BEHIND
+        tail: Line = [
+            (f"  {size(s.size):>8}" if s.file else "", ""),
+            (f"  {counted(s.waiting, 'byte')} waiting", "doubt" if late else "dim"),
+        ]
+        if self._board.left_out:
+            tail.append((f"  {counted(self._board.left_out, 'frame')} not shown", "doubt"))
+        tail.append((f"  {self._hint}" if self._hint else "", "dim"))
+        time = f"{clock(s.elapsed_s)}  "
+        name = plain(s.file) or "not recorded"
+        room = self._width - 2 - len(time) - _length(tail)
+        return _shortened([(time, "bus"), (_port(name, max(room, 0)), ""), *tail], self._width - 2)
+
+
+def columns(width: int) -> list[Column]:
+    """Return the columns that a terminal of that width has room for."""
+    wide = width >= WIDE
+    kept = [c for c in COLUMNS if c.widths[wide]]
+    for rank in range(1, max(c.drop for c in COLUMNS) + 1):
+        if sum(c.widths[wide] + 1 for c in kept) + ALARMS <= width:
+            break
+        kept = [c for c in kept if c.drop != rank]
+    return kept
+
+
+def _tail(bus: BusStatus, room: int) -> Line:
+    """Say what a bus speaks, in so many cells, and what state it is in."""
+    state = plain(bus.state), STATES.get(bus.state, "")
+    if bus.protocol is not None:
+        return [(f"{plain(bus.protocol):{room}}  ", ""), state]
+    if bus.state == "listening":
+        return [("listening for the protocol", "doubt")]
+    return [state, (", protocol not known yet", "dim")]
+
+
+def _length(line: Line) -> int:
+    return sum(cell_len(text) for text, _ in line)
+
+
+def _port(port: str, width: int) -> str:
+    """Return a path in its place: where it is too long, its end says more than its beginning."""
+    text = plain(port)
+    return fitted("…" + text[len(text) - width + 1 :] if len(text) > width > 0 else text, width)
+
+
+def _shortened(line: Line, width: int) -> Line:
+    out: Line = []
+    for text, style in line:
+        out.append((text[: max(width, 0)], style))
+        width -= len(text)
+    return out

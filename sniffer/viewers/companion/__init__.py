@@ -1,0 +1,1 @@
+"""The process beside a recording that shows it live."""

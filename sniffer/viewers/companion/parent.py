@@ -1,0 +1,296 @@
+"""A recording shown in Rerun while it is made, by a process of its own that may be slow or hang.
+
+``LiveView`` is the recorder's end: it never waits. It sends the raw bytes through a pipe to
+``child.py`` beside this file, which decodes and shows them; where the pipe is full, groups of
+chunks are left out and counted, and the other end begins afresh behind the hole.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from sniffer.ground.model import OutputError
+from sniffer.viewers import viewer
+from sniffer.viewers.companion.parcels import (
+    CONNECT,
+    DONE,
+    GONE,
+    READY,
+    SAY,
+    WEB,
+    WINDOW,
+    Setup,
+    packed,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from sniffer.decoding.pipeline import Options
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
+
+GROUP_S: Final = 0.1
+"""Chunks of so long go out together, in seconds: a parcel and a decoder pass cost about the same
+for one chunk as for all of them, and eyes see no more."""
+
+GROUP_BYTES: Final = 1 << 16
+"""Where more comes in that time, it goes out sooner."""
+
+PIPE_BYTES: Final = 1 << 20
+"""What the pipe is to hold; Linux lets everybody have this much."""
+
+BACKLOG_BYTES: Final = 4 << 20
+"""What is kept here while the pipe is full. The other end needs about two seconds to start, in
+which eight buses at 1 Mbit/s say 1.5 MB."""
+
+CLOSE_S: Final = 1.0
+"""The longest that closing may take."""
+
+
+class LiveView:
+    """A sink that shows raw chunks live, and does not hold up whoever feeds it.
+
+    ``close`` leaves a window open to be looked at: it belongs to the other process, which ends with
+    it. In the other modes that process ends with the recording, or soon after where it was about to
+    start, or is killed where it hangs.
+
+    Args:
+        mode: ``window``, ``web`` (a server for browsers of this machine), or ``connect``.
+        options: how to decode.
+        name: of the recording.
+        url: of the viewer to connect to.
+        window_s: how much of the past is shown.
+        say: is told in one line what the people at the recorder should know.
+        arguments: for the viewer's program.
+
+    Raises:
+        OutputError: it cannot be shown that way; what else to do is in the message.
+    """
+
+    def __init__(
+        self,
+        mode: str,
+        *,
+        options: Options,
+        name: str,
+        url: str | None = None,
+        window_s: float = 20.0,
+        say: Callable[[str], None],
+        arguments: Sequence[str] = (),
+    ) -> None:
+        address = _checked(mode, url)
+        self.mode = mode
+        self.dropped_bytes = 0
+        self.dropped_chunks = 0
+        self._say = say
+        self._is_alive = True
+        self._is_ready = self._is_done = False
+        self._has_sent = False
+        self._groups: dict[str, list[Chunk]] = {}
+        self._size = 0
+        self._sent_s = time.monotonic()
+        self._missing: dict[str, int] = {}
+        setup = Setup(mode, name, options, window_s, address, tuple(arguments))
+        self._backlog = bytearray(setup.packed())
+        self._heard = b""
+        self._process = _start()
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._pipe, self._told = self._process.stdin, self._process.stdout
+        _enlarge(self._pipe.fileno())
+        for end in (self._pipe, self._told):
+            os.set_blocking(end.fileno(), False)
+        self._pump()
+
+    @property
+    def alive(self) -> bool:
+        """Tell whether somebody still takes what is shown."""
+        return self._is_alive
+
+    @property
+    def pid(self) -> int:
+        """The other process; it leads the group that the viewer belongs to."""
+        return self._process.pid
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take chunks; they go out with all others of a tenth of a second."""
+        if not self._is_alive or not chunks:
+            return
+        self._groups.setdefault(bus, []).extend(chunks)
+        self._size += sum([len(c.data) for c in chunks])
+        if self._size >= GROUP_BYTES or time.monotonic() - self._sent_s >= GROUP_S:
+            self._send()
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Take what was decided; the other process decides for itself."""
+
+    def idle(self, now_ns: int) -> None:
+        """Send what waits, and how late it is, also where nothing is said on the buses.
+
+        ``now_ns`` is on the clock of the chunks.
+        """
+        if self._is_alive and time.monotonic() - self._sent_s >= GROUP_S:
+            self._send(0 if self._backlog else now_ns)
+
+    def close(self) -> None:
+        """Send what is left; leave an open window to itself, and kill what hangs."""
+        deadline = time.monotonic() + CLOSE_S
+        if self._is_alive:
+            self._send()
+        had_begun = self._is_ready
+        while self._is_alive and self._backlog and _wait(deadline, writable=self._pipe.fileno()):
+            self._pump()
+        self._pipe.close()
+        shown = self._has_sent and not self._backlog
+        while self._is_alive and shown and not self._stays_open():
+            if not _wait(deadline, readable=self._told.fileno()):
+                break
+            self._listen()
+        self._told.close()
+        if self._is_alive and shown and (self.mode == WINDOW or not had_begun):
+            if self.mode == WINDOW:
+                self._say("the Rerun window stays open until it is closed")
+            self._process.returncode = 0  # it is left on purpose: Popen need not warn of it
+        else:
+            self._kill()
+            self._process.wait()
+        self._is_alive = False
+
+    def _send(self, now_ns: int = 0) -> None:
+        """Put what waits into parcels; where there is no room, leave it out."""
+        self._sent_s, self._size = time.monotonic(), 0
+        groups, self._groups = self._groups, {}
+        self._pump()
+        for bus, chunks in groups.items():
+            if len(self._backlog) > BACKLOG_BYTES:
+                size = sum([len(c.data) for c in chunks])
+                self._missing[bus] = self._missing.get(bus, 0) + size
+                self.dropped_bytes += size
+                self.dropped_chunks += len(chunks)
+            else:
+                self._backlog += packed(bus, chunks, self._missing.pop(bus, 0))
+                self._has_sent = True
+        if now_ns:
+            self._backlog += packed("", (), now_ns=now_ns)
+        self._pump()
+        self._listen()
+
+    def _pump(self) -> None:
+        """Put into the pipe what it has room for."""
+        while self._is_alive and self._backlog:
+            try:
+                written = os.write(self._pipe.fileno(), self._backlog)
+            except BlockingIOError:
+                return
+            except BrokenPipeError:
+                self._listen()  # why, it may have said
+                self._end("the process that shows it in Rerun has stopped")
+                return
+            del self._backlog[:written]
+
+    def _listen(self) -> None:
+        """Hear what the other process tells."""
+        while self._is_alive:
+            try:
+                heard = os.read(self._told.fileno(), 1 << 12)
+            except BlockingIOError:
+                return
+            if not heard:
+                self._end("the process that shows it in Rerun has stopped")
+                return
+            *lines, self._heard = (self._heard + heard).split(b"\n")
+            for line in lines:
+                self._take(*line.decode(errors="replace").split(" ", 1))
+
+    def _take(self, what: str, text: str) -> None:
+        if what == SAY:
+            self._say(text)
+        elif what == GONE:
+            self._end(text)
+        elif what == READY:
+            self._is_ready = True
+        elif what == DONE:
+            self._is_done = True
+
+    def _end(self, why: str) -> None:
+        """Give up showing; the recording goes on."""
+        if not self._is_alive:
+            return
+        self._is_alive = False
+        self._backlog.clear()
+        self._groups.clear()
+        self._kill()
+        if not self._is_done and not self._pipe.closed:
+            self._say(f"{why}; the recording goes on")
+
+    def _stays_open(self) -> bool:
+        return self._is_done and self.mode == WINDOW
+
+    def _kill(self) -> None:
+        """Kill whatever is left of the other process and its viewer."""
+        if sys.platform != "win32":
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+
+
+def _checked(mode: str, url: str | None) -> str:
+    """Return the address to connect to, empty where the viewer is to be started."""
+    if mode not in (WINDOW, WEB, CONNECT):
+        raise ValueError(f"no mode {mode!r}")
+    if sys.platform == "win32":
+        raise OutputError(
+            "a recording cannot be shown in Rerun while it is made on Windows: record it, and open "
+            "it with `sniffer view FILE`"
+        )
+    if mode == CONNECT:
+        return viewer.data_address(url or "")[0]
+    if mode == WINDOW and not viewer.has_display():
+        raise OutputError(
+            "there is no display for the Rerun viewer: let a browser show it with --rerun-web, or "
+            "a viewer elsewhere with --rerun-connect URL"
+        )
+    viewer.executable()
+    return ""
+
+
+def _start() -> subprocess.Popen[bytes]:
+    """Start the other process where no Ctrl-C of the terminal reaches it."""
+    # Its modules are found where ours were, whatever lies in the folder it is started in.
+    path = os.pathsep.join(str(Path(place).absolute()) for place in sys.path)
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", "sniffer.viewers.companion.child"],
+        bufsize=0,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=os.environ | {"PYTHONPATH": path},
+        start_new_session=True,
+    )
+
+
+def _enlarge(pipe: int) -> None:
+    """Let a pipe hold more; where that is not granted, it holds what it does."""
+    if sys.platform == "linux":
+        import fcntl
+
+        with contextlib.suppress(OSError):
+            fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
+
+
+def _wait(deadline: float, *, readable: int = -1, writable: int = -1) -> bool:
+    """Wait until a pipe is ready; false where the deadline comes first."""
+    left = deadline - time.monotonic()
+    if left <= 0:
+        return False
+    reading = [readable] if readable >= 0 else []
+    writing = [writable] if writable >= 0 else []
+    return any(select.select(reading, writing, [], left))

@@ -1,0 +1,273 @@
+"""What ``sniffer record`` shows, in a thread of its own: a stalled terminal stops nothing.
+
+The recorder hands records over and never waits: a full queue drops them and counts how many. The
+thread is a daemon: even a write that never returns lets the program end.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import os
+import sys
+import threading
+import time
+from collections import deque
+from typing import TYPE_CHECKING, Any, Final, Self, TextIO, cast
+
+from sniffer.ground.wording import one_line
+from sniffer.sinks.text import TextSink
+from sniffer.viewers.board.board import Board
+from sniffer.viewers.board.line import line, statistics
+from sniffer.viewers.outlet import Outlet, StalledError
+from sniffer.viewers.terminal import Picture
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.tap.status import Status
+
+BOARD: Final = "board"
+LOG: Final = "log"
+LINE: Final = "line"
+"""The live board on a terminal; a line a frame; a line a second."""
+
+FRAME_S: Final = 0.2
+"""Time between two pictures of the board."""
+
+LINE_S: Final = 1.0
+"""Time between two lines."""
+
+NAP_S: Final = 0.05
+"""Time between two looks at the queue: the recorder hands over as often."""
+
+SHARE: Final = 2
+"""The thread rests this many times as long as it has worked: it shares one interpreter lock with
+the recorder."""
+
+WORK_S: Final = 0.02
+"""How long it works on the queue in one go."""
+
+RECORDS: Final = 100_000
+BYTES: Final = 4 << 20
+ITEMS: Final = 10_000
+"""What may wait: records in columns take some 100 bytes each, so 20 MB at most."""
+
+PATIENCE_S: Final = 1.0
+"""How long the end of a recording waits for the screen."""
+
+
+def usual_mode(stream: TextIO) -> str:
+    """Return the board for a terminal that can move its cursor, else the line a second."""
+    able = stream.isatty() and os.environ.get("TERM", "") not in ("", "dumb", "unknown")
+    return BOARD if able or (os.name == "nt" and stream.isatty()) else LINE
+
+
+class Screen:
+    """A sink that shows; none of its calls waits, but ``close``, and that not for ever.
+
+    Args:
+        mode: ``BOARD``, ``LOG`` or ``LINE``.
+        status: returns how the recording is going; it is called from the thread.
+        stream: where to; the board and lines belong on standard error, the log on standard output.
+        board: what the board and the lines show; ``LOG`` needs it for statistics alone.
+        notes: where ``say`` and statistics go: ``stream``, but for a log standard error.
+    """
+
+    def __init__(
+        self,
+        mode: str,
+        status: Callable[[], Status],
+        *,
+        stream: TextIO,
+        board: Board | None = None,
+        notes: TextIO | None = None,
+    ) -> None:
+        self.dropped = self.dropped_batches = 0
+        """Frames, and batches, that were left out: nobody took what was written in time."""
+        self.failure: Exception | None = None
+        """What ended the screen although it should not have; the recording goes on without it."""
+        self._ended: OSError | None = None
+        self._mode = mode
+        self._status = status
+        self._board = board if board is not None or mode == LOG else Board()
+        self._out = Outlet(stream)
+        other = sys.stderr if notes is None and mode == LOG else notes
+        self._notes = self._out if other is None else Outlet(other)
+        self._log = TextSink(cast("TextIO", self._out)) if mode == LOG else None
+        self._picture = Picture(self._out) if mode == BOARD else None
+        self._queue: deque[tuple[Any, ...]] = deque()
+        self._lock = threading.Lock()
+        self._records = self._bytes = 0
+        self._sayings: deque[str] = deque(maxlen=100)
+        self._asked = self._silent = self._closed = False
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="screen", daemon=True)
+        atexit.register(self.close)
+        self._thread.start()
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Hand chunks over; the log has no use for them."""
+        if self._board is not None:
+            size = sum(len(chunk.data) for chunk in chunks)
+            self._put((bus, tuple(chunks)), len(chunks), size, 0)
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Hand a batch over."""
+        records = len(batch.frames) + len(batch.values) + len(batch.gaps) + len(batch.anomalies)
+        self._put((bus, protocol, batch), records, len(batch.data), len(batch.frames))
+
+    def say(self, message: str) -> None:
+        """Show a line for the user, above the board where there is one."""
+        self._sayings.append(f"sniffer: {one_line(message)}")
+
+    def ask(self) -> None:
+        """Have statistics written soon; also from within a signal handler."""
+        self._asked = True
+
+    def close(self, timeout_s: float = PATIENCE_S) -> None:
+        """Show what waits and end; what nobody takes within the time is left out.
+
+        Where a terminal stands still afterwards, ``is_stalled`` tells, and whoever prints to it
+        waits until somebody lets it go on: see ``write_within``.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        atexit.unregister(self.close)
+        deadline = time.monotonic() + timeout_s
+        self._out.deadline = self._notes.deadline = deadline
+        self._stop.set()
+        self._thread.join(timeout_s + 0.2)
+        with self._lock:
+            if not self._silent:
+                self._forget()
+        if not self._thread.is_alive():
+            for out in {self._out, self._notes}:
+                out.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def left(self) -> contextlib.AbstractContextManager[None]:
+        """Give the terminal back meanwhile; also from within a signal handler."""
+        return contextlib.nullcontext() if self._picture is None else self._picture.left()
+
+    @property
+    def is_stalled(self) -> bool:
+        """Tell whether nobody took what was written before the screen was closed."""
+        return self._thread.is_alive() or isinstance(self._ended, StalledError)
+
+    def _put(self, item: tuple[Any, ...], records: int, size: int, frames: int) -> None:
+        with self._lock:
+            if self._silent:
+                return
+            full = self._records + records > RECORDS or self._bytes + size > BYTES
+            if self._queue and (full or len(self._queue) >= ITEMS):
+                self._drop(item, frames)
+                return
+            self._records += records
+            self._bytes += size
+            self._queue.append((item, records, size, frames))
+
+    def _drop(self, item: tuple[Any, ...], frames: int) -> None:
+        self.dropped += frames
+        self.dropped_batches += len(item) == 3
+
+    def _forget(self) -> None:
+        """Leave out what waits, and what will come; the lock is held."""
+        self._silent = True
+        for item, _, _, frames in self._queue:
+            self._drop(item, frames)
+        self._queue.clear()
+
+    # From here on everything runs in the thread.
+
+    def _run(self) -> None:
+        try:
+            with self._picture or contextlib.nullcontext():
+                self._show()
+                self._end()
+        except OSError as error:
+            self._ended = error
+            if not isinstance(error, StalledError):
+                with self._lock:  # the reader is gone: nobody misses what waits
+                    self._queue.clear()
+                    self._silent = True
+        except Exception as error:
+            self.failure = error
+        with self._lock:
+            self._forget()
+
+    def _show(self) -> None:
+        every = FRAME_S if self._mode == BOARD else LINE_S
+        due = time.monotonic() + (every if self._mode == LINE else 0)
+        while not self._stop.is_set():
+            began = time.thread_time()
+            self._take(until=time.monotonic() + WORK_S)
+            self._speak()
+            now = time.monotonic()
+            if now >= due:
+                self._refresh()
+                due = max(due + every, now + every / 2)
+            self._stop.wait(max(NAP_S, SHARE * (time.thread_time() - began)))
+
+    def _end(self) -> None:
+        """Show what still waits, as far as time allows."""
+        self._take(until=self._out.deadline or 0.0)
+        self._speak()
+        if self._log is not None:
+            self._log.close()
+        self._refresh()
+
+    def _take(self, until: float) -> None:
+        """Work on the queue."""
+        while time.monotonic() < until:
+            with self._lock:
+                if not self._queue:
+                    break
+                item, records, size, _ = self._queue.popleft()
+                self._records -= records
+                self._bytes -= size
+            for sink in (self._board, self._log):
+                if sink is not None:
+                    sink.write(*item) if len(item) == 3 else sink.raw(*item)
+            if self._log is not None:
+                self._out.flush()
+
+    def _refresh(self) -> None:
+        """Draw the board or write the line; nothing in a log."""
+        if self._board is None or self._mode == LOG:
+            return
+        self._board.left_out = self.dropped
+        if self._picture is not None:
+            self._picture.draw(self._board, self._status())
+        else:
+            self._out.write(line(self._status(), self._board) + "\n")
+            self._out.flush()
+
+    def _speak(self) -> None:
+        """Write what was said, and the statistics somebody asked for."""
+        told = []
+        while self._sayings:
+            told.append(self._sayings.popleft())
+        if self._asked:
+            self._asked = False
+            if self._board is not None:
+                self._board.left_out = self.dropped
+                told.append(statistics(self._status(), self._board))
+        if told and self._picture is not None:
+            self._picture.say("\n".join(told))
+            self._refresh()
+        elif told:
+            self._notes.write("\n".join(told) + "\n")
+            try:
+                self._notes.flush()
+            except BrokenPipeError:
+                if self._notes is self._out:
+                    raise
