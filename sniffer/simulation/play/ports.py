@@ -29,7 +29,7 @@ SETTLE_S: Final = 0.002
 """How long bytes may be on their way between the two ends of a pseudo-terminal: the kernel moves
 them in the background."""
 
-PATIENCE_S: Final = 0.5
+FETCH_S: Final = 0.5
 """How long the end waits for a reader that has not fetched everything."""
 
 _BOTHER: Final = 0o010000
@@ -40,7 +40,7 @@ _TCGETS2, _TCSETS2 = 0x802C542A, 0x402C542B
 _TERMIOS2: Final = struct.Struct("4IB19s2I")
 
 
-class Port(Protocol):
+class PlayPort(Protocol):
     """Bytes out and in, never waiting."""
 
     name: str
@@ -120,7 +120,7 @@ class Pty:
         """Wait a little: what is unread when the master closes is lost to the reader."""
         if not self.listened():
             return self.forget()
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + FETCH_S
         empty = 0
         with self._slave() as slave:
             while empty < 2 and time.monotonic() < deadline:
