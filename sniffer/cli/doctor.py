@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.text import Text
 
 from sniffer.cli.amounts import port_spec
-from sniffer.cli.options import FALLBACK_BAUD, SHARED, Finite, Whole, examples, printed
+from sniffer.cli.options import SHARED, Finite, Whole, examples, printed
 from sniffer.cli.session import say
 from sniffer.decoding.pipeline import AUTO
 from sniffer.doctor import (
@@ -31,7 +31,7 @@ from sniffer.doctor import (
     usual_bauds,
     worst,
 )
-from sniffer.ground.limits import BAUDS
+from sniffer.ground.limits import BAUDS, FALLBACK_BAUD
 from sniffer.ground.model import NS, Chunk, Clock, InputError
 from sniffer.ports import Port, PortLostError, PortOptions, open_port
 from sniffer.ports.listing import port_at

@@ -29,8 +29,9 @@ SETTLE_S: Final = 0.002
 """How long bytes may be on their way between the two ends of a pseudo-terminal: the kernel moves
 them in the background."""
 
-FETCH_S: Final = 0.5
-"""How long the end waits for a reader that has not fetched everything."""
+FETCH_S: Final = 5.0
+"""How long the end waits for a reader that has the port open and fetches nothing: one on a busy
+machine may not be run for a second."""
 
 _BOTHER: Final = 0o010000
 _CBAUD: Final = 0o010017
@@ -121,11 +122,13 @@ class Pty:
         if not self.listened():
             return self.forget()
         deadline = time.monotonic() + FETCH_S
-        empty = 0
+        empty, before = 0, b""
         with self._slave() as slave:
             while empty < 2 and time.monotonic() < deadline:
                 time.sleep(SETTLE_S)
                 waiting = fcntl.ioctl(slave, termios.FIONREAD, bytes(4))
+                if waiting != before:  # it fetches, however slowly
+                    deadline, before = time.monotonic() + FETCH_S, waiting
                 empty = empty + 1 if waiting == bytes(4) else 0
             return 0 if empty == 2 else _left(slave)
 
