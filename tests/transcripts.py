@@ -42,7 +42,16 @@ if TYPE_CHECKING:
     from typing import Self
 
 ROOT: Final = Path(__file__).parent.parent
-PAGES: Final = ("README.md", "docs/api.md", "docs/recording.md", "docs/simulating.md")
+PAGES: Final = (
+    "README.md",
+    *(f"docs/{name}.md" for name in ("api", "recording", "simulating", "columns")),
+)
+    "README.md",
+    "docs/api.md",
+    "docs/recording.md",
+    "docs/simulating.md",
+    "docs/columns.md",
+)
 LEFT_OUT: Final = "..."
 
 OVER_S: Final = 180.0
