@@ -46,12 +46,6 @@ PAGES: Final = (
     "README.md",
     *(f"docs/{name}.md" for name in ("api", "recording", "simulating", "columns")),
 )
-    "README.md",
-    "docs/api.md",
-    "docs/recording.md",
-    "docs/simulating.md",
-    "docs/columns.md",
-)
 LEFT_OUT: Final = "..."
 
 OVER_S: Final = 180.0
