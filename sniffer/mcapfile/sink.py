@@ -204,10 +204,10 @@ class McapSink:
         """Tell what a bus speaks, and attach the tables it is read by."""
         baud = self._session.get(f"baud.{bus}", self._session.get("baud", str(protocol.baud)))
         self._file.metadata(f"{BUS}.{bus}", {"bus": bus, "protocol": protocol.name, "baud": baud})
-        for model in protocol.models:
-            table = schema_path("registers", f"{model.model}.toml")
-            if table.is_file():
-                self._attach(f"registers/{table.name}", "application/toml", table.read_bytes())
+        for table in protocol.models:
+            if table.text:
+                name = f"registers/{table.model}.toml"
+                self._attach(name, "application/toml", table.text.encode())
 
     def _attach(self, name: str, media_type: str, data: bytes) -> None:
         if name not in self._attached:
