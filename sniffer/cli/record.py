@@ -13,16 +13,19 @@ from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times
 from sniffer.cli.options import (
     SHARED,
     Finite,
+    ProtocolName,
     Whole,
     examples,
     models,
     pipeline_options,
     with_force,
+    with_registers,
 )
 from sniffer.cli.session import session_facts, tell_lost
 from sniffer.decoding.pipeline import AUTO
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.limits import BAUDS
+from sniffer.ground.registers import RegisterMap
 from sniffer.protocols import PROTOCOLS
 from sniffer.tap.stops import Stops
 from sniffer.tap.taps import PortSpec
@@ -47,7 +50,7 @@ from sniffer.tap.taps import PortSpec
 )
 @click.option(
     "--protocol",
-    type=click.Choice([AUTO, *PROTOCOLS]),
+    type=ProtocolName(AUTO),
     default=AUTO,
     show_default=True,
     help="What is spoken where a PORT does not say; auto tells it from the bytes.",
@@ -57,6 +60,7 @@ from sniffer.tap.taps import PortSpec
     "--model", "chosen", multiple=True, callback=models, metavar="[ID=]MODEL",
     help="Register table of a servo, or of all.",
 )  # fmt: skip
+@with_registers
 @click.option("--latency", type=Finite(0, 1000), metavar="MS", help="What the adapter delays.")
 @click.option(
     "--pair", is_flag=True,
@@ -101,6 +105,7 @@ def record(
     protocol: str,
     baud: int | None,
     chosen: dict[int | None, str],
+    tables: tuple[RegisterMap, ...],
     latency: float | None,
     pair: bool,
     modem: Literal["low", "keep"],
@@ -140,7 +145,10 @@ def record(
     views = {"window": in_rerun, "web": rerun_web, "connect": rerun_connect is not None}
     if sum(views.values()) > 1:
         raise click.UsageError("choose one of --rerun, --rerun-web, --rerun-connect")
-    options = pipeline_options(protocol, baud, chosen, latency)
+    said = [spec.protocol for spec in ports if spec.protocol is not None]
+    options = pipeline_options(protocol, baud, chosen, latency, tables, said)
+    if AUTO in (protocol, *said):
+        PROTOCOLS.candidates()  # importing plug-ins takes its time
     stops = Stops(duration, max_size, frames, idle, until)
     paths = outputs or (Path(f"sniffer-{datetime.datetime.now():%Y%m%d-%H%M%S}.mcap"),)
     files = recording.Files(paths, rotate, keep, durable=durable, force=force)

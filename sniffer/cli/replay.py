@@ -16,8 +16,8 @@ from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
 from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.decoding.sink import Sink
 from sniffer.ground.model import Chunk
+from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.replay import Window, paced, peek, steps, timed, within
-from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
 
 
@@ -60,6 +60,7 @@ def replay(
     input_format: str,
     baud: int | None,
     models: dict[int | None, str],
+    tables: tuple[RegisterMap, ...],
     latency: float | None,
     speed: float,
     start: float,
@@ -72,7 +73,7 @@ def replay(
 
     An input without times is played at the pace of its baud rate.
     """
-    options = pipeline_options(protocol, baud, models, latency)
+    options = pipeline_options(protocol, baud, models, latency, tables)
     if stop is not None and stop <= start:
         raise click.UsageError("--to must lie behind --from")
     if file == "-" and loop:
@@ -88,12 +89,15 @@ def replay(
     status, played = 0, False
     while not status and (loop or not played):
         source = open_source(file, input_format)
+        options = options.with_facts(source.facts(), source.tables)
         heard = merged(source, source, options, quiet=played)
         chunks: Iterable[Chunk] = (chunk for group in heard for chunk in group)
         # looked at beforehand: what is to be played in real time cannot wait for it
         head, chunks = peek(chunks, ENOUGH)
-        if options.protocol == AUTO and not options.protocols:
-            options = dataclasses.replace(options, protocols=_told(head))
+        if options.protocol == AUTO:
+            unknown = [chunk for chunk in head if chunk.bus not in options.protocols]
+            told = {**options.protocols, **_told(unknown)}
+            options = dataclasses.replace(options, protocols=told)
         part = within(timed(chunks, _baud(options)), Window(start, stop), ends=True)
         groups: Iterable[Sequence[Chunk]] = paced(steps(part), speed)
         if not played and (start or stop is not None):
@@ -141,5 +145,5 @@ def _told(head: Iterable[Chunk]) -> dict[str, str]:
 
 
 def _baud(options: Options) -> int:
-    name = next(iter(options.protocols.values()), options.protocol)
-    return options.baud or (PROTOCOLS[name].baud if name in PROTOCOLS else FALLBACK_BAUD)
+    named = next(iter(options.protocols.values()), options.protocol)
+    return options.baud or (FALLBACK_BAUD if named == AUTO else options.spoken(named).baud)

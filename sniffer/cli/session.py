@@ -106,7 +106,7 @@ def session_facts(
     facts = {
         "tool": f"{TOOL} {__version__}",
         "source": source,
-        "protocol": options.protocol,
+        "protocol": options.name,
         "written": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
     told = {k: v for k, v in (known or {}).items() if k.startswith(("baud.", "latency_ns."))}
@@ -272,7 +272,7 @@ def run_source(
         for remark in () if quiet else told.remarks:
             say(f"{bus}: {remark}")
 
-    options = options.with_facts(source.facts())
+    options = options.with_facts(source.facts(), source.tables)
     pipeline = Pipeline(options, sinks, on_detection=found, on_pace=timed, ahead=ahead)
     patience = _Patience()
     status, told = 0, ""

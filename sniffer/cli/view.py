@@ -9,6 +9,7 @@ import click
 
 from sniffer.cli.options import Whole, decoding, examples, pipeline_options, with_force
 from sniffer.cli.session import open_outputs, run_source, say, session_facts, tell_lost
+from sniffer.ground.registers import RegisterMap
 from sniffer.sources import open_source
 
 
@@ -37,6 +38,7 @@ def view(
     input_format: str,
     baud: int | None,
     models: dict[int | None, str],
+    tables: tuple[RegisterMap, ...],
     latency: float | None,
     output: Path | None,
     force: bool,
@@ -50,7 +52,7 @@ def view(
         raise click.UsageError("-o writes a file, --web serves one: choose one")
     if port is not None and not web:
         raise click.UsageError("--port goes with --web")
-    options = pipeline_options(protocol, baud, models, latency)
+    options = pipeline_options(protocol, baud, models, latency, tables)
     source = open_source(file, input_format)
     if output is None and not web:
         viewer.need_display(file)

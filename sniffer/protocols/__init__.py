@@ -23,6 +23,11 @@ PROTOCOLS: Final = Registry(
 """The built-in protocols, then plug-ins, as a mapping; each is loaded when it is asked for."""
 
 
+def is_file(named: str | BusProtocol) -> bool:
+    """Tell whether a protocol is named by the file that defines it."""
+    return isinstance(named, str) and named.endswith(".py")
+
+
 def protocol_named(named: str | BusProtocol) -> BusProtocol:
     """Return a protocol by its name, or that of a file which defines ``PROTOCOL`` (``*.py``).
 
@@ -35,11 +40,11 @@ def protocol_named(named: str | BusProtocol) -> BusProtocol:
         if not hasattr(named, "models"):
             raise SnifferError(f"a protocol is a name or one of PROTOCOLS, not {named!r:.40}")
         return named
-    if named.endswith(".py"):
+    if is_file(named):
         return PROTOCOLS.file(Path(named))
     if named not in PROTOCOLS:
         raise SnifferError(f"no protocol {named[:40]!r}: one of {', '.join(PROTOCOLS)}")
     return PROTOCOLS[named]
 
 
-__all__ = ["PROTOCOLS", "PluginError", "PluginWarning", "Registry", "protocol_named"]
+__all__ = ["PROTOCOLS", "PluginError", "PluginWarning", "Registry", "is_file", "protocol_named"]

@@ -51,13 +51,13 @@ class Registry(Mapping[str, BusProtocol]):
         return tuple(self._built_in)
 
     def __iter__(self) -> Iterator[str]:
-        return iter((*self._built_in, *self._listed()))
+        return iter(dict.fromkeys((*self._built_in, *self._listed(), *self._loaded)))
 
     def __len__(self) -> int:
-        return len(self._built_in) + len(self._listed())
+        return sum(1 for _ in self)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._built_in or name in self._listed()
+        return name in self._built_in or name in self._loaded or name in self._listed()
 
     def __getitem__(self, name: str) -> BusProtocol:
         if name in self._loaded:
@@ -100,9 +100,11 @@ class Registry(Mapping[str, BusProtocol]):
 
         A plug-in is one of them if it says ``auto = True``: only here all of them are loaded.
         """
-        named = [self[name] for name in self._built_in]
-        loaded = [self.usable(name) for name in self._listed()]
-        return named + [p for p in loaded if p is not None and getattr(p, "auto", False) is True]
+        return [
+            protocol
+            for name, protocol in self.items()
+            if name in self._built_in or getattr(protocol, "auto", False) is True
+        ]
 
     def origin(self, name: str) -> str:
         """Return where a protocol comes from: a package, a file; empty: it is built in."""
@@ -110,6 +112,8 @@ class Registry(Mapping[str, BusProtocol]):
 
     def file(self, path: Path) -> BusProtocol:
         """Return the protocol that a file defines as ``PROTOCOL``; it is loaded once.
+
+        From then on it is known by its name, too, also where a package has one of that name.
 
         Raises:
             PluginError: there is none in it that can be used.
@@ -122,6 +126,7 @@ class Registry(Mapping[str, BusProtocol]):
                     f"{path}: {protocol.name} is a protocol that is built in: call it otherwise"
                 )
             self._origins[protocol.name] = where.name
+            self._loaded[protocol.name] = protocol
             self._files[where] = protocol
         return self._files[where]
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from sniffer.ground.model import SnifferError
+from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -40,3 +42,23 @@ def with_tables(protocol: BusProtocol, tables: Iterable[RegisterMap]) -> BusProt
         known.add(table.model)
     more: BusProtocol = extended(mine)
     return more
+
+
+def owner_of(
+    model: str, tables: Iterable[RegisterMap] = (), also: Iterable[BusProtocol] = ()
+) -> str | None:
+    """Return the name of the protocol that has a model; None: nobody knows it.
+
+    ``tables`` and ``also`` are looked through first: plug-ins are only loaded where they must be.
+    """
+    of_table = next((t.protocol for t in tables if t.model == model), None)
+    if of_table is not None:
+        return of_table
+    everyone = chain(also, PROTOCOLS.values())
+    return next((p.name for p in everyone if any(m.model == model for m in p.models)), None)
+
+
+def known_models(tables: Iterable[RegisterMap] = (), also: Iterable[BusProtocol] = ()) -> list[str]:
+    """Return the names of all models, sorted."""
+    everyone = chain(also, PROTOCOLS.values())
+    return sorted({*(t.model for t in tables), *(m.model for p in everyone for m in p.models)})
