@@ -69,6 +69,7 @@ def decode(
     """
     options = pipeline_options(protocol, baud, models, latency, tables)
     source = open_source(file, input_format)
+    options = options.with_facts(source.facts(), source.tables)
     facts = session_facts(file, options, source.facts())
     sinks: list[Sink] = open_outputs(outputs, facts, file, force=force)
     if not quiet and not summary:

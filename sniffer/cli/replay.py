@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -18,6 +18,7 @@ from sniffer.decoding.sink import Sink
 from sniffer.ground.model import Chunk
 from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.replay import Window, paced, peek, steps, timed, within
+from sniffer.protocols.base import BusProtocol
 from sniffer.sources import open_source
 
 
@@ -94,9 +95,8 @@ def replay(
         chunks: Iterable[Chunk] = (chunk for group in heard for chunk in group)
         # looked at beforehand: what is to be played in real time cannot wait for it
         head, chunks = peek(chunks, ENOUGH)
-        if options.protocol == AUTO:
-            unknown = [chunk for chunk in head if chunk.bus not in options.protocols]
-            told = {**options.protocols, **_told(unknown)}
+        if options.protocol == AUTO and not played:
+            told = {**_told(head, options.protocols), **options.protocols}
             options = dataclasses.replace(options, protocols=told)
         part = within(timed(chunks, _baud(options)), Window(start, stop), ends=True)
         groups: Iterable[Sequence[Chunk]] = paced(steps(part), speed)
@@ -130,16 +130,22 @@ def _as_part(
         yield group
 
 
-def _told(head: Iterable[Chunk]) -> dict[str, str]:
-    """Return the protocol of each bus, and say so; what cannot be told yet is left out."""
+def _told(
+    head: Iterable[Chunk], known: Mapping[str, str | BusProtocol]
+) -> dict[str, str | BusProtocol]:
+    """Return the protocol of each bus, and say so; what cannot be told yet is left out.
+
+    ``known`` is what a recording says of itself: the bytes are not asked against it.
+    """
     by_bus: dict[str, list[Chunk]] = {}
     for chunk in head:
         by_bus.setdefault(chunk.bus, []).append(chunk)
-    out: dict[str, str] = {}
+    out: dict[str, str | BusProtocol] = {}
     for bus, chunks in by_bus.items():
         with contextlib.suppress(UndecidedError):
             found = detect(chunks)
-            say(f"{bus}: {found}")
+            if known.get(bus, found.protocol) == found.protocol:
+                say(f"{bus}: {found}")
             out[bus] = found.protocol
     return out
 

@@ -54,6 +54,7 @@ def view(
         raise click.UsageError("--port goes with --web")
     options = pipeline_options(protocol, baud, models, latency, tables)
     source = open_source(file, input_format)
+    options = options.with_facts(source.facts(), source.tables)
     if output is None and not web:
         viewer.need_display(file)
     name = "standard input" if file == "-" else file
