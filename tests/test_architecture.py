@@ -208,6 +208,21 @@ def test_the_protocols_do_not_know_each_other() -> None:
                     assert parts[2] not in names - {file.parts[1]}, f"{file} imports {module}"
 
 
+@pytest.mark.parametrize("file", [f for f in FILES if f.name == "slow.py"], ids=str)
+def test_an_oracle_takes_nothing_from_the_columns_it_checks(file: Path) -> None:
+    for module in imports(file):
+        assert module.rpartition(".")[2] not in ("block", "columns"), f"{file} imports {module}"
+        assert module != "sniffer.ground.framing", file
+
+
+def test_only_the_reference_asks_the_oracle() -> None:
+    for file in FILES:
+        if room(file) == "protocols" or file.parts[:2] == ("decoding", "reference"):
+            continue
+        asked = [n.attr for n in ast.walk(tree(file)) if isinstance(n, ast.Attribute)]
+        assert not [name for name in asked if name.startswith("slow_")], file
+
+
 @pytest.mark.parametrize("file", [f for f in FILES if room(f) in CORE], ids=str)
 def test_no_protocol_is_named_outside_its_folder(file: Path) -> None:
     if file.parts[0] == "protocols":

@@ -18,6 +18,7 @@ from sniffer.protocols.mightyzap.grammar import (
     ERRORS,
     FACTORY_RESET,
     LOAD,
+    MODELS,
     PACKET,
     REFUSALS,
     SDK_FACTORY_RESET,
@@ -46,8 +47,8 @@ class MightyZap:
     everyone: tuple[int, ...] = (0, BROADCAST)
     blank = b""
     ordered = False
-    models = block.MODELS
-    registers = joined(block.MODELS)
+    models = MODELS
+    registers = joined(MODELS)
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)

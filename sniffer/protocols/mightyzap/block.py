@@ -29,7 +29,6 @@ from sniffer.ground.model import (
     Spans,
 )
 from sniffer.ground.plan import plan_of
-from sniffer.ground.registers import load_models
 from sniffer.protocols.mightyzap.grammar import (
     BROADCAST,
     COMMANDS,
@@ -38,6 +37,8 @@ from sniffer.protocols.mightyzap.grammar import (
     FEEDBACK_REGISTER,
     ID_REGISTER,
     LOAD,
+    LONGEST,
+    MODELS,
     OPTION_ID,
     PACKET,
     SDK_FACTORY_RESET,
@@ -51,13 +52,12 @@ from sniffer.protocols.shapes import Addressed
 if TYPE_CHECKING:
     from sniffer.protocols.base import State, Values
 
-MODELS: Final = load_models("mightyzap-l12", "mightyzap-12lf")
 SHAPES: Final = Addressed(MODELS, first=1)
 PLAN: Final = plan_of(PACKET)
 OVERHEAD: Final = PLAN.tail_at + 1 - 2
 """Bytes of a frame beside what SIZE counts (which counts code and checksum, but not the header)."""
 
-REACH: Final = OVERHEAD + 255
+REACH: Final = LONGEST
 """A request is closed after as many bytes as the longest frame has: its answer would be over."""
 
 _ID, _SIZE, _CODE, _FACTORS = (PLAN.at["servo_id"], PLAN.at["size"], PLAN.at["code"], PLAN.tail_at)
@@ -137,25 +137,20 @@ def describe(block: Block, spans: Spans) -> Frames:
     flags |= np.where(resets, RESETS, 0)
     flags |= np.where(well & (code == SEND), STAGED, 0)
     flags |= np.where(well & (code == EXECUTE), RELEASES, 0)
-    zero = np.zeros(n, np.int64)
-    return Frames(
+    return Frames.blank(n).having(
         start=start,
         length=end - start,
-        kind=np.where(request, REQUEST, RESPONSE).astype(np.uint8),
+        kind=np.where(request, REQUEST, RESPONSE),
         servo_id=servo_id,
         op=np.where(request, code.astype(np.int64), -1),
-        address=address.astype(np.int16),
+        address=address,
         data_start=factors + addressed,
         data_length=data_length,
-        status=status.astype(np.int16),
-        reply=reply.astype(np.uint8),
+        status=status,
+        reply=reply,
         token=token,
-        alt_id=alt.astype(np.int16),
-        flags=flags.astype(np.uint8),
-        t_start=zero,
-        t_end=zero,
-        uncertainty=zero,
-        direction=np.zeros(n, np.uint8),
+        alt_id=alt,
+        flags=flags,
     )
 
 

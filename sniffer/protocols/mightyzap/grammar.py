@@ -30,6 +30,7 @@ from construct import (
 
 from sniffer.ground.checksums import COMPLEMENT_SUM
 from sniffer.ground.model import IF_ALL, IF_READ, MUST, NEVER
+from sniffer.ground.registers import load_models
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -58,6 +59,11 @@ REFUSALS: Final = 1 << 6 | 1 << 4 | 1 << 3
 """Error bits that say the command was not carried out: instruction, checksum, range."""
 
 HEADER: Final = b"\xff\xff\xff"
+
+LONGEST: Final = 5 + 255
+"""Bytes of the longest packet: header, id, SIZE and what that can count."""
+
+MODELS: Final = load_models("mightyzap-l12", "mightyzap-12lf")
 
 PACKET: Final = Struct(
     "header" / Const(HEADER),

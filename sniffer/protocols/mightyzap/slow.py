@@ -21,7 +21,6 @@ from sniffer.ground.model import (
     UNKNOWN,
 )
 from sniffer.protocols.base import SlowFrame, State
-from sniffer.protocols.mightyzap.block import MODELS, REACH
 from sniffer.protocols.mightyzap.grammar import (
     BROADCAST,
     COMMANDS,
@@ -31,6 +30,8 @@ from sniffer.protocols.mightyzap.grammar import (
     FEEDBACK_REGISTER,
     ID_REGISTER,
     LOAD,
+    LONGEST,
+    MODELS,
     OPTION_ID,
     PACKET,
     SDK_FACTORY_RESET,
@@ -45,7 +46,7 @@ from sniffer.protocols.shapes import slow_spans
 
 def parse(data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None:
     """Parse one packet; its direction is told later."""
-    stream = io.BytesIO(data[at : min(limit, at + REACH)])
+    stream = io.BytesIO(data[at : min(limit, at + LONGEST)])
     try:
         PACKET.parse_stream(stream)
     except ConstructError:

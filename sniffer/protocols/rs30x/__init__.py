@@ -17,6 +17,7 @@ from sniffer.protocols.rs30x.grammar import (
     ACK_BYTE,
     EVERYONE,
     LONG_WRITE,
+    MODELS,
     NACK,
     OPS,
     PACKET,
@@ -65,8 +66,8 @@ class Rs30x:
     everyone: tuple[int, ...] = (EVERYONE,)
     blank = b""
     ordered = False
-    models = block.MODELS
-    registers = joined(block.MODELS)
+    models = MODELS
+    registers = joined(MODELS)
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
