@@ -28,6 +28,8 @@ TYPES: Final[Mapping[str, np.dtype[Any]]] = MappingProxyType(
         "u16le": np.dtype("<u2"),
         "i16le": np.dtype("<i2"),
         "u16be": np.dtype(">u2"),
+        "i16be": np.dtype(">i2"),
+        "u32": np.dtype("<u4"),
         "i32": np.dtype("<i4"),
         # where registers go by words instead of addresses (LSS)
         "decimal": np.dtype("i8"),
@@ -214,7 +216,8 @@ class RegisterMap:
                 loose = not known and r.name in self._selects
                 out.append(Entry(self.first + i, here, r.type, loose=loose))
             else:
-                part = 3 if r.width != 2 else 1 if a == r.address else 2
+                low = (a == r.address) != r.type.endswith("be")
+                part = 3 if r.width != 2 else 1 if low else 2
                 out.append(Entry(self.first + i, here, "u8", part))
             a = end
         return out

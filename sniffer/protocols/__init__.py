@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import SnifferError
 from sniffer.protocols.lss import Lss
-from sniffer.protocols.mightyzap import MightyZap
+from sniffer.protocols.mightyzap import PROTOCOL as MIGHTYZAP
 from sniffer.protocols.rs30x import Rs30x
 from sniffer.protocols.wck import Wck
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from sniffer.protocols.base import BusProtocol
 
-_ALL: Final[tuple[BusProtocol, ...]] = (MightyZap(), Lss(), Rs30x(), Wck())
+_ALL: Final[tuple[BusProtocol, ...]] = (MIGHTYZAP, Lss(), Rs30x(), Wck())
 PROTOCOLS: Final[Mapping[str, BusProtocol]] = MappingProxyType({p.name: p for p in _ALL})
 
 

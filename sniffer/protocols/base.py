@@ -17,7 +17,7 @@ from sniffer.ground.model import PROFILE
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from sniffer.ground.checksums import Checksum
+    from sniffer.ground.checksums import Sum
     from sniffer.ground.clues import Clue
     from sniffer.ground.framing import Block
     from sniffer.ground.model import I16, I64, U8, Frames, Gap, Mask, Spans
@@ -148,6 +148,8 @@ class SlowFrame:
     flags: int = 0
     values: list[tuple[int, int, int, int]] = field(default_factory=list)
     """(servo_id, register, raw, part) of each value, in order."""
+    asked: SlowFrame | None = None
+    """Of a response the last request before it, where what it says depends on that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,7 +231,7 @@ class Presentation(TypingProtocol):
         """Return the frame's fields byte by byte, from the grammar, in order."""
         ...
 
-    def checksum_of(self, raw: bytes) -> tuple[Checksum, bytes, int] | None:
+    def checksum_of(self, raw: bytes) -> tuple[Sum, bytes, int] | None:
         """Return a frame's checksum, the bytes it covers, and what was sent; None: it has none."""
         ...
 

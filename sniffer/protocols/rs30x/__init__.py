@@ -30,7 +30,7 @@ from sniffer.protocols.rs30x.grammar import (
 )
 
 if TYPE_CHECKING:
-    from sniffer.ground.checksums import Checksum
+    from sniffer.ground.checksums import Sum
     from sniffer.ground.model import I16, I64, Frames, Gap, Mask
     from sniffer.protocols.base import FrameView
     from sniffer.protocols.dissection import Leaf
@@ -134,7 +134,7 @@ class Rs30x:
                 out.append(_span(leaf))
         return out
 
-    def checksum_of(self, raw: bytes) -> tuple[Checksum, bytes, int] | None:
+    def checksum_of(self, raw: bytes) -> tuple[Sum, bytes, int] | None:
         """Return the checksum, the bytes from the id on, and the last byte; an ACK has none."""
         if len(raw) == 1:
             return None

@@ -29,7 +29,7 @@ from sniffer.protocols.wck.grammar import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from sniffer.ground.checksums import Checksum
+    from sniffer.ground.checksums import Sum
     from sniffer.ground.registers import Register, RegisterMap
 
 FAST_NS: Final = 5 * NS // 1000
@@ -133,7 +133,7 @@ class Wck:
         """Look for headers: what follows is a damaged or truncated command, the rest noise."""
         return explain(run, start, awaited=awaited)
 
-    def checksum_of(self, raw: bytes) -> tuple[Checksum, bytes, int] | None:
+    def checksum_of(self, raw: bytes) -> tuple[Sum, bytes, int] | None:
         """Return the checksum, what it takes in, and the last byte; a reply has none."""
         if len(raw) <= REPLY:
             return None
