@@ -16,7 +16,7 @@ from sniffer.ground.model import WHOLE, Spans
 from sniffer.protocols import protocol_named
 from sniffer.protocols.base import State
 from sniffer.simulation.buses import mischief, put_up
-from sniffer.simulation.line import NOBODY, Line
+from sniffer.simulation.line import NOBODY, Wire
 from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, USUAL, Heard, Message, TrueFrame
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _NO_BARRIERS = np.empty(0, np.int64)
 
 
-class Said(NamedTuple):
+class Uttered(NamedTuple):
     """A frame on the line, and whether it is one of ours: the others have been heard."""
 
     frame: TrueFrame
@@ -53,7 +53,7 @@ class Responder:
         models: Mapping[int | None, str] = USUAL,
     ) -> None:
         self.bus = put_up(protocol, seed=seed, servo_ids=servo_ids, baud=baud, models=models)
-        self._line = Line(self.bus, mischief(protocol, faults, seed), seed)
+        self._line = Wire(self.bus, mischief(protocol, faults, seed), seed)
         self._protocol = protocol_named(protocol)
         self._state = State(self._protocol, models)
         self._carried = carried
@@ -61,7 +61,7 @@ class Responder:
         self._heard_ns = 0
         self._before = b""  # the request before, if that is what was heard last
 
-    def hear(self, data: bytes, now_ns: int) -> list[Said]:
+    def hear(self, data: bytes, now_ns: int) -> list[Uttered]:
         """Take bytes that arrived just now; return all that is said because of them, in order.
 
         Times of what is said lie ahead; requests that are not complete yet are waited for.
@@ -71,15 +71,15 @@ class Responder:
         self._heard_ns = now_ns
         return out + self._take(now_ns, final=False)
 
-    def idle(self, now_ns: int) -> list[Said]:
+    def idle(self, now_ns: int) -> list[Uttered]:
         """Let time pass; a beginning that is not continued for long is nobody's."""
         self._line.pass_time(max(now_ns, self.bus.now_ns))
         if self._held and now_ns - self._heard_ns > self._protocol.tail_ns:
             return self._take(now_ns, final=True)
         return []
 
-    def _take(self, now_ns: int, *, final: bool) -> list[Said]:
-        out: list[Said] = []
+    def _take(self, now_ns: int, *, final: bool) -> list[Uttered]:
+        out: list[Uttered] = []
         data = bytes(self._held)
         at = behind = 0
         found: tuple[int, int, int] | None = (-1, -1, 0)  # the next frame from ``at`` on
@@ -89,7 +89,7 @@ class Responder:
             here = found is not None and found[0] == at
             if not here and (broken := self.bus.damaged(data, at)) is not None:
                 out += self._noise(data[behind : broken.end], now_ns)
-                out += [Said(f, True) for f in self._line.complaint(broken.exchange)]
+                out += [Uttered(f, True) for f in self._line.complaint(broken.exchange)]
                 at = behind = broken.end
                 continue
             if found is None or not here:
@@ -131,14 +131,14 @@ class Responder:
         began = now_ns - self._line.wire_ns(size) if self._carried else now_ns
         self._line.free_ns = max(self._line.free_ns, began)
 
-    def _noise(self, data: bytes, now_ns: int) -> list[Said]:
+    def _noise(self, data: bytes, now_ns: int) -> list[Uttered]:
         if not data:
             return []
         self._begin(len(data), now_ns)
         nobody = Message(b"", NOBODY, "")
-        return [Said(self._line.say(nobody, NOISE, self._line.free_ns, data, None), False)]
+        return [Uttered(self._line.say(nobody, NOISE, self._line.free_ns, data, None), False)]
 
-    def _frame(self, raw: bytes, kind: int, now_ns: int) -> list[Said]:
+    def _frame(self, raw: bytes, kind: int, now_ns: int) -> list[Uttered]:
         protocol = self._protocol
         data, behind = self._before + raw, len(self._before)
         spans = Spans(
@@ -161,9 +161,12 @@ class Responder:
         message = Message(raw, heard.servo_id, protocol.op_name(heard.op), values)
         self._begin(len(raw), now_ns)
         if heard.kind != ASKS:
-            return [Said(self._line.say(message, RESPONSE, self._line.free_ns, raw, None), False)]
+            return [
+                Uttered(self._line.say(message, RESPONSE, self._line.free_ns, raw, None), False)
+            ]
         said = [
-            Said(f, f.kind != REQUEST) for f in self._line.exchange(self.bus.heard(heard, message))
+            Uttered(f, f.kind != REQUEST)
+            for f in self._line.exchange(self.bus.heard(heard, message))
         ]
         self.bus.renumber()
         return said

@@ -40,7 +40,7 @@ KNOWN, FITS, ADDRESSED, READS, WRITES, TARGETS, RENUMBERS, CHECKED = (1 << k for
 _PLAIN: Final = "plain"  # what a block's notes hold
 
 
-class Columns:
+class FamilyColumns:
     """``frame`` and ``describe`` of a family, and what ``values`` asks of its shapes."""
 
     def __init__(self, family: PacketFamily) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.framing import Block
     from sniffer.ground.model import I64, U8, Mask, Spans
-    from sniffer.protocols.packets.columns import Columns
+    from sniffer.protocols.packets.columns import FamilyColumns
     from sniffer.protocols.packets.walk import Place, Shape
 
 LISTED: Final = 1 << 24
@@ -34,7 +34,7 @@ class Bytes(NamedTuple):
     number: I64
 
 
-class Step(NamedTuple):
+class Stop(NamedTuple):
     """The n-th target of ``rows``."""
 
     rows: I64
@@ -51,7 +51,7 @@ def column(data: U8, at: I64, width: int) -> I64:
     return out if width == 1 else out | data[np.minimum(at + 1, last)].astype(np.int64) << 8
 
 
-def steps(body: Bytes, rows: I64, shape: Shape) -> Iterator[Step]:
+def steps(body: Bytes, rows: I64, shape: Shape) -> Iterator[Stop]:
     """Walk along the targets of commands of one shape, whose targets are whole."""
     targets, data = shape.targets, body.data
     if targets is None:
@@ -74,7 +74,7 @@ def steps(body: Bytes, rows: I64, shape: Shape) -> Iterator[Step]:
             return
         length, at = field("length"), pos + targets.size
         servo_id = data[pos + targets.at["servo_id"][0]]
-        yield Step(rows, servo_id, field("address"), length, at)
+        yield Stop(rows, servo_id, field("address"), length, at)
         pos = at + length if targets.data else at
 
 
@@ -111,7 +111,7 @@ def asked_by(block: Block, spans: Spans, request: Mask, reach: int) -> I64:
 
 
 def listed(
-    of: Columns, body: Bytes, code: U8, servo_id: U8, lists: Mask, asked: I64,
+    of: FamilyColumns, body: Bytes, code: U8, servo_id: U8, lists: Mask, asked: I64,
     length: I64, address: I64, token: I64,
 ) -> None:  # fmt: skip
     """Give those that a request lists, and that answer it as it says, their address and its token.

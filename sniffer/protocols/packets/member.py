@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sniffer.protocols.base import joined, no_clues
-from sniffer.protocols.packets.columns import Columns
+from sniffer.protocols.packets.columns import FamilyColumns
 from sniffer.protocols.packets.parts import Readings
 from sniffer.protocols.packets.slow import Slow
 from sniffer.protocols.packets.words import Words
@@ -33,7 +33,7 @@ class Member(Words):
     ordered = False
 
     def __init__(self, family: PacketFamily) -> None:
-        columns, slow = Columns(family), Slow(family)
+        columns, slow = FamilyColumns(family), Slow(family)
         super().__init__(columns)
         self.name, self.title = family.name, family.title
         self.bauds, self.baud = family.bauds, family.baud

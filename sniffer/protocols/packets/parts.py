@@ -14,7 +14,7 @@ from sniffer.protocols.shapes import Addressed, Parts
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, U8, Frames, Mask
     from sniffer.protocols.base import State, Values
-    from sniffer.protocols.packets.columns import Columns
+    from sniffer.protocols.packets.columns import FamilyColumns
     from sniffer.protocols.packets.listed import Bytes
 
 
@@ -31,7 +31,7 @@ class _Found(NamedTuple):
 class Readings:
     """``values`` of a family."""
 
-    def __init__(self, columns: Columns) -> None:
+    def __init__(self, columns: FamilyColumns) -> None:
         self._columns = columns
         self._shapes = Addressed(columns.family.models, first=0)
         self._joint = bool(columns.together.any())

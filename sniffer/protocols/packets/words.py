@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from sniffer.ground.checksums import Sum
     from sniffer.protocols.base import FrameView
     from sniffer.protocols.dissection import Leaf
-    from sniffer.protocols.packets.columns import Columns
+    from sniffer.protocols.packets.columns import FamilyColumns
 
 
 class Words:
     """The presentation of a family."""
 
-    def __init__(self, columns: Columns) -> None:
+    def __init__(self, columns: FamilyColumns) -> None:
         self.family = family = columns.family
         self.plan = columns.plan
         self._size = columns.length_name
