@@ -156,7 +156,7 @@ class FamilyColumns:
                 block, spans, servo_id, code, body, what, length, silent, request, either
             )
             if family.doubt:
-                might = np.flatnonzero(either & ~request & (what & FITS > 0))
+                might = np.flatnonzero(either & ~request & (what & FITS > 0) & (count > 0))
         asked = request.view(np.uint8)
         known = what & asked  # bit KNOWN is 1
         what = what * asked

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import construct as c
 
 from sniffer.ground.model import NEVER
+from sniffer.ground.registers import numbered
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -74,8 +75,8 @@ class PacketFamily:
     code is a response and all others are commands. Else the error stands in the place of the code:
     codes from ``certain`` on are commands, and any other is one where it fits as one (``begins``:
     where it begins as one), unless the request before it awaits just that many bytes; the same
-    bytes once more are the same request. ``doubt``: a response that fits as a command as well is
-    marked, and states no values.
+    bytes once more are the same request. ``doubt``: a response with data that fits as a command
+    as well is marked (UNUSUAL), and states no values.
 
     ``silent`` are ids that all servos obey and none answers, ``anyone`` those that each answers
     under its own. ``refusals`` are the bits of the error that say that it was not done, ``alerts``
@@ -105,6 +106,10 @@ class PacketFamily:
     alerts: Mapping[int, str] = field(default_factory=dict)
     words: tuple[str, str, str] = ("instruction", "error", "status")
     stuffing: Stuffing | None = None
+
+    def __post_init__(self) -> None:
+        """Number the registers of all models through."""
+        object.__setattr__(self, "models", numbered(self.models))
 
     @property
     def everyone(self) -> tuple[int, ...]:

@@ -34,7 +34,7 @@ class Bytes(NamedTuple):
     number: I64
 
 
-class Stop(NamedTuple):
+class Nth(NamedTuple):
     """The n-th target of ``rows``."""
 
     rows: I64
@@ -51,7 +51,7 @@ def column(data: U8, at: I64, width: int) -> I64:
     return out if width == 1 else out | data[np.minimum(at + 1, last)].astype(np.int64) << 8
 
 
-def steps(body: Bytes, rows: I64, shape: Shape) -> Iterator[Stop]:
+def steps(body: Bytes, rows: I64, shape: Shape) -> Iterator[Nth]:
     """Walk along the targets of commands of one shape, whose targets are whole."""
     targets, data = shape.targets, body.data
     if targets is None:
@@ -74,7 +74,7 @@ def steps(body: Bytes, rows: I64, shape: Shape) -> Iterator[Stop]:
             return
         length, at = field("length"), pos + targets.size
         servo_id = data[pos + targets.at["servo_id"][0]]
-        yield Stop(rows, servo_id, field("address"), length, at)
+        yield Nth(rows, servo_id, field("address"), length, at)
         pos = at + length if targets.data else at
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from sniffer.protocols.packets.words import Words
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I16, I64, Frames, Mask
+    from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import SlowFrame
     from sniffer.protocols.packets.declare import PacketFamily
 
@@ -45,6 +47,10 @@ class Member(Words):
         self.slow_parse, self.slow_describe = slow.parse, slow.describe
         self.slow_parts, self.slow_values = slow.parts, slow.values
         self.slow_clues = no_clues
+
+    def with_models(self, tables: tuple[RegisterMap, ...]) -> Member:
+        """Return the protocol with further models behind its own."""
+        return Member(replace(self.family, models=(*self.models, *tables)))
 
     def refused(self, status: I16) -> Mask:
         """Tell which error bytes say that the command was not carried out."""

@@ -79,7 +79,7 @@ class Slow:
         out.token = 0
         if not self._is_request(packet, params, fields, raw, before):
             self._response(out, packet.code, params, before)
-            if family.doubt and fields is not None:
+            if family.doubt and params and fields is not None:
                 out.flags |= UNUSUAL
             return out
         if packet.servo_id not in family.silent:
@@ -195,7 +195,7 @@ class Slow:
         known = frame.op in self.family.commands and not frame.flags & (MALFORMED | UNKNOWN)
         if frame.kind == REQUEST and known and _brings(self.family.commands[frame.op]):
             return [(t.servo_id, t.address, t.data) for t in self._targets(frame)]
-        if frame.address < 0:
+        if frame.address < 0 or (frame.kind == REQUEST and frame.token == LISTED):
             return []
         params = self._params(frame)
         packet = self.family.packet.parse(frame.raw).body.value
