@@ -126,7 +126,8 @@ class Scaling:
             raw, bit = v.raw[mine], self._sign_bit[v.register[mine]]
             magnitude = raw & ((1 << bit) - 1)
             signed = np.where(raw >> bit & 1, magnitude, -magnitude)
-            value[mine] = signed * self._scale[v.register[mine]]
+            # a scale that turns the sign makes zero -0.0
+            value[mine] = signed * self._scale[v.register[mine]] + 0.0
         takes = accepted[v.row]
         misfits: list[ScaleMisfit] = []
         if changes or weighed.anew or present & MODED:

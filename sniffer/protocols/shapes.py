@@ -119,9 +119,12 @@ class Addressed:
         self, block: Block, frames: Frames, rows: I64, address: I64, step: I64, state: State
     ) -> Values:
         """Read the values of ``rows``; a negative address: the row has none."""
-        parts = self._parts(block, frames, rows, address, step)
+        return self.read(block, self._parts(block, frames, rows, address, step), state)
+
+    def read(self, block: Block, parts: Parts, state: State) -> Values:
+        """Read the values of ``parts``; a negative address: the part has none."""
         model = state.models_of(parts.row, parts.servo_id)
-        keys = (model << 19) | ((parts.address + 1) << 10) | (parts.length << 1) | parts.written
+        keys = (model << 36) | ((parts.address + 1) << 18) | (parts.length << 1) | parts.written
         if self._sights is None:
             return by_shape(block, parts, keys, self._shape)
         seen = self._sights.of(block, parts)
@@ -153,11 +156,16 @@ class Addressed:
     def _shape(self, key: int) -> list[Entry]:
         found = self._shapes.get(key)
         if found is None:
-            table = self._models[key >> 19]
-            address, length = (key >> 10 & 511) - 1, key >> 1 & 511
+            address, length = _span_of(key)
+            table = self._models[key >> 36]
             found = table.span(address, length) if address >= 0 else []
             self._shapes[key] = found
         return found
+
+
+def _span_of(key: int) -> tuple[int, int]:
+    """Return address and length of a shape: 17 bits each, and one for an address that is none."""
+    return (key >> 18 & 0x3FFFF) - 1, key >> 1 & 0x1FFFF
 
 
 class Sights:
@@ -208,7 +216,7 @@ class Look:
 
     def look(self, key: int, group: I64, read: Mapping[tuple[int, str], I64]) -> None:
         """Look at the parts ``group``, which are alike."""
-        address, length, written = (key >> 10 & 511) - 1, key >> 1 & 511, bool(key & 1)
+        (address, length), written = _span_of(key), bool(key & 1)
         if address < 0:
             return
         rules = self._sights.rules
@@ -256,6 +264,9 @@ def slow_spans(
         for e in models[int(state.model[servo_id & 255])].span(address, len(data)):
             size = TYPES[e.type].itemsize
             signed = e.part == WHOLE and e.type.startswith("i")
-            raw = int.from_bytes(data[e.at : e.at + size], "little", signed=signed)
+            said = data[e.at : e.at + size]
+            if e.type.endswith("be"):
+                said = said[::-1]
+            raw = int.from_bytes(said, "little", signed=signed)
             out.append((servo_id, e.register, raw, e.part))
     return out

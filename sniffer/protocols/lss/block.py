@@ -109,7 +109,6 @@ def describe(block: Block, spans: Spans) -> Frames:
     framed, p = block.notes.get(_LINES, (None, None))
     if p is None or framed is not start:
         p = parse(_text(block), start, end)
-    n = len(start)
     is_reply = spans.kind == RESPONSE
     entry = ENTRIES.find(np.where(is_reply, p.asked, p.word))
     known = entry > 0
@@ -137,26 +136,19 @@ def describe(block: Block, spans: Spans) -> Frames:
     ] |= MALFORMED
     flags[is_reply & p.lower] |= UNUSUAL
     flags[~is_reply & known & ~query & _unusual(p, entry)] |= UNUSUAL
-    data_start = p.at
-    zero = np.zeros(n, np.int64)
-    return Frames(
+    return Frames.blank(len(start)).having(
         start=start,
         length=end - start,
         kind=spans.kind,
-        servo_id=p.servo_id.astype(np.int16),
+        servo_id=p.servo_id,
         op=op,
-        address=selector.astype(np.int16),
-        data_start=data_start,
-        data_length=np.where(asks, 0, end - 1 - data_start),
-        status=np.full(n, -1, np.int16),
-        reply=reply.astype(np.uint8),
+        address=selector,
+        data_start=p.at,
+        data_length=np.where(asks, 0, end - 1 - p.at),
+        reply=reply,
         token=p.asked,
-        alt_id=np.where(anyone, ANY_ID, NO_ALT).astype(np.int16),
-        flags=flags.astype(np.uint8),
-        t_start=zero,
-        t_end=zero,
-        uncertainty=zero,
-        direction=np.zeros(n, np.uint8),
+        alt_id=np.where(anyone, ANY_ID, NO_ALT),
+        flags=flags,
     )
 
 

@@ -31,7 +31,6 @@ from sniffer.ground.model import (
     Mask,
     Spans,
 )
-from sniffer.ground.registers import load_models
 from sniffer.protocols.wck import controller
 from sniffer.protocols.wck.grammar import (
     HEADER,
@@ -39,6 +38,8 @@ from sniffer.protocols.wck.grammar import (
     MASKS,
     MOTION_MOST,
     OPS,
+    REGISTERS,
+    REPLY,
     UNKNOWN_BASE,
     UNKNOWN_OP,
     Op,
@@ -48,14 +49,8 @@ from sniffer.protocols.wck.grammar import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-MODELS: Final = load_models("wck")
-REGISTERS: Final = MODELS[0].index
-
 DATA1, DATA2, PARAMS = 1, 2, 3
 """Offsets in a command."""
-
-REPLY: Final = 2
-"""Bytes of every reply. Source: manual 1.07, A-6, Response Packet."""
 
 TO_CONTROLLER: Final = INDEX["rbc_direct_control_end"]
 SYNC, BREAK, MOTION = INDEX["sync_position_move"], INDEX["break"], INDEX["motion_data_write"]
@@ -318,25 +313,18 @@ def describe(block: Block, spans: Spans) -> Frames:
         data_length[rbc] = length[rbc] - controller.OVERHEAD
     alt = np.full(n, NO_ALT, np.int16)
     alt[breaks] = ANY_ID
-    minus, zero = np.full(n, -1, np.int16), np.zeros(n, np.int64)
-    return Frames(
+    return Frames.blank(n).having(
         start=start,
         length=length,
-        kind=way.astype(np.uint8),
+        kind=way,
         servo_id=servo_id,
         op=op,
-        address=minus,
         data_start=data_start,
         data_length=data_length,
-        status=minus,
-        reply=reply.astype(np.uint8),
+        reply=reply,
         token=token,
         alt_id=alt,
         flags=_flags(data, spans, command, kind, request, answer),
-        t_start=zero,
-        t_end=zero,
-        uncertainty=zero,
-        direction=np.zeros(n, np.uint8),
     )
 
 

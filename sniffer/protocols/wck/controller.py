@@ -16,13 +16,12 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from construct import Byte, Bytes, Check, Checksum, Const, ConstructError, RawCopy, Struct, this
+from construct import Byte, Bytes, Check, Checksum, Const, RawCopy, Struct, this
 
 from sniffer.ground.checksums import XOR8
 from sniffer.ground.framing import Block, candidates
-from sniffer.ground.model import I64, NO_ALT, OPTIONAL, REQUEST, RESPONSE, Gap, Mask
+from sniffer.ground.model import I64, Gap, Mask
 from sniffer.ground.plan import plan_of
-from sniffer.protocols.base import SlowFrame
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -113,27 +112,6 @@ def answers(block: Block, start: I64, end: I64, is_one: Mask, op: I64) -> Mask:
     row = np.arange(len(start))
     first = np.maximum.accumulate(np.where(follows, 0, row))
     return np.asarray((row - first) % 2 == 1)
-
-
-def parse(data: bytes, at: int, limit: int) -> int | None:
-    """Return the end of the packet that begins here, or None where none holds."""
-    try:
-        packet = PACKET.parse(data[at : min(limit, at + LONGEST)])
-    except ConstructError:
-        return None
-    return at + OVERHEAD + int(packet.size)
-
-
-def describe(raw: bytes, before: SlowFrame | None) -> SlowFrame:
-    """Describe one packet by what it is and what stands right before it."""
-    packet = PACKET.parse(raw)
-    op = BASE + int(packet.type)
-    asked = before is not None and before.kind == REQUEST and before.op == op
-    out = SlowFrame(0, len(raw), RESPONSE if asked else REQUEST, -1, op, raw)
-    out.data_start, out.data = PLAN.tail_at, bytes(packet.contents.data)
-    out.reply = 0 if asked else OPTIONAL
-    out.token, out.alt_id = op, NO_ALT
-    return out
 
 
 def fields(raw: bytes) -> dict[str, Any]:

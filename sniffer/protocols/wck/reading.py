@@ -9,8 +9,8 @@ import numpy as np
 
 from sniffer.ground.model import I64, REQUEST, RESPONSE, Frames, Mask
 from sniffer.protocols.base import State, Values
-from sniffer.protocols.wck.block import DATA1, DATA2, ID_BITS, PARAMS, REGISTERS, SYNC
-from sniffer.protocols.wck.grammar import MASKS, OPS, UNKNOWN_OP, Bits
+from sniffer.protocols.wck.block import DATA1, DATA2, ID_BITS, PARAMS, SYNC
+from sniffer.protocols.wck.grammar import MASKS, OPS, REGISTERS, UNKNOWN_OP, Bits
 
 if TYPE_CHECKING:
     from sniffer.ground.framing import Block
