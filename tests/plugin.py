@@ -7,6 +7,7 @@ each other. The package is laid on a path with what `pip` would have written bes
 from __future__ import annotations
 
 import re
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -73,27 +74,33 @@ def speech(cycles: int, seed: int = 1) -> bytes:
     return _REAL_HEADER.sub(HEADER, talk(cycles, seed))
 
 
-def _replaced(text: str, old: str, new: str) -> str:
-    assert text.count(old) == 1, old
-    return text.replace(old, new)
+_OWN_TABLE: Final = 'load_models(__import__("pathlib").Path(__file__).with_name("toy-a.toml"))'
+_CHANGES: Final = (
+    (r'b"\\xff\\xff\\xff"', r'b"\\xa5\\xa5\\xa5"'),
+    (r'load_models\("mightyzap-l12", "mightyzap-12lf"\)', _OWN_TABLE),
+    (r'\bname( ?= ?)"mightyzap"', rf'name\1"{NAME}"'),
+    (r'title( ?= ?)"IRROBOT mightyZAP \(IR protocol\)"', r'title\1"Toy servos"'),
+)
+"""What makes another protocol of mightyZAP's code: each stands in it once."""
+
+AUTO: Final = "PROTOCOL.interface = 1\nPROTOCOL.auto = True\n"
+"""Behind the code: what makes a plug-in of a protocol."""
 
 
-def write_module(folder: Path, *, said: str = "interface = 1\n    auto = True") -> None:
+def write_module(folder: Path, *, behind: str = AUTO) -> None:
     """Write the package's code into a folder that is not there yet."""
     folder.mkdir(parents=True)
+    found: Counter[str] = Counter()
     for path in REAL.glob("*.py"):
-        text = path.read_text(encoding="utf-8")
-        text = text.replace("sniffer.protocols.mightyzap", folder.name)
-        if path.name == "grammar.py":
-            text = _replaced(text, 'b"\\xff\\xff\\xff"', 'b"\\xa5\\xa5\\xa5"')
-        if path.name == "block.py":
-            own = 'load_models(__import__("pathlib").Path(__file__).with_name("toy-a.toml"))'
-            text = _replaced(text, 'load_models("mightyzap-l12", "mightyzap-12lf")', own)
+        text = path.read_text(encoding="utf-8").replace("sniffer.protocols.mightyzap", folder.name)
+        for old, new in _CHANGES:
+            text, times = re.subn(old, new, text)
+            found[old] += times
         if path.name == "__init__.py":
-            text = _replaced(text, 'name = "mightyzap"', f'name = "{NAME}"\n    {said}')
-            text = text.replace('title = "IRROBOT mightyZAP (IR protocol)"', 'title = "Toy servos"')
-            text += "\n\nPROTOCOL = MightyZap()\n"
+            made = "" if "PROTOCOL: Final = " in text else "\n\nPROTOCOL = MightyZap()\n"
+            text += made + behind
         (folder / path.name).write_text(text, encoding="utf-8")
+    assert found == Counter(old for old, _ in _CHANGES)
     (folder / "toy-a.toml").write_text(table(), encoding="utf-8")
 
 

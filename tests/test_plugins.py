@@ -120,7 +120,7 @@ def test_of_two_plug_ins_of_one_name_the_first_counts(tmp_path: Path) -> None:
 
 
 def test_a_plug_in_that_does_not_say_so_is_no_candidate_of_detection(tmp_path: Path) -> None:
-    write_module(tmp_path / NAME, said="interface = 1")
+    write_module(tmp_path / NAME, behind="PROTOCOL.interface = 1\n")
     write_facts(tmp_path, f"{NAME} = {NAME}:PROTOCOL")
     code = "from sniffer import PROTOCOLS; print(*[p.name for p in PROTOCOLS.candidates()])"
     ran = python(code, {"PYTHONPATH": str(tmp_path)})

@@ -503,6 +503,27 @@ def test_an_object_is_taken_wherever_a_name_is(protocol: BusProtocol, tmp_path: 
     assert [t.text for t in tables(path)] == [table()]
 
 
+@LINUX_ONLY
+def test_an_object_is_recorded_from_a_port(protocol: BusProtocol, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with Terminal() as line:
+
+        def speak() -> None:
+            line.wait_for_tap()
+            line.say(speech(20))
+
+        speaker = threading.Thread(target=speak)
+        speaker.start()
+        recorded = api.record(
+            [api.PortSpec("arm", line.path, protocol, 57600)],
+            api.Files(path),
+            stops=api.Stops(frames=100),
+        )
+        speaker.join()
+    assert recorded.summary.buses["arm"].protocol == NAME
+    assert (session(path)["protocol.arm"], session(path)["plugin.arm"]) == (NAME, "toy_protocol.py")
+
+
 def test_a_table_can_be_given_from_python(own: Path) -> None:
     for given in (own, str(own), RegisterMap.from_toml(own)):
         got = api.decode(talk(5), protocol="mightyzap", registers=[given], models={3: "my-servo"})

@@ -125,14 +125,13 @@ def doctor(
         raise click.UsageError(f"{port} and --protocol {protocol} differ: which one is it?")
     if spec.baud is not None and baud not in (None, spec.baud):
         raise click.UsageError(f"{port} and --baud {baud} differ: which one is it?")
+    spoken = spec.protocol if isinstance(spec.protocol, str) else protocol
     mode = cast('Literal["low", "keep"]', modem)
-    how = PortOptions(
-        _first_baud(spec.protocol or protocol, spec.baud or baud), mode, shared=shared
-    )
+    how = PortOptions(_first_baud(spoken, spec.baud or baud), mode, shared=shared)
     if prepare:
         return _prepare(spec.port, how, output_format)
     is_named = (spec.baud or baud) is not None
-    heard = examine(spec.port, spec.protocol or protocol, how, seconds, baud_is_named=is_named)
+    heard = examine(spec.port, spoken, how, seconds, baud_is_named=is_named)
     verdicts = diagnose(heard)
     if output_format == "jsonl":
         for record in (*(v.as_dict() for v in verdicts), _summary(heard, verdicts)):

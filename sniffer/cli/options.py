@@ -12,6 +12,7 @@ from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.ground.limits import BAUDS, IDS, number_in
 from sniffer.ground.registers import RegisterMap
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
+from sniffer.protocols.base import BusProtocol
 from sniffer.protocols.tables import known_models, owner_of, with_tables
 from sniffer.sources import SOURCES
 
@@ -114,7 +115,7 @@ def models(
 def check_models(
     models: Mapping[int | None, str],
     tables: Iterable[RegisterMap] = (),
-    protocols: Iterable[str] = (),
+    protocols: Iterable[str | BusProtocol] = (),
 ) -> None:
     """Refuse a model that nobody has: no protocol that is known, and none of the tables.
 
@@ -147,7 +148,7 @@ with_registers = click.option(
 """Of every command that has ``--model``, but ``simulate``."""
 
 
-def check_tables(tables: Iterable[RegisterMap], protocols: Iterable[str]) -> None:
+def check_tables(tables: Iterable[RegisterMap], protocols: Iterable[str | BusProtocol]) -> None:
     """Refuse tables that nothing of what is decoded can be read by.
 
     ``protocols`` are those that were named; ``auto`` among them stands for all.
@@ -218,7 +219,7 @@ def pipeline_options(
     models: dict[int | None, str],
     latency: float | None,
     tables: tuple[RegisterMap, ...],
-    also: Iterable[str] = (),
+    also: Iterable[str | BusProtocol] = (),
 ) -> Options:
     """Return the options as the pipeline takes them; ``also`` are protocols of single buses.
 

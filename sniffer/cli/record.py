@@ -28,7 +28,6 @@ from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import one_line
-from sniffer.protocols import PROTOCOLS
 from sniffer.tap.stops import Stops
 from sniffer.tap.tap import PortSpec
 
@@ -160,8 +159,6 @@ def record(
         raise click.UsageError("choose one of --rerun, --rerun-web, --rerun-connect")
     said = [spec.protocol for spec in ports if spec.protocol is not None]
     options = pipeline_options(protocol, baud, chosen, latency, tables, said)
-    if AUTO in (protocol, *said):
-        PROTOCOLS.candidates()  # importing plug-ins takes its time
     paths = outputs or (Path(f"sniffer-{datetime.datetime.now():%Y%m%d-%H%M%S}.mcap"),)
     recordings = [path for path in paths if path.suffix.lower() == RECORDING]
     if len(recordings) > 1:
