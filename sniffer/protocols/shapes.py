@@ -51,7 +51,7 @@ def by_shape(
     """
     # Four writes of a goal and a read of position and speed, as ``_parts`` gave them:
     #
-    #     part        0       1       2       3             4
+    #     number      0       1       2       3             4
     #     bytes       00 04   10 02   20 03   D0 07 10 00   00 05
     #     keys        138245  138245  138245  144392        138245
     #     groups      [0 1 2 4] [3]                            parts of equal keys
@@ -164,8 +164,8 @@ class Addressed:
         #     of           0    1    1    2    3      which of the rows a part is of
         #     nth          0    0    1    0    0      its number in that row
         #     head         7    18   21   40   52     its id, or in a packet to one its bytes
-        #     at           7    19   22   40   52     its bytes
-        #     servo        1    1    2    1    3
+        #     Parts.at     7    19   22   40   52     its bytes
+        #     .servo_id    1    1    2    1    3
         #
         # ``of`` and ``nth`` turn "so many each" into rows without a loop: repeat each row ``count``
         # times; a part's number less that of its row's first part is its place in the row.

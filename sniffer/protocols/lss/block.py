@@ -214,7 +214,7 @@ def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
     #     register   position max_speed  goal            STATED for replies, REGISTER for the others
     #     raw        132      -300       1500
     #     behind     12       29         37              a reply must end here, an action need not
-    #     more                           4               then S750 and T20, a round each
+    #     more                           2               in ``rows``; S750 and T20, a round each
     #
     # Rounds append to the end: row 1 3 4, then 4, then 4. Values are sorted by row, and in a row as
     # they stand in the line, so the sort behind the rounds must be stable.

@@ -263,7 +263,7 @@ def _replies(
     #     may     1      1         1              -       by the command's reply: a read's has no FF
     #     echo    0      1         0                      io_write FF FF is answered by the same
     #     taken   0      0         1                      a good command begins there, at 18
-    #     has     1      1         0       1      0
+    #     plain   1      1         0       1      0     has a reply
     limit = block.limit(start)
     room = limit - end
     asks, ff0, ff1 = _ASKS[kind], data[end] == HEADER, data[end + 1] == HEADER

@@ -113,7 +113,7 @@ def answers(block: Block, start: I64, end: I64, is_one: Mask, op: I64) -> Mask:
     # Packets of type 10 (begin) and 12 (version), with a wCK read and its reply between:
     #
     #     row       0   1   2   3   4   5   6
-    #     op        10  10  rd  rp  12  12  12
+    #     type      10  10  -   -   12  12  12
     #     follows   0   1   0   0   0   1   1      like the packet right before it
     #     first     0   0   2   3   4   4   4      where the row of likes begins
     #     answers   0   1   0   0   0   1   0      every second of a row
