@@ -80,7 +80,7 @@ BROKEN = {
     "lacking": (
         "it_breaks:PROTOCOL",
         "class P: interface = 1\nPROTOCOL = P()",
-        "it lacks name, title, bauds, ...",
+        "it lacks name, bauds, baud, ...",
     ),
     "otherwise": ("toyservo:PROTOCOL", "", "it calls itself 'toyservo'"),
     "lss": ("it_breaks:PROTOCOL", "", "that name is taken by a built-in one"),
