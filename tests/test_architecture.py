@@ -207,10 +207,17 @@ def test_no_two_classes_have_one_name() -> None:
     assert not [name for name, count in names.items() if count > 1]
 
 
+FAMILY: Final = "packets"
+"""A folder among the protocols that is none: what members of one family have in common."""
+
+
+def protocol_folders() -> set[str]:
+    folders = {f.parts[1] for f in FILES if f.parts[0] == "protocols" and len(f.parts) > 2}
+    return folders - {FAMILY}
+
+
 def test_the_protocols_do_not_know_each_other() -> None:
-    names = {
-        file.parts[1] for file in FILES if file.parts[0] == "protocols" and len(file.parts) > 2
-    }
+    names = protocol_folders()
     assert len(names) >= 4
     for file in FILES:
         if file.parts[0] == "protocols" and len(file.parts) > 2:
@@ -220,11 +227,26 @@ def test_the_protocols_do_not_know_each_other() -> None:
                     assert parts[2] not in names - {file.parts[1]}, f"{file} imports {module}"
 
 
+@pytest.mark.parametrize("file", [f for f in FILES if f.name == "slow.py"], ids=str)
+def test_an_oracle_takes_nothing_from_the_columns_it_checks(file: Path) -> None:
+    for module in imports(file):
+        assert module.rpartition(".")[2] not in ("block", "columns"), f"{file} imports {module}"
+        assert module != "sniffer.ground.framing", file
+
+
+def test_only_the_reference_asks_the_oracle() -> None:
+    for file in FILES:
+        if room(file) == "protocols" or file.parts[:2] == ("decoding", "reference"):
+            continue
+        asked = [n.attr for n in ast.walk(tree(file)) if isinstance(n, ast.Attribute)]
+        assert not [name for name in asked if name.startswith("slow_")], file
+
+
 @pytest.mark.parametrize("file", [f for f in FILES if room(f) in CORE], ids=str)
 def test_no_protocol_is_named_outside_its_folder(file: Path) -> None:
     if file.parts[0] == "protocols":
         return
-    names = {f.parts[1] for f in FILES if f.parts[0] == "protocols" and len(f.parts) > 2}
+    names = protocol_folders()
     for node in ast.walk(tree(file)):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             assert node.value not in names, f"{file}:{node.lineno} says {node.value!r}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import operator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 
@@ -13,6 +13,23 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from sniffer.ground.model import I64, U8, Mask
+
+
+class Sum(Protocol):
+    """A checksum as grammars, framing and explanations use it."""
+
+    @property
+    def formula(self) -> str:
+        """Say it to a person."""
+        ...
+
+    def __call__(self, data: bytes) -> int:
+        """Return the checksum of ``data``."""
+        ...
+
+    def good(self, block: U8, first: I64, at: I64) -> Mask:
+        """Tell where the checksum of ``block[first:at]`` stands at ``at``."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -139,11 +139,11 @@ def candidates(plan: Plan, block: Block) -> tuple[I64, I64, I64]:
     ok = np.asarray(start + plan.prefix <= limit)
     for check in plan.checks:
         ok = ok & check(columns)
-    end = start + plan.tail(columns) + (plan.tail_at + 1)
+    end = start + plan.tail(columns) + (plan.tail_at + plan.sum_width)
     whole = ok & (end <= limit)
     waiting = start[ok & (end > limit) & block.open(limit)]
     start, end = start[whole], end[whole]
-    good = plan.checksum.good(data, start + plan.sum_from, end - 1)
+    good = plan.checksum.good(data, start + plan.sum_from, end - plan.sum_width)
     return start[good], end[good], waiting
 
 

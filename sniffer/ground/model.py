@@ -67,9 +67,7 @@ class MarkKind(enum.IntEnum):
     OVERRUN = 4  # bytes were lost on the tap's side: in the adapter, the driver or its buffer
     LOST = 5  # the port went away
     BACK = 6  # the port is back; ``count`` is how long it was away, in ns
-    REORDERED = (
-        7  # put where causality wants it, against its stamp; ``count`` is by how much, in ns
-    )
+    REORDERED = 7  # put where causality wants it; ``count`` is by how much, in ns
     SKIPPED = 8  # the recorder had no time to decode what stands before; ``count`` bytes
     ENDED = 9  # the recording was stopped here: what is open was not waited for
     HELD = 10  # the tap itself came late: these bytes may be older than stamped by ``count`` ns
@@ -137,14 +135,7 @@ STAGED: Final = 32  # its values take effect with a later frame ...
 RELEASES: Final = 64  # ... this one
 ECHO: Final = 128  # an adapter's echo of the request before: judged as if it were not there
 
-OUTCOMES: Final = (
-    "ok",
-    "no_response",
-    "not_expected",
-    "mismatched",
-    "unsolicited",
-    "damaged",
-)
+OUTCOMES: Final = ("ok", "no_response", "not_expected", "mismatched", "unsolicited", "damaged")
 OK, NO_RESPONSE, NOT_EXPECTED, MISMATCHED, UNSOLICITED, DAMAGED = range(6)
 
 ROLES: Final = ("commanded", "measured", "config")
@@ -157,16 +148,14 @@ ASSUMED, PROFILE, OBSERVED = range(3)
 WHOLE: Final = 0
 PARTS: Final = ("", "low byte", "high byte", "part")
 
-
 _NAMES: Final[dict[Any, tuple[str, ...]]] = {}
 
 
 def _names(kind: type[Columns]) -> tuple[str, ...]:
     """Return the columns of a kind of record; asking the dataclass for them takes a while."""
-    found = _NAMES.get(kind)
-    if found is None:
-        found = _NAMES[kind] = tuple(f.name for f in fields(kind))
-    return found
+    if kind not in _NAMES:
+        _NAMES[kind] = tuple(f.name for f in fields(kind))
+    return _NAMES[kind]
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +168,12 @@ class Columns:
     def take(self, index: Any) -> Self:
         """Return the rows that ``index`` (a slice, a mask or row numbers) selects."""
         return type(self)(*[getattr(self, name)[index] for name in _names(type(self))])
+
+    def having(self, **columns: npt.NDArray[Any]) -> Self:
+        """Return the rows with these columns in place of their own, each in its column's type."""
+        kept = {name: getattr(self, name) for name in _names(type(self))}
+        cast = {name: a.astype(kept[name].dtype, copy=False) for name, a in columns.items()}
+        return type(self)(**kept | cast)
 
     @classmethod
     def concat(cls, parts: Sequence[Self]) -> Self:
@@ -214,7 +209,7 @@ class Frames(Columns):
     kind: U8
     servo_id: I16
     op: I64
-    address: I16
+    address: I64
     data_start: I64
     data_length: I64
     status: I16
@@ -231,6 +226,12 @@ class Frames(Columns):
     def end(self) -> I64:
         """Offset behind each frame's last byte."""
         return self.start + self.length
+
+    @classmethod
+    def blank(cls, n: int) -> Self:
+        """Return ``n`` rows that name nobody, state nothing and expect no reply, at time zero."""
+        none = dict.fromkeys(("servo_id", "address", "status"), -1) | {"alt_id": NO_ALT}
+        return cls(*(np.full(n, none.get(f.name, 0), _DTYPES[str(f.type)]) for f in fields(cls)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,8 +328,7 @@ class Remark(NamedTuple):
 class Cut(NamedTuple):
     """What the end of a capture leaves open, as absolute offsets.
 
-    From ``asked`` on a request may still have been answered, from ``torn`` on bytes may have been
-    the beginning of a frame.
+    From ``asked`` on a request may still have been answered, from ``torn`` on a frame have begun.
     """
 
     asked: int

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import construct as c
 
 if TYPE_CHECKING:
-    from sniffer.ground.checksums import Checksum
+    from sniffer.ground.checksums import Sum
     from sniffer.ground.model import I64, U8
 
 Expression = Callable[[Any], Any]
@@ -30,8 +30,10 @@ class Plan:
     tail: Expression  # length of the one variable field
     tail_at: int
     sum_from: int  # first byte under the checksum
-    checksum: Checksum
+    checksum: Sum
     prefix: int  # bytes needed before length and guards can be read
+    width: Mapping[str, int]  # bytes of each field; those of two have the low byte first
+    sum_width: int  # bytes of the checksum
 
     def columns(self, block: U8, start: I64) -> c.Container:
         """Read the fields that length and guards depend on, for frames beginning at ``start``."""
@@ -39,16 +41,18 @@ class Plan:
         for name, at in self.at.items():
             if at < self.prefix:
                 out[name] = block[start + at].astype("i8")
+                if self.width[name] == 2:
+                    out[name] += block[start + at + 1].astype("i8") << 8
         return out
 
 
 def plan_of(grammar: Any) -> Plan:
-    r"""Walk ``grammar``: header, one-byte fields, one variable field, checksum.
+    r"""Walk ``grammar``: header, fields of one or two bytes, one variable field, checksum.
 
     For example mightyZAP's ``FF FF FF | id | size | code | factors | checksum``::
 
         header   b"\xff\xff\xff"        the Consts at the front
-        at       id 3, size 4, code 5   each one-byte field's offset
+        at       id 3, size 4, code 5   each field's offset
         checks   id != 255, size >= 2   the grammar's own Checks, evaluated on columns
         tail     size - 2               length of ``factors``, which begins at ``tail_at`` 6
         sum_from 3                      where the RawCopy under the checksum begins
@@ -65,12 +69,13 @@ def plan_of(grammar: Any) -> Plan:
     at: dict[str, int] = {}
     checks: list[Expression] = []
     tail: Expression | None = None
-    checksum: Checksum | None = None
+    checksum: Sum | None = None
     tail_at = sum_from = -1
-    pos = 0
+    pos = sum_width = 0
+    width: dict[str, int] = {}
 
     def walk(con: Any, name: str = "") -> None:
-        nonlocal header, tail, tail_at, sum_from, checksum, pos
+        nonlocal header, tail, tail_at, sum_from, checksum, pos, sum_width
         match con:
             case c.Renamed():
                 walk(con.subcon, con.name)
@@ -86,12 +91,12 @@ def plan_of(grammar: Any) -> Plan:
             case c.Check():
                 checks.append(con.func)
             case c.Checksum():
-                checksum = con.hashfunc
+                checksum, sum_width = con.hashfunc, con.checksumfield.sizeof()
             case c.Bytes() if callable(con.length) and tail is None:
                 tail, tail_at = con.length, pos
-            case c.FormatField() if con.fmtstr[1] == "B" and tail is None:
-                at[name] = pos
-                pos += 1
+            case c.FormatField() if con.fmtstr in (">B", "<H") and tail is None:
+                at[name], width[name] = pos, con.length
+                pos += con.length
             case c.Enum() | c.FlagsEnum():
                 walk(con.subcon, name)
             case _:
@@ -111,7 +116,7 @@ def plan_of(grammar: Any) -> Plan:
 
     for expression in (tail, *checks):
         expression(Probe())
-    prefix = max(at[k] for k in seen) + 1
+    prefix = max(at[k] + width[k] for k in seen)
     return Plan(
         header,
         MappingProxyType(at),
@@ -121,4 +126,6 @@ def plan_of(grammar: Any) -> Plan:
         sum_from,
         checksum,
         prefix,
+        MappingProxyType(width),
+        sum_width,
     )

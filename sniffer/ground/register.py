@@ -21,6 +21,8 @@ TYPES: Final[Mapping[str, np.dtype[Any]]] = MappingProxyType(
         "u16le": np.dtype("<u2"),
         "i16le": np.dtype("<i2"),
         "u16be": np.dtype(">u2"),
+        "i16be": np.dtype(">i2"),
+        "u32": np.dtype("<u4"),
         "i32": np.dtype("<i4"),
         # where registers go by words instead of addresses (LSS)
         "decimal": np.dtype("i8"),

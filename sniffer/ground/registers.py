@@ -167,7 +167,8 @@ class RegisterMap:
                 loose = not known and r.name in self._selects
                 out.append(Entry(self.first + i, here, r.type, loose=loose))
             else:
-                part = 3 if r.width != 2 else 1 if a == r.address else 2
+                low = (a == r.address) != r.type.endswith("be")
+                part = 3 if r.width != 2 else 1 if low else 2
                 out.append(Entry(self.first + i, here, "u8", part))
             a = end
         return out

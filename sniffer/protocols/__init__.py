@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 PROTOCOLS: Final = Registry(
     {
-        "mightyzap": "sniffer.protocols.mightyzap:MightyZap",
+        "mightyzap": "sniffer.protocols.mightyzap:PROTOCOL",
         "lss": "sniffer.protocols.lss:Lss",
         "rs30x": "sniffer.protocols.rs30x:Rs30x",
         "wck": "sniffer.protocols.wck:Wck",

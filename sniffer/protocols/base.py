@@ -1,8 +1,7 @@
 """What a protocol must say. Everything above this floor speaks to protocols through these names.
 
-A protocol is one folder in ``sniffer/protocols/`` (``grammar.py``: the construct declarations;
-``block.py``: the same in columns; ``slow.py``: the same one frame at a time, which the reference
-decoder runs), its tables in ``schemas/registers/`` and one line in ``PROTOCOLS``.
+Three parts, for three askers: ``Framing`` (columns, for the decoder), ``Presentation`` (words, for
+rows, gaps and ``explain``) and ``Oracle`` (one frame at a time, for the reference decoder).
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from sniffer.ground.model import PROFILE
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from sniffer.ground.checksums import Checksum
+    from sniffer.ground.checksums import Sum
     from sniffer.ground.clues import Clue
     from sniffer.ground.framing import Block
     from sniffer.ground.model import I16, I64, U8, Frames, Gap, Mask, Spans
@@ -149,6 +148,8 @@ class SlowFrame:
     flags: int = 0
     values: list[tuple[int, int, int, int]] = field(default_factory=list)
     """(servo_id, register, raw, part) of each value, in order."""
+    asked: SlowFrame | None = None
+    """Of a response the last request before it, where what it says depends on that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,11 +163,10 @@ class FieldSpan:
     note: str = ""
 
 
-class BusProtocol(TypingProtocol):
-    """The interface; plain attributes are constants of the protocol with their source there."""
+class Framing(TypingProtocol):
+    """Bytes to columns: what decoding needs. Plain attributes are constants, their source there."""
 
     name: str
-    title: str
     bauds: tuple[int, ...]
     baud: int  # the default one
     longest: int  # bytes of the longest frame
@@ -177,10 +177,6 @@ class BusProtocol(TypingProtocol):
     ordered: bool  # answers name nobody: they come in the order of their requests
     models: tuple[RegisterMap, ...]  # the default first
     registers: tuple[Register, ...]  # of all models, numbered through
-
-    def op_name(self, op: int) -> str:
-        """Return the manual's own command name in snake_case (LSS: the word)."""
-        ...
 
     def frame(self, block: Block) -> tuple[Spans, int]:
         """Return the frames that hold, and the offset before which every byte has its fate."""
@@ -206,6 +202,16 @@ class BusProtocol(TypingProtocol):
         """Return for each request the time within which the reply is expected."""
         ...
 
+
+class Presentation(TypingProtocol):
+    """Frames to words, one at a time: names, fields, and why bytes are no frame."""
+
+    title: str
+
+    def op_name(self, op: int) -> str:
+        """Return the manual's own command name in snake_case (LSS: the word)."""
+        ...
+
     def status_names(self, status: int) -> tuple[str, ...]:
         """Name the errors and alarms a status byte reports."""
         ...
@@ -225,11 +231,17 @@ class BusProtocol(TypingProtocol):
         """Return the frame's fields byte by byte, from the grammar, in order."""
         ...
 
-    def checksum_of(self, raw: bytes) -> tuple[Checksum, bytes, int] | None:
+    def checksum_of(self, raw: bytes) -> tuple[Sum, bytes, int] | None:
         """Return a frame's checksum, the bytes it covers, and what was sent; None: it has none."""
         ...
 
-    # The slow way, one frame at a time; it defines what is right.
+
+class Oracle(TypingProtocol):
+    """The slow way, one frame at a time, by parsing the grammars: it defines what is right.
+
+    The reference decoder asks it and nothing else does. It takes nothing from the block decoder,
+    or the two would share the faults that comparing them is to find.
+    """
 
     def slow_parse(self, data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None:
         """Parse ``data[at:limit]`` with the grammar: (start, end, kind) of a frame that holds.
@@ -257,6 +269,10 @@ class BusProtocol(TypingProtocol):
     def slow_values(self, frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
         """Return (servo_id, register, raw, part) of each value a frame states."""
         ...
+
+
+class BusProtocol(Framing, Presentation, Oracle, TypingProtocol):
+    """A protocol: all that the floors above ask of one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,7 @@ from sniffer.simulation.talk import (
     Ask,
     Bus,
     Exchange,
+    Heard,
     Message,
     Servo,
     Talk,
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from sniffer.ground.registers import RegisterMap
-    from sniffer.protocols.base import SlowFrame
     from sniffer.simulation.motion import Joint, Rig
 
 TURNAROUND_NS: Final = 1 * MS
@@ -309,7 +309,7 @@ class LssBus(Bus):
         """Return where a servo is to be now, in its own parts of a degree."""
         return self.servos[servo_id].place(self.goal(servo_id))
 
-    def heard(self, frame: SlowFrame, request: Message) -> Exchange:
+    def heard(self, frame: Heard, request: Message) -> Exchange:
         """Obey any line that the page explains; a query to all is answered by one after another."""
         everyone = frame.servo_id == BROADCAST
         here = (i for i, servo in self.servos.items() if not servo.deaf)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.model import MALFORMED, UNKNOWN
-from sniffer.protocols.mightyzap.block import MODELS
 from sniffer.protocols.mightyzap.grammar import (
     BROADCAST,
     COMMANDS,
@@ -17,6 +16,7 @@ from sniffer.protocols.mightyzap.grammar import (
     EXECUTE,
     HEADER,
     LOAD,
+    MODELS,
     SEND,
     STAND_ALONE,
     STORE,
@@ -32,6 +32,7 @@ from sniffer.simulation.talk import (
     Broken,
     Bus,
     Exchange,
+    Heard,
     Message,
     Talk,
     by_model,
@@ -42,7 +43,6 @@ from sniffer.simulation.talk import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from sniffer.protocols.base import SlowFrame
 
 PATIENCE_NS: Final = 20 * MS
 
@@ -135,7 +135,7 @@ class MightyZapBus(Bus):
         elif cycle % 50 == 47:
             yield self._load(servo_id, "goal_position", "force_limit", "goal_current")
 
-    def heard(self, frame: SlowFrame, request: Message) -> Exchange:
+    def heard(self, frame: Heard, request: Message) -> Exchange:
         """Obey any command; all servos obey the ids 0 and 254, and none answers the latter.
 
         Echo and Load Data are for the servo of that very id, also where it is 0.
@@ -175,7 +175,7 @@ class MightyZapBus(Bus):
 
     @staticmethod
     def _obedience(
-        frame: SlowFrame, request: Message
+        frame: Heard, request: Message
     ) -> Callable[[MightyZapServo], Message | None] | None:
         """Return what a servo does about a command, None if it makes nothing of it."""
         if frame.flags & MALFORMED:

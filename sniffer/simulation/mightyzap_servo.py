@@ -90,7 +90,7 @@ def _factors(code: int, factors: tuple[tuple[str, Any], ...]) -> bytes:
     told = dict(factors)
     if "targets" in told:
         told["targets"] = [{"servo_id": i, "data": data} for i, data in told["targets"]]
-    return bytes(COMMANDS[code].factors.build(told))
+    return bytes(COMMANDS[code].params.build(told))
 
 
 def command(servo_id: int, code: int, values: tuple[Value, ...] = (), **factors: Any) -> Message:

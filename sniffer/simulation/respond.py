@@ -12,17 +12,16 @@ import numpy as np
 
 from sniffer.ground.framing import Block
 from sniffer.ground.model import REQUEST as ASKS
-from sniffer.ground.model import WHOLE
+from sniffer.ground.model import WHOLE, Spans
 from sniffer.protocols import protocol_named
 from sniffer.protocols.base import State
 from sniffer.simulation.buses import mischief, put_up
 from sniffer.simulation.line import NOBODY, Wire
-from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, USUAL, Message, TrueFrame
+from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, USUAL, Heard, Message, TrueFrame
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from sniffer.protocols.base import SlowFrame
     from sniffer.simulation.faults import Fault
 
 _NO_BARRIERS = np.empty(0, np.int64)
@@ -60,7 +59,7 @@ class Responder:
         self._carried = carried
         self._held = bytearray()
         self._heard_ns = 0
-        self._before: SlowFrame | None = None
+        self._before = b""  # the request before, if that is what was heard last
 
     def hear(self, data: bytes, now_ns: int) -> list[Uttered]:
         """Take bytes that arrived just now; return all that is said because of them, in order.
@@ -83,14 +82,17 @@ class Responder:
         out: list[Uttered] = []
         data = bytes(self._held)
         at = behind = 0
+        found: tuple[int, int, int] | None = (-1, -1, 0)  # the next frame from ``at`` on
         while at < len(data):
-            found = self._protocol.slow_parse(data, at, len(data))
-            if found is None and (broken := self.bus.damaged(data, at)) is not None:
+            if found is not None and found[0] < at:
+                found = self._next(data, at)
+            here = found is not None and found[0] == at
+            if not here and (broken := self.bus.damaged(data, at)) is not None:
                 out += self._noise(data[behind : broken.end], now_ns)
                 out += [Uttered(f, True) for f in self._line.complaint(broken.exchange)]
                 at = behind = broken.end
                 continue
-            if found is None:
+            if found is None or not here:
                 skipped = 1 if final else self._hopeless(data, at)
                 if self.bus.begins and (begin := data.find(self.bus.begins, at + 1)) >= 0:
                     skipped = min(skipped, begin - at)  # there may be what a servo complains of
@@ -99,13 +101,24 @@ class Responder:
                 at += skipped
                 continue
             # what may be its reply as well is judged on its own: servos answer here, not there
-            start, end, kind = found[0]
+            start, end, kind = found
             out += self._noise(data[behind:start], now_ns)
             out += self._frame(data[start:end], kind, now_ns)
             at = behind = end
         out += self._noise(data[behind:at], now_ns)
         del self._held[:at]
         return out
+
+    def _next(self, data: bytes, at: int) -> tuple[int, int, int] | None:
+        """Return start, end and kind of the first frame from ``at`` on, as if no more came."""
+        for stop in (at + 2 * self._protocol.longest, len(data)):
+            block = Block(np.frombuffer(data[at:stop], np.uint8), _NO_BARRIERS, stop >= len(data))
+            spans, _ = self._protocol.frame(block)
+            if len(spans):
+                return at + int(spans.start[0]), at + int(spans.end[0]), int(spans.kind[0])
+            if stop >= len(data):
+                break
+        return None
 
     def _hopeless(self, data: bytes, at: int) -> int:
         """Return how many bytes from ``at`` on can be no frame's, whatever follows."""
@@ -127,22 +140,33 @@ class Responder:
 
     def _frame(self, raw: bytes, kind: int, now_ns: int) -> list[Uttered]:
         protocol = self._protocol
-        frame = protocol.slow_describe(raw, kind, self._before)
-        self._before = frame
+        data, behind = self._before + raw, len(self._before)
+        spans = Spans(
+            np.array([0, behind]),
+            np.array([behind, len(data)]),
+            np.array([ASKS, kind], np.uint8),
+        )
+        block = Block(np.frombuffer(data, np.uint8), _NO_BARRIERS, True)
+        frames = protocol.describe(block, spans if behind else spans.take([1]))
+        row = len(frames) - 1
+        heard = Heard.of(frames, row, data)
+        self._before = raw if heard.kind == ASKS else b""
+        v = protocol.values(block, frames, np.array([row]), self._state)
+        columns = (c.tolist() for c in (v.servo_id, v.register, v.raw, v.part))
         values = tuple(
             (servo_id, protocol.registers[index].name, value)
-            for servo_id, index, value, part in protocol.slow_values(frame, self._state)
+            for servo_id, index, value, part in zip(*columns, strict=True)
             if part == WHOLE
         )
-        message = Message(raw, frame.servo_id, protocol.op_name(frame.op), values)
+        message = Message(raw, heard.servo_id, protocol.op_name(heard.op), values)
         self._begin(len(raw), now_ns)
-        if frame.kind != ASKS:
+        if heard.kind != ASKS:
             return [
                 Uttered(self._line.say(message, RESPONSE, self._line.free_ns, raw, None), False)
             ]
         said = [
             Uttered(f, f.kind != REQUEST)
-            for f in self._line.exchange(self.bus.heard(frame, message))
+            for f in self._line.exchange(self.bus.heard(heard, message))
         ]
         self.bus.renumber()
         return said

@@ -12,7 +12,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.model import MALFORMED, UNKNOWN
-from sniffer.protocols.rs30x.block import MODELS
 from sniffer.protocols.rs30x.grammar import (
     ACK,
     ACK_BYTE,
@@ -23,6 +22,7 @@ from sniffer.protocols.rs30x.grammar import (
     FLAGS,
     LONG,
     LONG_WRITE,
+    MODELS,
     NO_TOKEN,
     OPS,
     PACKET,
@@ -39,6 +39,7 @@ from sniffer.simulation.talk import (
     Ask,
     Bus,
     Exchange,
+    Heard,
     Message,
     Servo,
     Talk,
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from sniffer.ground.registers import RegisterMap
-    from sniffer.protocols.base import SlowFrame
     from sniffer.simulation.motion import Joint, Rig
 
 PATIENCE_NS: Final = 30 * MS
@@ -260,7 +260,7 @@ class Rs30xBus(Bus):
             reply = self.rng.choice((0, ASKS_ACK))
             yield self._write(servo_id, {"max_torque": torque}, reply)
 
-    def heard(self, frame: SlowFrame, request: Message) -> Exchange:
+    def heard(self, frame: Heard, request: Message) -> Exchange:
         """Obey any packet; none answers one to all, or one that resets."""
         long, everyone = frame.op == LONG_WRITE, frame.servo_id == EVERYONE
         to = [i for i in self.servos if long or everyone or i == frame.servo_id]
@@ -272,9 +272,7 @@ class Rs30xBus(Bus):
         return Exchange(request, tuple(to), act, self._delay(to[0]))
 
     @staticmethod
-    def _obedience(
-        frame: SlowFrame, request: Message
-    ) -> Callable[[Rs30xServo], Message | None] | None:
+    def _obedience(frame: Heard, request: Message) -> Callable[[Rs30xServo], Message | None] | None:
         """Return what a servo does about a packet, None if it does not know it."""
         if frame.flags & (MALFORMED | UNKNOWN):
             return None
@@ -342,7 +340,7 @@ class Rs30xBus(Bus):
         return Exchange(message, (message.servo_id,), act, delay, patience_ns)
 
 
-def _answer(frame: SlowFrame, op: str) -> Callable[[Rs30xServo], Message | None]:
+def _answer(frame: Heard, op: str) -> Callable[[Rs30xServo], Message | None]:
     """Return what a servo says to the reply bits of a short packet."""
     if frame.token == ACK_TOKEN:
         return lambda s: s.acknowledge(op)

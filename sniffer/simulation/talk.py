@@ -10,14 +10,14 @@ import abc
 import random
 from collections.abc import Callable, Generator, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple, Self
 
 from sniffer.ground.model import KINDS, NS
 from sniffer.simulation.motion import Joint, Rig, trajectory
 
 if TYPE_CHECKING:
+    from sniffer.ground.model import Frames
     from sniffer.ground.registers import RegisterMap
-    from sniffer.protocols.base import SlowFrame
 
 REQUEST, RESPONSE = KINDS
 NOISE: Final = "noise"
@@ -62,6 +62,34 @@ class Message(NamedTuple):
     servo_id: int
     op: str
     values: tuple[Value, ...] = ()
+
+
+class Heard(NamedTuple):
+    """A frame that a servo hears, in plain numbers; the names are those of ``Frames``."""
+
+    raw: bytes
+    kind: int
+    servo_id: int
+    op: int
+    address: int
+    data: bytes
+    token: int
+    flags: int
+
+    @classmethod
+    def of(cls, frames: Frames, row: int, said: bytes) -> Self:
+        """Return one row; offsets count from the beginning of ``said``."""
+        start, first = int(frames.start[row]), int(frames.data_start[row])
+        return cls(
+            said[start : start + int(frames.length[row])],
+            int(frames.kind[row]),
+            int(frames.servo_id[row]),
+            int(frames.op[row]),
+            int(frames.address[row]),
+            said[first : first + int(frames.data_length[row])],
+            int(frames.token[row]),
+            int(frames.flags[row]),
+        )
 
 
 def by_model(tables: Sequence[RegisterMap]) -> Mapping[str, RegisterMap]:
@@ -254,7 +282,7 @@ class Bus(abc.ABC):
         yield from ()
 
     @abc.abstractmethod
-    def heard(self, frame: SlowFrame, request: Message) -> Exchange:
+    def heard(self, frame: Heard, request: Message) -> Exchange:
         """Return what the servos do about a request that another controller sent.
 
         ``request.values`` are those that the frame states, whole ones.

@@ -13,10 +13,10 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.model import UNKNOWN
-from sniffer.protocols.wck.block import MODELS
 from sniffer.protocols.wck.grammar import (
     COMMANDS,
     INDEX,
+    MODELS,
     OPS,
     REPLIES,
     build,
@@ -28,6 +28,7 @@ from sniffer.simulation.talk import (
     Ask,
     Bus,
     Exchange,
+    Heard,
     Message,
     Servo,
     Talk,
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from sniffer.ground.registers import RegisterMap
-    from sniffer.protocols.base import SlowFrame
     from sniffer.simulation.motion import Joint, Rig
 
 TURNAROUND_NS: Final = {
@@ -262,7 +262,7 @@ class WckBus(Bus):
                 "runtime_speed_set", servo_id, runtime_speed=speed, runtime_acceleration=60
             )
 
-    def heard(self, frame: SlowFrame, request: Message) -> Exchange:
+    def heard(self, frame: Heard, request: Message) -> Exchange:
         """Obey any command of the manual; a break is answered by the lowest id."""
         op = request.op
         if frame.flags & UNKNOWN or op not in INDEX:  # packets for the controller among them

@@ -125,6 +125,9 @@ class Reference:
                 before = frames[-back] if len(frames) >= back else None
                 if before is not None and not bare and start - before.end > self.protocol.reach:
                     before = None
+                if before is not None and before.asked is not None:
+                    far = start - before.asked.end > self.protocol.reach
+                    before.asked = None if far else before.asked
                 frame = self.protocol.slow_describe(data[start:end], kind, before)
                 frame.start, frame.end = start, end
                 frame.data_start += start

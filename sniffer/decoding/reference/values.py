@@ -180,5 +180,5 @@ class SlowValues:
         if r.sign_bit is not None:
             magnitude = raw & ((1 << r.sign_bit) - 1)
             sign = 1.0 if raw >> r.sign_bit & 1 else -1.0
-            return (sign * magnitude if magnitude else 0.0) * r.scale, provenance
+            return (sign * magnitude if magnitude else 0.0) * r.scale + 0.0, provenance
         return raw * r.scale, provenance

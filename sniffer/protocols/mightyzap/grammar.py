@@ -8,9 +8,8 @@ Sources: mightyZAP user manual v1.02, (2) Packet Description and (4) Command Exa
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from construct import (
     Byte,
@@ -22,14 +21,24 @@ from construct import (
     GreedyBytes,
     GreedyRange,
     RawCopy,
-    Renamed,
     Struct,
     Terminated,
     this,
 )
 
 from sniffer.ground.checksums import COMPLEMENT_SUM
-from sniffer.ground.model import IF_ALL, IF_READ, MUST, NEVER
+from sniffer.ground.registers import load_models
+from sniffer.protocols.packets import (
+    IF_ALL,
+    IF_READ,
+    MUST,
+    NEVER,
+    RELEASES,
+    RESETS,
+    STAGED,
+    Command,
+    PacketFamily,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -75,74 +84,71 @@ PACKET: Final = Struct(
     "checksum" / Checksum(Byte, COMPLEMENT_SUM, this.body.data),
 )
 
-EMPTY: Final = Struct(Terminated)
-ADDRESS_DATA: Final = Struct("address" / Byte, "data" / GreedyBytes, Check(lambda x: x.data))
 FEEDBACK: Final = Struct(
     "error" / FlagsEnum(Byte, **{name: 1 << bit for bit, name in ERRORS.items()}),
     "data" / GreedyBytes,
 )
+
+EMPTY: Final = Struct(Terminated)
+ADDRESS_LENGTH: Final = Struct("address" / Byte, "length" / Byte, Terminated)
+ADDRESS_DATA: Final = Struct("address" / Byte, "data" / GreedyBytes, Check(this.data))
+OPTION: Final = Struct("option" / FlagsEnum(Byte, servo_id=1, baud_rate=2), Terminated)
 SYMMETRIC: Final = Struct(
     "address" / Byte,
     "length" / Byte * "data bytes for each servo",
     Check(this.length >= 1),
     "targets" / GreedyRange(Struct("servo_id" / Byte, "data" / Bytes(this._.length))),
-    Check(lambda x: x.targets),
+    Check(this.targets),
     Terminated,
 )
 
-
-@dataclass(frozen=True, slots=True)
-class Command:
-    """One command: its factors, and whether a servo answers it."""
-
-    name: str
-    factors: Any
-    reply: int
-
+NEW_ID: Final = (1, 0)
+"""Factory reset option bit 0: the servo's id goes back to 0. Source: (4) 6) Factory Reset."""
 
 COMMANDS: Final[Mapping[int, Command]] = MappingProxyType(
     {
         0xF1: Command("echo", EMPTY, MUST),
-        0xF2: Command("load_data", Struct("address" / Byte, "length" / Byte, Terminated), IF_READ),
+        0xF2: Command("load_data", ADDRESS_LENGTH, IF_READ),
         0xF3: Command("store_data", ADDRESS_DATA, IF_ALL),
-        0xF4: Command("send_data", ADDRESS_DATA, IF_ALL),
-        0xF5: Command("execution", EMPTY, IF_ALL),
-        0xF6: Command("factory_reset", Struct("option" / Byte, Terminated), IF_ALL),
+        0xF4: Command("send_data", ADDRESS_DATA, IF_ALL, STAGED),
+        0xF5: Command("execution", EMPTY, IF_ALL, RELEASES),
+        0xF6: Command("factory_reset", OPTION, IF_ALL, RESETS, NEW_ID),
         0xF8: Command("restart", EMPTY, IF_ALL),
         # the vendor's own software development kit sends this one; no manual has it
-        0xF9: Command("mightyzap_factory_reset", Struct("option" / Byte, Terminated), IF_ALL),
+        0xF9: Command("mightyzap_factory_reset", OPTION, IF_ALL, RESETS, NEW_ID),
         0x73: Command("symmetric_store", SYMMETRIC, NEVER),
     }
 )
 """Command codes. Replies follow the Feedback Return Mode (0: echo only, 1: also load data, 2: all).
 Source: user manual v1.02, (2) 4. COMMAND, and (5) 8) Feedback Return Mode."""
 
-
-def leading(code: int, factors: bytes) -> dict[str, int]:
-    """Return the one-byte fields that a command's factors begin with, as far as there are bytes.
-
-    They can be read although the body as a whole is not as the grammar has it.
-    """
-    names: list[str] = []
-    for con in COMMANDS[code].factors.subcons if code in COMMANDS else ():
-        name, inner = con.name, con
-        while isinstance(inner, Renamed):
-            inner = inner.subcon
-        if inner is not Byte:
-            break
-        names.append(name)
-    return dict(zip(names, factors, strict=False))
-
-
 ECHO, LOAD, STORE, SEND, EXECUTE, FACTORY_RESET = 0xF1, 0xF2, 0xF3, 0xF4, 0xF5, 0xF6
 SDK_FACTORY_RESET, SYMMETRIC_STORE = 0xF9, 0x73
-WRITES: Final = (STORE, SEND)
-OPTION_ID: Final = 1
-"""Factory reset option bit 0: the servo's id goes back to 0. Source: (4) 6) Factory Reset."""
+OPTION_ID: Final = NEW_ID[0]
 
-FEEDBACK_REGISTER: Final = 0x10
-"""Address of the feedback return mode: a write of it is answered under the old mode or under the
-new one, the manual does not say. Source: user manual v1.02, (3) Data Map."""
+WINDOW_NS: Final = 10_000_000
+"""Return delay is at most 255 us (user manual v1.02, Data Map 0x05); the vendor's guide asks
+controllers to leave 10 ms around a read, so an answer later than that is late."""
 
-ID_REGISTER: Final = 3
-"""Address of the servo id. Source: user manual v1.02, (3) Data Map."""
+FAMILY: Final = PacketFamily(
+    name="mightyzap",
+    title="IRROBOT mightyZAP (IR protocol)",
+    bauds=(9600, 19200, 38400, 57600, 115200, 200000, 250000, 400000),
+    baud=57600,
+    packet=PACKET,
+    commands=COMMANDS,
+    feedback=FEEDBACK,
+    models=load_models("mightyzap-l12", "mightyzap-12lf"),
+    window_ns=WINDOW_NS,
+    tail_ns=100_000_000,  # clients give up after 20 to 100 ms
+    certain=0x80,  # bit 7 of an error byte is always 0
+    begins=True,
+    silent=(BROADCAST,),
+    anyone=(STAND_ALONE,),
+    refusals=REFUSALS,
+    words=("command", "error", "feedback"),
+)
+"""The id and the feedback return mode, writes of which change who answers and what is answered,
+stand where the register tables say so by ``effect``."""
+
+MODELS: Final = FAMILY.models

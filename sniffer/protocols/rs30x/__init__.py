@@ -19,6 +19,7 @@ from sniffer.protocols.rs30x.grammar import (
     ACK_BYTE,
     EVERYONE,
     LONG_WRITE,
+    MODELS,
     NACK,
     OPS,
     PACKET,
@@ -32,7 +33,7 @@ from sniffer.protocols.rs30x.grammar import (
 from sniffer.protocols.shapes import Addressed
 
 if TYPE_CHECKING:
-    from sniffer.ground.checksums import Checksum
+    from sniffer.ground.checksums import Sum
     from sniffer.ground.model import I16, I64, Frames, Gap, Mask
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import FrameView
@@ -79,7 +80,7 @@ class Rs30x:
     slow_parts = staticmethod(slow.parts)
     slow_clues = staticmethod(no_clues)
 
-    def __init__(self, models: tuple[RegisterMap, ...] = block.MODELS) -> None:
+    def __init__(self, models: tuple[RegisterMap, ...] = MODELS) -> None:
         self.models = models
         self.registers = joined(models)
         self.values = functools.partial(block.values, shapes=Addressed(models, first=0))
@@ -143,7 +144,7 @@ class Rs30x:
                 out.append(_span(leaf))
         return out
 
-    def checksum_of(self, raw: bytes) -> tuple[Checksum, bytes, int] | None:
+    def checksum_of(self, raw: bytes) -> tuple[Sum, bytes, int] | None:
         """Return the checksum, the bytes from the id on, and the last byte; an ACK has none."""
         if len(raw) == 1:
             return None

@@ -29,7 +29,6 @@ from sniffer.ground.model import (
     Spans,
 )
 from sniffer.ground.plan import plan_of
-from sniffer.ground.registers import load_models
 from sniffer.protocols.rs30x.grammar import (
     ACK_BYTE,
     ACK_OP,
@@ -48,6 +47,7 @@ from sniffer.protocols.rs30x.grammar import (
     LONG,
     LONG_WRITE,
     LOWEST_ID,
+    MODELS,
     MOST_DATA,
     NACK,
     NACK_BYTE,
@@ -77,9 +77,6 @@ if TYPE_CHECKING:
 
     from sniffer.protocols.base import State, Values
 
-MODELS: Final = load_models(
-    "rs305cr", "rs204md", "rs301cr", "rs302cd", "rs303mr", "rs304md", "rs405cb", "rs406cb"
-)
 SHAPES: Final = Addressed(MODELS, first=0)
 PLAN: Final = plan_of(PACKET)
 RETURN_PLAN: Final = plan_of(RETURN)
@@ -215,25 +212,20 @@ def describe(block: Block, spans: Spans) -> Frames:
     flags = _flags(data, head, op, bits, servo_id, wire_address, data_length)
     alt = np.where(asked & alone & (flags & RESETS > 0), DEFAULT_ID, alt)
     flags = np.where(back, 0, flags)
-    zero = np.zeros(n, np.int64)
-    return Frames(
+    return Frames.blank(n).having(
         start=start,
         length=length,
         kind=spans.kind,
-        servo_id=np.where(ack, -1, servo_id).astype(np.int16),
+        servo_id=np.where(ack, -1, servo_id),
         op=op,
-        address=address.astype(np.int16),
+        address=address,
         data_start=np.where(ack, end, start + _DATA),
         data_length=data_length,
-        status=status.astype(np.int16),
-        reply=reply.astype(np.uint8),
+        status=status,
+        reply=reply,
         token=token,
-        alt_id=alt.astype(np.int16),
-        flags=flags.astype(np.uint8),
-        t_start=zero,
-        t_end=zero,
-        uncertainty=zero,
-        direction=np.zeros(n, np.uint8),
+        alt_id=alt,
+        flags=flags,
     )
 
 

@@ -33,10 +33,14 @@ from construct import (
 )
 
 from sniffer.ground.checksums import XOR8
-from sniffer.ground.registers import bit_names
+from sniffer.ground.registers import bit_names, load_models
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+MODELS: Final = load_models(
+    "rs305cr", "rs204md", "rs301cr", "rs302cd", "rs303mr", "rs304md", "rs405cb", "rs406cb"
+)
 
 LONG: Final = 0x00
 """The id of a long packet, which names its servos inside. Source: RS305CR manual, long packet."""

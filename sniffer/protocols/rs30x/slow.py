@@ -21,7 +21,6 @@ from sniffer.ground.model import (
     UNUSUAL,
 )
 from sniffer.protocols.base import SlowFrame, State
-from sniffer.protocols.rs30x.block import MODELS
 from sniffer.protocols.rs30x.grammar import (
     ACK,
     ACK_BYTE,
@@ -38,6 +37,7 @@ from sniffer.protocols.rs30x.grammar import (
     ID_REGISTER,
     LONG,
     LONG_WRITE,
+    MODELS,
     NACK,
     NO_TOKEN,
     PACKET,

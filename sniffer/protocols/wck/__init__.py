@@ -15,9 +15,12 @@ from sniffer.protocols.wck.explain import explain
 from sniffer.protocols.wck.grammar import (
     COMMANDS,
     INSTRUCTIONS,
+    MODELS,
     OPS,
     READ_10BIT_TEXT,
+    REGISTERS,
     REPLIES,
+    REPLY,
     SUB_INSTRUCTIONS,
     UNKNOWN_BASE,
     UNKNOWN_OP,
@@ -26,7 +29,7 @@ from sniffer.protocols.wck.grammar import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from sniffer.ground.checksums import Checksum
+    from sniffer.ground.checksums import Sum
     from sniffer.ground.registers import Register, RegisterMap
 
 FAST_NS: Final = 5 * NS // 1000
@@ -58,8 +61,8 @@ class Wck:
     everyone: tuple[int, ...] = (-1,)  # a move or a break to all of them names no id
     blank = b""
     ordered = True
-    models: tuple[RegisterMap, ...] = block.MODELS
-    registers: tuple[Register, ...] = joined(block.MODELS)
+    models: tuple[RegisterMap, ...] = MODELS
+    registers: tuple[Register, ...] = joined(MODELS)
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
@@ -130,9 +133,9 @@ class Wck:
         """Look for headers: what follows is a damaged or truncated command, the rest noise."""
         return explain(run, start, awaited=awaited)
 
-    def checksum_of(self, raw: bytes) -> tuple[Checksum, bytes, int] | None:
+    def checksum_of(self, raw: bytes) -> tuple[Sum, bytes, int] | None:
         """Return the checksum, what it takes in, and the last byte; a reply has none."""
-        if len(raw) <= block.REPLY:
+        if len(raw) <= REPLY:
             return None
         if controller.is_packet(raw):
             return controller.PLAN.checksum, raw[controller.PLAN.sum_from : -1], raw[-1]
@@ -187,7 +190,7 @@ def _motion(word: Any) -> dict[str, Any]:
 
 def _milliamperes(code: int) -> dict[str, int]:
     """Return the current that a code of the over load setting stands for, where it is listed."""
-    name = block.MODELS[0].registers[block.REGISTERS["overload"]].values.get(code, "")
+    name = MODELS[0].registers[REGISTERS["overload"]].values.get(code, "")
     return {"overload_ma": int(name.removesuffix(" mA"))} if name else {}
 
 
@@ -226,9 +229,9 @@ def _units(fields: Mapping[str, int]) -> str:
     """Return what the register table makes of values that bear a register's name."""
     out: list[str] = []
     for name, raw in fields.items():
-        if name not in block.REGISTERS:
+        if name not in REGISTERS:
             continue
-        register = block.MODELS[0].registers[block.REGISTERS[name]]
+        register = MODELS[0].registers[REGISTERS[name]]
         names = register.names(raw)
         if register.unit:
             out.append(f"{raw * register.scale:.2f} {register.unit}")

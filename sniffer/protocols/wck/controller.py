@@ -16,13 +16,12 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from construct import Byte, Bytes, Check, Checksum, Const, ConstructError, RawCopy, Struct, this
+from construct import Byte, Bytes, Check, Checksum, Const, RawCopy, Struct, this
 
 from sniffer.ground.checksums import XOR8
 from sniffer.ground.framing import Block, candidates
-from sniffer.ground.model import I64, NO_ALT, OPTIONAL, REQUEST, RESPONSE, Gap, Mask
+from sniffer.ground.model import I64, Gap, Mask
 from sniffer.ground.plan import plan_of
-from sniffer.protocols.base import SlowFrame
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -91,6 +90,10 @@ def is_packet(raw: bytes) -> bool:
 
 def find(block: Block) -> tuple[I64, I64, I64]:
     """Return starts and ends of packets that hold, and starts that wait for bytes."""
+    # FF FF AA 55 at the end of an open block may be a packet's first half, but no plan can say so:
+    # it needs 14 bytes to read a length. So each of the last 13 places is asked whether what stands
+    # there is the header's beginning, or the header with too little behind it. A single FF, or two,
+    # is left to wCK: there they begin a command, and framing waits for it anyway.
     start = end = waiting = np.empty(0, np.int64)
     if HEADER in block.data.tobytes():  # rare: most buses never see one
         start, end, waiting = candidates(PLAN, block)
@@ -106,6 +109,16 @@ def find(block: Block) -> tuple[I64, I64, I64]:
 
 def answers(block: Block, start: I64, end: I64, is_one: Mask, op: I64) -> Mask:
     """Tell which packets answer the one right before them: of its type, and itself no answer."""
+    # Packets of type 10 (begin) and 12 (version), with a wCK read and its reply between:
+    #
+    #     row       0   1   2   3   4   5   6
+    #     type      10  10  -   -   12  12  12
+    #     follows   0   1   0   0   0   1   1      like the packet right before it
+    #     first     0   0   2   3   4   4   4      where the row of likes begins
+    #     answers   0   1   0   0   0   1   0      every second of a row
+    #
+    # An answer answers a request, so in a row of likes they take turns. To compare neighbours only
+    # would make 6 answer 5, which is itself an answer.
     follows = np.zeros(len(start), bool)
     segment = block.segment(start)
     follows[1:] = is_one[1:] & (op[1:] == op[:-1]) & (start[1:] == end[:-1])
@@ -113,27 +126,6 @@ def answers(block: Block, start: I64, end: I64, is_one: Mask, op: I64) -> Mask:
     row = np.arange(len(start))
     first = np.maximum.accumulate(np.where(follows, 0, row))
     return np.asarray((row - first) % 2 == 1)
-
-
-def parse(data: bytes, at: int, limit: int) -> int | None:
-    """Return the end of the packet that begins here, or None where none holds."""
-    try:
-        packet = PACKET.parse(data[at : min(limit, at + LONGEST)])
-    except ConstructError:
-        return None
-    return at + OVERHEAD + int(packet.size)
-
-
-def describe(raw: bytes, before: SlowFrame | None) -> SlowFrame:
-    """Describe one packet by what it is and what stands right before it."""
-    packet = PACKET.parse(raw)
-    op = BASE + int(packet.type)
-    asked = before is not None and before.kind == REQUEST and before.op == op
-    out = SlowFrame(0, len(raw), RESPONSE if asked else REQUEST, -1, op, raw)
-    out.data_start, out.data = PLAN.tail_at, bytes(packet.contents.data)
-    out.reply = 0 if asked else OPTIONAL
-    out.token, out.alt_id = op, NO_ALT
-    return out
 
 
 def fields(raw: bytes) -> dict[str, Any]:

@@ -18,10 +18,9 @@ from sniffer.protocols.wck.block import (
     NONE,
     PARAMS,
     READ_10BIT,
-    REPLY,
     SYNC,
 )
-from sniffer.protocols.wck.grammar import HEADER, MOTION_MOST, OPS, UNKNOWN_OP
+from sniffer.protocols.wck.grammar import HEADER, MOTION_MOST, OPS, REPLY, UNKNOWN_OP
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -35,6 +35,7 @@ from construct import (
 )
 
 from sniffer.ground.checksums import XOR7
+from sniffer.ground.registers import load_models
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -44,6 +45,12 @@ HEADER: Final = 0xFF
 
 EVERYONE: Final = 31
 """In the id bits: all modules. Source: manual 1.07, A-1-1 (2) and (6)."""
+
+MODELS: Final = load_models("wck")
+REGISTERS: Final = MODELS[0].index
+
+REPLY: Final = 2
+"""Bytes of every reply. Source: manual 1.07, A-6, Response Packet."""
 
 MOTION_MOST: Final = 8
 """Greatest motion count, in words. Source: manual 1.07, A-1-3 (24) Motion Data Write."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from typing import Any, Final
+from typing import Any
 
 from construct import ConstructError
 
@@ -14,6 +14,7 @@ from sniffer.ground.model import (
     MUST,
     NEVER,
     NO_ALT,
+    OPTIONAL,
     REQUEST,
     RESPONSE,
     UNKNOWN,
@@ -22,7 +23,6 @@ from sniffer.ground.model import (
 )
 from sniffer.protocols.base import SlowFrame, State
 from sniffer.protocols.wck import controller
-from sniffer.protocols.wck.block import MODELS, REPLY
 from sniffer.protocols.wck.grammar import (
     COMMANDS,
     FIRSTS,
@@ -31,13 +31,13 @@ from sniffer.protocols.wck.grammar import (
     MASKS,
     OPS,
     READ_10BIT_TEXT,
+    REGISTERS,
     REPLIES,
+    REPLY,
     SECONDS,
     UNKNOWN_BASE,
     Op,
 )
-
-REGISTERS: Final = MODELS[0].index
 
 
 def command(data: bytes, at: int, limit: int) -> tuple[Op, int] | None:
@@ -64,7 +64,7 @@ def parse(data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None
     """
     found = command(data, at, limit)
     if found is None:
-        past = controller.parse(data, at, limit)
+        past = _packet(data, at, limit)
         return None if past is None else [(at, past, REQUEST)]
     row = [(at, *found)]
     while True:
@@ -100,7 +100,7 @@ def _replied(op: Op, data: bytes, at: int, end: int, limit: int) -> bool:
             continue
         if command(data, end + k, limit) is not None:
             return False
-        if controller.parse(data, end + k, limit) is not None:
+        if _packet(data, end + k, limit) is not None:
             return False
     return True
 
@@ -119,7 +119,7 @@ def _parsed(raw: bytes) -> tuple[Op, Any, bool]:
 def describe(raw: bytes, kind: int, before: SlowFrame | None) -> SlowFrame:
     """Describe a command, or the reply to the command ``before``."""
     if controller.is_packet(raw):
-        return controller.describe(raw, before)
+        return _controllers(raw, before)
     if kind == RESPONSE:
         assert before is not None, "a reply stands right behind its command"
         return _describe_reply(raw, before)
@@ -230,3 +230,26 @@ def aligned(h3: int, l7: int, state: State) -> int:
         state.notes["l7_bit0"] = 1
     right = state.notes.get("l7_bit0", 0) and not state.notes.get("l7_bit7", 0)
     return (h3 & 7) << 7 | (l7 & 0x7F if right else l7 >> 1)
+
+
+def _packet(data: bytes, at: int, limit: int) -> int | None:
+    """Return the end of the controller's packet that begins here, or None where none holds."""
+    stream = io.BytesIO(data[at : min(limit, at + controller.LONGEST)])
+    try:
+        controller.PACKET.parse_stream(stream)
+    except ConstructError:
+        return None
+    return at + stream.tell()
+
+
+def _controllers(raw: bytes, before: SlowFrame | None) -> SlowFrame:
+    """Describe a packet of the controller by what it is and what stands right before it."""
+    packet = controller.PACKET.parse(raw)
+    op = controller.BASE + int(packet.type)
+    asked = before is not None and before.kind == REQUEST and before.op == op
+    out = SlowFrame(0, len(raw), RESPONSE if asked else REQUEST, -1, op, raw)
+    out.data = bytes(packet.contents.data)
+    out.data_start = len(raw) - 1 - len(out.data)
+    out.reply = 0 if asked else OPTIONAL
+    out.token, out.alt_id = op, NO_ALT
+    return out

@@ -1,0 +1,42 @@
+"""The packet family: protocols of one packet form, each a declaration and nothing else.
+
+Header, id, length, code, parameters, checksum: mightyZAP, Dynamixel, Feetech. From a
+``PacketFamily`` come framing and description in columns, values, words, and the oracle.
+
+    Packet  ->  plan (ground)       framing in columns
+    params  ->  shape (walk)        what a packet is, by code and count, in columns
+    params  ->  parsed (slow)       the same one at a time, for the reference decoder
+    both    ->  leaves (words)      fields, dissection, explanations of gaps
+"""
+
+from __future__ import annotations
+
+from sniffer.ground.model import (
+    IF_ALL,
+    IF_READ,
+    MANY,
+    MUST,
+    NEVER,
+    OPTIONAL,
+    RELEASES,
+    RESETS,
+    STAGED,
+)
+from sniffer.protocols.packets.declare import Command, PacketFamily, Stuffing
+from sniffer.protocols.packets.member import Member
+
+__all__ = [
+    "IF_ALL",
+    "IF_READ",
+    "MANY",
+    "MUST",
+    "NEVER",
+    "OPTIONAL",
+    "RELEASES",
+    "RESETS",
+    "STAGED",
+    "Command",
+    "Member",
+    "PacketFamily",
+    "Stuffing",
+]

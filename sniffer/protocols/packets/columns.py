@@ -1,0 +1,309 @@
+"""A packet family in columns: what the walk of its grammars gave, looked up by code and length.
+
+``params`` of each command is walked once into ``what[code, count]``: eight bits that say what a
+packet with that code and so many parameter bytes is, if it is a command. One gather asks them for
+all rows; what is rare is then worked out for those rows only that have its bit.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from construct import Container
+
+from sniffer.ground.framing import frame_by_plan
+from sniffer.ground.model import (
+    ANY_ID,
+    IF_ALL,
+    MALFORMED,
+    MANY,
+    NEVER,
+    NO_ALT,
+    OPTIONAL,
+    REQUEST,
+    RESPONSE,
+    UNKNOWN,
+    UNUSUAL,
+    Frames,
+)
+from sniffer.ground.plan import plan_of
+from sniffer.protocols.packets.listed import LISTED, Bytes, asked_by, column, listed, whole
+from sniffer.protocols.packets.walk import ROOM, shape_of
+
+if TYPE_CHECKING:
+    from sniffer.ground.framing import Block
+    from sniffer.ground.model import I64, U8, Mask, Spans
+    from sniffer.protocols.packets.declare import PacketFamily
+
+KNOWN, FITS, ADDRESSED, READS, WRITES, TARGETS, RENUMBERS, CHECKED = (1 << k for k in range(8))
+_PLAIN: Final = "plain"  # what a block's notes hold
+
+
+class FamilyColumns:
+    """``frame`` and ``describe`` of a family, and what ``values`` asks of its shapes."""
+
+    def __init__(self, family: PacketFamily) -> None:
+        self.family = family
+        self.plan = plan = plan_of(family.packet)
+        self.id_at, self.code_at = plan.at["servo_id"], plan.at["code"]
+        self.length_name = next(k for k in plan.at if k not in ("servo_id", "code"))
+        most = dict.fromkeys(plan.at, family.most)
+        self.longest = int(plan.tail_at + plan.tail(most) + plan.sum_width)
+        self.shapes = {code: shape_of(k.params) for code, k in family.commands.items()}
+        self.width = self._one_place("address", 0)[1]
+        self.length_at, self.length_width = self._one_place("length", self.width)
+        self._id_register = family.effective("servo_id")
+        self._reply_register = family.effective("feedback")
+        codes = np.arange(256)
+        self._what = np.zeros((256, ROOM), np.uint8)
+        self._reply = np.full(256, IF_ALL, np.uint8)
+        self._to_all, self._effect = np.zeros((2, 256), np.uint8)
+        self._option, self._bits, self._new, self._answer = np.zeros((4, 256), np.int64)
+        self._target, self._step_data = np.zeros((2, 256), np.int64)
+        self._fixed = np.zeros(256, np.int64)
+        self.lists, self.together = np.zeros((2, 256), bool)
+        for code in self.shapes:
+            self._enter(code)
+        self._silent = np.isin(codes, family.silent)
+        self._anyone = np.where(np.isin(codes, family.anyone), ANY_ID, NO_ALT)
+        self._answers = codes == (-1 if family.answers is None else family.answers)
+        self._certain = codes >= family.certain if family.answers is None else ~self._answers
+        self._error_width = int(family.answers is not None)  # the error is a parameter
+
+    def _one_place(self, name: str, at: int) -> tuple[int, int]:
+        """Return where a field stands in all commands that have it; columns read it at once."""
+        places = {s.at[name] for s in self.shapes.values() if name in s.at}
+        if len(places) > 1:
+            raise TypeError(f"columns want one place for {name}, not {sorted(places)}")
+        return places.pop() if places else (at, 0 if name == "address" else 1)
+
+    def _enter(self, code: int) -> None:
+        """Lay what is known of a command into the tables."""
+        command, shape = self.family.commands[code], self.shapes[code]
+        what = KNOWN | FITS | ADDRESSED * ("address" in shape.at)
+        what |= READS * shape.reads | WRITES * shape.writes | TARGETS * (shape.targets is not None)
+        what |= RENUMBERS * (command.new_id is not None)
+        what |= CHECKED * bool(shape.checks or shape.constants)
+        self._what[code] = KNOWN
+        self._what[code, shape.least : shape.most + 1] = what
+        self._reply[code], self._to_all[code] = command.reply, command.to_all
+        self._effect[code], self._answer[code] = command.effect, command.answer
+        self._option[code] = shape.at.get("option", (0, 1))[0]
+        self._bits[code], self._new[code] = command.new_id or (0, 0)
+        self._fixed[code] = shape.fixed
+        self.together[code] = command.together
+        if shape.targets is not None:
+            self.lists[code] = not shape.targets.data
+            self._target[code], self._step_data[code] = shape.targets.size, shape.targets.data
+
+    def frame(self, block: Block) -> tuple[Spans, int]:
+        """Frame by the plan; direction is told later, a packet looks alike both ways."""
+        return frame_by_plan(self.plan, block)
+
+    def plain(self, block: Block, start: I64, end: I64) -> Bytes:
+        """Return where the parameters of each packet stand as they were meant.
+
+        Those of the few stuffed packets are laid behind the block's own bytes; the columns of the
+        packets themselves stay as on the wire.
+        """
+        stuffing, data = self.family.stuffing, block.data
+        params = start + self.plan.tail_at
+        count = end - params - self.plan.sum_width
+        if stuffing is None or not len(start):
+            return Bytes(data, params, count)
+        if _PLAIN not in block.notes:
+            block.notes[_PLAIN] = stuffing.find(data)
+        at = block.notes[_PLAIN]
+        row = np.searchsorted(start, at, "right") - 1
+        rows = np.unique(row[(row >= 0) & (at >= params[row]) & (at < params[row] + count[row])])
+        if self.together.any():  # what answers for several is read by place
+            code, servo_id = data[start[rows] + self.code_at], data[start[rows] + self.id_at]
+            rows = rows[~(self._answers[code] & self._silent[servo_id])]
+        if not len(rows):
+            return Bytes(data, params, count)
+        told = [
+            stuffing.plain(data[a : a + n].tobytes())
+            for a, n in zip(params[rows].tolist(), count[rows].tolist(), strict=True)
+        ]
+        size = np.array([len(k) for k in told])
+        params, count = params.copy(), count.copy()
+        params[rows], count[rows] = len(data) + np.cumsum(size) - size, size
+        behind = np.frombuffer(b"".join(told), np.uint8)
+        return Bytes(np.concatenate([data, behind]), params, count)
+
+    def describe(self, block: Block, spans: Spans) -> Frames:
+        """Tell commands from responses, and what each expects."""
+        start, end, family = spans.start, spans.end, self.family
+        servo_id, code = block.data[start + self.id_at], block.data[start + self.code_at]
+        body = self.plain(block, start, end)
+        data, params, count = body.data, body.params, body.number
+        what = self._what.ravel()[code.astype(np.int64) << 8 | np.minimum(count, ROOM - 1)]
+        seen = int(np.bitwise_or.reduce(what)) if len(what) else 0
+        length = None
+        if seen & (READS | TARGETS):
+            length = column(data, params + self.length_at, self.length_width)
+        if seen & CHECKED:
+            self._check(body, what, code)
+        if seen & TARGETS and length is not None:
+            self._whole_targets(body, what, code, length)
+        silent = self._silent[servo_id]
+        request = self._certain[code] | (silent & ~self._answers[code])
+        either = ~request & (what & KNOWN > 0) & ~self._answers[code]
+        might = np.zeros(0, np.int64)
+        if either.any():
+            request = self._either_way(
+                block, spans, servo_id, code, body, what, length, silent, request, either
+            )
+            if family.doubt:
+                might = np.flatnonzero(either & ~request & (what & FITS > 0) & (count > 0))
+        asked = request.view(np.uint8)
+        known = what & asked  # bit KNOWN is 1
+        what = what * asked
+        flags = np.where(what & FITS, self._effect[code], np.uint8(0))
+        flags += (asked - known) * np.uint8(UNKNOWN)
+        flags += (known & ~(what >> 1)) * np.uint8(MALFORMED)
+        flags[might] |= UNUSUAL
+        held = (what & ADDRESSED > 0) * np.int64(self.width)
+        address = np.where(held, column(data, params, self.width or 1), -1)
+        reads = what & READS > 0
+        status = np.where(request, np.int16(-1), code)  # a plain -1 would wrap to 255
+        if self._error_width:
+            told = ~request & (count > 0)
+            status = np.where(told, column(data, params, 1), -1).astype(np.int16)
+            held += told
+            flags[~request & ~told] = MALFORMED
+        data_length = np.where(reads, 0, count - held)
+        token = np.where(request, 0, data_length)
+        if length is not None and seen & READS:
+            np.copyto(token, length, where=reads)
+        if self._answer.any():
+            token += np.where(what & FITS, self._answer[code], 0)
+        # an error needs no data: a response of an error byte alone answers any read
+        token[(status > 0) & (data_length == 0)] = -1
+        reply = np.where(request & ~silent, self._reply[code], np.uint8(NEVER))
+        alt = self._anyone[servo_id]
+        if self._to_all.any():
+            reply = np.where(request & silent, self._to_all[code], reply)
+            alt = np.where(reply == MANY, ANY_ID, alt)
+        if seen & WRITES:
+            self._over_registers(body, what, address, data_length, reply, alt)
+        if seen & RENUMBERS:
+            rows = np.flatnonzero(what & RENUMBERS)
+            bits = self._bits[code[rows]]
+            option = column(data, params[rows] + self._option[code[rows]], 1)
+            rows = rows[((bits == 0) | (option & bits > 0)) & (alt[rows] == NO_ALT)]
+            alt[rows] = self._new[code[rows]]
+        if seen & TARGETS and (lists := (what & FITS > 0) & self.lists[code]).any():
+            token[lists] = LISTED
+            asked_of = asked_by(block, spans, request, self.longest)
+            listed(self, body, code, servo_id, lists, asked_of, data_length, address, token)
+        wire = end - start - self.plan.tail_at - self.plan.sum_width
+        return Frames.blank(len(start)).having(
+            start=start,
+            length=end - start,
+            kind=np.where(request, np.uint8(REQUEST), np.uint8(RESPONSE)),
+            servo_id=servo_id,
+            op=np.where(request, code.astype(np.int64), -1),
+            address=address,
+            data_start=start + self.plan.tail_at + held,
+            data_length=data_length if wire is count else np.where(reads, 0, wire - held),
+            status=status,
+            reply=reply,
+            token=token,
+            alt_id=alt,
+            flags=flags,
+        )
+
+    def _check(self, body: Bytes, what: U8, code: U8) -> None:
+        """Let the grammars' own checks of fields judge whole columns."""
+        rows = np.flatnonzero(what & CHECKED)
+        for k in np.flatnonzero(np.bincount(code[rows], minlength=256)).tolist():
+            mine, shape = rows[code[rows] == k], self.shapes[k]
+            at = body.params[mine]
+            bad = np.zeros(len(mine), bool)
+            fields = Container(
+                {name: column(body.data, at + p, w) for name, (p, w) in shape.at.items()}
+            )
+            for check in shape.checks:
+                bad |= ~np.asarray(check(fields), bool)
+            for place, constant in shape.constants:
+                for i, byte in enumerate(constant):
+                    bad |= body.data[at + place + i] != byte
+            what[mine[bad]] = KNOWN
+
+    def _whole_targets(self, body: Bytes, what: U8, code: U8, length: I64) -> None:
+        """Take for malformed what ends inside a target."""
+        rows = np.flatnonzero(what & TARGETS)
+        step = self._target[code[rows]] + length[rows] * self._step_data[code[rows]]
+        rest = body.number[rows] - self._fixed[code[rows]]
+        bad = rest % np.maximum(step, 1) > 0
+        for k in np.flatnonzero(np.bincount(code[rows], minlength=256)).tolist():
+            targets = self.shapes[k].targets
+            if targets is not None and targets.data and "length" in targets.at:
+                mine = np.flatnonzero(code[rows] == k)
+                bad[mine] = ~whole(body, rows[mine], self.shapes[k])
+        what[rows[bad]] = KNOWN
+
+    def _over_registers(
+        self, body: Bytes, what: U8, address: I64, length: I64, reply: U8, alt: I64
+    ) -> None:
+        """Say what a write over the id or over the return mode leaves open.
+
+        It is answered under the old id or under the new one, in the old mode or in the new one.
+        """
+        rows = np.flatnonzero(what & WRITES)
+        if self._reply_register >= 0:
+            at = self._reply_register - address[rows]
+            hit = rows[(at >= 0) & (at < length[rows])]
+            reply[hit] = np.where(reply[hit] == IF_ALL, OPTIONAL, reply[hit])
+        if self._id_register >= 0:
+            at = self._id_register - address[rows]
+            covers = (at >= 0) & (at < length[rows]) & (alt[rows] == NO_ALT)
+            hit, at = rows[covers], at[covers]
+            alt[hit] = body.data[body.params[hit] + self.width + at]
+
+    def _either_way(
+        self, block: Block, spans: Spans, servo_id: U8, code: U8, body: Bytes, what: U8,
+        length: I64 | None, silent: Mask, request: Mask, either: Mask,
+    ) -> Mask:  # fmt: skip
+        """Decide codes that are a command or an error byte: the request before them tells.
+
+        Whether a row is a response depends on the row before it being a request, which may itself
+        depend on the row before that. No loop is needed: ``flips`` marks rows that are a response
+        if the row before is a request; in a run of them request and response alternate.
+
+            row        0     1     2     3     4
+            base       req   req   req   req   req      (each would fit as a command)
+            flips      -     yes   yes   yes   -
+            in the end req   resp  req   resp  req
+        """
+        start, end, count = spans.start, spans.end, body.number
+        fits = what & FITS > 0
+        if self.family.begins and length is not None:
+            step = self._target[code] + length * self._step_data[code]
+            fits |= (step > 0) & (length >= 1) & (count >= self._fixed[code] + step)
+        base = request | (either & fits)
+        expects = np.zeros(len(start), np.int64)
+        if length is not None:
+            np.copyto(expects, length, where=what & READS > 0)
+        expects += np.where(fits, self._answer[code], 0)
+        asks = base & ~silent & (self._reply[code] != NEVER)
+        same = (servo_id[1:] == servo_id[:-1]) | (self._anyone[servo_id[:-1]] == ANY_ID)
+        flips = np.zeros(len(start), bool)
+        flips[1:] = (either & base)[1:] & asks[:-1] & same
+        flips[1:] &= (count[1:] == expects[:-1]) | (count[1:] == 0)
+        flips[1:] &= start[1:] - end[:-1] <= self.longest
+        if len(block.barriers):
+            segment = block.segment(start)
+            flips[1:] &= segment[1:] == segment[:-1]
+        rows = np.flatnonzero(flips)
+        rows = rows[(code[rows] == code[rows - 1]) & (count[rows] == count[rows - 1])]
+        for size in np.unique(end[rows] - start[rows]).tolist():  # the same bytes: asked once more
+            mine = rows[end[rows] - start[rows] == size]
+            here = start[mine][:, None] + np.arange(size)
+            back = (start[mine] - start[mine - 1])[:, None]
+            flips[mine] = (block.data[here] != block.data[here - back]).any(axis=1)
+        row = np.arange(len(start))
+        last = np.maximum.accumulate(np.where(flips, 0, row))
+        return np.asarray(base[last] ^ ((row - last) & 1 > 0))

@@ -1,0 +1,214 @@
+"""What a member of the packet family declares, and what can be asked of its grammars.
+
+A packet is header, id, length, code, parameters and checksum, in one form both ways. What a field
+of a command's parameters means is told by its name:
+
+- ``address``, ``length``, ``option``: whole numbers of one byte or, the low byte first, of two;
+- ``data``: the bytes up to the end;
+- ``targets``: servos one after the other, each with ``servo_id``, and with ``address``, ``length``
+  and ``data`` of its own where they are not all alike.
+
+So a command with a ``length`` and without ``data`` reads, one with ``address`` and ``data`` writes.
+Other names are fields without a meaning to anybody but the reader.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import construct as c
+
+from sniffer.ground.model import NEVER
+from sniffer.ground.registers import numbered
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.ground.model import I64, U8
+    from sniffer.ground.registers import RegisterMap
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command: the grammar of its parameters, who answers, and what it changes.
+
+    ``reply`` and ``to_all`` are NEVER, OPTIONAL, IF_ALL, IF_READ, MUST or MANY: what an id of one
+    servo gets, and what an id gets that none else answers. ``effect`` joins STAGED (its values wait
+    for another command), RELEASES (it is that one) and RESETS (the servo goes back to its
+    defaults). ``new_id``: (bits, id), the id that the servo has afterwards where one of these bits
+    of ``option`` is set; bits 0: always. ``answer`` counts the data bytes of its answer where no
+    ``length`` asks for them. ``together``: one packet answers for all targets, each with error, id,
+    data and, but for the last, a checksum.
+    """
+
+    name: str
+    params: Any
+    reply: int
+    effect: int = 0
+    new_id: tuple[int, int] | None = None
+    to_all: int = NEVER
+    answer: int = 0
+    together: bool = False
+
+
+class Stuffing(Protocol):
+    """How bytes that look like a header are kept out of the parameters."""
+
+    def find(self, data: U8) -> I64:
+        """Return the offsets, in order, at which stuffed bytes begin."""
+        ...
+
+    def plain(self, params: bytes) -> bytes:
+        """Return the parameters as they were meant."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class PacketFamily:
+    """A protocol of the family.
+
+    ``packet`` is the grammar of all packets; it names ``servo_id``, a length, ``code``, and the
+    parameters, which it may call as the manual does. ``feedback`` is that of a response's code and
+    parameters: ``error`` (FlagsEnum or Enum) and ``data``; where it begins with a constant, that
+    code is a response and all others are commands. Else the error stands in the place of the code:
+    codes from ``certain`` on are commands, and any other is one where it fits as one (``begins``:
+    where it begins as one), unless the request before it awaits just that many bytes; the same
+    bytes once more are the same request. ``doubt``: a response with data that fits as a command
+    as well is marked (UNUSUAL), and states no values.
+
+    ``silent`` are ids that all servos obey and none answers, ``anyone`` those that each answers
+    under its own. ``refusals`` are the bits of the error that say that it was not done, ``alerts``
+    bits of it, by name, that are no error beside an Enum of those. ``most`` is the greatest length
+    that is believed. ``window_ns`` is how long an answer may take, a silence longer than
+    ``tail_ns`` is crossed by nothing. ``words`` are what the manual calls a code that asks, one
+    that answers, and a response.
+    """
+
+    name: str
+    title: str
+    bauds: tuple[int, ...]
+    baud: int
+    packet: Any
+    commands: Mapping[int, Command]
+    feedback: Any
+    models: tuple[RegisterMap, ...]
+    window_ns: int
+    tail_ns: int = 100_000_000
+    certain: int = 256
+    begins: bool = False
+    doubt: bool = False
+    most: int = 255
+    silent: tuple[int, ...] = ()
+    anyone: tuple[int, ...] = ()
+    refusals: int = 0
+    alerts: Mapping[int, str] = field(default_factory=dict)
+    words: tuple[str, str, str] = ("instruction", "error", "status")
+    stuffing: Stuffing | None = None
+
+    def __post_init__(self) -> None:
+        """Number the registers of all models through."""
+        object.__setattr__(self, "models", numbered(self.models))
+
+    @property
+    def everyone(self) -> tuple[int, ...]:
+        """The ids that address all servos."""
+        return tuple(sorted((*self.anyone, *self.silent)))
+
+    @functools.cached_property
+    def answers(self) -> int | None:
+        """The one code of all responses, None where the error stands in its place."""
+        first = bare(self.feedback.subcons[0])
+        return first.value[0] if isinstance(first, c.Const) else None
+
+    @functools.cached_property
+    def tail(self) -> str:
+        """What the packet's grammar calls the parameters."""
+        found = [name for name, con in named(self.packet) if isinstance(con, c.Bytes)]
+        return found[-1]
+
+    def plain(self, params: bytes, servo_id: int, code: int) -> bytes:
+        """Return the parameters of a packet as they were meant.
+
+        What answers for several servos is read by place: no stuffing is taken out of it.
+        """
+        together = any(command.together for command in self.commands.values())
+        joint = together and code == self.answers and servo_id in self.silent
+        return params if self.stuffing is None or joint else self.stuffing.plain(params)
+
+    def effective(self, effect: str) -> int:
+        """Return the address of the register with that effect, -1 where there is none.
+
+        A model that does not name it is taken to have it where its siblings do.
+
+        Raises:
+            TypeError: the models do not agree on it.
+        """
+        found = {r.address for m in self.models for r in m.registers if r.effect == effect}
+        if len(found) > 1:
+            where = ", ".join(f"0x{address:02X}" for address in sorted(found))
+            raise TypeError(f"{self.name}: models differ in where the {effect} stands: {where}")
+        return found.pop() if found else -1
+
+
+def bare(con: Any) -> Any:
+    """Return a construct without its name and remarks."""
+    while isinstance(con, c.Renamed):
+        con = con.subcon
+    return con
+
+
+def named(grammar: Any) -> list[tuple[str, Any]]:
+    """Return the fields of a grammar by name, in order, also those inside what is only checked."""
+    inner = bare(grammar)
+    if isinstance(inner, c.RawCopy):
+        inner = bare(inner.subcon)
+    out = []
+    for con in inner.subcons if isinstance(inner, c.Struct) else ():
+        if isinstance(bare(con), c.Struct | c.RawCopy):
+            out += named(con)
+        elif con.name:
+            out.append((con.name, bare(con)))
+    return out
+
+
+def field_named(grammar: Any, name: str) -> Any:
+    """Return the construct of a field, None where there is none of that name."""
+    return dict(named(grammar)).get(name)
+
+
+def flag_bits(con: Any) -> dict[int, str]:
+    """Return bit number -> name of a field of flags; of any other none."""
+    if not isinstance(con, c.FlagsEnum):
+        return {}
+    return {int(v).bit_length() - 1: str(k) for k, v in con.flags.items()}
+
+
+def numbers(con: Any) -> dict[int, str]:
+    """Return number -> name of an enumerated field; of any other none."""
+    if not isinstance(con, c.Enum):
+        return {}
+    return {int(k): str(v) for k, v in con.decmapping.items()}
+
+
+def parsed(grammar: Any, data: bytes) -> Any:
+    """Return what the grammar reads in all of the bytes, None where they do not fit it."""
+    try:
+        return grammar.parse(data)
+    except c.ConstructError:
+        return None
+
+
+def number_in(grammar: Any, name: str, params: bytes) -> int:
+    """Return the number in a field of parameters that fit, also where the grammar names its bits.
+
+    Raises:
+        KeyError: the grammar has no such field.
+    """
+    at = 0
+    for field_name, con in named(grammar):
+        if field_name == name:
+            return int.from_bytes(params[at : at + con.sizeof()], "little")
+        at += con.sizeof()
+    raise KeyError(name)

@@ -1,0 +1,78 @@
+"""A declaration as the core sees it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sniffer.ground.model import SnifferError
+from sniffer.protocols.base import joined, no_clues
+from sniffer.protocols.packets.columns import FamilyColumns
+from sniffer.protocols.packets.parts import Readings
+from sniffer.protocols.packets.slow import Slow
+from sniffer.protocols.packets.words import Words
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import I16, I64, Frames, Mask
+    from sniffer.ground.registers import RegisterMap
+    from sniffer.protocols.base import SlowFrame
+    from sniffer.protocols.packets.declare import PacketFamily
+
+
+class Member(Words):
+    """See ``sniffer.protocols.base.BusProtocol``.
+
+    Args:
+        family: what the protocol declares; it is walked once, here.
+
+    Raises:
+        TypeError: the declaration holds something that columns have no form for.
+    """
+
+    interface = 1
+    blank = b""
+    ordered = False
+
+    def __init__(self, family: PacketFamily) -> None:
+        columns, slow = FamilyColumns(family), Slow(family)
+        super().__init__(columns)
+        self.name, self.title = family.name, family.title
+        self.bauds, self.baud = family.bauds, family.baud
+        self.longest = self.reach = columns.longest
+        self.tail_ns, self.everyone = family.tail_ns, family.everyone
+        self.models, self.registers = family.models, joined(family.models)
+        self.frame, self.describe = columns.frame, columns.describe
+        self.values = Readings(columns).values
+        self.slow_parse, self.slow_describe = slow.parse, slow.describe
+        self.slow_parts, self.slow_values = slow.parts, slow.values
+        self.slow_clues = no_clues
+
+    def with_models(self, tables: tuple[RegisterMap, ...]) -> Member:
+        """Return the protocol with further models behind its own.
+
+        Raises:
+            SnifferError: one of them has its id or return mode where the others have it not.
+        """
+        try:
+            return Member(replace(self.family, models=(*self.models, *tables)))
+        except TypeError as error:
+            raise SnifferError(str(error)) from None
+
+    def refused(self, status: I16) -> Mask:
+        """Tell which error bytes say that the command was not carried out."""
+        return np.asarray((status & self.family.refusals) != 0)
+
+    def window_ns(self, frames: Frames) -> I64:
+        """Return the reply window, alike for every command."""
+        return np.full(len(frames), self.family.window_ns)
+
+    def states_itself(self, frames: Frames) -> Mask:
+        """Tell nothing. A response names no address: what its bytes are, only the request says."""
+        return np.zeros(len(frames), bool)
+
+    def slow_states_itself(self, frame: SlowFrame) -> bool:
+        """Tell nothing, as above."""
+        del frame
+        return False

@@ -1,0 +1,230 @@
+"""A packet family one frame at a time: the grammars parsed, the rules in the obvious words.
+
+Nothing here knows the columns or the numbers walked for them; tests hold both equal.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from construct import ConstructError
+
+from sniffer.ground.model import (
+    ANY_ID,
+    IF_ALL,
+    MALFORMED,
+    MANY,
+    NEVER,
+    NO_ALT,
+    OPTIONAL,
+    REQUEST,
+    RESPONSE,
+    UNKNOWN,
+    UNUSUAL,
+)
+from sniffer.protocols.base import SlowFrame
+from sniffer.protocols.packets.declare import field_named, number_in, parsed
+from sniffer.protocols.shapes import slow_spans
+
+if TYPE_CHECKING:
+    from sniffer.protocols.base import State
+    from sniffer.protocols.packets.declare import Command, PacketFamily
+
+LISTED: Final = 1 << 24
+"""Token of a request that lists whom it reads, and of those that answer it as it says."""
+
+HEAD: Final = 16
+"""More bytes than any member's packet has beside what its length counts."""
+
+
+class _Target(NamedTuple):
+    """One of several servos that a command names, and the bytes that it is read or brought."""
+
+    servo_id: int
+    address: int
+    length: int
+    data: bytes
+
+
+class Slow:
+    """The oracle of a family."""
+
+    def __init__(self, family: PacketFamily) -> None:
+        self.family = family
+        sum_field = next(s for s in family.packet.subcons if s.name == "checksum")
+        self._sum_width = len(sum_field.subcon.checksumfield.build(0))
+
+    def parse(self, data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None:
+        """Parse one packet; its direction is told later."""
+        stream = io.BytesIO(data[at : min(limit, at + HEAD + self.family.most)])
+        try:
+            self.family.packet.parse_stream(stream)
+        except ConstructError:
+            return None
+        return [(at, at + stream.tell(), REQUEST)]
+
+    def describe(self, raw: bytes, kind: int, before: SlowFrame | None) -> SlowFrame:
+        """Describe one packet by the rules of direction and expectation."""
+        del kind  # a packet looks alike both ways
+        family = self.family
+        packet = family.packet.parse(raw).body.value
+        wire = bytes(packet[family.tail])
+        params = family.plain(wire, packet.servo_id, packet.code)
+        command = family.commands.get(packet.code)
+        fields = parsed(command.params, params) if command else None
+        out = SlowFrame(0, len(raw), REQUEST, packet.servo_id, packet.code, raw)
+        out.data_start, out.data = len(raw) - self._sum_width - len(wire), wire
+        out.alt_id = ANY_ID if packet.servo_id in family.anyone else NO_ALT
+        out.token = 0
+        if not self._is_request(packet, params, fields, raw, before):
+            self._response(out, packet.code, params, before)
+            if family.doubt and params and fields is not None:
+                out.flags |= UNUSUAL
+            return out
+        if packet.servo_id not in family.silent:
+            out.reply = command.reply if command else IF_ALL
+        elif command:
+            out.reply = command.to_all
+        if out.reply == MANY:
+            out.alt_id = ANY_ID
+        if command is None or fields is None:
+            out.flags |= UNKNOWN if command is None else MALFORMED
+        else:
+            self._command(out, command, fields, params)
+        return out
+
+    def _response(self, out: SlowFrame, code: int, params: bytes, before: SlowFrame | None) -> None:
+        """Read what a servo says, and whether the request before lists it."""
+        out.kind, out.op, out.reply = RESPONSE, -1, NEVER
+        if before is not None:
+            out.asked = before if before.kind == REQUEST else before.asked
+        feedback = parsed(self.family.feedback, bytes([code]) + params)
+        if feedback is None:
+            out.flags |= MALFORMED
+            out.token = len(params)
+        else:
+            taken = len(params) - len(feedback.data)
+            out.status = params[0] if taken else code
+            out.data_start, out.data = out.data_start + taken, out.data[taken:]
+            out.token = len(feedback.data)
+            if out.status > 0 and not feedback.data:
+                out.token = -1  # an error needs no data
+        asked = out.asked
+        if asked is None or asked.token != LISTED:
+            return
+        length = 0 if feedback is None else len(feedback.data)
+        targets = self._targets(asked)
+        if self.family.commands[asked.op].together:
+            due = sum(2 + t.length + self._sum_width for t in targets) - self._sum_width - 1
+            right = out.servo_id in self.family.silent and length == due
+            own = targets[0]
+        else:
+            mine = [t for t in targets if t.servo_id == out.servo_id]
+            right = bool(mine) and mine[0].length == length
+            own = mine[0] if mine else targets[0]
+        if right:
+            out.address, out.token = own.address, LISTED
+
+    def _command(self, out: SlowFrame, command: Command, fields: Any, params: bytes) -> None:
+        """Read what a command wants, and what it changes."""
+        family = self.family
+        alone = out.alt_id == NO_ALT
+        out.flags |= command.effect
+        out.token = command.answer
+        if "address" in fields:
+            width = field_named(command.params, "address").sizeof()
+            out.address = fields.address
+            out.data_start, out.data = out.data_start + width, out.data[width:]
+        if "targets" in fields:
+            if not any("data" in t for t in fields.targets) and not _brings(command):
+                out.token = LISTED
+        elif "length" in fields and "data" not in fields:
+            out.token, out.data = fields.length, b""
+        elif "address" in fields and "data" in fields:
+            at = family.effective("feedback") - out.address
+            if family.effective("feedback") >= 0 and out.reply == IF_ALL:
+                out.reply = OPTIONAL if 0 <= at < len(fields.data) else out.reply
+            at = family.effective("servo_id") - out.address
+            if family.effective("servo_id") >= 0 and alone and 0 <= at < len(fields.data):
+                out.alt_id = fields.data[at]
+        if command.new_id is not None and alone:
+            bits, servo_id = command.new_id
+            if not bits or number_in(command.params, "option", params) & bits:
+                out.alt_id = servo_id
+
+    def _is_request(
+        self, packet: Any, params: bytes, fields: Any, raw: bytes, before: SlowFrame | None
+    ) -> bool:
+        family = self.family
+        if family.answers is not None:
+            return bool(packet.code != family.answers)
+        if packet.servo_id in family.silent or packet.code >= family.certain:
+            return True
+        command = family.commands.get(packet.code)
+        if command is None:
+            return False
+        if fields is None and not (family.begins and _begins(command, params)):
+            return False
+        if before is None or before.kind != REQUEST or before.reply == NEVER:
+            return True
+        if before.servo_id not in family.anyone and before.servo_id != packet.servo_id:
+            return True
+        return len(params) not in (0, before.token) or raw == before.raw
+
+    def _targets(self, frame: SlowFrame) -> list[_Target]:
+        """Return the servos that a command to several names."""
+        command = self.family.commands[frame.op]
+        fields = command.params.parse(self._params(frame))
+        out = []
+        for t in fields.targets:
+            data = bytes(t.get("data", b""))
+            length = t.length if "length" in t else fields.length
+            address = t.address if "address" in t else fields.address
+            out.append(_Target(t.servo_id, address, length, data))
+        return out
+
+    def _params(self, frame: SlowFrame) -> bytes:
+        packet = self.family.packet.parse(frame.raw).body.value
+        return self.family.plain(bytes(packet[self.family.tail]), packet.servo_id, packet.code)
+
+    def parts(self, frame: SlowFrame) -> list[tuple[int, int, bytes]]:
+        """Return (servo_id, address, bytes) of each servo's registers."""
+        if not frame.data:
+            return []
+        known = frame.op in self.family.commands and not frame.flags & (MALFORMED | UNKNOWN)
+        if frame.kind == REQUEST and known and _brings(self.family.commands[frame.op]):
+            return [(t.servo_id, t.address, t.data) for t in self._targets(frame)]
+        if frame.address < 0 or (frame.kind == REQUEST and frame.token == LISTED):
+            return []
+        params = self._params(frame)
+        packet = self.family.packet.parse(frame.raw).body.value
+        held = len(packet[self.family.tail]) - len(frame.data)
+        if frame.kind == REQUEST:
+            return [(frame.servo_id, frame.address, params[held:])]
+        if self.family.doubt and frame.flags & UNUSUAL:
+            return []
+        asked = frame.asked
+        joint = frame.token == LISTED and self.family.commands[frame.op].together
+        if not joint or asked is None:
+            return [(frame.servo_id, frame.address, params[held:])]
+        out, at = [], held
+        for t in self._targets(asked):
+            out.append((params[at], t.address, params[at + 1 : at + 1 + t.length]))
+            at += 1 + t.length + self._sum_width + 1
+        return out
+
+    def values(self, frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
+        """Split what each servo is brought or says by its table."""
+        return slow_spans(self.family.models, state, self.parts(frame))
+
+
+def _brings(command: Command) -> bool:
+    """Tell whether a command brings data for several servos."""
+    targets = field_named(command.params, "targets")
+    return targets is not None and field_named(targets.subcon, "data") is not None
+
+
+def _begins(command: Command, params: bytes) -> bool:
+    """Tell whether the parameters begin as those of the command."""
+    return any(parsed(command.params, params[:n]) for n in range(len(params), 0, -1))

@@ -1,0 +1,145 @@
+"""Grammar -> shape: where the fields of a command's parameters lie, walked once, for columns.
+
+What the walker does not know it refuses when the protocol is made, it guesses nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final
+
+import construct as c
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+Place = tuple[int, int]
+"""Offset and bytes of a field."""
+
+ROOM: Final = 256
+"""Counts of parameter bytes that are told apart; only open ends are longer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Targets:
+    """One of several servos: its fields from its first byte on, ``size`` bytes beside its data."""
+
+    at: Mapping[str, Place]
+    size: int
+    data: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """Where the fields lie, from the first byte of the parameters on.
+
+    ``fixed`` bytes stand before ``data`` or ``targets``; from ``least`` to ``most`` there are.
+    ``checks`` are expressions on the fields, for columns as for numbers, ``constants`` bytes that
+    must stand there.
+    """
+
+    at: Mapping[str, Place]
+    fixed: int
+    data: bool
+    targets: Targets | None
+    least: int
+    most: int
+    checks: tuple[Callable[[Any], Any], ...]
+    constants: tuple[tuple[int, bytes], ...]
+
+    @property
+    def reads(self) -> bool:
+        """It asks one servo for ``length`` bytes."""
+        return "length" in self.at and not self.data and self.targets is None
+
+    @property
+    def writes(self) -> bool:
+        """It brings one servo bytes for its registers."""
+        return "address" in self.at and self.data
+
+
+class _Walk:
+    """One walk; ``inside``: of a target."""
+
+    def __init__(self, *, inside: bool) -> None:
+        self.inside = inside
+        self.at: dict[str, Place] = {}
+        self.pos = 0
+        self.data = self.some = False
+        self.targets: Targets | None = None
+        self.checks: list[Callable[[Any], Any]] = []
+        self.constants: list[tuple[int, bytes]] = []
+
+    def walk(self, con: Any, name: str = "") -> None:
+        match con:
+            case c.Renamed():
+                self.walk(con.subcon, con.name or name)
+            case c.Struct():
+                for sub in con.subcons:
+                    self.walk(sub)
+            case c.Check():
+                self._check(con)
+            case c.Enum() | c.FlagsEnum():
+                self.walk(con.subcon, name)
+            case _ if con is c.Terminated:
+                pass
+            case _ if self.data or self.targets is not None:
+                raise TypeError(f"no columns for {name or con!r} behind bytes of any number")
+            case c.FormatField() if con.fmtstr in (">B", "<H"):
+                self.at[name] = self.pos, con.length
+                self.pos += con.length
+            case c.Const() if isinstance(con.value, bytes) and not self.inside:
+                self.constants.append((self.pos, con.value))
+                self.pos += len(con.value)
+            case c.GreedyRange() if name == "targets" and not self.inside:
+                one = _Walk(inside=True)
+                one.walk(con.subcon)
+                if one.at.get("servo_id", (0, 0))[1] != 1:
+                    raise TypeError("each of several targets needs a servo_id of one byte")
+                self.targets = Targets(MappingProxyType(one.at), one.pos, one.data)
+            case c.Bytes() if self.inside and name == "data" and callable(con.length):
+                self.data = True
+            case _ if con is c.GreedyBytes and name == "data" and not self.inside:
+                self.data = True
+            case _:
+                raise TypeError(f"no columns for {name} {con!r}")
+
+    def _check(self, con: Any) -> None:
+        """Keep what columns can be asked, and remember that there must be some data or targets."""
+        if self.inside or not isinstance(con.func, c.ExprMixin):
+            raise TypeError(f"no columns for {con.func!r}: say it of the fields outside, by `this`")
+        if repr(con.func) in ("this['data']", "this['targets']"):
+            self.some = True
+        else:
+            self.checks.append(con.func)
+
+
+def shape_of(grammar: Any) -> Shape:
+    """Walk the parameters of one command.
+
+    Raises:
+        TypeError: the grammar holds something that columns have no form for.
+    """
+    w = _Walk(inside=False)
+    w.walk(grammar)
+    least, many = w.pos, w.data or w.targets is not None
+    if w.targets is not None:
+        least += w.targets.size if w.some else 0
+    elif w.some:
+        least += 1
+    if least >= ROOM or ("address" in w.at and w.at["address"][0]):
+        raise TypeError("an address stands first, and not behind hundreds of bytes")
+    t = w.targets
+    if t is not None and not {"address", "length"} <= {*w.at, *t.at}:
+        raise TypeError("several targets need an address and a length, each its own or all alike")
+    return Shape(
+        MappingProxyType(w.at),
+        w.pos,
+        w.data,
+        w.targets,
+        least,
+        ROOM * ROOM if many else least,
+        tuple(w.checks),
+        tuple(w.constants),
+    )

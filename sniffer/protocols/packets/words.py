@@ -1,0 +1,232 @@
+"""A packet family in words: names, fields, dissection, and why bytes are no packet."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import construct as c
+
+from sniffer.ground.model import MALFORMED, REQUEST, Gap
+from sniffer.ground.registers import bit_names
+from sniffer.protocols.base import FieldSpan
+from sniffer.protocols.dissection import leaves
+from sniffer.protocols.packets.declare import bare, field_named, flag_bits, named, numbers
+
+if TYPE_CHECKING:
+    from sniffer.ground.checksums import Sum
+    from sniffer.protocols.base import FrameView
+    from sniffer.protocols.dissection import Leaf
+    from sniffer.protocols.packets.columns import FamilyColumns
+
+
+class Words:
+    """The presentation of a family."""
+
+    def __init__(self, columns: FamilyColumns) -> None:
+        self.family = family = columns.family
+        self.plan = columns.plan
+        self._size = columns.length_name
+        error = field_named(family.feedback, "error")
+        self._bits, self._numbers = flag_bits(error), numbers(error)
+        outside = self._total(0) - self.plan.tail({self._size: 0})  # bytes beside the parameters
+        self._least = next(n for n in range(family.most) if self._total(n) >= outside)
+
+    def _total(self, size: int) -> int:
+        """Return the packet's bytes by its length field."""
+        return int(self.plan.tail({self._size: size})) + self.plan.tail_at + self.plan.sum_width
+
+    def op_name(self, op: int) -> str:
+        """Return the command's name; a code no manual has is ``unknown_<hex>``."""
+        if op < 0:
+            return self.family.words[2]
+        commands = self.family.commands
+        return commands[op].name if op in commands else f"unknown_{op:02x}"
+
+    def status_names(self, status: int) -> tuple[str, ...]:
+        """Name the bits of an error byte, or its number and what else it tells."""
+        if self._bits or not self._numbers:
+            return tuple(bit_names(self._bits, status))
+        alerts = self.family.alerts
+        number = status & ~sum(alerts)
+        out = [self._numbers.get(number, f"error_{number}")] if number else []
+        return tuple(out + [name for bit, name in alerts.items() if status & bit])
+
+    def checksum_of(self, raw: bytes) -> tuple[Sum, bytes, int]:
+        """Return the checksum, the bytes it covers, and what was sent."""
+        end = len(raw) - self.plan.sum_width
+        got = int.from_bytes(raw[end:], "little")
+        return self.plan.checksum, raw[self.plan.sum_from : end], got
+
+    def fields(self, raw: bytes, row: FrameView) -> dict[str, Any]:
+        """Return address, length, option, or the error."""
+        data = raw[row.data_start : row.data_start + row.data_length]
+        if row.kind != REQUEST:
+            names = list(self.status_names(max(row.status, 0)))
+            out: dict[str, Any] = {"error": {"number": row.status, "names": names}}
+            if data and row.address < 0:
+                out["data"] = self._plain(raw, data).hex()
+            return out
+        params = self._plain(raw, raw[self.plan.tail_at : len(raw) - self.plan.sum_width])
+        rest = {self.family.tail: params.hex()} if params else {}
+        command = self.family.commands.get(row.op)
+        if command is None:
+            return rest
+        if row.flags & MALFORMED:
+            found = self._leading(row.op, params)
+            return {name: _worded(con, params[i]) for i, (name, con) in enumerate(found)} | rest
+        out, servos = {}, []
+        brings = "data" in {leaf.path.rpartition(".")[2] for leaf in leaves(command.params, params)}
+        for leaf in leaves(command.params, params):
+            inside, _, name = leaf.path.rpartition(".")
+            if not inside and isinstance(leaf.value, int | dict | str):
+                number = int.from_bytes(params[leaf.offset : leaf.offset + leaf.length], "little")
+                out[name] = _worded(field_named(command.params, name), number)
+            elif name == "servo_id" and not brings:
+                servos.append(leaf.value)
+        return {**out, "servo_ids": servos} if servos else out
+
+    def _leading(self, op: int, params: bytes) -> list[tuple[str, Any]]:
+        """Return the one-byte fields that a command's parameters begin with, as far as they go.
+
+        They can be read although the body as a whole is not as the grammar has it.
+        """
+        out: list[tuple[str, Any]] = []
+        for name, con in named(self.family.commands[op].params):
+            inner = bare(con.subcon) if isinstance(con, c.Enum | c.FlagsEnum) else con
+            if inner is not c.Byte or len(out) == len(params):
+                break
+            out.append((name, con))
+        return out
+
+    def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:
+        """Return the packet's fields, the parameters split by their command's grammar."""
+        out: list[FieldSpan] = []
+        for leaf in leaves(self.family.packet, raw):
+            name = leaf.path.rpartition(".")[2]
+            if name == "code":
+                asked = row.kind == REQUEST
+                words = self.op_name(row.op if asked else -1)
+                if not asked and self.family.answers is None:
+                    words = ", ".join(self.status_names(leaf.value)) or "none"
+                label = self.family.words[not asked]
+                out.append(FieldSpan(leaf.offset, 1, label, f"{leaf.value:02X} {words}"))
+            elif name == self.family.tail:
+                out += self._params(leaf, self._plain(raw, leaf.value), row)
+            else:
+                out.append(_span(leaf, name))
+        return out
+
+    def _plain(self, raw: bytes, params: bytes) -> bytes:
+        """Return parameters of a packet as they were meant."""
+        at = self.plan.at
+        return self.family.plain(params, raw[at["servo_id"]], raw[at["code"]])
+
+    def _params(self, leaf: Leaf, plain: bytes, row: FrameView) -> list[FieldSpan]:
+        """Split the parameters of one packet; stuffed bytes shift what stands behind them."""
+        wire, at = leaf.value, leaf.offset
+        if not wire:
+            return []
+        if plain != wire:
+            whole = FieldSpan(at, len(wire), self.family.tail, _hex(wire), "stuffed")
+            return [whole]
+        if row.kind != REQUEST:
+            out = []
+            if self.family.answers is not None:
+                words = ", ".join(self.status_names(wire[0])) or "none"
+                out.append(FieldSpan(at, 1, "error", f"{wire[0]:02X} {words}"))
+            rest = wire[len(out) :]
+            return out + [FieldSpan(at + len(out), len(rest), "data", _hex(rest))] * bool(rest)
+        command = self.family.commands.get(row.op)
+        if command is None or row.flags & MALFORMED:
+            found = self._leading(row.op, wire) if command else []
+            out = [FieldSpan(at + i, 1, name, str(wire[i])) for i, (name, _) in enumerate(found)]
+            rest = wire[len(out) :]
+            return out + [FieldSpan(at + len(out), len(rest), "data", _hex(rest))] * bool(rest)
+        out = []
+        for part in leaves(command.params, wire):
+            if isinstance(part.value, dict | str):  # flags, or one of an enumeration
+                number = int.from_bytes(wire[part.offset : part.offset + part.length], "little")
+                text = str(number)
+                out.append(FieldSpan(at + part.offset, part.length, part.path, text, part.docs))
+            else:
+                out.append(_span(part, part.path, at))
+        return out
+
+    def explain(self, run: bytes, start: int, *, awaited: bool = False) -> list[Gap]:
+        """Look for headers: what follows one is a damaged or a truncated packet, the rest noise."""
+        del awaited  # headers tell
+        out: list[Gap] = []
+        plan, head = self.plan, self.plan.header
+        size_at, width = plan.at[self._size], plan.width[self._size]
+        p, n = 0, len(run)
+
+        def add(until: int, reason: str, detail: dict[str, Any]) -> None:
+            nonlocal p
+            if until > p:
+                out.append(Gap(start + p, until - p, reason, detail))
+                p = until
+
+        while p < n:
+            at = run.find(head, p)
+            while at >= 0 and run.startswith(head, at + 1):
+                at += 1  # an id is never a header's byte: the header is the last of a run
+            if at < 0 or at + len(head) >= n:
+                # Less than a header tells a packet no better than a stray byte: noise.
+                add(n if at < 0 else at, "noise", {})
+                add(n, "truncated", {"have": n - at})
+                break
+            add(at, "noise", {})
+            stop = at + size_at + width
+            size = int.from_bytes(run[at + size_at : stop], "little") if stop <= n else None
+            if size is not None and not self._least <= size <= self.family.most:
+                bound = "least" if size < self._least else "most"
+                limit = self._least if size < self._least else self.family.most
+                add(stop, "damaged", {self._size: size, f"{self._size}_{bound}": limit})
+                continue
+            following = run.find(head, at + len(head))
+            need = None if size is None else self._total(size)
+            stop = at + (need or 0)
+            if need is None or stop > n or 0 <= following < stop - plan.sum_width:
+                end = following if following >= 0 else n
+                detail = {"have": end - at} | ({} if need is None else {"need": need})
+                add(end, "truncated", {**detail, **self._as_read(run[at:end])})
+                continue
+            checksum, body, got = self.checksum_of(run[at:stop])
+            sums = {"checksum_expected": checksum(body), "checksum_got": got}
+            detail = {} if checksum(body) == got else sums
+            read = self._as_read(run[at : stop - plan.sum_width])
+            add(stop, "damaged", {**detail, **read})
+        return out
+
+    def _as_read(self, raw: bytes) -> dict[str, Any]:
+        """Return the fields of a packet that does not hold, without its checksum."""
+        at = self.plan.at
+        out: dict[str, Any] = {}
+        if len(raw) > at["servo_id"]:
+            out["servo_id"] = raw[at["servo_id"]]
+        if len(raw) > at["code"]:
+            code = raw[at["code"]]
+            if code in self.family.commands:
+                out["op"] = self.op_name(code)
+            else:
+                out["code"] = code
+            out["data"] = raw[self.plan.tail_at :].hex()
+        return {"fields": out} if out else {}
+
+
+def _worded(con: Any, number: int) -> Any:
+    """Return a field's number; of flags or an enumeration with the names."""
+    bits, known = flag_bits(con), numbers(con)
+    if bits:
+        return {"number": number, "names": bit_names(bits, number)}
+    return {"number": number, "names": [known.get(number, "unknown")]} if known else number
+
+
+def _span(leaf: Leaf, name: str, offset: int = 0) -> FieldSpan:
+    value = leaf.value
+    text = _hex(value) if isinstance(value, bytes) else str(value)
+    return FieldSpan(leaf.offset + offset, leaf.length, name, text, leaf.docs)
+
+
+def _hex(data: bytes) -> str:
+    return data.hex(" ").upper()
