@@ -1,0 +1,182 @@
+"""Several protocols on one wire: each byte is claimed once.
+
+The rule is that of one protocol, for all of them together: from left to right, the first frame that
+holds wins, whoever it is of. Where frames of two begin at the same byte, the longer one wins. What
+wins is passed over as a whole; behind it everybody looks anew. So a frame that contains another
+one's wins over it, and who is asked first never matters. Of two of the same bytes the protocol
+whose name comes first has them: nothing in the bytes tells them apart.
+
+    bytes       FF FF FF 01 02 F1 0B  FF FF 01 02 01 FB
+    mightyzap   [0 ................7)
+    dynamixel1     [1 .............7) [7 ............13)
+    claimed     mightyzap             dynamixel1
+
+Each protocol frames the block as if it were alone, at column speed. Where their frames keep apart
+or lie one within the other, comparing columns divides them. Only where two frames overlap in part,
+or one waits for bytes inside another, its protocol has to frame again from behind the winner: the
+frame that lost may have hidden others. It is framed again as far as it takes to meet a frame that
+was known before, from which on all is as it was.
+
+Nobody's frame is taken that begins behind a place where another protocol still waits for bytes:
+what comes may contain it. So what is claimed does not depend on how the stream was cut.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from sniffer.ground.framing import Block
+from sniffer.ground.model import I64, RESPONSE, U8, Mask, Spans
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.protocols.base import BusProtocol
+
+WINDOW: Final = 4096
+"""Bytes that are divided in one go behind a place where frames overlap in part, and that are framed
+again there at first."""
+
+
+def divide(protocols: Sequence[BusProtocol], blocks: Sequence[Block]) -> tuple[list[Spans], int]:
+    """Return each protocol's frames, none of which touch, and how far every byte has its fate.
+
+    Args:
+        protocols: in the order of their names.
+        blocks: the same bytes for each, with its own silences.
+    """
+    views = [_View(p, b) for p, b in zip(protocols, blocks, strict=True)]
+    ordered = np.array([p.ordered for p in protocols])
+    parts: list[_Rows] = []
+    at, room = 0, blocks[0].n
+    while True:
+        for view in views:
+            view.look_from(at)
+        stop = min(view.decided for view in views)
+        until = min(stop, at + room)
+        good, lost = _settled(_Rows.of(views, at, until), ordered)
+        parts.append(good)
+        for k, view in enumerate(views):
+            view.took(good.end[good.owner == k])
+        if lost is not None:
+            at, room = lost, WINDOW  # what lost may have hidden what stands behind the winner
+            continue
+        at = max([at, *good.end[-1:].tolist()])
+        if until < stop:
+            at, room = max(at, until), 2 * room
+        elif all(view.decided >= at for view in views):
+            return _by_owner(parts, len(views)), max(stop, at)
+
+
+class _Rows(NamedTuple):
+    """Frames of all protocols, by where they begin, the longer one first."""
+
+    start: I64
+    end: I64
+    kind: U8
+    owner: I64
+
+    @classmethod
+    def of(cls, views: Sequence[_View], at: int, until: int) -> _Rows:
+        """Return the frames that begin in ``at..until``."""
+        mine = [slice(*np.searchsorted(v.start, [at, until]).tolist()) for v in views]
+        start = np.concatenate([v.start[m] for v, m in zip(views, mine, strict=True)])
+        end = np.concatenate([v.end[m] for v, m in zip(views, mine, strict=True)])
+        kind = np.concatenate([v.kind[m] for v, m in zip(views, mine, strict=True)])
+        owner = np.repeat(np.arange(len(views)), [m.stop - m.start for m in mine])
+        order = np.lexsort((owner, -end, start))
+        return cls(start[order], end[order], kind[order], owner[order])
+
+    def take(self, index: Any) -> _Rows:
+        """Return the rows that ``index`` selects."""
+        return _Rows(*(column[index] for column in self))
+
+
+def _settled(rows: _Rows, ordered: Mask) -> tuple[_Rows, int | None]:
+    """Return the frames that win, and the end of the first one whose loser must look anew."""
+    start, end, kind, owner = rows
+    if not len(start):
+        return rows, None
+    # Winners keep apart, so what reaches furthest so far is the last of them.
+    reach = np.maximum.accumulate(end)
+    before = np.concatenate([[0], reach[:-1]])
+    loses = start < before
+    if not loses.any():
+        return rows, None
+    again = loses & ((end > before) | ordered[owner])
+    # An answer without a header is none without the request it stands behind.
+    for k in np.unique(owner[loses]).tolist():
+        mine = np.flatnonzero(owner == k)
+        one, next_one = mine[:-1], mine[1:]
+        bare = loses[one] & (kind[next_one] == RESPONSE) & (start[next_one] == end[one])
+        again[next_one[bare]] = True
+    hits = np.flatnonzero(again)
+    if not len(hits):
+        return rows.take(~loses), None
+    first = int(hits[0])
+    return rows.take(np.flatnonzero(~loses[:first])), int(before[first])
+
+
+def _by_owner(parts: Sequence[_Rows], count: int) -> list[Spans]:
+    whole = _Rows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    return [
+        Spans(mine.start, mine.end, mine.kind)
+        for mine in (whole.take(whole.owner == k) for k in range(count))
+    ]
+
+
+class _View:
+    """The frames that one protocol sees from some place on, as if it were alone."""
+
+    def __init__(self, protocol: BusProtocol, block: Block) -> None:
+        self._protocol, self._block = protocol, block
+        spans, self.decided = protocol.frame(block)
+        self.start: I64 = spans.start
+        self.end: I64 = spans.end
+        self.kind: U8 = spans.kind
+        self._taken_until = -1  # end of the last frame of it that won
+
+    def took(self, ends: I64) -> None:
+        """Remember which frames won."""
+        if len(ends):
+            self._taken_until = int(ends[-1])
+
+    def look_from(self, at: int) -> None:
+        """See to it that the frames from ``at`` on are those seen by who begins to look there."""
+        stale = self.decided < at
+        row = int(np.searchsorted(self.start, at))
+        if row and self.end[row - 1] != self._taken_until:  # that one has lost
+            behind = int(self.end[row - 1])
+            stale |= behind > at or self._protocol.ordered
+            if row < len(self.start) and self.kind[row] == RESPONSE:
+                stale |= behind == self.start[row]
+        if stale:
+            self._look_again(at)
+
+    def _look_again(self, at: int) -> None:
+        block, size = self._block, WINDOW
+        while True:
+            until = min(block.n, at + size)
+            inside = block.barriers[(block.barriers > at) & (block.barriers < until)] - at
+            is_all = until == block.n
+            part = Block(block.data[at:until], inside, block.final and is_all)
+            spans, decided = self._protocol.frame(part)
+            start, end, kind = spans.start + at, spans.end + at, spans.kind
+            if is_all:
+                self.start, self.end, self.kind = start, end, kind
+                self.decided = at + decided
+                return
+            known = np.searchsorted(self.start, start)
+            same = known < len(self.start)
+            known = np.minimum(known, len(self.start) - 1)
+            same &= (self.start[known] == start) & (self.end[known] == end)
+            if same.any() and not self._protocol.ordered:
+                k = int(np.argmax(same))
+                row = int(known[k])
+                self.start = np.concatenate([start[:k], self.start[row:]])
+                self.end = np.concatenate([end[:k], self.end[row:]])
+                self.kind = np.concatenate([kind[:k], self.kind[row:]])
+                return
+            size *= 4
