@@ -93,7 +93,7 @@ def replay(
         # looked at beforehand: what is to be played in real time cannot wait for it
         head, chunks = peek(chunks, ENOUGH)
         if options.protocol == AUTO and not options.protocols:
-            options = dataclasses.replace(options, protocols=_told(head))
+            options = dataclasses.replace(options, protocols=_told(head, options))
         part = within(timed(chunks, _baud(options)), Window(start, stop), ends=True)
         groups: Iterable[Sequence[Chunk]] = paced(steps(part), speed)
         if not played and (start or stop is not None):
@@ -126,7 +126,7 @@ def _as_part(
         yield group
 
 
-def _told(head: Iterable[Chunk]) -> dict[str, str]:
+def _told(head: Iterable[Chunk], options: Options) -> dict[str, str]:
     """Return the protocol of each bus, and say so; what cannot be told yet is left out."""
     by_bus: dict[str, list[Chunk]] = {}
     for chunk in head:
@@ -134,7 +134,7 @@ def _told(head: Iterable[Chunk]) -> dict[str, str]:
     out: dict[str, str] = {}
     for bus, chunks in by_bus.items():
         with contextlib.suppress(UndecidedError):
-            found = detect(chunks)
+            found = detect(chunks, options.bauds.get(bus, options.baud))
             say(f"{bus}: {found}")
             out[bus] = found.protocol
     return out

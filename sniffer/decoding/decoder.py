@@ -183,6 +183,11 @@ class Decoder:
         return self.finish(self._decode(final=True, is_cut=self.is_cut))
 
     @property
+    def name(self) -> str:
+        """The protocol's name."""
+        return self.protocol.name
+
+    @property
     def is_cut(self) -> bool:
         """Whether a capture that ends here is cut: nobody knows of a silence behind it."""
         return not self._stamps.silent_since(self._now_ns)

@@ -17,12 +17,12 @@ not spoken yet is not asked, unless nobody has.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from sniffer.decoding.decoder import Decoder, mark_tail, stretches
-from sniffer.decoding.detect import AND
+from sniffer.decoding.detect import AND, Scores
 from sniffer.decoding.dividing import divide
 from sniffer.decoding.pairing import CHAIN
 from sniffer.diagnostics import WireRules
@@ -32,9 +32,10 @@ from sniffer.ground.model import GAP_MAX, I64, Anomaly, Batch, Chunk, Frames, Ga
 from sniffer.protocols import protocol_named
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from sniffer.decoding.decoder import Met
+    from sniffer.decoding.sink import Part
     from sniffer.protocols.base import BusProtocol
 
 
@@ -55,6 +56,14 @@ def protocols_named(name: str) -> tuple[BusProtocol, ...]:
 def joined(protocols: Sequence[BusProtocol]) -> str:
     """Return the name of protocols that share a wire."""
     return AND.join(p.name for p in protocols)
+
+
+def leading(protocols: Sequence[BusProtocol], chunks: Iterable[Chunk]) -> BusProtocol:
+    """Return which of some protocols explains most of the first chunks: what it tells counts."""
+    if len(protocols) == 1:
+        return protocols[0]
+    shares = Scores(list(chunks)).shares
+    return max(protocols, key=lambda p: shares.get(p.name, 0.0))
 
 
 class MixedDecoder:
@@ -261,6 +270,34 @@ class MixedDecoder:
                 for b, more in zip(batches, each, strict=True)
             ]
         return tuple(batches)
+
+
+def decoder_of(
+    protocols: Sequence[BusProtocol],
+    *,
+    baud: int | None = None,
+    models: Mapping[int | None, str] | None = None,
+    latency_ns: int | None = None,
+    base: int = 0,
+    slowest: int | None = None,
+    doubtful: bool = False,
+) -> Decoder | MixedDecoder:
+    """Return what decodes a bus on which one or several protocols are spoken."""
+    how: dict[str, Any] = {
+        "baud": baud,
+        "models": models,
+        "latency_ns": latency_ns,
+        "base": base,
+        "slowest": slowest,
+        "doubtful": doubtful,
+    }
+    return Decoder(protocols[0], **how) if len(protocols) == 1 else MixedDecoder(protocols, **how)
+
+
+def parts_of(decoder: Decoder | MixedDecoder, told: Batch | tuple[Batch, ...]) -> Sequence[Part]:
+    """Return what a pass decided, by protocol."""
+    each = decoder.protocols if isinstance(decoder, MixedDecoder) else (decoder.protocol,)
+    return list(zip(each, told if isinstance(told, tuple) else (told,), strict=True))
 
 
 class _Wire(NamedTuple):

@@ -7,7 +7,6 @@ import functools
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
-from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.detect import (
     CLEAR,
     ENOUGH,
@@ -19,18 +18,20 @@ from sniffer.decoding.detect import (
     detect,
     latest,
 )
+from sniffer.decoding.mixed import decoder_of, leading, parts_of, protocols_named
 from sniffer.decoding.pacing import ASSUMED, Pace, pace
-from sniffer.decoding.sink import Paced
+from sniffer.decoding.sink import Paced, act, closed, taken, written
 from sniffer.decoding.summary import Summary
 from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, number_in
-from sniffer.ground.model import Batch, Chunk, Clock, Mark, MarkKind, OutputError
+from sniffer.ground.model import Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.ground.timing import LATENCY_NS
-from sniffer.protocols import protocol_named
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from sniffer.decoding.sink import Sink
+    from sniffer.decoding.decoder import Decoder
+    from sniffer.decoding.mixed import MixedDecoder
+    from sniffer.decoding.sink import Part, Sink
 
 AUTO: Final = "auto"
 
@@ -46,7 +47,10 @@ AFTER_NS: Final = LATENCY_NS[Clock.READ]
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How to decode: ``protocols``, ``bauds``, ``latencies`` by bus, the others for all buses."""
+    """How to decode: ``protocols``, ``bauds``, ``latencies`` by bus, the others for all buses.
+
+    A protocol is a name, ``"auto"``, or ``"a+b"`` where two share the wire.
+    """
 
     protocol: str = AUTO
     protocols: Mapping[str, str] = field(default_factory=dict)
@@ -109,7 +113,7 @@ class Pipeline:
         live: bool = False,
     ) -> None:
         if options.protocol != AUTO:
-            protocol_named(options.protocol)
+            protocols_named(options.protocol)
         self.summary = Summary()
         self._options = options
         self._sinks = list(sinks)
@@ -122,7 +126,8 @@ class Pipeline:
         self._live = live
         self.paces: dict[str, Pace] = {}
         """By what each bus is timed, once it is decoded."""
-        self._decoders: dict[str, Decoder] = {}
+        self._decoders: dict[str, Decoder | MixedDecoder] = {}
+        self._found: dict[str, Detection] = {}
         self._waiting: dict[str, list[Chunk]] = {}
         self._look_at: dict[str, int] = {}
         self._first: dict[str, list[Chunk]] = {}
@@ -144,7 +149,7 @@ class Pipeline:
     def record(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Hand chunks to the sinks as they came, before they are decoded."""
         self._begin.setdefault(bus, 0)
-        self._each(functools.partial(_raw, bus=bus, chunks=chunks))
+        self._each(functools.partial(taken, bus=bus, chunks=chunks))
 
     def decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Decode chunks of one bus that have been recorded."""
@@ -165,11 +170,11 @@ class Pipeline:
         for bus, decoder in self._decoders.items():
             if not decoder.pending:
                 continue
-            batch = decoder.idle(now_ns)
-            if batch.data:
+            parts = parts_of(decoder, decoder.idle(now_ns))
+            if parts[0][1].data:
                 silent = Chunk(b"", now_ns, Clock.READ, bus, marks=(Mark(MarkKind.SILENT, 0),))
                 self.record(bus, [silent])
-            self._deliver(bus, decoder, batch)
+            self._deliver(bus, parts)
 
     def skip(self, bus: str, count: int, chunk: Chunk) -> None:
         """Leave out ``count`` bytes that nobody had time to decode, and go on with ``chunk``.
@@ -180,10 +185,10 @@ class Pipeline:
         mark = Mark(MarkKind.SKIPPED, 0, count=count)
         if decoder is not None:
             torn = replace(chunk, data=b"", marks=(mark,))
-            for batch in (decoder.feed(torn), decoder.close()):
-                self._deliver(bus, decoder, batch)
+            self._deliver(bus, parts_of(decoder, decoder.feed(torn)))
+            self._deliver(bus, parts_of(decoder, decoder.close()))
             self._begin[bus] = decoder.position + count
-            self._decoders[bus] = self._decoder(bus, decoder.protocol.name)
+            self._decoders[bus] = self._decoder(bus, decoder.name)
         else:
             count += sum(len(c.data) for c in self._waiting.pop(bus, ()))
             self._begin[bus] = self._begin.get(bus, 0) + count
@@ -195,9 +200,9 @@ class Pipeline:
         return self._begin | {bus: decoder.position for bus, decoder in self._decoders.items()}
 
     def speaks(self, bus: str) -> str | None:
-        """Return the protocol of a bus, None while it is not known."""
+        """Return the protocol of a bus (``a+b``: two of them), None while it is not known."""
         decoder = self._decoders.get(bus)
-        return None if decoder is None else decoder.protocol.name
+        return None if decoder is None else decoder.name
 
     def baud_of(self, bus: str) -> int | None:
         """Return the rate by which a bus is decoded, None while its protocol is not known."""
@@ -229,7 +234,7 @@ class Pipeline:
         # Where one bus goes on, the end of another is a silence, not a cut.
         self.idle(max((d.heard_ns for d in self._decoders.values()), default=0) - AFTER_NS)
         for bus, decoder in self._decoders.items():
-            self._deliver(bus, decoder, decoder.close())
+            self._deliver(bus, parts_of(decoder, decoder.close()))
         for mistake in self.mistaken():
             self.summary.buses[mistake.bus].looks_like = mistake.found.protocol
         if undecided is not None:
@@ -243,7 +248,7 @@ class Pipeline:
             if totals is None or totals.bytes_in_frames > CLEAR * totals.bytes:
                 continue
             with contextlib.suppress(UndecidedError):
-                found = detect(chunks)
+                found = detect(chunks, self._stated(bus))
                 share = totals.bytes_in_frames / totals.bytes
                 if found.protocol != totals.protocol and (not share or found.certainty != GUESSED):
                     out.append(Mistake(bus, totals.protocol, share, found))
@@ -260,20 +265,20 @@ class Pipeline:
 
     def _finish(self, sink: Sink) -> None:
         try:
-            _act(_close, sink)
+            act(closed, sink)
         except OutputError as error:
             self._failure = self._failure or error
 
-    def _each(self, act: Callable[[Sink], None]) -> None:
+    def _each(self, what: Callable[[Sink], None]) -> None:
         """Do something with every sink; one that fails is given up, the others go on."""
         for sink in list(self._sinks):
             try:
-                _act(act, sink)
+                act(what, sink)
             except OutputError as error:
                 self._sinks.remove(sink)
                 self._failure = self._failure or error
                 with contextlib.suppress(OutputError):
-                    _act(_close, sink)
+                    act(closed, sink)
                 if not self._sinks:
                     raise
 
@@ -286,12 +291,15 @@ class Pipeline:
             return False
         self._look_at[bus] = 2 * size
         try:
-            found = detect(latest(waiting, ENOUGH))
+            found = detect(latest(waiting, ENOUGH), self._stated(bus))
         except UndecidedError:
             if size > PATIENCE:
                 self._forget(bus, waiting)
             return False
-        return found.certainty == SURE or size >= ENOUGH
+        if found.certainty != SURE and size < ENOUGH:
+            return False
+        self._found[bus] = found
+        return True
 
     def _forget(self, bus: str, waiting: list[Chunk]) -> None:
         """Keep the latest bytes only of a bus that says nothing we know."""
@@ -312,16 +320,19 @@ class Pipeline:
         chunks = self._waiting[bus]
         name = self._named(bus)
         if name == AUTO:
-            found = detect(latest(chunks, ENOUGH) if self._live else chunks)
+            found = self._found.pop(bus, None)
+            if found is None:
+                found = detect(latest(chunks, ENOUGH) if self._live else chunks, self._stated(bus))
             self._on_detection(bus, found)
             name = found.protocol
         else:
             self._first[bus] = []
         o = self._options
+        first = self._ahead.pop(bus, chunks)
         self.paces[bus] = pace(
-            protocol_named(name),
-            self._ahead.pop(bus, chunks),
-            baud=o.bauds.get(bus, o.baud),
+            leading(protocols_named(name), first),
+            first,
+            baud=self._stated(bus),
             latency_ns=o.latencies.get(bus) if o.latency_ns is None else o.latency_ns,
         )
         told = self.summary.paces[bus] = self.paces[bus]
@@ -332,13 +343,18 @@ class Pipeline:
         self._decoders[bus] = self._decoder(bus, name)
         self._decode(bus, self._waiting.pop(bus))
 
-    def _decoder(self, bus: str, protocol: str) -> Decoder:
+    def _stated(self, bus: str) -> int | None:
+        """Return the rate of a bus that somebody stated; what is assumed is none."""
+        return self._options.bauds.get(bus, self._options.baud)
+
+    def _decoder(self, bus: str, name: str) -> Decoder | MixedDecoder:
+        protocols = protocols_named(name)
         models, told = self._options.models, self.paces[bus]
         if self._live:  # they were named for all buses, which may speak different protocols
-            known = {m.model for m in protocol_named(protocol).models}
+            known = {m.model for p in protocols for m in p.models}
             models = {servo: model for servo, model in models.items() if model in known}
-        return Decoder(
-            protocol,
+        return decoder_of(
+            protocols,
             baud=told.baud,
             models=models,
             latency_ns=told.latency_ns,
@@ -352,16 +368,17 @@ class Pipeline:
         if first is not None and sum(len(c.data) for c in first) < ENOUGH:
             first += chunks
         decoder = self._decoders[bus]
-        self._deliver(bus, decoder, decoder.feed(*chunks))
+        self._deliver(bus, parts_of(decoder, decoder.feed(*chunks)))
 
-    def _deliver(self, bus: str, decoder: Decoder, batch: Batch) -> None:
-        if not batch.data and not batch.remarks and not batch.anomalies:
+    def _deliver(self, bus: str, parts: Sequence[Part]) -> None:
+        if not any(b.data or b.remarks or b.anomalies for _, b in parts):
             return
-        self.summary.add(bus, decoder.protocol, batch)
+        for protocol, batch in parts:
+            self.summary.add(bus, protocol, batch)
         totals = self.summary.buses[bus]
         if totals.bytes >= ENOUGH and totals.bytes_in_frames > CLEAR * totals.bytes:
             self._first.pop(bus, None)  # it speaks what was named
-        self._each(lambda sink: sink.write(bus, decoder.protocol, batch))
+        self._each(functools.partial(written, bus=bus, parts=parts))
 
 
 def _numbers(facts: Mapping[str, str], name: str, least: int, most: int) -> dict[str, int]:
@@ -369,27 +386,3 @@ def _numbers(facts: Mapping[str, str], name: str, least: int, most: int) -> dict
     told = {k.removeprefix(name): v for k, v in facts.items() if k.startswith(name)}
     numbers = {bus: number_in(text, least, most) for bus, text in told.items()}
     return {bus: number for bus, number in numbers.items() if number is not None}
-
-
-def _act(act: Callable[[Sink], None], sink: Sink) -> None:
-    """Do something with a sink; what nobody has foreseen is its failure, not that of the others.
-
-    Raises:
-        OutputError: it failed.
-        BrokenPipeError: nobody reads what it writes.
-    """
-    try:
-        act(sink)
-    except (OutputError, BrokenPipeError):
-        raise
-    except Exception as error:
-        what = f"{type(error).__name__}: {error}"[:200]
-        raise OutputError(f"{type(sink).__name__} failed ({what}); it is left as it is") from error
-
-
-def _close(sink: Sink) -> None:
-    sink.close()
-
-
-def _raw(sink: Sink, *, bus: str, chunks: Sequence[Chunk]) -> None:
-    sink.raw(bus, chunks)

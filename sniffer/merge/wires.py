@@ -119,7 +119,7 @@ class _Wires:
         asked = [chunk for chunk in self._window if chunk.direction == Direction.TX]
         for chunks in (self._window, asked):  # what is mixed may be told from one wire only
             try:
-                return PROTOCOLS[detect(chunks).protocol]
+                return PROTOCOLS.get(detect(chunks, self._baud).protocol)  # two cannot be merged
             except UndecidedError:
                 continue
         return None

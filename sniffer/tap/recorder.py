@@ -297,7 +297,7 @@ class Recorder:
         for bus, merger in self._mergers.items():
             name = self.pipeline.speaks(bus)
             if merger.protocol is None and name is not None:
-                merger.protocol = PROTOCOLS[name]
+                merger.protocol = PROTOCOLS.get(name)  # of two that share a wire: by time only
 
     def _end(self) -> None:
         """Record and decode the rest, unless the recording itself has failed."""
