@@ -38,7 +38,7 @@ AUTO: Final = "auto"
 FIRST_LOOK: Final = 512
 """Bytes of a slow input after which its protocol is looked for the first time."""
 
-PATIENCE: Final = 1 << 20
+UNDECIDED_MOST: Final = 1 << 20
 """Bytes of a live bus that are kept for decoding while its protocol is not known."""
 
 AFTER_NS: Final = LATENCY_NS[Clock.READ]
@@ -293,7 +293,7 @@ class Pipeline:
         try:
             found = detect(latest(waiting, ENOUGH), self._stated(bus))
         except UndecidedError:
-            if size > PATIENCE:
+            if size > UNDECIDED_MOST:
                 self._forget(bus, waiting)
             return False
         if found.certainty != SURE and size < ENOUGH:
