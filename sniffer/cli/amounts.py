@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from sniffer.decoding.detect import AND
+from sniffer.decoding.mixed import joined, protocols_named
 from sniffer.decoding.pipeline import AUTO
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS
@@ -142,6 +144,8 @@ def _protocol(text: str, rest: str) -> tuple[str, str | None]:
         return rest, None
     if last in PROTOCOLS or last == AUTO:
         return before, last
+    if AND in last and all(name in PROTOCOLS for name in last.split(AND)):
+        return before, joined(protocols_named(last))
     if _NAME.fullmatch(before) and last:
         return rest, None  # left=/dev/ttyUSB0
     known = ", ".join((AUTO, *PROTOCOLS))

@@ -5,10 +5,9 @@ from __future__ import annotations
 import click
 from rich.console import Console
 
-from sniffer.cli.options import examples
+from sniffer.cli.options import ProtocolName, examples
 from sniffer.decoding.pipeline import AUTO
 from sniffer.jobs.explain import explain_bytes, read_hex
-from sniffer.protocols import PROTOCOLS
 
 
 @click.command(
@@ -21,7 +20,7 @@ from sniffer.protocols import PROTOCOLS
 )
 @click.argument("hex_bytes", metavar="HEX", nargs=-1, required=True)
 @click.option("--after", metavar="HEX", help="The request this answers: replies need it.")
-@click.option("--protocol", type=click.Choice([AUTO, *PROTOCOLS]), default=AUTO, show_default=True)
+@click.option("--protocol", type=ProtocolName(AUTO), default=AUTO, show_default=True)
 @click.option("--model", metavar="MODEL", help="Register table to read by.")
 def explain(hex_bytes: tuple[str, ...], after: str | None, protocol: str, model: str | None) -> int:
     """Draw the frame HEX byte by byte: offsets, fields, values, units, checksum arithmetic.

@@ -8,8 +8,11 @@ from typing import Any, Final
 
 import click
 
+from sniffer.decoding.detect import AND
+from sniffer.decoding.mixed import joined, protocols_named
 from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.ground.limits import BAUDS, IDS, number_in
+from sniffer.ground.model import SnifferError
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import SOURCES
 
@@ -52,6 +55,22 @@ class Finite(click.FloatRange):
         return number
 
 
+class ProtocolName(click.Choice[str]):
+    """A protocol by name, or two that share a wire (``a+b``); ``beside`` are words instead."""
+
+    def __init__(self, *beside: str) -> None:
+        super().__init__([*beside, *PROTOCOLS])
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Take names that are known."""
+        if AND not in str(value):
+            return str(super().convert(value, param, ctx))
+        try:
+            return joined(protocols_named(str(value)))
+        except SnifferError as error:
+            self.fail(str(error), param, ctx)
+
+
 def examples(*lines: str) -> str:
     """Return the end of a command's help, in lines as they are."""
     return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
@@ -83,10 +102,10 @@ def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
         (
             click.option(
                 "--protocol",
-                type=click.Choice([AUTO, *PROTOCOLS]),
+                type=ProtocolName(AUTO),
                 default=AUTO,
                 show_default=True,
-                help="What is spoken on the bus; auto tells it from the bytes.",
+                help="What is spoken on the bus (a+b: two share it); auto tells it from the bytes.",
             ),
             click.option(
                 "--input-format",

@@ -13,6 +13,7 @@ from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times
 from sniffer.cli.options import (
     SHARED,
     Finite,
+    ProtocolName,
     Whole,
     examples,
     models,
@@ -25,7 +26,6 @@ from sniffer.decoding.pipeline import AUTO
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.wording import one_line
-from sniffer.protocols import PROTOCOLS
 from sniffer.tap.stops import Stops
 from sniffer.tap.tap import PortSpec
 
@@ -55,7 +55,7 @@ WORD_S: Final = 0.5
 )
 @click.option(
     "--protocol",
-    type=click.Choice([AUTO, *PROTOCOLS]),
+    type=ProtocolName(AUTO),
     default=AUTO,
     show_default=True,
     help="What is spoken where a PORT does not say; auto tells it from the bytes.",

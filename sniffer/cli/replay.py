@@ -13,12 +13,12 @@ import click
 from sniffer.cli.options import Finite, decoding, examples, pipeline_options
 from sniffer.cli.session import Standard, merged, run_source, say
 from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
+from sniffer.decoding.mixed import protocols_named
 from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.decoding.sink import Sink
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import Chunk
 from sniffer.jobs.replay import Window, paced, peek, steps, timed, within
-from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
 
 
@@ -143,4 +143,4 @@ def _told(head: Iterable[Chunk], options: Options) -> dict[str, str]:
 
 def _baud(options: Options) -> int:
     name = next(iter(options.protocols.values()), options.protocol)
-    return options.baud or (PROTOCOLS[name].baud if name in PROTOCOLS else FALLBACK_BAUD)
+    return options.baud or (FALLBACK_BAUD if name == AUTO else protocols_named(name)[0].baud)

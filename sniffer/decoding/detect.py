@@ -142,6 +142,10 @@ class Scores:
             for name, share in self.shares.items()
         }
 
+    def share_of(self, name: str) -> float:
+        """Return the share of the bytes that a protocol explains, or those of ``a+b`` together."""
+        return min(1.0, sum(self.shares.get(one, 0.0) for one in name.split(AND)))
+
     def best(self) -> Detection:
         """Return the protocol that explains the bytes, or the two that share them.
 

@@ -40,8 +40,19 @@ WINDOW: Final = 4096
 again there at first."""
 
 
-def divide(protocols: Sequence[BusProtocol], blocks: Sequence[Block]) -> tuple[list[Spans], int]:
-    """Return each protocol's frames, none of which touch, and how far every byte has its fate.
+class Divided(NamedTuple):
+    """Each protocol's frames, none of which touch, and how far every byte has its fate.
+
+    ``each`` is how far it has for one protocol alone, which need not wait for the others.
+    """
+
+    spans: list[Spans]
+    decided: int
+    each: list[int]
+
+
+def divide(protocols: Sequence[BusProtocol], blocks: Sequence[Block]) -> Divided:
+    """Divide a block among protocols.
 
     Args:
         protocols: in the order of their names.
@@ -67,7 +78,8 @@ def divide(protocols: Sequence[BusProtocol], blocks: Sequence[Block]) -> tuple[l
         if until < stop:
             at, room = max(at, until), 2 * room
         elif all(view.decided >= at for view in views):
-            return _by_owner(parts, len(views)), max(stop, at)
+            each = [view.decided for view in views]
+            return Divided(_by_owner(parts, len(views)), max(stop, at), each)
 
 
 class _Rows(NamedTuple):

@@ -165,25 +165,20 @@ class MixedDecoder:
 
     def _decode(self, *, final: bool, ends: bool = False) -> tuple[Batch, ...]:
         blocks = [part.block(final=final) for part in self._parts]
-        spans, decided = divide(self.protocols, blocks)
+        spans, decided, _ = divide(self.protocols, blocks)
         mets = []
         for k, (part, block) in enumerate(zip(self._parts, blocks, strict=True)):
             others = np.concatenate([s.start for i, s in enumerate(spans) if i != k])
             mets.append(part.meet(replace(block, foreign=np.sort(others)), spans[k], decided))
         cut = decided if final else self._cut(mets)
         gaps = self._gaps(mets, cut)
-        open_from: int | None = None
+        open_from: list[int | None] = [None for _ in mets]
         if ends:
-            _, open_from = divide(
-                self.protocols, [Block(b.data, b.barriers, False) for b in blocks]
-            )
-        is_cut = [part.is_cut for part in self._parts]
-        return self._judged(
-            [
-                part.tell(met, cut, told, open_from=open_from if cut_off else None)
-                for part, met, told, cut_off in zip(self._parts, mets, gaps, is_cut, strict=True)
-            ]
-        )
+            more = divide(self.protocols, [Block(b.data, b.barriers, False) for b in blocks])
+            for k, part in enumerate(self._parts):
+                open_from[k] = more.each[k] if part.is_cut else None
+        each = zip(self._parts, mets, gaps, open_from, strict=True)
+        return self._judged([p.tell(m, cut, told, open_from=o) for p, m, told, o in each])
 
     def _cut(self, mets: Sequence[Met]) -> int:
         """Return where this pass ends: nothing before it is open, in none of the protocols."""

@@ -122,6 +122,11 @@ class Listened:
         """Bytes heard."""
         return sum(len(chunk.data) for chunk in self.chunks)
 
+    @property
+    def line_baud(self) -> int | None:
+        """The rate that the line was heard at; None where there is no line."""
+        return self.baud if self.has_line else None
+
     def marked(self, *kinds: MarkKind) -> int:
         """Return how many errors of these kinds the stream tells."""
         return sum(m.count for m in self._marks() if m.kind in kinds)
