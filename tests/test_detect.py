@@ -29,7 +29,7 @@ def test_each_protocol_is_told_from_its_own_stream(name: str) -> None:
     assert (found.protocol, found.certainty) == (name, "sure")
     assert found.scores[name] > 0.99
     assert set(found.scores) == set(PROTOCOLS)
-    assert all(f"{other} " in str(found) for other in PROTOCOLS)
+    assert not any(f"{other} " in str(found) for other in PROTOCOLS if other != name)
 
 
 @EVERY
@@ -60,13 +60,32 @@ def test_a_stream_after_as_much_noise_is_told_without_being_sure(name: str) -> N
 
 
 @pytest.mark.parametrize(("one", "other"), list(itertools.combinations(PROTOCOLS, 2)))
-def test_two_protocols_half_and_half_cannot_be_told(one: str, other: str) -> None:
+def test_two_protocols_half_and_half_share_the_wire(one: str, other: str) -> None:
     first, second = heard(one), heard(other)
     size = min(len(first), len(second), ENOUGH // 2)
-    with pytest.raises(UndecidedError) as caught:
-        detect([Chunk(first[:size] + second[:size])])
-    assert all(f"{name} " in str(caught.value) for name in PROTOCOLS)
-    assert "--protocol" in str(caught.value)
+    found = detect([Chunk(first[:size] + second[:size])])
+    assert (found.protocol, found.certainty) == ("+".join(sorted((one, other))), "sure")
+    assert found.share > 0.97
+    assert all(f"{name} " in str(found) for name in (one, other))
+
+
+@pytest.mark.parametrize(("one", "other"), list(itertools.permutations(PROTOCOLS, 2)))
+def test_a_second_protocol_is_found_beside_one_that_says_nine_times_as_much(
+    one: str, other: str
+) -> None:
+    talk = heard(one)[: ENOUGH * 9 // 10 - 200] + heard(other)[: ENOUGH // 10]
+    assert detect([Chunk(talk)]).protocol == "+".join(sorted((one, other)))
+
+
+@EVERY
+@pytest.mark.parametrize("other", PROTOCOLS)
+def test_what_little_another_one_sees_in_damage_is_no_second_protocol(
+    name: str, other: str
+) -> None:
+    data = bytearray(heard(name))
+    once = heard(other, 0.1)[:12]
+    data[len(data) // 2 : len(data) // 2] = once
+    assert detect([Chunk(bytes(data))]).protocol == name
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -81,6 +100,14 @@ def test_noise_cannot_be_told(seed: int) -> None:
 def test_what_is_no_bus_cannot_be_told(data: bytes) -> None:
     with pytest.raises(UndecidedError):
         detect([Chunk(data)])
+
+
+def test_what_cannot_be_told_names_the_best_two_and_no_more() -> None:
+    talk = heard("mightyzap")[:600] + random.Random(5).randbytes(30_000)
+    with pytest.raises(UndecidedError) as caught:
+        detect([Chunk(talk)])
+    assert sum(f"{name} " in str(caught.value) for name in PROTOCOLS) <= 2
+    assert "--protocol" in str(caught.value)
 
 
 def test_nothing_cannot_be_told() -> None:

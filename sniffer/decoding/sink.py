@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-from sniffer.ground.model import OutputError
+from sniffer.ground.model import Batch, OutputError
+from sniffer.protocols.base import BusProtocol
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from sniffer.decoding.pacing import Pace
-    from sniffer.ground.model import Batch, Chunk
-    from sniffer.protocols.base import BusProtocol
+    from sniffer.ground.model import Chunk
 
-    Part = tuple[BusProtocol, Batch]
-    """What one protocol said in a pass."""
+
+Part = tuple[BusProtocol, Batch]
+"""What one protocol said in a pass."""
 
 
 class Sink(Protocol):
