@@ -4,16 +4,31 @@ from __future__ import annotations
 
 import itertools
 import random
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
-from sniffer.ground.model import Chunk
+from sniffer.decoding.detect import ENOUGH, Detection, UndecidedError, detect
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.model import UNKNOWN, Chunk, Frames
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation.buses import simulate
+from sniffer.sources import open_source
+from tests.dynamixel import WRITE, Dynamixel1, packet, said
 from tests.streams import module
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.ground.framing import Block
+    from sniffer.ground.model import Spans
+
+SAMPLES = Path(__file__).parents[1] / "sample_captures"
 
 EVERY = pytest.mark.parametrize("name", PROTOCOLS)
 
@@ -121,3 +136,100 @@ def test_only_the_beginning_is_looked_at() -> None:
     rest = random.Random(2).randbytes(20 * ENOUGH)
     cut = [Chunk(data[at : at + 100]) for at in range(0, ENOUGH, 100)]
     assert detect([*cut, Chunk(rest)]).scores == detect([Chunk(data[:ENOUGH])]).scores
+
+
+@pytest.fixture
+def five(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let Dynamixel 1.0 be known, whose frames mightyZAP's contain."""
+    known = {**PROTOCOLS, "dynamixel1": Dynamixel1()}
+    monkeypatch.setattr("sniffer.decoding.detect.PROTOCOLS", known)
+
+
+@pytest.mark.usefixtures("five")
+class TestAFrameWithinAFrame:
+    @pytest.mark.parametrize("kind", ["clean.log", "damaged.log", "manual.hex"])
+    def test_the_captures_of_the_container_are_told(self, kind: str) -> None:
+        source = open_source(SAMPLES / f"mightyzap_{kind}")
+        found = detect([chunk for group in source for chunk in group])
+        assert (found.protocol, found.certainty) == ("mightyzap", "sure")
+        assert found.scores["dynamixel1"] < 0.01
+
+    @pytest.mark.parametrize("share", [0.002, 0.01, 0.03, 0.1])
+    def test_a_damaged_stream_of_the_container_is_still_told(self, share: float) -> None:
+        """The shorter frames stay whole more often; that makes nobody of them."""
+        rng = random.Random(7)
+        data = bytearray(heard("mightyzap"))
+        for at in range(len(data)):
+            if rng.random() < share:
+                data[at] ^= rng.randint(1, 255)
+        assert detect([Chunk(bytes(data))]).protocol == "mightyzap"
+
+    def test_a_stream_of_the_contained_is_told(self) -> None:
+        found = detect([Chunk(said(400))])
+        assert (found.protocol, found.certainty) == ("dynamixel1", "sure")
+        assert found.scores["mightyzap"] < 0.1
+
+    def test_both_on_one_wire_are_told(self) -> None:
+        zap, dynamixel = heard("mightyzap")[:4000], said(300)
+        found = detect([Chunk(zap + dynamixel)])
+        assert (found.protocol, found.certainty) == ("dynamixel1+mightyzap", "sure")
+
+    @EVERY
+    def test_it_takes_nothing_from_the_others(self, name: str) -> None:
+        assert detect([Chunk(heard(name))]).protocol == name
+
+
+class Twin(Dynamixel1):
+    """The same packets by another name, with one more rate and one command that is its own."""
+
+    name = "twin"
+    bauds: tuple[int, ...] = (*Dynamixel1.bauds, 500000)
+
+    def describe(self, block: Block, spans: Spans) -> Frames:
+        frames = super().describe(block, spans)
+        return replace(frames, flags=np.where(frames.op == WRITE, UNKNOWN, 0).astype(np.uint8))
+
+
+@pytest.fixture
+def twins(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = {p.name: p for p in (Dynamixel1(), Twin())}
+    monkeypatch.setattr("sniffer.decoding.detect.PROTOCOLS", known)
+
+
+@pytest.mark.usefixtures("twins")
+class TestTwoThatExplainTheSameBytes:
+    def test_a_tie_stays_one_and_is_told(self) -> None:
+        with pytest.raises(UndecidedError, match=r"dynamixel1 100.0%, twin 100.0%") as caught:
+            detect([Chunk(said(40))])
+        assert "--protocol" in str(caught.value)
+
+    def test_who_knows_the_commands_is_taken(self) -> None:
+        writes = b"".join(packet(n % 4, WRITE, bytes([30, n])) for n in range(60))
+        assert detect([Chunk(writes)]).protocol == "dynamixel1"
+
+    def test_a_rate_that_was_stated_decides(self) -> None:
+        assert detect([Chunk(said(40))], 500000).protocol == "twin"
+
+    def test_a_rate_that_both_can_have_decides_nothing(self) -> None:
+        with pytest.raises(UndecidedError):
+            detect([Chunk(said(40))], 57600)
+
+
+def test_a_rate_that_no_list_has_excludes_nobody() -> None:
+    assert detect([Chunk(heard("mightyzap"))], 123456).protocol == "mightyzap"
+
+
+def test_a_protocol_is_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What told that there are bytes enough tells the protocol, too."""
+    asked: list[int] = []
+
+    def counted(chunks: Sequence[Chunk], baud: int | None = None) -> Detection:
+        asked.append(sum(len(c.data) for c in chunks))
+        return detect(chunks, baud)
+
+    monkeypatch.setattr("sniffer.decoding.pipeline.detect", counted)
+    pipeline = Pipeline(Options(), [])
+    for at in range(0, 4000, 50):
+        pipeline.feed([Chunk(heard("mightyzap")[at : at + 50])])
+    assert pipeline.speaks("bus0") == "mightyzap"
+    assert len(asked) == len(set(asked)) == 1

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import itertools
+import json
 from collections import Counter
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,6 +18,10 @@ from sniffer.decoding.mixed import MixedDecoder, protocols_named
 from sniffer.ground.model import Chunk, SnifferError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
+from sniffer.simulation.buses import simulate
+from tests import dynamixel
+from tests.commands import sniffer
+from tests.dynamixel import Dynamixel1, packet, said
 from tests.records import gaps, records
 from tests.streams import bursts, chunked, module, stream
 
@@ -23,18 +30,42 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.reference import Result
     from sniffer.ground.model import Batch
+    from sniffer.protocols.base import BusProtocol
 
 BAUD = 115200
 BYTE_NS = byte_time_ns(BAUD)
+KNOWN: dict[str, BusProtocol] = {**PROTOCOLS, "dynamixel1": Dynamixel1()}
 PAIRS = [("mightyzap", "rs30x"), ("lss", "mightyzap"), ("mightyzap", "wck"), ("lss", "rs30x")]
-EVERY = pytest.mark.parametrize("names", PAIRS, ids="+".join)
+WITHIN = ("dynamixel1", "mightyzap")
+"""Each frame of the second one holds one of the first."""
+
+EVERY = pytest.mark.parametrize("names", [*PAIRS, WITHIN], ids="+".join)
 ONE_OF_TWO = pytest.mark.parametrize(
     ("names", "alone"), [(pair, one) for pair in PAIRS for one in pair], ids=str
 )
 
 
+SAMPLES = Path(__file__).parents[1] / "sample_captures"
+
+
+def heard(name: str) -> bytes:
+    """Return what a simulated bus says in a second."""
+    return b"".join(frame.wire for frame in simulate(name, seed=3, duration_s=1))
+
+
 def mixed(names: Iterable[str]) -> MixedDecoder:
-    return MixedDecoder([PROTOCOLS[name] for name in names], baud=BAUD)
+    return MixedDecoder([KNOWN[name] for name in names], baud=BAUD)
+
+
+def talk_of(name: str) -> st.SearchStrategy[bytes]:
+    """Draw an exchange."""
+    return dynamixel.TALK if name == "dynamixel1" else module(name).TALK  # type: ignore[no-any-return]
+
+
+def wild(names: Sequence[str]) -> list[st.SearchStrategy[bytes]]:
+    """Draw what goes wrong: damage, noise, several requests in flight."""
+    own = [name for name in names if name in PROTOCOLS]
+    return [*(stream(name) for name in own), *(bursts(name, 2) for name in own)]
 
 
 def decoded(decoder: MixedDecoder, groups: Iterable[Sequence[Chunk]]) -> list[tuple[Batch, ...]]:
@@ -51,12 +82,10 @@ def found(batches: Iterable[Batch]) -> Counter[object]:
 
 
 @st.composite
-def two(draw: st.DrawFn, names: Sequence[str], *, is_clean: bool = False) -> bytes:
+def two(draw: st.DrawFn, names: Sequence[str]) -> bytes:
     """Draw what two protocols say on one wire, one exchange after the other."""
-    talk = st.one_of(*(module(name).TALK for name in names))
-    if is_clean:
-        return b"".join(draw(st.lists(talk, max_size=12)))
-    part = st.one_of(talk, talk, talk, *(stream(n) for n in names), *(bursts(n, 2) for n in names))
+    talk = st.one_of(*(talk_of(name) for name in names))
+    part = st.one_of(talk, talk, talk, *wild(names))
     return b"".join(draw(st.lists(part, max_size=6)))
 
 
@@ -160,18 +189,12 @@ def test_declaring_a_silence_changes_nothing_that_the_chunks_do_not_say(
 @given(data=st.data())
 def test_talk_of_both_is_told_apart(names: tuple[str, str], data: st.DataObject) -> None:
     """What each says, decoded with the other's exchanges left out, is what it says beside them."""
-    talk = data.draw(
-        st.lists(
-            st.sampled_from(range(2)).flatmap(
-                lambda k: st.tuples(st.just(k), module(names[k]).TALK)
-            ),
-            max_size=10,
-        )
-    )
+    one = st.sampled_from(range(2)).flatmap(lambda k: st.tuples(st.just(k), talk_of(names[k])))
+    talk = data.draw(st.lists(one, max_size=10))
     got = of_each(decoded(mixed(names), [[Chunk(b"".join(s for _, s in talk))]]))
     covered = sum(f[1] for one in got for f in one.frames)
     for k, name in enumerate(names):
-        decoder = Decoder(name, baud=BAUD)
+        decoder = Decoder(KNOWN[name], baud=BAUD)
         own = [decoder.feed(b"".join(s for who, s in talk if who == k)), decoder.close()]
         want = records(own)
         if covered == sum(len(s) for _, s in talk):
@@ -190,3 +213,92 @@ def test_the_order_in_which_they_are_named_does_not_matter(order: tuple[str, str
 def test_names_that_cannot_be_are_refused(name: str, why: str) -> None:
     with pytest.raises(SnifferError, match=why):
         protocols_named(name)
+
+
+PING = b"\xff\xff\xff\x01\x02\xf1\x0b"
+
+
+class TestAFrameWithinAFrame:
+    def test_belongs_to_the_one_that_contains_it(self) -> None:
+        [(inner, outer)] = [mixed(WITHIN).feed(PING + PING, b"\0" * 600)]
+        assert outer.frames.start.tolist() == [0, 7]
+        assert not len(inner.frames)
+
+    def test_is_its_own_where_it_stands_alone(self) -> None:
+        decoder = mixed(WITHIN)
+        first, last = decoder.feed(PING + said(2) + PING), decoder.close()
+        inner, outer = of_each([first, last])
+        assert [f[0] for f in inner.frames] == [7, 15, 23, 31]
+        assert [f[0] for f in outer.frames] == [0, 39]
+        assert [t[2] for t in inner.transactions] == [0, 0]
+
+    @given(data=st.data())
+    def test_a_stream_of_either_alone_decodes_as_it_does_alone(self, data: st.DataObject) -> None:
+        alone = data.draw(st.sampled_from(WITHIN))
+        s = b"".join(data.draw(st.lists(talk_of(alone), max_size=10)))
+        decoder = Decoder(KNOWN[alone], baud=BAUD)
+        want = records([decoder.feed(s), decoder.close()])
+        if sum(f[1] for f in want.frames) == len(s):
+            beside = mixed(WITHIN)
+            got = of_each([beside.feed(s), beside.close()])
+            assert got[WITHIN.index(alone)] == want
+            assert not got[1 - WITHIN.index(alone)].frames
+
+
+def test_an_answer_of_one_is_no_answer_to_the_other() -> None:
+    """Both ask servo 1, and only one of them is answered."""
+    asked = PING + packet(1, 1)
+    decoder = mixed(WITHIN)
+    inner, outer = of_each([decoder.feed(asked + packet(1, 0)), decoder.close()])
+    assert [t[:3] for t in inner.transactions] == [(7, 13, 0)]
+    assert [t[:3] for t in outer.transactions] == [(0, -1, 1)]
+
+
+def test_whose_bytes_nobody_claims_is_who_makes_most_of_them() -> None:
+    torn = bytearray(PING)
+    torn[-1] ^= 1
+    decoder = mixed(WITHIN)
+    inner, outer = (
+        list(parts)
+        for parts in zip(
+            decoder.feed(said(1) + PING + torn + said(1)), decoder.close(), strict=True
+        )
+    )
+    assert not gaps(inner)
+    assert [(at, n, why) for at, n, why, _ in gaps(outer)] == [(23, 7, "damaged")]
+
+
+def test_a_capture_of_two_is_found_decoded_and_written_as_such(tmp_path: Path) -> None:
+    """From the bytes to every output: the same frames, each with its protocol, in wire order."""
+    zap, futaba = heard("mightyzap"), heard("rs30x")
+    path = tmp_path / "two.bin"
+    path.write_bytes(zap + futaba + zap)
+    out = {suffix: tmp_path / f"two{suffix}" for suffix in (".jsonl", ".mcap", ".parquet")}
+    ran = sniffer("decode", path, *(x for p in out.values() for x in ("-o", p)))
+    assert ran.status == 0
+    assert "mightyzap+rs30x (sure: explain" in ran.err
+    rows = [json.loads(line) for line in out[".jsonl"].read_text().splitlines()]
+    *told, summary = rows
+    size = len(zap) * 2 + len(futaba)
+    assert sum(r["length"] for r in told if r["type"] in ("frame", "gap")) == size
+    assert [r["offset"] for r in told if r["type"] in ("frame", "gap")] == sorted(
+        r["offset"] for r in told if r["type"] in ("frame", "gap")
+    )
+    assert {r["protocol"] for r in told} == {"mightyzap", "rs30x"}
+    bus = summary["buses"]["bus0"]
+    assert bus["protocol"] == "mightyzap+rs30x"
+    assert bus["bytes"] == size == sum(p["bytes"] for p in bus["protocols"].values())
+    again = sniffer("decode", out[".mcap"], "--format", "jsonl")
+    assert [json.loads(line) for line in again.out.splitlines()][:-1] == told
+    named = sniffer("decode", path, "--protocol", "rs30x+mightyzap", "--format", "jsonl")
+    assert [json.loads(line) for line in named.out.splitlines()][:-1] == told
+    assert "the same as recorded" in sniffer("replay", "--redecode", out[".mcap"]).out
+    spoken = pq.read_table(out[".parquet"], columns=["protocol"]).column(0).to_pylist()
+    assert Counter(spoken) == Counter(r["protocol"] for r in told if r["type"] == "sample")
+
+
+def test_rows_tell_their_protocol_only_where_there_are_two() -> None:
+    ran = sniffer("decode", SAMPLES / "mightyzap_manual.hex", "--format", "jsonl")
+    for line in ran.out.splitlines()[:-1]:
+        row = json.loads(line)
+        assert ("protocol" in row) == (row["type"] == "frame")

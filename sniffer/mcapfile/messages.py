@@ -20,6 +20,7 @@ from sniffer.decoding.sink import bus_of
 from sniffer.ground.model import I64, NS, OK, Clock, Severity
 from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.encoder import U16, Blob, Encoder, Heads, Loose
+from sniffer.mcapfile.fields import state_field
 from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds, joined, runs
 from sniffer.mcapfile.raw import HeldChunks
 from sniffer.messages.log_pb2 import Log
@@ -34,24 +35,8 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import Anomaly as Found
     from sniffer.ground.model import Batch, Chunk
-    from sniffer.ground.registers import Register
     from sniffer.mcapfile.queue import Queue
     from sniffer.protocols.base import BusProtocol
-
-UNITS: Final[Mapping[str, str]] = {
-    "mm": "mm",
-    "deg": "deg",
-    "deg/s": "deg_per_s",
-    "us/s": "us_per_s",
-    "V": "v",
-    "mA": "ma",
-    "degC": "degc",
-    "us": "us",
-    "ms": "ms",
-    "s": "s",
-    "%": "percent",
-}
-"""How a register table's unit ends the name of a field."""
 
 LEVELS: Final = {
     Severity.NOTE: Log.Level.INFO,
@@ -63,15 +48,6 @@ SEVERITIES: Final = {
     Severity.WARN: Anomaly.Severity.WARN,
     Severity.ERROR: Anomaly.Severity.ERROR,
 }
-
-
-def state_field(register: Register) -> str | None:
-    """Return the field of ServoState that holds a register, None for a mere setting."""
-    if not register.quantity:
-        return None
-    if not register.unit:
-        return register.quantity
-    return f"{register.quantity}_{UNITS.get(register.unit, register.unit)}"
 
 
 class BusWriter:

@@ -53,7 +53,9 @@ def print_summary(summary: Summary, console: Console) -> None:
                 console.print()
             if bus.parts:
                 _print_shared(name, bus, console)
-            for each in bus.parts.values() or (bus,):
+            for part, each in enumerate(bus.parts.values() or (bus,)):
+                if part:
+                    console.print()
                 _print_bus(name, each, summary.paces.get(name), console)
     # tables are padded to their width: nobody wants that in a file
     lines = printed.get().replace(GLUE, " ").splitlines()

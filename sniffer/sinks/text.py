@@ -158,8 +158,8 @@ class TextSink:
             self._time(batch, int(f.t_end[i])),
             str(servo) if servo >= 0 else "-",
             "<" if response else ">",
-            f"{protocol.name} " * batch.is_shared + protocol.op_name(int(f.op[i])),
-            self._values(protocol, batch, i, values),
+            protocol.op_name(int(f.op[i])),
+            f"{protocol.name}: " * batch.is_shared + self._values(protocol, batch, i, values),
             word,
         )
         start = int(f.start[i])
