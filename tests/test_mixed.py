@@ -6,7 +6,7 @@ import itertools
 import json
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import pyarrow.parquet as pq
 import pytest
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 BAUD = 115200
 BYTE_NS = byte_time_ns(BAUD)
-KNOWN: dict[str, BusProtocol] = {**PROTOCOLS, "dynamixel1": Dynamixel1()}
+KNOWN: dict[str, BusProtocol] = {**PROTOCOLS, "dynamixel1": cast("BusProtocol", Dynamixel1())}
 PAIRS = [("mightyzap", "rs30x"), ("lss", "mightyzap"), ("mightyzap", "wck"), ("lss", "rs30x")]
 WITHIN = ("dynamixel1", "mightyzap")
 """Each frame of the second one holds one of the first."""
@@ -59,7 +59,7 @@ def mixed(names: Iterable[str]) -> MixedDecoder:
 
 def talk_of(name: str) -> st.SearchStrategy[bytes]:
     """Draw an exchange."""
-    return dynamixel.TALK if name == "dynamixel1" else module(name).TALK  # type: ignore[no-any-return]
+    return dynamixel.TALK if name == "dynamixel1" else module(name).TALK
 
 
 def wild(names: Sequence[str]) -> list[st.SearchStrategy[bytes]]:
@@ -220,9 +220,10 @@ PING = b"\xff\xff\xff\x01\x02\xf1\x0b"
 
 class TestAFrameWithinAFrame:
     def test_belongs_to_the_one_that_contains_it(self) -> None:
-        [(inner, outer)] = [mixed(WITHIN).feed(PING + PING, b"\0" * 600)]
-        assert outer.frames.start.tolist() == [0, 7]
-        assert not len(inner.frames)
+        decoder = mixed(WITHIN)
+        inner, outer = of_each([decoder.feed(PING + PING), decoder.close()])
+        assert [f[:2] for f in outer.frames] == [(0, 7), (7, 7)]
+        assert not inner.frames
 
     def test_is_its_own_where_it_stands_alone(self) -> None:
         decoder = mixed(WITHIN)
@@ -258,12 +259,8 @@ def test_whose_bytes_nobody_claims_is_who_makes_most_of_them() -> None:
     torn = bytearray(PING)
     torn[-1] ^= 1
     decoder = mixed(WITHIN)
-    inner, outer = (
-        list(parts)
-        for parts in zip(
-            decoder.feed(said(1) + PING + torn + said(1)), decoder.close(), strict=True
-        )
-    )
+    parts = [decoder.feed(said(1) + PING + torn + said(1)), decoder.close()]
+    inner, outer = zip(*parts, strict=True)
     assert not gaps(inner)
     assert [(at, n, why) for at, n, why, _ in gaps(outer)] == [(23, 7, "damaged")]
 

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from sniffer.ground.framing import Block
-from sniffer.ground.model import I64, RESPONSE, U8, Mask, Spans
+from sniffer.ground.model import DEPTH, I64, RESPONSE, U8, Mask, Spans
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -78,8 +78,10 @@ def divide(protocols: Sequence[BusProtocol], blocks: Sequence[Block]) -> Divided
         if until < stop:
             at, room = max(at, until), 2 * room
         elif all(view.decided >= at for view in views):
-            each = [view.decided for view in views]
-            return Divided(_by_owner(parts, len(views)), max(stop, at), each)
+            spans = _by_owner(parts, len(views))
+            decided = min(v.whole(s, max(stop, at)) for v, s in zip(views, spans, strict=True))
+            told = [s.take(slice(int(np.searchsorted(s.start, decided)))) for s in spans]
+            return Divided(told, decided, [view.decided for view in views])
 
 
 class _Rows(NamedTuple):
@@ -166,6 +168,28 @@ class _View:
                 stale |= behind == self.start[row]
         if stale:
             self._look_again(at)
+
+    def whole(self, spans: Spans, decided: int) -> int:
+        """Return how far bytes are decided if a request is not without its answer.
+
+        Where another protocol cannot tell yet what the answer's bytes are, the request waits too,
+        and with it the commands in a row to which answers in a row belong.
+        """
+        row, last = int(np.searchsorted(self.start, decided)), len(spans) - 1
+        if last < 0 or row == len(self.start) or spans.end[last] != self.start[row]:
+            return decided
+        ordered = self._protocol.ordered
+        is_linked = self.kind[row] == RESPONSE or (ordered and spans.kind[last] != RESPONSE)
+        if not is_linked:
+            return decided
+        commands = 0
+        while last and spans.end[last - 1] == spans.start[last]:
+            commands += spans.kind[last] != RESPONSE
+            in_a_row = ordered and spans.kind[last - 1] != RESPONSE and commands < DEPTH
+            if spans.kind[last] != RESPONSE and not in_a_row:
+                break
+            last -= 1
+        return int(spans.start[last])
 
     def _look_again(self, at: int) -> None:
         block, size = self._block, WINDOW
