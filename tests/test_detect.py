@@ -6,7 +6,7 @@ import itertools
 import random
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.framing import Block
     from sniffer.ground.model import Spans
+    from sniffer.protocols.base import BusProtocol
 
 SAMPLES = Path(__file__).parents[1] / "sample_captures"
 
@@ -141,8 +142,8 @@ def test_only_the_beginning_is_looked_at() -> None:
 @pytest.fixture
 def five(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let Dynamixel 1.0 be known, whose frames mightyZAP's contain."""
-    known = {**PROTOCOLS, "dynamixel1": Dynamixel1()}
-    monkeypatch.setattr("sniffer.decoding.detect.PROTOCOLS", known)
+    five = [*PROTOCOLS.candidates(), cast("BusProtocol", Dynamixel1())]
+    monkeypatch.setattr(PROTOCOLS, "candidates", lambda: five)
 
 
 @pytest.mark.usefixtures("five")
@@ -192,8 +193,7 @@ class Twin(Dynamixel1):
 
 @pytest.fixture
 def twins(monkeypatch: pytest.MonkeyPatch) -> None:
-    known = {p.name: p for p in (Dynamixel1(), Twin())}
-    monkeypatch.setattr("sniffer.decoding.detect.PROTOCOLS", known)
+    monkeypatch.setattr(PROTOCOLS, "candidates", lambda: [Dynamixel1(), Twin()])
 
 
 @pytest.mark.usefixtures("twins")

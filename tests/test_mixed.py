@@ -14,7 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sniffer.decoding.decoder import Decoder
-from sniffer.decoding.mixed import MixedDecoder, protocols_named
+from sniffer.decoding.mixed import MixedDecoder
+from sniffer.decoding.names import protocols_named
 from sniffer.ground.model import Chunk, SnifferError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS

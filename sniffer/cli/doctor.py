@@ -17,9 +17,16 @@ from rich.console import Console
 from rich.text import Text
 
 from sniffer.cli.amounts import port_spec
-from sniffer.cli.options import SHARED, Finite, ProtocolName, Whole, examples, printed
+from sniffer.cli.options import (
+    SHARED,
+    Finite,
+    ProtocolName,
+    Whole,
+    examples,
+    printed,
+)
 from sniffer.cli.session import say
-from sniffer.decoding.mixed import protocols_named
+from sniffer.decoding.names import protocols_named
 from sniffer.decoding.pipeline import AUTO
 from sniffer.doctor import (
     Finding,
@@ -330,6 +337,5 @@ def _conclusion(heard: Listened, verdicts: Sequence[Finding], width: int) -> lis
         return _wrapped(f"not fit to record from: {topics}", width, "", "")
     doubts = f", with doubts about {topics}" if level == Level.WARN else ""
     found = understand(heard.chunks, heard.protocol, heard.line_baud)
-    protocol = found.protocol or heard.protocol
-    command = f"sniffer record {heard.path}={protocol}@{heard.baud}"
+    command = f"sniffer record {heard.path}={heard.named(found.protocol)}@{heard.baud}"
     return [*_wrapped(f"fit to record from{doubts}", width, "", ""), " " * _ABOUT + command]

@@ -74,7 +74,7 @@ class Decoder:
     decoders through them side by side.
 
     Args:
-        protocol: a name of ``PROTOCOLS`` or the protocol itself.
+        protocol: a name of ``PROTOCOLS``, a file that defines one, or the protocol itself.
         baud: bits per second; the protocol's default where None.
         models: servo id (None: all) -> model name, for register tables other than the default.
         latency_ns: how long the adapter may hold bytes back; by kind of clock where None.
@@ -101,9 +101,7 @@ class Decoder:
         doubtful: bool = False,
         is_alone: bool = True,
     ) -> None:
-        self.protocol = protocol_named(protocol) if isinstance(protocol, str) else protocol
-        if not hasattr(self.protocol, "models"):
-            raise SnifferError(f"a protocol is a name or one of PROTOCOLS, not {protocol!r:.40}")
+        self.protocol = protocol_named(protocol)
         known = [m.model for m in self.protocol.models]
         models = model_ids(models or {})
         for model in models.values():
@@ -186,6 +184,11 @@ class Decoder:
     def name(self) -> str:
         """The protocol's name."""
         return self.protocol.name
+
+    @property
+    def protocols(self) -> tuple[BusProtocol, ...]:
+        """The protocol: one, unlike those of a mixed decoder."""
+        return (self.protocol,)
 
     @property
     def is_cut(self) -> bool:

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.decoding.names import AND
 from sniffer.ground.framing import Block
 from sniffer.ground.model import MALFORMED, UNKNOWN, Chunk, InputError
 from sniffer.ground.timing import Stamps
@@ -65,9 +66,6 @@ may know rates that no manual lists, so it is less likely, not excluded."""
 
 WORTH_TELLING: Final = 0.05
 """Share of the second best from which on it is named."""
-
-AND: Final = "+"
-"""Stands between the names of protocols that share a wire."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,12 +123,19 @@ class Scores:
     Args:
         chunks: what was heard; ``ENOUGH`` bytes of it are looked at.
         baud: bits per second, where somebody stated them.
+        also: protocols beside those that are looked for where none is named.
     """
 
-    def __init__(self, chunks: Sequence[Chunk], baud: int | None = None) -> None:
+    def __init__(
+        self,
+        chunks: Sequence[Chunk],
+        baud: int | None = None,
+        also: Sequence[BusProtocol] = (),
+    ) -> None:
         taken = _first(chunks)
         self.size = sum(len(c.data) for c in taken)
-        self._heard = {p.name: _Heard(p, taken) for p in PROTOCOLS.values()} if taken else {}
+        each = {p.name: p for p in (*PROTOCOLS.candidates(), *also)}
+        self._heard = {name: _Heard(p, taken) for name, p in each.items()} if taken else {}
         for mine in self._heard.values():
             for other in self._heard.values():
                 if other is not mine:
@@ -138,7 +143,7 @@ class Scores:
         self.shares = {name: heard.bytes / self.size for name, heard in self._heard.items()}
         """By name: the share of the bytes that this candidate explains and no better one does."""
         self._weights = {
-            name: share * (IMPOSSIBLE if baud and baud not in PROTOCOLS[name].bauds else 1)
+            name: share * (IMPOSSIBLE if baud and baud not in self._heard[name].bauds else 1)
             for name, share in self.shares.items()
         }
 
@@ -198,6 +203,7 @@ class _Heard:
         silences = Stamps(protocol.baud, protocol.tail_ns).add(tuple(chunks))
         block = Block(data, silences, True)
         spans, _ = protocol.frame(block)
+        self.bauds = protocol.bauds
         self.start: I64 = spans.start
         self.end: I64 = spans.end
         odd = protocol.describe(block, spans).flags & (MALFORMED | UNKNOWN)

@@ -22,14 +22,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from sniffer.decoding.decoder import Decoder, mark_tail, stretches
-from sniffer.decoding.detect import AND, Scores
+from sniffer.decoding.detect import Scores
 from sniffer.decoding.dividing import divide
+from sniffer.decoding.names import joined
 from sniffer.decoding.pairing import CHAIN
 from sniffer.diagnostics import WireRules
 from sniffer.ground.framing import Block
 from sniffer.ground.limits import chunks_of
 from sniffer.ground.model import GAP_MAX, I64, Anomaly, Batch, Chunk, Frames, Gap, SnifferError
-from sniffer.protocols import protocol_named
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -39,30 +39,11 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
 
 
-def protocols_named(name: str) -> tuple[BusProtocol, ...]:
-    """Return the protocols of a name, ``a`` or ``a+b``, in the order of their names.
-
-    Raises:
-        SnifferError: one of them is not known, or named twice.
-    """
-    if not isinstance(name, str) or AND not in name:
-        return (protocol_named(name),)
-    names = sorted(name.split(AND))
-    if len(set(names)) < len(names):
-        raise SnifferError(f"{name[:80]!r} names a protocol twice")
-    return tuple(protocol_named(one) for one in names)
-
-
-def joined(protocols: Sequence[BusProtocol]) -> str:
-    """Return the name of protocols that share a wire."""
-    return AND.join(p.name for p in protocols)
-
-
 def leading(protocols: Sequence[BusProtocol], chunks: Iterable[Chunk]) -> BusProtocol:
     """Return which of some protocols explains most of the first chunks: what it tells counts."""
     if len(protocols) == 1:
         return protocols[0]
-    shares = Scores(list(chunks)).shares
+    shares = Scores(list(chunks), None, protocols).shares
     return max(protocols, key=lambda p: shares.get(p.name, 0.0))
 
 
@@ -291,8 +272,7 @@ def decoder_of(
 
 def parts_of(decoder: Decoder | MixedDecoder, told: Batch | tuple[Batch, ...]) -> Sequence[Part]:
     """Return what a pass decided, by protocol."""
-    each = decoder.protocols if isinstance(decoder, MixedDecoder) else (decoder.protocol,)
-    return list(zip(each, told if isinstance(told, tuple) else (told,), strict=True))
+    return list(zip(decoder.protocols, told if isinstance(told, tuple) else (told,), strict=True))
 
 
 class _Wire(NamedTuple):

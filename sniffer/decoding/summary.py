@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.decoding.detect import AND
+from sniffer.decoding.names import AND
 from sniffer.ground.model import (
     I64,
     KINDS,
@@ -100,6 +100,7 @@ class BusTotals:
     """Totals of one bus."""
 
     protocol: str
+    usual_model: str = ""
     parts: dict[str, BusTotals] = field(default_factory=dict)
     """The same of each protocol by name, where two share the wire."""
     bytes: int = 0
@@ -209,10 +210,11 @@ class Summary:
 
     def add(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Count a batch in."""
-        totals = self.buses.setdefault(bus, BusTotals(protocol.name))
+        usual = protocol.models[0].model
+        totals = self.buses.setdefault(bus, BusTotals(protocol.name, usual))
         totals.add(protocol, batch)
         if batch.is_shared:
-            part = totals.parts.setdefault(protocol.name, BusTotals(protocol.name))
+            part = totals.parts.setdefault(protocol.name, BusTotals(protocol.name, usual))
             part.add(protocol, batch)
             totals.protocol = AND.join(sorted(totals.parts))
 

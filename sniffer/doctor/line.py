@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sniffer.decoding.detect import AND, WORTH_TELLING
+from sniffer.decoding.detect import WORTH_TELLING
+from sniffer.decoding.names import AND
 from sniffer.doctor.records import Finding, Level, Listened, Trial
 from sniffer.doctor.understanding import FEW, GOOD, POOR, Understanding, usual_bauds
 from sniffer.ground.model import MarkKind
@@ -133,7 +134,7 @@ def _baud(heard: Listened, found: Understanding) -> Finding:
     if best is not None and _better(best, found):
         now = f"{best.baud} baud explain {percent(best.found.share)} of the bytes as "
         text = f"{now}{best.found.protocol}, {baud} only {percent(found.share)}"
-        command = f"sniffer doctor {heard.path}={best.found.protocol}@{best.baud}"
+        command = f"sniffer doctor {heard.path}={heard.named(best.found.protocol)}@{best.baud}"
         return Finding(Level.BAD, "baud", text, "it is most likely:", (command,), numbers)
     signs = [f"{percent(faulty)} of the bytes with line errors"] if faulty else []
     signs.append(f"{percent(flat)} are 00, FF, 80 or alike, with one edge at most")

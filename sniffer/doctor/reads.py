@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.decoding.mixed import decoder_of, parts_of, protocols_named
+from sniffer.decoding.mixed import decoder_of, parts_of
+from sniffer.decoding.names import protocols_named
 from sniffer.doctor.adapter import TIMER_MS
 from sniffer.doctor.line import percent
 from sniffer.doctor.records import Finding, Level, Listened

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 from sniffer.ground.model import Mark, MarkKind
+from sniffer.protocols import is_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -126,6 +127,10 @@ class Listened:
     def line_baud(self) -> int | None:
         """The rate that the line was heard at; None where there is no line."""
         return self.baud if self.has_line else None
+
+    def named(self, found: str | None) -> str:
+        """Return how a command names what is spoken; ``found`` is what the bytes are."""
+        return self.protocol if found is None or is_file(self.protocol) else found
 
     def marked(self, *kinds: MarkKind) -> int:
         """Return how many errors of these kinds the stream tells."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.detect import Scores, UndecidedError
-from sniffer.decoding.mixed import joined, protocols_named
+from sniffer.decoding.names import joined, protocols_named
 from sniffer.decoding.pipeline import AUTO
 from sniffer.protocols import PROTOCOLS
 
@@ -52,8 +52,10 @@ def understand(
     if not scores.size:
         return Understanding(0, None, 0.0)
     if protocol != AUTO:
-        name = joined(protocols_named(protocol))
-        return Understanding(scores.size, name, scores.share_of(name), scores.shares)
+        named = protocols_named(protocol)
+        scores = Scores(chunks, baud, named)
+        share = scores.share_of(joined(named))
+        return Understanding(scores.size, joined(named), share, scores.shares)
     try:
         found = scores.best()
     except UndecidedError:
@@ -67,7 +69,8 @@ def usual_bauds(protocol: str, but: int) -> tuple[int, ...]:
         named = protocols_named(protocol)
         likely = dict.fromkeys(b for p in named for b in (p.baud, *reversed(p.bauds)))
     else:
-        every = Counter(b for p in PROTOCOLS.values() for b in p.bauds)
-        defaults = Counter(p.baud for p in PROTOCOLS.values())
+        candidates = PROTOCOLS.candidates()
+        every = Counter(b for p in candidates for b in p.bauds)
+        defaults = Counter(p.baud for p in candidates)
         likely = dict.fromkeys(sorted(every, key=lambda b: (-defaults[b], -every[b], -b)))
     return tuple(baud for baud in likely if baud != but)

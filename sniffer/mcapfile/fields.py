@@ -25,6 +25,11 @@ UNITS: Final[Mapping[str, str]] = {
 """How a register table's unit ends the name of a field."""
 
 
+FIRST_VALUE: Final = 10
+"""Number of the first field of a ServoState that is a register's: a table may name its quantities
+like one of those before."""
+
+
 def state_field(register: Register) -> str | None:
     """Return the field of ServoState that holds a register, None for a mere setting."""
     if not register.quantity:

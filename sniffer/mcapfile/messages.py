@@ -20,7 +20,7 @@ from sniffer.decoding.sink import bus_of
 from sniffer.ground.model import I64, NS, OK, Clock, Severity
 from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.encoder import U16, Blob, Encoder, Heads, Loose
-from sniffer.mcapfile.fields import state_field
+from sniffer.mcapfile.fields import FIRST_VALUE, state_field
 from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds, joined, runs
 from sniffer.mcapfile.raw import HeldChunks
 from sniffer.messages.log_pb2 import Log
@@ -193,7 +193,7 @@ class BusWriter:
         self._baud = self._baud or protocol.baud
         self._frames = Encoder(Frame, protocol.op_name)
         self._transactions = Encoder(Transaction, protocol.op_name)
-        known = {f.name for f in ServoState.DESCRIPTOR.fields}
+        known = {f.name for f in ServoState.DESCRIPTOR.fields if f.number >= FIRST_VALUE}
         names = [state_field(r) for r in protocol.registers]
         self._fields = sorted({n for n in names if n in known})
         at = {name: i for i, name in enumerate(self._fields)}

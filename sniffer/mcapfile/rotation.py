@@ -22,7 +22,7 @@ import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
-from sniffer.decoding.mixed import joined
+from sniffer.decoding.names import joined
 from sniffer.ground.cutting import cut
 from sniffer.ground.files import is_lost, writing
 from sniffer.ground.limits import BAUDS, number_in

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Final
 from mcap.records import Attachment
 
 from sniffer import __version__
-from sniffer.decoding.mixed import joined
+from sniffer.decoding.names import joined
 from sniffer.ground.limits import BAUDS, number_in
 from sniffer.ground.model import NS, OutputError
 from sniffer.ground.registers import schema_path
@@ -35,7 +35,8 @@ from sniffer.mcapfile.container import Container
 from sniffer.mcapfile.messages import BusWriter
 from sniffer.mcapfile.queue import Queue
 from sniffer.mcapfile.raw import RawEncoder
-from sniffer.messages import BUS, END, OFFSET, SESSION, TOOL
+from sniffer.messages import BUS, END, OFFSET, SESSION, TABLES, TOOL
+from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -212,11 +213,13 @@ class McapSink:
         usual = str(protocols[0].baud)
         baud = self._session.get(f"baud.{bus}", self._session.get("baud", usual))
         told = {"bus": bus, "protocol": joined(protocols), "baud": baud}
+        if plugins := [p for p in map(PROTOCOLS.origin, (p.name for p in protocols)) if p]:
+            told["plugin"] = ", ".join(plugins)
         self._file.metadata(f"{BUS}.{bus}", told)
-        for model in (model for protocol in protocols for model in protocol.models):
-            table = schema_path("registers", f"{model.model}.toml")
-            if table.is_file():
-                self._attach(f"registers/{table.name}", "application/toml", table.read_bytes())
+        for table in (table for protocol in protocols for table in protocol.models):
+            if table.text:
+                name = f"{TABLES}{table.model}.toml"
+                self._attach(name, "application/toml", table.text.encode())
 
     def _attach(self, name: str, media_type: str, data: bytes) -> None:
         if name not in self._attached:

@@ -6,18 +6,20 @@ import contextlib
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
+from sniffer.decoding.names import joined, protocols_named
 from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import Direction, SnifferError
 from sniffer.ground.timing import LATENCY_NS
 from sniffer.merge.merger import Merger
 from sniffer.ports import PortOptions, open_port
-from sniffer.protocols import PROTOCOLS
 from sniffer.tap.reader import BREATH_NS, Anchor, Listener
 from sniffer.tap.tap import PortSpec, Tap
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+    from sniffer.protocols.base import BusProtocol
 
 Modem = Literal["low", "keep"]
 
@@ -84,8 +86,7 @@ def listen(specs: Sequence[PortSpec], options: Options, how: Listening) -> Tappi
     )
     mergers: dict[str, Merger] = {}
     if pair:
-        name = specs[0].protocol or (None if options.protocol == AUTO else options.protocol)
-        protocol = PROTOCOLS.get(name or "")
+        protocol = _spoken(specs[0], options)
         bus, baud = specs[0].bus, ways[0].baud
         mergers[bus] = Merger(bus, latency_ns=latencies[bus], baud=baud, protocol=protocol)
     facts = _facts(taps, told, anchor, pair)
@@ -133,8 +134,15 @@ def _paired(specs: Sequence[PortSpec]) -> tuple[PortSpec, ...]:
 def _baud(spec: PortSpec, options: Options) -> int | None:
     if (baud := spec.baud or options.baud) is not None:
         return baud
-    protocol = PROTOCOLS.get(spec.protocol or options.protocol)
+    protocol = _spoken(spec, options)
     return None if protocol is None else protocol.baud
+
+
+def _spoken(spec: PortSpec, options: Options) -> BusProtocol | None:
+    """Return what was said to be spoken at a port; None for two protocols, which are not merged."""
+    named = spec.protocol or options.protocol
+    spoken = () if named == AUTO else options.all_spoken(named)
+    return spoken[0] if len(spoken) == 1 else None
 
 
 def _has_a_rate(tap: Tap, options: Options) -> bool:
@@ -168,7 +176,7 @@ def _facts(taps: Sequence[Tap], options: Options, anchor: Anchor, pair: bool) ->
             facts[f"baud.{bus}"] = str(tap.port.baud)
         facts[f"latency_ns.{bus}"] = str(options.latencies[bus])
         if (name := tap.spec.protocol) is not None and name != AUTO:
-            facts[f"protocol.{bus}"] = name
+            facts[f"protocol.{bus}"] = joined(protocols_named(name))
         if pair:
             facts[f"pair.{bus}"] = "two taps, merged by time and by cause and effect"
         facts[place] = tap.spec.port
