@@ -60,14 +60,14 @@ def divide(protocols: Sequence[BusProtocol], blocks: Sequence[Block]) -> Divided
     """
     views = [_View(p, b) for p, b in zip(protocols, blocks, strict=True)]
     ordered = np.array([p.ordered for p in protocols])
-    parts: list[_Rows] = []
+    parts: list[_Claims] = []
     at, room = 0, blocks[0].n
     while True:
         for view in views:
             view.look_from(at)
         stop = min(view.decided for view in views)
         until = min(stop, at + room)
-        good, lost = _settled(_Rows.of(views, at, until), ordered)
+        good, lost = _settled(_Claims.of(views, at, until), ordered)
         parts.append(good)
         for k, view in enumerate(views):
             view.took(good.end[good.owner == k])
@@ -84,7 +84,7 @@ def divide(protocols: Sequence[BusProtocol], blocks: Sequence[Block]) -> Divided
             return Divided(told, decided, [view.decided for view in views])
 
 
-class _Rows(NamedTuple):
+class _Claims(NamedTuple):
     """Frames of all protocols, by where they begin, the longer one first."""
 
     start: I64
@@ -93,7 +93,7 @@ class _Rows(NamedTuple):
     owner: I64
 
     @classmethod
-    def of(cls, views: Sequence[_View], at: int, until: int) -> _Rows:
+    def of(cls, views: Sequence[_View], at: int, until: int) -> _Claims:
         """Return the frames that begin in ``at..until``."""
         mine = [slice(*np.searchsorted(v.start, [at, until]).tolist()) for v in views]
         start = np.concatenate([v.start[m] for v, m in zip(views, mine, strict=True)])
@@ -103,12 +103,12 @@ class _Rows(NamedTuple):
         order = np.lexsort((owner, -end, start))
         return cls(start[order], end[order], kind[order], owner[order])
 
-    def take(self, index: Any) -> _Rows:
+    def take(self, index: Any) -> _Claims:
         """Return the rows that ``index`` selects."""
-        return _Rows(*(column[index] for column in self))
+        return _Claims(*(column[index] for column in self))
 
 
-def _settled(rows: _Rows, ordered: Mask) -> tuple[_Rows, int | None]:
+def _settled(rows: _Claims, ordered: Mask) -> tuple[_Claims, int | None]:
     """Return the frames that win, and the end of the first one whose loser must look anew."""
     start, end, kind, owner = rows
     if not len(start):
@@ -133,8 +133,8 @@ def _settled(rows: _Rows, ordered: Mask) -> tuple[_Rows, int | None]:
     return rows.take(np.flatnonzero(~loses[:first])), int(before[first])
 
 
-def _by_owner(parts: Sequence[_Rows], count: int) -> list[Spans]:
-    whole = _Rows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+def _by_owner(parts: Sequence[_Claims], count: int) -> list[Spans]:
+    whole = _Claims(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     return [
         Spans(mine.start, mine.end, mine.kind)
         for mine in (whole.take(whole.owner == k) for k in range(count))
