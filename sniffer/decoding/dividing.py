@@ -208,7 +208,10 @@ class _View:
             same = known < len(self.start)
             known = np.minimum(known, len(self.start) - 1)
             same &= (self.start[known] == start) & (self.end[known] == end)
-            if same.any() and not self._protocol.ordered:
+            if self._protocol.ordered:  # answers in a row belong to the commands of all the row
+                same &= _begins_a_row(start, end, kind)
+                same &= _begins_a_row(self.start, self.end, self.kind)[known]
+            if same.any():
                 k = int(np.argmax(same))
                 row = int(known[k])
                 self.start = np.concatenate([start[:k], self.start[row:]])
@@ -216,3 +219,10 @@ class _View:
                 self.kind = np.concatenate([kind[:k], self.kind[row:]])
                 return
             size *= 4
+
+
+def _begins_a_row(start: I64, end: I64, kind: U8) -> Mask:
+    """Tell which frames are requests that stand behind an answer, or behind nothing."""
+    out: Mask = kind != RESPONSE
+    out[1:] &= (start[1:] != end[:-1]) | (kind[:-1] == RESPONSE)
+    return out
