@@ -82,7 +82,7 @@ BROKEN = {
     "lacking": (
         "it_breaks:PROTOCOL",
         "class P: interface = 1\nPROTOCOL = P()",
-        "it lacks name, bauds, baud, ...",
+        "it lacks name, ",
     ),
     "otherwise": ("toyservo:PROTOCOL", "", "it calls itself 'toyservo'"),
     "lss": ("it_breaks:PROTOCOL", "", "that name is taken by a built-in one"),
