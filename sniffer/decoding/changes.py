@@ -74,6 +74,20 @@ class Changes:
         by frame whether what it states became true, ``trusted`` by value whether a loose one counts
         (None: none does). ``each``: repetitions matter, too.
         """
+        # A mode is staged (row 2) and executed (row 6) between polls; rows 3 and 7 acknowledge:
+        #
+        #     row of the frame     0     1     2        4     5     6        8     9
+        #     says                 read  1000  mode=2   read  1000  execute  read  1000
+        #     flags                0     0     STAGED   0     0     RELEASES 0     0
+        #     number in ``v``            0     1              2                    3
+        #     hits                             1
+        #     special                                               6
+        #     found                            SET at 2             RELEASE at 3
+        #     in effect                                             SET at 3
+        #
+        # ``at`` is a place between values: a change holds from ``v[at]`` on. For a value that is
+        # the one behind it (a mode does not scale what its own frame said before), for a frame
+        # without values the first of a later frame. ``row`` orders what has the same ``at``.
         flags = np.where(accepted, frames.flags & (RESETS | RELEASES | STAGED), 0)
         asked = frames.kind[v.row[hits]] == REQUEST
         counts = accepted[v.row[hits]] & (v.part[hits] == WHOLE)
@@ -84,6 +98,9 @@ class Changes:
         hits = hits[counts]
         special = np.flatnonzero(flags & (RESETS | RELEASES))
         staging = bool(self._staged) or bool((flags & STAGED).any())
+        # Each change costs a Python object, and a poll of the mode register would make one a poll.
+        # To drop repetitions is right only where nothing else moves a mode in between: a reset, a
+        # release or a misfit may, and then the value that looks like a repetition sets it again.
         if len(hits) > FEW and not (each or staging or len(special)):
             hits = self._news(frames, v, hits)
         if not len(hits) and not len(special):
@@ -145,6 +162,19 @@ class Changes:
 
     def _news(self, frames: Frames, v: Values, hits: I64) -> I64:
         """Drop what repeats what is known already (a controller polling the register)."""
+        # Sorted by servo and register, what repeats stands beside what it repeats. Seven polls of
+        # one register, three times over; the first seven of servo 1 and the first three of servo 2:
+        #
+        #     order   0  2  3  5  6  7  9  ...  1  4  8     numbers of the hits
+        #     s       1  1  1  1  1  1  1       2  2  2
+        #     x       1  1  2  2  1  1  1       1  1  1
+        #     same    0  1  0  1  0  1  1       0  1  1
+        #     kept    0     3     6             1           of 21 hits: 0 1 3 6 10 13 17 20
+        #
+        # lexsort has the hit's number as its last key, so each servo's are still in wire order and
+        # the first of each run is kept. A set of (servo, register, raw) would be wrong: 1, 2, 1 are
+        # three changes. A new id, or a value told to all, concerns other servos' runs: then nothing
+        # is dropped.
         servo, register, raw = v.servo_id[hits], v.register[hits], v.raw[hits]
         told_all = np.isin(servo, self._protocol.everyone)
         told_all &= frames.kind[v.row[hits]] == REQUEST

@@ -46,6 +46,27 @@ class Echoes:
 
         ``silent``: a silence stands before the block.
         """
+        # The end of a real, open block: seven exchanges that are echoed, a silence (row 21), an
+        # eighth, a request that is not doubled, a ninth. Rows 0 to 17 look as 18 to 20 do.
+        #
+        #     row       18  19  20  21  22  23  24  25  26  27  28
+        #     frame     Q   Q   A   Q   Q   A   Q   A   Q   Q   A
+        #     second    0   1   0   0   1   0   0   0   0   1   0
+        #     _proofs   0   1   0   0   1   0   0   0   0   0   0    of 27 nobody can say yet
+        #     single    0   0   0   0   0   0   1   0   0   0   0    neither first nor second
+        #     run       0   0   0   0   0   0   1   1   1   1   1    single ones so far
+        #     total     6   7   7   7   8   8   8   8   8   8   8    proofs so far
+        #     total     6   7   7   7   8   8   0   0   0   0   0    ... since the last single one
+        #     stretch   0   0   0   1   1   1   3   3   3   3   3    run and segment in one number
+        #     until         20          23                  28       the last row that may prove it
+        #     proved        0           1                   0        total[until] >= CONFIRMED
+        #     open_end      0           0                   1        held: rows from 26 on wait
+        #
+        # The sum starts anew at each single one, without a loop: from the sum over all is taken
+        # what it was at the last single one. Within a stretch it never falls, so at ``until`` it is
+        # the most that a second can have within SPAN, and one look-up tells. Row 19 stays a retry:
+        # its stretch ended, with seven, before it was proved. ``slow_echoes`` walks and counts,
+        # which says the same plainly and takes a Python step a frame.
         n = len(frames)
         none = np.zeros(n, bool)
         self._seconds = self._proofs = self._singles = none
@@ -90,6 +111,10 @@ class Echoes:
 
     def _doubled(self, frames: Frames, block: Block, sends: Mask, *, silent: bool) -> Mask:
         """Tell which rows repeat the one before, in pairs: the fourth of four is the third's."""
+        # Neighbours are compared by columns first (length, op, no byte between); bytes are compared
+        # only for those few that agree. The loop cannot be one comparison of arrays: whether a row
+        # is a second one depends on whether the row before was, as Q Q Q Q are two pairs and not
+        # three.
         same = np.zeros(len(frames), bool)
         f = frames
         if len(f) > 1:
@@ -125,6 +150,8 @@ class Echoes:
 
 def _proofs(frames: Frames, second: Mask, block: Block) -> Mask:
     """Tell which second requests have one answer, and not more, right behind them."""
+    # Q q A is a proof; Q q A A (a program that sends twice), Q q alone and q behind a silence are
+    # not. In the last row of an open block "not more than one" cannot be said yet.
     n = len(frames)
     out = np.zeros(n, bool)
     rows = np.flatnonzero(second & (frames.reply != NEVER) & (frames.reply != MANY))

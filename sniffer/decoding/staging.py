@@ -47,6 +47,17 @@ class StagedIds:
         if not known and not staged.any():
             return {}
         executes = (frames.flags & RELEASES > 0) & (frames.kind == REQUEST)
+        # Id 2 is staged for servo 1 and acknowledged, another servo is polled, then it is executed:
+        #
+        #     row        0         1    2     3    4          5
+        #     frame      stage 2   ok   Q3    A3   execute    ok
+        #     servo_id   1         1    3     3    1          2
+        #     staged     1         0    0     0    0          0
+        #     executes   0         0    0     0    1          0
+        #     known      {1: 2}                    {}
+        #     out                                  {4: 2}     the answer may bear id 2
+        #
+        # Columns find the rows; only those are walked, as each depends on what is known by then.
         out: dict[int, int] = {}
         for row in np.flatnonzero(staged | executes).tolist():
             servo = int(frames.servo_id[row])

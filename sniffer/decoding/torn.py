@@ -49,6 +49,23 @@ class TornAnswers:
             kept: rows before the cut.
             across: whether an answer behind the cut belongs to a request before it.
         """
+        # Three servos are asked in one go; the answer of the second has a bad checksum, so its
+        # bytes (36 to 44) are no frame:
+        #
+        #     row        0    1    2    3    4
+        #     frame      Q1   Q2   Q3   A1   A3
+        #     start      0    9    18   27   45
+        #     end        9    18   27   36   54
+        #     torn       0    0    0    1    0    unclaimed bytes right behind it
+        #     together   -    1    1    0    0    a request behind a request, nothing torn between
+        #     turn       1    1    1    0    0    number of the turn, 0 for what is no request
+        #     answered   3    -1   4    -1   -1   row of the answer
+        #     latest     3    3    4    -1   -1   of the turn's last one answered, up to here
+        #     then torn  0    1    0    1    0    by ``_in_turn``: Q2's is behind row ``latest``
+        #
+        # At first ``torn`` says behind which row bytes are torn, at the end also for which request.
+        # That is why a row that is only a neighbour (3) may stay marked: nobody asks it of an
+        # answer.
         torn = _unclaimed_behind(frames, block, decided, self._protocol.blank)
         cut = across or self._behind is not None
         if not cut and not torn.any():
@@ -76,6 +93,8 @@ class TornAnswers:
 
     def _latest(self, frames: Frames, turn: I64, answered: I64, base: int) -> I64:
         """Return what answers the last answered request of each row's turn up to it, or -1."""
+        # The row of the last answered request, carried forward: 0 0 2 2 2 in the example of
+        # ``find``. It counts only inside its own turn, hence the comparison of turns behind it.
         asked = np.maximum.accumulate(np.where(answered >= 0, np.arange(len(frames)), -1))
         latest = np.where((asked >= 0) & (turn[asked] == turn), answered[asked], -1)
         if self._behind is not None:
@@ -117,6 +136,17 @@ def _in_turn(frames: Frames, torn: Mask, turn: I64, answered: I64, latest: I64, 
     some = np.zeros(int(turn.max()) + 1, bool)
     some[turn[(answered >= 0) | (latest >= 0)]] = True
     some[0] = False
+    # If the answer torn is that of the first, nothing before it was answered (latest is -1) and it
+    # should stand behind the turn's last request, in front of the others' answers:
+    #
+    #     row        0    1    2    3    4       Q1 Q2 Q3 (torn) A2 A3
+    #     torn       0    0    1    0    0
+    #     answered   -1   3    4    -1   -1
+    #     latest     -1   3    4    -1   -1
+    #     alone      0                           ``where`` goes on to row 2: torn, so is Q1's
+    #
+    # A turn of which no request is answered proves no order: it is left out by ``some``. The loop
+    # meets only requests without an answer in such turns, where something was torn in the block.
     alone = np.flatnonzero(some[turn] & (answered < 0) & (frames.reply != NEVER))
     start, end = frames.start, frames.end
     found: list[int] = []

@@ -92,6 +92,25 @@ class Scaling:
         See ``Samples.accepted``.
         """
         frames, transactions = paired.frames, paired.transactions
+        # The values are read twice where needed, since what they mean depends on what they say. Two
+        # registers that only the 12Lf has (rows 1 and 2) make servo 1 one from row 2 on; it was
+        # taken for an L12:
+        #
+        #     row                  0      1         2            3      5
+        #     bytes of the value   00 01  00 02     20           00 01  2C 01
+        #     read as an L12       speed  mode = 2  -            speed  speed     v, the first time
+        #     turns                                 model 1                       by ``_weighing``
+        #     read with the turns  speed  mode = 2  accel.       goal   current   v, the second time
+        #     origin               0      0         2            2      2         ASSUMED, OBSERVED
+        #
+        # So the order is: read, find changes (a new id moves what is known of a servo), weigh, read
+        # again if a servo turned, and only then say which changes take effect: the mode in row 1 is
+        # loose, it stands beside a byte that the L12 does not name, and no known model vouches for
+        # it. While values are read, ``state`` holds what was known before the block, and ``turns``
+        # from which row on that is otherwise; behind it, ``state`` holds what is known after the
+        # block. Reading row by row would need no second time, but nearly every block has no turn at
+        # all.
+
         # What only comes again as an echo takes effect once.
         accepted = paired.accepted & (frames.flags & ECHO == 0)
         rows = np.flatnonzero(paired.readable)
@@ -120,6 +139,9 @@ class Scaling:
             is_eventful = True
         if is_eventful:
             self._changes.keep(staged)
+        # Every value gets its register's own scale; what is otherwise is then put right for those
+        # few that have the trait. A branch per register would touch each array once per register
+        # instead.
         value = v.raw * self._scale[v.register]
         if present & SIGNED:
             mine = np.flatnonzero(traits & SIGNED)
@@ -209,6 +231,25 @@ class Scaling:
         provenance: U8,
     ) -> list[ScaleMisfit]:
         """Scale what a mode scales, in stretches between the changes; return what fits no mode."""
+        # Between two events no mode changes: all values of the stretch are scaled at once, by
+        # servo. Servo 1 is heard, its mode is read as 2, then it is heard with a value that mode 2
+        # forbids:
+        #
+        #     v.row        1     3    5     7     9     11
+        #     servo        1     1    1     2     1     1
+        #     raw          2040  2    2040  1000  3000  1000
+        #     mine (in v)  0     -    2     3     4     5      row 3 is the mode itself
+        #     stretch      |------||-------------------|    ``at`` of its event is 2, behind it
+        #     column       256   -    2     256   2     2      256 is UNSEEN
+        #     over                    0     0     1     0      3000 is above ``_limit`` of mode 2
+        #     column then  256   -    2     256   256   256
+        #     value        14.95 2    29.90 7.33  21.98 7.33   mm
+        #     provenance   0     0    2     0     0     0      only one is OBSERVED
+        #
+        # What holds: behind a misfit its servo has no mode until an event sets one, here and in
+        # ``state``; so ``over`` drops all of that servo, and the loop runs at most once a servo.
+        # One look-up by row for all values at once would need every change of a mode beforehand; a
+        # misfit is one, and which values are misfits depends on the misfits before them.
         state = self.state
         events: list[tuple[int, int, Change | Turn | None]]
         events = [(c.at, c.row, c) for c in changes]

@@ -56,6 +56,9 @@ class Weighing:
         out = Outcome()
         if sightings is None and not moves:
             return out
+        # What is walked, in order: (row, is it a move, number). The sightings of the example in
+        # ``_news`` stand in rows 0, 1, 3 and 6, and at row 1 servo 1 turns. In a row that is a clue
+        # and a move, the clue comes first: it speaks of the servo as it was called until then.
         todo: list[tuple[int, int, int]] = [(c.row, 1, i) for i, c in enumerate(moves)]
         if sightings is not None:
             todo += [
@@ -79,6 +82,23 @@ class Weighing:
         self, frames: Frames, s: Sightings, accepted: Mask, *, all_of_them: bool
     ) -> list[int]:
         """Return the clues that count: not those of refused frames, none a servo gave before."""
+        # Clues repeat with every packet, and each counts once a servo. Two registers that only the
+        # 12Lf has are written to servo 1 again and again, the second to servo 2, and then read
+        # back:
+        #
+        #     sighting  0    1    2    3    4    5
+        #     row       0    1    2    3    4    6
+        #     servo     1    1    1    2    1    1
+        #     clue      0    1    0    1    0    2       2: the answer that has the second register
+        #     asked     1    1    1    1    1    0
+        #     key       257  769  257  770  257  1025    clue, asked and id in one number
+        #     first     0    1         3         5       2 and 4 are the first one again
+        #
+        # Only those of ``first`` are looked at one by one. ``place`` has a cell for every key there
+        # can be (1536 here); it is filled from the last to the first, so what stays is the first of
+        # each. np.unique would say the same and sort all sightings for it. With a move among the
+        # changes the id in a key does not name one servo throughout the block, so then all of them
+        # are looked at.
         asked = frames.kind[s.row] == REQUEST
         status = frames.status[s.row]
         told = np.where(asked, accepted[s.row], (status < 0) | ~self._protocol.refused(status))

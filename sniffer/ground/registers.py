@@ -186,7 +186,7 @@ def schema_path(*parts: str) -> Path:
     return _schemas().joinpath(*parts)
 
 
-class _Table(NamedTuple):
+class _Toml(NamedTuple):
     """A file that is read: what it says of the model, its registers, and itself."""
 
     head: Mapping[str, Any]
@@ -202,7 +202,7 @@ _EFFECTS: Final = ("", "servo_id", "baud", "feedback")
 _MODEL: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 
-def _parsed(text: str, name: str) -> _Table:
+def _parsed(text: str, name: str) -> _Toml:
     """Read a table; a model that its head does not name is called like the file."""
     try:
         head = tomllib.loads(text)
@@ -214,7 +214,7 @@ def _parsed(text: str, name: str) -> _Table:
             raise ValueError("each register begins with a line [[register]]")
         registers = tuple(_register(e, model, n) for n, e in enumerate(entries, 1))
         _agree(registers)
-        return _Table(head, registers, _identity(head.get("identifies")), text)
+        return _Toml(head, registers, _identity(head.get("identifies")), text)
     except ValueError as error:  # also one of TOML itself
         raise SnifferError(f"{name}: {error}") from None
 
@@ -291,7 +291,7 @@ def _identity(told: Any) -> Identity | None:
     return Identity(told["register"], values, texts, begins)
 
 
-def _map(model: str, table: _Table) -> RegisterMap:
+def _map(model: str, table: _Toml) -> RegisterMap:
     head = table.head
     return RegisterMap(
         model,
@@ -305,7 +305,7 @@ def _map(model: str, table: _Table) -> RegisterMap:
 
 
 @functools.cache
-def _built_in(model: str) -> _Table:
+def _built_in(model: str) -> _Toml:
     path = schema_path("registers", f"{model}.toml")
     if not path.is_file():
         raise SnifferError(f"no register table for {model!r}: see `sniffer registers`")

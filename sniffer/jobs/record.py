@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.detect import UndecidedError
-from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.ground.files import files_of, refuse_occupied
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
 from sniffer.jobs.outputs import lost, open_outputs, session_facts
 from sniffer.jobs.telling import Teller, result
 from sniffer.mcapfile.rotation import RotatingMcap
+from sniffer.protocols import PROTOCOLS
 from sniffer.sinks import suffix_known
 from sniffer.tap.listen import Listening, Tapping, listen
 from sniffer.tap.recorder import Recorder, Wishes
@@ -190,6 +191,8 @@ def record(
     options, shown = options or Options(), shown or Shown()
     tell, wishes = tell or Teller(lambda line: None, quiet=True), wishes or Wishes()
     check_files(files)
+    if any((spec.protocol or options.protocol) == AUTO for spec in ports):
+        PROTOCOLS.candidates()  # plug-ins take their time to be imported: not while ports are read
     tapping = listen(ports, options, listening or Listening())
     view = None
     try:

@@ -42,6 +42,17 @@ def _tried(
     protocol: BusProtocol, pairs: Sequence[tuple[bytes, bytes]]
 ) -> Iterator[tuple[tuple[bytes, bytes], tuple[int, int]]]:
     """Frame all pairs in one block, with a silence behind each."""
+    # A wCK read and an io_write of 01 each with bytes behind it, as one block with barriers
+    # between:
+    #
+    #     pair      read 07 63 01 01   read 63 01 01   io_write 07 63 01 01   io_write 01 01
+    #     end       8                  15              36                     53
+    #     at        4                  12              32                     51
+    #     told      2, FITS            2, FITS         2, NEARLY              2, FITS
+    #
+    # Any two bytes but FF answer a read, and an io_write only its own byte, twice; so framing says
+    # how long an answer is and ``describe`` whether it repeats what it should. No second knowledge
+    # of replies is needed here, and all trials of a pass cost one call of each.
     ends = np.cumsum([len(a) + len(b) for a, b in pairs])
     data = np.frombuffer(b"".join(itertools.chain.from_iterable(pairs)), np.uint8)
     block = Block(data, ends[:-1], True)

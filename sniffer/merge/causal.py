@@ -106,6 +106,17 @@ class Place(NamedTuple):
         if not unit.framed:
             worth = DAMAGED if self.ask and self.since == DIRECT else 0
             return Place(self.ask, max(self.since, BEHIND), self.pending, self.awaited), worth
+        # Servos 1 and 2 are asked in one go, and both answer, the second twice:
+        #
+        #     unit      Q1      Q2      A1            A2            A2
+        #     ask       1       2       2             2             2
+        #     since     DIRECT  DIRECT  ANSWERED      ANSWERED      ANSWERED
+        #     pending   1       1 2     2             -             -
+        #     worth                     IN_TURN       IN_TURN       0
+        #
+        # An answer is the last request's if that can be; else that of the youngest open one which
+        # it fits. What stays open is what the next one may answer: a second A2 finds nothing and
+        # costs UNASKED.
         worth, awaited, pending = 0, ALWAYS, self.pending
         if self.ask and unit.said and (self.ask.many or self.since != ANSWERED):
             worth, awaited = self.ask.worth(unit.said), self.awaited
@@ -182,6 +193,30 @@ def by_cause(
         bare: which units may be answers without a header.
         rules: how long requests are open.
     """
+    # Two reads and their answers, each 0.9 ms long, adapters that hold for 4 ms. By its stamp the
+    # first answer ends (9.5 ms) before its request does (10.0):
+    #
+    #     asked   Q1 ends 6.8 to 10.0    Q2 ends 9.3 to 12.5
+    #     heard   A1 ends 6.3 to 9.5     A2 ends 9.8 to 13.0
+    #
+    # An order is a way through a grid: i of the one, j of the other, and what stands since the last
+    # request (D nothing, A an answer). FITS is 4,000,000, and so is UNASKED:
+    #
+    #     state    way           score
+    #     0 0 A                  0
+    #     1 0 D    Q1            -0.16          Q1 is moved before A1, by 0.5 ms of 3.2
+    #     0 1 A    A1            -4000000       an answer to nothing
+    #     1 1 A    Q1 A1         3999999.84
+    #     1 1 D    A1 Q1         -4000000
+    #     2 1 D    Q1 A1 Q2      3999999.84
+    #     1 2 A    Q1 A1 A2      -0.31
+    #     2 2 A    Q1 A1 Q2 A2   7999999.84     the best
+    #     2 2 D    Q1 A1 A2 Q2   -0.31
+    #
+    # Every step adds to i + j, so states are visited by that sum and each is final when its turn
+    # comes: some 3 * n * m states instead of all orders, of which there are as many as ways through
+    # the grid. Who is still open (``pending``) is not part of the state, else there would be no end
+    # of them: of two ways to one state only the better one's is known from there on.
     n, m = len(asked), len(heard)
     # The last request follows from how many of the controller's units were passed.
     asks, missed = [place.ask], [MISSED if place.ask and place.ask.must else 0]
@@ -232,6 +267,7 @@ def by_cause(
             if not worth and b.last_ns <= known_ns and b.end > b.start:
                 cost += UNASKED
             offer((i, j + 1, behind.since), score + worth - cost, state, behind.pending)
+        # An answer without a header takes several units of the servos' wire in one step.
         if since == DIRECT and (i, j) in bare:
             stop, worth = bare[i, j]
             if (cost := _cost(heard[stop - 1], a, b, tie=False)) < NEVER:
@@ -263,6 +299,9 @@ def _cost(unit: Unit | None, other: Unit | None, first: Unit | None = None, *, t
         return NEVER
     if other is None:
         return 0.0
+    # 0 where it ends first anyway; else how far it is moved, as a share of what its stamp leaves
+    # open: Q1 before A1 is 10.0 - 9.5 of 10.0 - 6.8. So a move costs 1 at most, and no number of
+    # moves that a pass can hold (``CELLS``) weighs as much as one answer more or less.
     moved = unit.last_ns - other.last_ns
     if unit.soonest_ns <= other.first_ns:
         return max(moved, 0) / max(unit.last_ns - unit.soonest_ns, 1)

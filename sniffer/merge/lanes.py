@@ -121,6 +121,16 @@ class Lane:
 
     def add(self, chunk: Chunk, t_ns: int) -> None:
         """Take a chunk in; the stamp of one without is ``t_ns``."""
+        # Bytes last 0.1 ms, the adapter holds them for 4 ms at most. A read of nine at 10.0 ms and
+        # one of three at 10.2 ms:
+        #
+        #     byte      0    1    2   ...  7    8    | 9    10   11
+        #     times     9.2  9.3  9.4      9.9  10.0 | 10.0 10.1 10.2   the latest it came
+        #     soonest   6.0  6.1  6.2      6.7  6.8  | 6.2  6.3  6.4    its first: 4 ms before it
+        #
+        # ``times`` never decrease, so offsets can be looked up by time. ``soonest`` may: each read
+        # is taken for itself, and that its bytes came behind those of the read before is left to
+        # the order of the units, which never changes on one wire.
         n, before = len(chunk.data), self._last
         self._last = t_ns = max(t_ns, before)
         self.chunks.append(chunk if chunk.t_ns == t_ns else replace(chunk, t_ns=t_ns))
@@ -172,6 +182,17 @@ class Lane:
 
     def units(self, frames: Framed, until: int) -> list[Unit]:
         """Return frames and what lies between them, up to offset ``until``."""
+        # Reads of 5, 6 and 1 bytes at 9.5, 10.1 and 10.3 ms, and a mark without bytes at 10.5; nine
+        # bytes are an answer, the others noise:
+        #
+        #     bytes    0..9    9..11   11..12  12..12
+        #     framed   yes     no      no      no
+        #     first    9.0     9.9     10.2    10.5     the latest it can have begun
+        #     last     9.9     10.1    10.3    10.5     ... ended
+        #     soonest  6.4     6.6     6.3     6.5      the soonest it can have ended
+        #
+        # A frame is one unit though it came in two reads: nothing of the other wire may get into
+        # it. Noise is cut where reads end, as what happened between the two may belong there.
         ends: list[int] = []
         empty: list[tuple[int, int]] = []
         at = -self._begun
@@ -202,6 +223,9 @@ class Lane:
 
     def take(self, unit: Unit) -> Iterator[Piece]:
         """Yield the parts of chunks that a unit is made of; units are taken in order."""
+        # The frame of the example above gives bytes 0..5 of the first chunk (9.5 ms) and 0..4 of
+        # the second, whose last byte can have come at 9.9; the noise behind it gets the rest of
+        # that chunk, at 10.1.
         at = unit.start
         while True:
             chunk = self.chunks[0]

@@ -142,6 +142,17 @@ class Merger:
 
     def _settle(self, now_ns: int) -> list[Chunk]:
         """Order what came by then; hand on what nothing that comes later can change."""
+        # Two reads and their answers (units that begin at 9.1 and 11.6, and at 8.6 and 12.1 ms),
+        # settled at 38.7 ms with a hold of 30:
+        #
+        #     steps      Q1    A1    Q2    A2
+        #     first_ns   9.1   8.6   11.6  12.1
+        #     due        8.7: A1 must be handed on, and Q1, as it stands before it
+        #     settled    21.7: the others may be, as nothing that waits begins before they end
+        #
+        # Only a prefix of the order is handed on, up to the last step that is due or settled; the
+        # rest is ordered anew in the next pass, with more known. ``Place`` carries what that must
+        # know of it.
         due = now_ns - self.hold_ns
         # Half a frame's time is left for the rest of an answer that cannot be told from its wire.
         settled = now_ns - (self._latency_ns + self.hold_ns) // 2
@@ -173,6 +184,11 @@ class Merger:
         n = len(lane.data)
         if self.protocol is None or not n:
             return [], n
+        # FF FF FF 01 20 F2 begins a packet of 37 bytes, of which no more come; a read stands behind
+        # it, at 6 to 15. First nothing is decided: the read may be inside that packet. But the
+        # packet's first byte came at ``due`` or before (``late`` is 1, the first byte that did
+        # not), so it is none: framing goes on behind that byte, finds 6 to 15, and all 15 bytes are
+        # decided.
         data = np.frombuffer(bytes(lane.data), np.uint8)
         spans, decided = self._framed(wire, data, 0, final=lane.times[-1] <= due)
         late = bisect_right(lane.times, due)
@@ -250,6 +266,17 @@ class Merger:
         # Many more bytes than so many requests can have as answers are no answers.
         if not 0 < len(offsets) <= BARE * (BARE + len(requests)) or protocol is None:
             return heard, {}
+        # A read at 10 ms and an io_write of 01 at 12 ms, and one read of four bytes at 12.5:
+        #
+        #     offset      0            1            2            3
+        #     byte        07           63           01           01
+        #     behind 1    2, FITS      2, FITS      2, FITS      -         the read
+        #     behind 2    2, NEARLY    2, NEARLY    2, FITS      -         the io_write
+        #     units       0..1         1..2         2..3         3..4      cut at ``cuts``
+        #
+        # Which of them it was is not decided here: the units are cut wherever an answer may begin
+        # or end, and ``by_cause`` weighs all. Here 07 63 goes behind the read and 01 01 behind the
+        # io_write; by their stamps alone all four would stand behind both.
         pairs: list[tuple[int, int]] = []
         tries: list[tuple[bytes, bytes]] = []
         for i, ask, soonest in requests:
@@ -290,6 +317,10 @@ class Merger:
                     pieces.append((chunk, start, end, t_ns))
         for lane, end in zip(self._lanes, done, strict=True):
             lane.forget(end)
+        # Backwards, each stamp is lowered to the earliest behind it: 10.0, 9.5, 12.5, 13.0 become
+        # 9.5, 9.5, 12.5, 13.0. It stays the latest moment, as what stands before came before.
+        # Lowering stops at the latency; what is still out of order then is raised on the way
+        # forwards (``_out``).
         stamps: list[int] = []
         for chunk, *_, t_ns in reversed(pieces):
             ahead = max(min(ahead, t_ns), t_ns - self._latency_ns - held_of(chunk))
@@ -332,6 +363,8 @@ def _unclaimed(units: Sequence[Unit]) -> tuple[list[int], list[int]]:
     """Return the offsets of bytes that no frame claims, and where each one's run ends."""
     offsets: list[int] = []
     stops: list[int] = []
+    # Bytes 0..4 and 4..6 unclaimed, a frame 6..15, byte 15..16: runs end at 6, 6 and 16. From
+    # behind, as a unit is of the same run as the next one if it ends where that begins.
     stop = -1
     for unit in reversed(units):
         if unit.framed or unit.start == unit.end:

@@ -49,6 +49,20 @@ def by_shape(
     Entries count from ``at``; ``shape(key)`` is asked once a key and a pass, cache it. ``look`` is
     shown the part numbers of each key and the numbers read, by where they stand and their type.
     """
+    # Four writes of a goal and a read of position and speed, as ``_parts`` gave them:
+    #
+    #     number      0       1       2       3             4
+    #     bytes       00 04   10 02   20 03   D0 07 10 00   00 05
+    #     keys        138245  138245  138245  144392        138245
+    #     groups      [0 1 2 4] [3]                            parts of equal keys
+    #     per_part    1       1       1       2             1  registers in each
+    #     first       0       1       2       3             5  place of a part's first value
+    #     register    goal    goal    goal    pos., speed   goal
+    #     raw         1024    528     800     2000, 16      1280
+    #
+    # Two shapes, so three reads in all (goal, position, speed), each of one column for all parts
+    # that have it. Values are written where they belong in the end: ``first`` is known before any
+    # is read, so nothing is sorted. What holds: values stand by part, and parts by row.
     data = block.data
     groups = _alike(keys)
     plans = [shape(int(keys[g[0]])) for g in groups]
@@ -79,6 +93,8 @@ def by_shape(
 
 def _column(data: U8, kind: str, at: I64) -> I64:
     dtype = TYPES[kind]
+    # The bytes seen as numbers that begin at every byte (stride 1, nothing is copied); taking
+    # ``at`` from that view reads them wherever they stand, aligned or not.
     column: I64 = np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, 0, (1,))[at]
     return column
 
@@ -88,6 +104,9 @@ def _alike(keys: I64) -> list[I64]:
 
     A bus repeats itself: a few comparisons find all keys sooner than sorting them would.
     """
+    # In the example of ``by_shape``: [0 1 2 4] are as the first, [3] are as the first that is left.
+    # Each comparison is over what is left, so the order of keys does not matter; only where a dozen
+    # were not enough, many different ones are to be expected, and the rest is sorted.
     out: list[I64] = []
     left = np.arange(len(keys))
     while len(left) and len(out) < FEW_SHAPES:
@@ -124,6 +143,8 @@ class Addressed:
     def read(self, block: Block, parts: Parts, state: State) -> Values:
         """Read the values of ``parts``; a negative address: the part has none."""
         model = state.models_of(parts.row, parts.servo_id)
+        # All that a shape depends on, in one number: 35389445 is model 0, address 134 (+ 1, so that
+        # "none" is 0), length 2, written. The table is asked once a shape, not once a packet.
         keys = (model << 36) | ((parts.address + 1) << 18) | (parts.length << 1) | parts.written
         if self._sights is None:
             return by_shape(block, parts, keys, self._shape)
@@ -135,6 +156,22 @@ class Addressed:
         """Take packets to several servos apart."""
         servo, at = frames.servo_id[rows], frames.data_start[rows]
         length, written = frames.data_length[rows], frames.kind[rows] == REQUEST
+        # A write to one servo, one to two at once (86: address, 2: length, then id and bytes of
+        # each), an answer, a write:
+        #
+        #     row          0    1         3    4
+        #     at           7    17        40   52     data_start; in row 1 the size
+        #     length       2    7         4    2
+        #     step         0    3         0    0      id and two bytes
+        #     count        1    2         1    1      (7 - first) // 3, ``first`` being 1 here
+        #     of           0    1    1    2    3      which of the rows a part is of
+        #     nth          0    0    1    0    0      its number in that row
+        #     head         7    18   21   40   52     its id, or in a packet to one its bytes
+        #     Parts.at     7    19   22   40   52     its bytes
+        #     .servo_id    1    1    2    1    3
+        #
+        # ``of`` and ``nth`` turn "so many each" into rows without a loop: repeat each row ``count``
+        # times; a part's number less that of its row's first part is its place in the row.
         several = (step > 0) & (address >= 0)
         if not several.any():
             return Parts(rows, servo, address, length, at, written)
@@ -195,6 +232,9 @@ class Sights:
         table = self._told.get(key)
         if table is None:
             table = self._told[key] = np.full(1 << 16, -1, np.int16)
+        # One table of 65,536 cells a check, from number to set of clues: filled where a number is
+        # new, it makes the next million a look-up (16 bits name every number: no clue is wider). It
+        # is told in sets, as one number may be two clues.
         place = raw.astype(np.int64) & 0xFFFF
         for new in np.unique(raw[table[place] < 0]).tolist():
             found = tuple(self.number(c) for c in self.rules.value(check, new, written=written))
@@ -227,6 +267,8 @@ class Look:
             raw = read.get((check.at, check.type))
             if raw is None:
                 raw = _column(self._data, check.type, self._parts.at[group] + check.at)
+            # Nearly all numbers tell nothing: two or three comparisons of the column leave the few
+            # that do.
             odd = raw > check.high
             if check.low > np.iinfo(raw.dtype).min:
                 odd |= raw < check.low

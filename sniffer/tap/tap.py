@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sniffer.ports import Counters, Port
+    from sniffer.protocols.base import BusProtocol
 
 SILENT_NS: Final = NS
 """A bus is called silent after this time without a byte."""
@@ -19,11 +20,14 @@ SILENT_NS: Final = NS
 
 @dataclass(frozen=True, slots=True)
 class PortSpec:
-    """What the user said about a port; ``protocol`` None: to be told from the bytes."""
+    """What the user said about a port.
+
+    ``protocol`` is a name, a file that defines one, or the protocol itself; None: as for all ports.
+    """
 
     bus: str
     port: str
-    protocol: str | None = None
+    protocol: str | BusProtocol | None = None
     baud: int | None = None
 
 

@@ -179,8 +179,8 @@ def conversation(draw: st.DrawFn, name: str) -> bytes:
         out += itertools.chain.from_iterable(
             [a] * draw(st.sampled_from([1, 1, 1, 2])) for a in kept
         )
-        now = draw(st.booleans())
-        if late and now:
+        comes = draw(st.booleans())
+        if late and comes:
             out.append(late.pop(0))
     return b"".join(out)
 

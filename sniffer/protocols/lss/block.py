@@ -81,6 +81,19 @@ def _text(block: Block) -> Text:
 def frame(block: Block) -> tuple[Spans, int]:
     """Frame from a mark to the next carriage return; a mark between them begins anew."""
     data = block.data
+    # Marks and carriage returns alone, in order, tell all lines. In #5QD. *5QD132. #5D-300. #5D18
+    # #6QV. xx*6QV7 (a dot is a carriage return, the end is open):
+    #
+    #     edges    0  4  5  12 13 20 21 26 30 33
+    #     byte     #  .  *  .  #  .  #  #  .  *
+    #     line     1  0  1  0  1  0  0  1  0         a mark whose next edge is a carriage return
+    #     start    0     5     13       26
+    #     end         5     13    21       31
+    #
+    # "#5D18" (21) is cut by the next mark, "xx" is no line's. No mark stands inside a line, so
+    # lines never overlap and need no greedy walk. From the last edge on, 33, a line may still be
+    # whole, and nothing before it may: that is ``decided``. A regular expression finds the same
+    # lines, one Python object each.
     edges = np.flatnonzero(_IS_EDGE[data])
     kind = data[edges]
     line = (kind[:-1] != CR) & (kind[1:] == CR)
@@ -109,6 +122,18 @@ def describe(block: Block, spans: Spans) -> Frames:
     framed, p = block.notes.get(_LINES, (None, None))
     if p is None or framed is not start:
         p = parse(_text(block), start, end)
+    # The word's row in the tables (0: none has it) says all, so a line costs a look-up and no
+    # branch:
+    #
+    #     line      #5QD  *5QD132  #5QSD1  *5QSD-300  #5P1500S750T20  #5QZ     #5X7     #254QV
+    #     entry     76    76       79      79         8               0        0        92
+    #     selector  -1    -1       1       -1         -1              -1       -1       -1
+    #     reply     MUST  NEVER    MUST    NEVER      NEVER           IF_ALL   NEVER    MANY
+    #     op        QD    QD       QSD     QSD        P               QZ       X        QV
+    #     token     QD    QD       QSD     QSD        QP              QZ       QX       QV
+    #     flags     0     0        0       0          UNUSUAL         UNKNOWN  UNKNOWN  0
+    #
+    # A reply may leave the Q out, so request and reply are compared by ``asked``, which has it.
     is_reply = spans.kind == RESPONSE
     entry = ENTRIES.find(np.where(is_reply, p.asked, p.word))
     known = entry > 0
@@ -172,6 +197,19 @@ def states_itself(frames: Frames) -> Mask:
 
 def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
     """Read the numbers: a reply's register is told by model, and the query's word and selector."""
+    # Three of the lines above state something; the reply's selector is its query's, by pairing:
+    #
+    #     row        1        3          4
+    #     line       *5QD132  *5QSD-300  #5P1500S750T20
+    #     at         9        25         33              the number, with its sign
+    #     column     0        1          0               of STATED: none, or the selector
+    #     register   position max_speed  goal            STATED for replies, REGISTER for the others
+    #     raw        132      -300       1500
+    #     behind     12       29         37              a reply must end here, an action need not
+    #     more                           2               in ``rows``; S750 and T20, a round each
+    #
+    # Rounds append to the end: row 1 3 4, then 4, then 4. Values are sorted by row, and in a row as
+    # they stand in the line, so the sort behind the rounds must be stable.
     model = state.models_of(rows, frames.servo_id[rows])
     text = _text(block)
     at, end = frames.data_start[rows], frames.end[rows] - 1
@@ -248,6 +286,9 @@ def _sightings(text: Text, frames: Frames, rows: I64) -> Sightings | None:
             row.append(mine)
             clue.append(found.setdefault(told, len(found)))
 
+    # Answers that repeat are worked out once: by their text where it names the model (*5QMSLSS-HT1
+    # gives 16 points to the LSS, none to the Pro), by their word where being answered is what
+    # tells.
     names_itself = IDENTIFIES[ENTRIES.find(op)]
     for i in np.flatnonzero(names_itself).tolist():
         take(np.array([i]), text.line(int(at[i]), int(at[i] + length[i])))

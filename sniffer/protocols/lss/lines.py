@@ -69,6 +69,16 @@ def read(raw: bytes) -> Line | Misfit:
     """Read one line, from its mark to its carriage return."""
     if len(raw) > LONGEST:
         return Misfit(LONGEST, "a carriage return by then")
+    # What is tried, in this order, for it decides what a line means:
+    #
+    #     *QID5         the one reply without an id: it tells the id, 5
+    #     *5QN12        a query's word with a number: 12
+    #     *5QNX12       not of that form, and QN may have a text: "X12"
+    #     *5XYZ-1       of that form, with a word that no manual has: -1
+    #     #5D12X        neither: a number should stand in column 7, behind X
+    #
+    # A text may hold letters and digits, so "12" in the second could be a text too; numbers go
+    # first. Only where a line has no such form, or no known word, is a text looked for.
     is_reply = raw[:1] == REPLY_MARK
     digits = _DIGITS.match(raw, 1)
     assert digits is not None
@@ -152,6 +162,20 @@ def explain(run: bytes, start: int) -> list[Gap]:
     mark cuts are truncated; one that reaches its carriage return is damaged, ``column`` (from 1)
     tells where and ``expected`` what should have stood there.
     """
+    # A run of 26 bytes (a dot is a carriage return) and its pieces:
+    #
+    #     0   \n \n      noise, blank
+    #     3   xx         noise
+    #     5   #5D18#6Q*  truncated: three lines, each cut by the next mark
+    #     14  *.         damaged: an id should stand in column 2
+    #     16  #          noise: a mark with nothing behind it
+    #     17  #7D12?3.   damaged: "a modifier or the end of the line" in column 6
+    #     25  #          noise
+    #
+    # At each place the first pattern that matches takes all it can, so pieces never overlap and
+    # join to the whole. Lines cut by marks in a row are one piece, and so are empty ones: a piece a
+    # line would let 1 KiB of marks make a thousand objects. What is left ends by itself and gets a
+    # reason of its own.
     out: list[Gap] = []
     at, n = 0, len(run)
     while at < n:

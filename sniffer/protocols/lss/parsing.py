@@ -62,6 +62,21 @@ class Text:
 
     def numbers(self, at: I64) -> tuple[I64, I64]:
         """Return the number that begins at each offset, and its digits: 8 may be cut short."""
+        # One word a number, first character lowest. "132" and what stands behind it, by byte:
+        #
+        #     wide[at]       31 33 32 0D 00 00 00 00   in the order of the wire
+        #     ^ _ZEROS       01 03 02 3D 30 30 30 30   digits are 0 to 9 now, nothing else is
+        #     marks          00 00 00 80 80 80 80 80   + 76 sets the high bit of what is above 9
+        #     digits         3                         bytes before the first mark
+        #     << 40          00 00 00 00 00 01 03 02   what stood behind is gone
+        #     _PAIRS         0     0     1     32      ten times one plus the next
+        #     _FOURS         0           132           two of four
+        #     _EIGHTS        132                       one of eight
+        #
+        # A sum may carry into the next byte, but only from one that is marked itself: behind the
+        # first mark nothing counts. No digit at all is a shift by 64; numpy gives 0 for it (C would
+        # not). A pair is at most 99 and fits its byte, so one mask behind the sum is enough. int()
+        # a line would make one Python object a line; this makes a fixed number of array steps.
         t: U64 = self.wide[at] ^ _ZEROS
         digits = _leading(((t + _NO_DIGIT) | t) & _HIGH)
         t <<= _U[64] - (digits << _U[3])
@@ -72,6 +87,17 @@ class Text:
 
     def words(self, at: I64) -> tuple[I64, I64, Mask]:
         """Return the word at each offset, packed; its letters (8 may be cut short); any lower?"""
+        # The same for letters, base 27. "QD" in front of "132\r":
+        #
+        #     x              51 44 31 33 32 0D 00 00
+        #     t              11 04 51 53 52 4D 40 40   lower case, ^ 60: letters are 1 to 26
+        #     marks          00 00 80 80 80 80 80 80   above 26, or 0
+        #     << 48          00 00 00 00 00 00 11 04
+        #     packed         17 * 27 + 4 = 463
+        #
+        # What comes first counts most, as in a number; no letter is 0, so words of different length
+        # never get the same number. A pair may reach 728: unlike digits they are masked before they
+        # are summed.
         x: U64 = self.wide[at]
         t = (x | _BIT5) ^ _LETTER_BITS
         letters = _leading(((t + _NO_LETTER) | t | ~(t + _SOME)) & _HIGH)
@@ -89,6 +115,9 @@ class Text:
 
 def _leading(marks: U64) -> U64:
     """Return how many bytes stand before the first whose high bit is set."""
+    # The lowest mark alone (m & -m), less one, has all bits below it: of 8080808080000000 it is
+    # 7FFFFFFF, 31 bits, so 3 whole bytes. No mark gives 64 bits: all 8 bytes. That may be cut
+    # short, which is why lines with an 8 are read alone.
     below: U64 = (marks & (~marks + _U[1])) - _U[1]
     return np.bitwise_count(below).astype(np.uint64) >> _U[3]
 
@@ -131,6 +160,26 @@ def cached(raw: bytes) -> Line | None:
 
 def parse(text: Text, start: I64, end: I64) -> Lines:
     """Parse lines that begin with a mark and have their first carriage return at ``end - 1``."""
+    # A query, its reply, an action, one with two modifiers, a text, and a line with a stray X:
+    #
+    #     line         #5QD  *5QD132  #5D-300  #5P1500S750T20  *5QMSLSS-HT1  #5D12X
+    #     start        0     5        13       21              36            49
+    #     last         4     12       20       35              48            55     carriage return
+    #     letters      2     2        1        1               6             1
+    #     word         QD    QD       D        P               QMSLSS        D       packed
+    #     value        0     132      300      1500            0             12
+    #     done         4     12       20       28              45            54     end of number
+    #     asked        QD    QD       QD       QP              QMSLSS        QD      with Q in front
+    #     rare         0     0        0        0               1             0      ``lines.read``
+    #     good         1     1        1        0               0             0      done == last
+    #     modifiers                            2                             0      walked below
+    #     then good    1     1        1        1               1             0
+    #
+    # Every line is read as if it were of the common shape, id, word, number; columns tell which
+    # were not. A reply's text has no length or mark: "LSS-HT1" runs into the word "QMS". ``rare``
+    # is what eight bytes cannot hold or only the list of words can tell: those lines are read one
+    # by one, and nothing of them stays as it was (``_fill``). Letting ``read`` do all lines would
+    # say the same, one line after the other.
     data, last = text.data, end - 1
     servo_id, id_digits = text.numbers(start + 1)
     first = start + 1 + id_digits
@@ -153,6 +202,12 @@ def parse(text: Text, start: I64, end: I64) -> Lines:
     good = well & (done == last) & ~rare
     n = len(start)
     modifiers, modifier = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    # One round reads the next modifier of every line that has one, so there are as many rounds as
+    # the line with the most has modifiers, however many lines there are:
+    #
+    #     row    here     name   places   then
+    #     3 5    28 54    S X    3 0      X has no number: line 5 stays no line
+    #     3      32       T      2        ends at 35, which is ``last``: good
     row = np.flatnonzero(well & ~rare & ~is_reply & (digits > 0) & (done != last))
     here = done[row]
     while len(row):

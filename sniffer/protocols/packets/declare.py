@@ -140,15 +140,16 @@ class PacketFamily:
     def effective(self, effect: str) -> int:
         """Return the address of the register with that effect, -1 where there is none.
 
+        A model that does not name it is taken to have it where its siblings do.
+
         Raises:
             TypeError: the models do not agree on it.
         """
-        found = {
-            next((r.address for r in m.registers if r.effect == effect), -1) for m in self.models
-        }
+        found = {r.address for m in self.models for r in m.registers if r.effect == effect}
         if len(found) > 1:
-            raise TypeError(f"{self.name}: models differ in where the {effect} stands: {found}")
-        return found.pop()
+            where = ", ".join(f"0x{address:02X}" for address in sorted(found))
+            raise TypeError(f"{self.name}: models differ in where the {effect} stands: {where}")
+        return found.pop() if found else -1
 
 
 def bare(con: Any) -> Any:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sniffer.ground.model import SnifferError
 from sniffer.protocols.base import joined, no_clues
 from sniffer.protocols.packets.columns import FamilyColumns
 from sniffer.protocols.packets.parts import Readings
@@ -50,8 +51,15 @@ class Member(Words):
         self.slow_clues = no_clues
 
     def with_models(self, tables: tuple[RegisterMap, ...]) -> Member:
-        """Return the protocol with further models behind its own."""
-        return Member(replace(self.family, models=(*self.models, *tables)))
+        """Return the protocol with further models behind its own.
+
+        Raises:
+            SnifferError: one of them has its id or return mode where the others have it not.
+        """
+        try:
+            return Member(replace(self.family, models=(*self.models, *tables)))
+        except TypeError as error:
+            raise SnifferError(str(error)) from None
 
     def refused(self, status: I16) -> Mask:
         """Tell which error bytes say that the command was not carried out."""

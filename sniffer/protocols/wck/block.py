@@ -120,6 +120,20 @@ _DATA_LENGTH: Final = _table(lambda op: _data(op)[1], np.int64)
 
 def frame(block: Block) -> tuple[Spans, int]:
     """Frame commands by table, and their replies by what follows them."""
+    # A read and its reply (07 63), a move of two, two reads with one reply, a bad checksum, and a
+    # read with one byte behind it, at an open end of 31 bytes:
+    #
+    #     start     0     6     12    16    22    26      each FF whose next two bytes are a command
+    #     kind      read  sync  read  read  read  read    one look-up of both bytes
+    #     end       4     12    16    20    26    30      sync: 4 + 2 targets
+    #     good      1     1     1     1     0     1
+    #     has       1     0     0     1     -     ?       are the two bytes behind it a reply?
+    #     settled   0..6  6..12 12..16 16..22     waits
+    #
+    # A reply is two bytes of any value, so it is no candidate by itself: it would be one
+    # everywhere. It is part of its command, which ends two bytes later for the greedy walk, and
+    # what begins in it is dropped as if it began in a command. ``_spans`` parts the two again. That
+    # the last command may yet have a reply makes all from 26 on undecided.
     n = block.n
     data = np.zeros(n + 4, np.uint8)
     data[:n] = block.data
@@ -173,6 +187,17 @@ def _in_turn(block: Block, start: I64, end: I64, asks: Mask, replies: I64, decid
     One pair of bytes a command at most, none with an FF, of the last ``DEPTH`` of the row. Returns
     how far every byte has its fate: a row to which bytes that come may belong has none yet.
     """
+    # Three reads in a row and two replies behind them (12 to 15), then a read with its own:
+    #
+    #     start      0  4  8  16
+    #     end        4  8  12 20
+    #     linked     0  1  1  0     asks right behind one that asks and has no reply
+    #     replies    0  0  1  1     as the greedy walk left it: one pair, for the last command
+    #     then       0  0  2  1     at most as many as the row has commands; the next byte is an FF
+    #
+    # All of them are counted to the row's last command, behind which they stand; whose each is,
+    # pairing tells. They cannot be part of the greedy walk: how many there are depends on which
+    # commands it kept.
     n = len(start)
     limit = np.broadcast_to(block.limit(start), start.shape)
     linked = np.zeros(n, bool)
@@ -225,6 +250,15 @@ def _replies(
     reply may hold one there; and not even then if one of those begins with it. Of that only a reply
     that repeats its command is excepted.
     """
+    # FF where a reply may hold one (its wheel count, a port's bits), and where it begins a command:
+    #
+    #     start   0      6         14      18     24
+    #     kind    wheel  io_write  wheel   read   read
+    #     behind  FF 05  FF FF     FF A1   08 09  FF 05
+    #     may     1      1         1              -       by the command's reply: a read's has no FF
+    #     echo    0      1         0                      io_write FF FF is answered by the same
+    #     taken   0      0         1                      a good command begins there, at 18
+    #     plain   1      1         0       1      0     has a reply
     limit = block.limit(start)
     room = limit - end
     asks, ff0, ff1 = _ASKS[kind], data[end] == HEADER, data[end + 1] == HEADER
@@ -250,6 +284,7 @@ def _spans(start: I64, end: I64, replies: I64) -> Spans:
     """Lay commands and replies out in wire order."""
     if len(start) and replies.max() <= 1:
         return _spans_of_pairs(start, end, replies)
+    # A command's row is its number plus the replies before it: 0 0 2 1 replies put four at 0 1 2 5.
     at = np.arange(len(start)) + np.cumsum(replies) - replies
     total = len(start) + int(replies.sum())
     first, last = np.empty(total, np.int64), np.empty(total, np.int64)
@@ -281,6 +316,8 @@ def describe(block: Block, spans: Spans) -> Frames:
     data, start, n = block.data, spans.start, len(spans)
     request = spans.kind == REQUEST
     answer = np.flatnonzero(~request)
+    # A reply says nothing of itself: it is described by its command's two bytes. For Q A Q Q A Q A
+    # the commands begin at 0 0 6 12 12 22 22, and one look-up gives the kind of all rows.
     command = start.copy()
     command[answer] = start[in_order(~request)[answer]]
     if n:

@@ -90,6 +90,10 @@ def is_packet(raw: bytes) -> bool:
 
 def find(block: Block) -> tuple[I64, I64, I64]:
     """Return starts and ends of packets that hold, and starts that wait for bytes."""
+    # FF FF AA 55 at the end of an open block may be a packet's first half, but no plan can say so:
+    # it needs 14 bytes to read a length. So each of the last 13 places is asked whether what stands
+    # there is the header's beginning, or the header with too little behind it. A single FF, or two,
+    # is left to wCK: there they begin a command, and framing waits for it anyway.
     start = end = waiting = np.empty(0, np.int64)
     if HEADER in block.data.tobytes():  # rare: most buses never see one
         start, end, waiting = candidates(PLAN, block)
@@ -105,6 +109,16 @@ def find(block: Block) -> tuple[I64, I64, I64]:
 
 def answers(block: Block, start: I64, end: I64, is_one: Mask, op: I64) -> Mask:
     """Tell which packets answer the one right before them: of its type, and itself no answer."""
+    # Packets of type 10 (begin) and 12 (version), with a wCK read and its reply between:
+    #
+    #     row       0   1   2   3   4   5   6
+    #     type      10  10  -   -   12  12  12
+    #     follows   0   1   0   0   0   1   1      like the packet right before it
+    #     first     0   0   2   3   4   4   4      where the row of likes begins
+    #     answers   0   1   0   0   0   1   0      every second of a row
+    #
+    # An answer answers a request, so in a row of likes they take turns. To compare neighbours only
+    # would make 6 answer 5, which is itself an answer.
     follows = np.zeros(len(start), bool)
     segment = block.segment(start)
     follows[1:] = is_one[1:] & (op[1:] == op[:-1]) & (start[1:] == end[:-1])

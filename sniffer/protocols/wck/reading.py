@@ -85,6 +85,21 @@ def states_itself(frames: Frames) -> Mask:
 
 def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
     """Read register values; rows of one shape carry the same registers at the same places."""
+    # A reply to a read, a move of servos 0 and 1 at once, a 10-bit move and its reply, another
+    # reply:
+    #
+    #     row        1        2                  3          4         6
+    #     key        5        130                52         53        5     2 * op + kind, or
+    #     per_row    2        4                  2          1         2     128 + targets
+    #     first      0        2                  6          8         9     place of its first value
+    #     servo      1 1      0 0 1 1            31 31      31        2 2
+    #     raw        7 99     2 16 2 32          0 808      808       8 100
+    #     in the end 7 99     2 16 2 32          0 404      404       8 100
+    #
+    # Rows of one key are read together, a register at a time: key 5 has load and position, so two
+    # reads fill places 0, 9 and 1, 10. ``first`` is known before anything is read, so values are in
+    # wire order without sorting. Only then are 10-bit positions put right: what their low byte
+    # means depends on those before it, of whatever command.
     data = block.data
     op = np.minimum(frames.op[rows], UNKNOWN_OP)
     key = 2 * op + frames.kind[rows]
@@ -114,6 +129,15 @@ def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
 
 def _aligned(pair: I64, state: State) -> I64:
     """Return 10-bit positions from H3 << 8 | L7, in stream order; see ``slow.aligned``."""
+    # Four positions of a bus that has shown nothing yet:
+    #
+    #     L7          28   50   29   D0
+    #     seen_low    0    0    1    1      bit 0 was set in this one or before
+    #     seen_high   0    0    0    1      bit 7
+    #     low         20   40   41   104    bits 7..1, except the third: bits 6..0
+    #     position    404  424  41   488    H3 is 3, 3, 0, 3
+    #
+    # Once seen, always seen: that is what accumulate says, and what the next block begins with.
     seen_high = np.logical_or.accumulate(pair & 0x80 > 0) | bool(state.notes.get("l7_bit7", 0))
     seen_low = np.logical_or.accumulate(pair & 0x01 > 0) | bool(state.notes.get("l7_bit0", 0))
     state.notes["l7_bit7"], state.notes["l7_bit0"] = int(seen_high[-1]), int(seen_low[-1])
