@@ -183,11 +183,13 @@ class TestAFrameWithinAFrame:
 class Twin(Dynamixel1):
     """The same packets by another name, with one more rate and one command that is its own."""
 
-    name = "twin"
-    bauds: tuple[int, ...] = (*Dynamixel1.bauds, 500000)
+    def __init__(self) -> None:
+        super().__init__()
+        self.name, self.bauds = "twin", (*self.bauds, 500000)
+        self._described, self.describe = self.describe, self._unwritten
 
-    def describe(self, block: Block, spans: Spans) -> Frames:
-        frames = super().describe(block, spans)
+    def _unwritten(self, block: Block, spans: Spans) -> Frames:
+        frames = self._described(block, spans)
         return replace(frames, flags=np.where(frames.op == WRITE, UNKNOWN, 0).astype(np.uint8))
 
 

@@ -2,23 +2,40 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import json
+import re
 import tomllib
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pytest
+from construct import (
+    BitsInteger,
+    BitStruct,
+    Byte,
+    Check,
+    Flag,
+    GreedyBytes,
+    GreedyRange,
+    Int8sb,
+    Int16ub,
+    Struct,
+    Terminated,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sniffer.decoding import pairing
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.reference import Reference
+from sniffer.ground.checksums import XOR8
 from sniffer.ground.framing import Block
 from sniffer.ground.model import MALFORMED, OK, OUTCOMES, REQUEST, UNUSUAL, Batch, Chunk
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols.base import view
+from sniffer.protocols.packets import MUST, Command, Member
 from tests.records import batches, gaps, records
 from tests.streams import chunked
 from tests.streams.members import (
@@ -27,11 +44,15 @@ from tests.streams.members import (
     conversation,
     example,
     joint,
+    loaded,
     number,
     packet,
     status,
     stream,
 )
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 EVERY: Final = pytest.mark.parametrize("name", NAMES)
 VECTORS: Final = [
@@ -301,6 +322,56 @@ def test_what_is_torn_is_said_with_what_can_be_read(name: str) -> None:
         ["noise", "truncated"],
         ["noise"],
     )
+
+
+def test_the_designs_example_is_a_protocol(tmp_path: Path) -> None:
+    guide = (EXAMPLES.parents[1] / "docs" / "design.md").read_text(encoding="utf-8")
+    guide = guide.partition("\n## 12. Adding a protocol\n")[2]
+    blocks = dict(re.findall(r"^```(toml|py)\n(.*?)^```$", guide, re.MULTILINE | re.DOTALL))
+    (tmp_path / "tin.toml").write_text(blocks["toml"], encoding="utf-8")
+    file = tmp_path / "sniffer_tin.py"
+    file.write_text(blocks["py"], encoding="utf-8")
+    tin = loaded(file).PROTOCOL
+
+    def packet(servo_id: int, code: int, params: bytes) -> bytes:
+        body = bytes([servo_id, len(params) + 1, code]) + params
+        return b"\xa5\x5a" + body + bytes([XOR8(body)])
+
+    ask = packet(7, 2, b"\x12\x02")
+    assert f"explain {ask.hex(' ').upper()} --protocol sniffer_tin.py" in guide
+    told = packet(7, 0x80, b"\x00\x2c\x01")
+    goals = packet(255, 6, b"\x10\x02\x07\x64\x00\x08\x65\x00")
+    parts = batches(Decoder(tin), [[Chunk(ask + told + goals)]])
+    assert (
+        records(parts).transactions
+        == Reference(tin).decode([Chunk(ask + told + goals)]).transactions
+    )
+    samples = [
+        (int(who), round(float(x), 3))
+        for b in parts
+        for who, x in zip(b.values.servo_id, b.values.value, strict=True)
+    ]
+    assert samples == [(7, 30.0), (7, 10.0), (8, 10.1)]
+
+
+@pytest.mark.parametrize(
+    "params",
+    [
+        Struct("address" / Byte, Check(lambda x: x.address > 3), Terminated),
+        Struct("address" / Int16ub, "data" / GreedyBytes),
+        Struct("address" / Int8sb, "data" / GreedyBytes),
+        Struct("option" / Byte, "address" / Byte, Terminated),
+        Struct("data" / GreedyBytes, "option" / Byte),
+        Struct("address" / Byte, "targets" / GreedyRange(Struct("servo_id" / Byte))),
+        Struct("targets" / GreedyRange(Struct("address" / Byte, "length" / Byte))),
+        Struct("flags" / BitStruct("a" / Flag, "b" / BitsInteger(7))),
+    ],
+)
+def test_what_columns_have_no_form_for_is_refused_when_the_protocol_is_made(params: Any) -> None:
+    family = example("dynamixel1").FAMILY
+    commands = {**family.commands, 0x30: Command("odd", params, MUST)}
+    with pytest.raises(TypeError):
+        Member(dataclasses.replace(family, commands=commands))
 
 
 def test_a_protocol_knows_the_models_that_a_user_brings() -> None:

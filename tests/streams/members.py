@@ -22,7 +22,11 @@ BYTES: Final = [0xFF, 0xFF, 0xFD, 0xFD, 0, 1, 2, 3, 4, 5, 7, 0x1E, 0x24, 0x2A, 0
 @functools.cache
 def example(name: str) -> Any:
     """Return the module of an example, loaded from its file."""
-    path = EXAMPLES / name / f"sniffer_{name}.py"
+    return loaded(EXAMPLES / name / f"sniffer_{name}.py")
+
+
+def loaded(path: Path) -> Any:
+    """Return the module that a file is."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None
     assert spec.loader is not None

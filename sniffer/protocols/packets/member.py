@@ -32,6 +32,7 @@ class Member(Words):
     """
 
     interface = 1
+    auto = True  # a header and a checksum tell its packets from noise
     blank = b""
     ordered = False
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import construct as c
+import numpy as np
 
 from sniffer.ground.model import MALFORMED, REQUEST, Gap
 from sniffer.ground.registers import bit_names
@@ -28,12 +29,10 @@ class Words:
         self._size = columns.length_name
         error = field_named(family.feedback, "error")
         self._bits, self._numbers = flag_bits(error), numbers(error)
-        outside = self._total(0) - self.plan.tail({self._size: 0})  # bytes beside the parameters
-        self._least = next(n for n in range(family.most) if self._total(n) >= outside)
-
-    def _total(self, size: int) -> int:
-        """Return the packet's bytes by its length field."""
-        return int(self.plan.tail({self._size: size})) + self.plan.tail_at + self.plan.sum_width
+        tail = np.asarray(self.plan.tail({self._size: np.arange(family.most + 1)}))
+        self._least = int(np.flatnonzero(tail >= 0)[0])
+        # a packet's bytes by its length field
+        self._total: list[int] = (tail + self.plan.tail_at + self.plan.sum_width).tolist()
 
     def op_name(self, op: int) -> str:
         """Return the command's name; a code no manual has is ``unknown_<hex>``."""
@@ -184,7 +183,7 @@ class Words:
                 add(stop, "damaged", {self._size: size, f"{self._size}_{bound}": limit})
                 continue
             following = run.find(head, at + len(head))
-            need = None if size is None else self._total(size)
+            need = None if size is None else self._total[size]
             stop = at + (need or 0)
             if need is None or stop > n or 0 <= following < stop - plan.sum_width:
                 end = following if following >= 0 else n
