@@ -1,0 +1,295 @@
+"""The kit: everything that is held of a protocol, check by check, and the report."""
+
+from __future__ import annotations
+
+import functools
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+from sniffer.ground.model import SnifferError
+from sniffer.testing import laws
+from sniffer.testing.arrange import ARRANGEMENTS, NAMES, SCENE, Others, scene_of
+from sniffer.testing.coverage import goals, headers, lacking, table_of
+from sniffer.testing.facts import facts_of, known_of, plain
+from sniffer.testing.faults import faults_of, planted, suspects
+from sniffer.testing.talk import talk_of
+from sniffer.testing.truth import counted, hear, judged, laid_out, wrong_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.testing.case import Case
+    from sniffer.testing.facts import Fact, Known
+    from sniffer.testing.faults import Fault
+    from sniffer.testing.talk import Exchange, Talk
+
+EXAMPLES: Final = 40
+"""Streams a law is held on; in a thorough run twenty times as many."""
+
+BITES: Final = 800
+"""Bytes fed one by one; in a thorough run all."""
+
+SLOW_CASES: Final = 300
+"""Cases on which the slow form is asked; in a thorough run all."""
+
+FIRST: Final = 40
+"""Cases that a fault is shown first; most do not survive them."""
+
+TOLD: Final = 6
+"""Wrong cases that a message shows in full."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One thing that is held of a protocol; calling it raises AssertionError where it is not."""
+
+    name: str
+    run: Callable[[], str]
+
+    def __call__(self) -> None:
+        """Hold it."""
+        self.run()
+
+    def __str__(self) -> str:
+        return self.name
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What came of all checks: by name what each saw, and what failed."""
+
+    protocol: str
+    seen: dict[str, str] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def ok(self) -> bool:
+        """Whether all holds."""
+        return not self.failed
+
+    def report(self) -> str:
+        """Return a line for each check, and what is wrong in full."""
+        out = [f"{self.protocol}: {len(self.seen)} hold, {len(self.failed)} do not"]
+        out += [f"  holds  {name}: {told}" for name, told in self.seen.items()]
+        for name, told in self.failed.items():
+            out += [f"  FAILS  {name}", *(f"         {line}" for line in told.splitlines())]
+        return "\n".join(out)
+
+    __str__ = report
+
+
+class Kit:
+    """A protocol and its talk; what several checks need is worked out once."""
+
+    def __init__(self, protocol: BusProtocol, talk: Talk, *, thorough: bool, seed: int) -> None:
+        self.protocol, self.talk = protocol, talk
+        self.thorough, self.seed = thorough, seed
+        self._company: dict[tuple[int, ...], set[int]] = {}
+        if talk.model and talk.model not in {m.model for m in protocol.models}:
+            raise SnifferError(f"{protocol.name} has no model {talk.model[:40]!r}")
+        self.model = talk.model or (protocol.models[0].model if protocol.models else "")
+
+    @functools.cached_property
+    def known(self) -> list[Known]:
+        """The exchanges that are decoded as labelled."""
+        return known_of(self.protocol, self.talk.exchanges, self.model)
+
+    @functools.cached_property
+    def cases(self) -> list[Case]:
+        """All arrangements of them, and the scenes."""
+        others = Others(self.protocol, self.known, thorough=self.thorough)
+        understood = {id(k.exchange) for k in self.known}
+        odd = [plain(e) for e in self.talk.exchanges if id(e) not in understood]
+        made = [case for arrange in ARRANGEMENTS for k in self.known for case in arrange(k, others)]
+        return [*odd, *made, *(scene_of(s) for s in self.talk.scenes)]
+
+    @functools.cached_property
+    def wrong(self) -> dict[int, str]:
+        """The cases that are not decoded as labelled."""
+        return wrong_of(self.protocol, self.cases, self.model)
+
+    @functools.cached_property
+    def scenes(self) -> list[list[Fact]]:
+        """The frames of each scene."""
+        return facts_of(self.protocol, [scene_of(s) for s in self.talk.scenes], self.model)
+
+    def truth(self, arrangement: str) -> str:
+        """Hold the cases of an arrangement against their labels and the declared ambiguities."""
+        mine = [k for k, c in enumerate(self.cases) if c.arrangement == arrangement]
+        wrong = {k: why for k, why in self.wrong.items() if k in set(mine)}
+        found = counted(self.cases, wrong)
+        declared = {
+            key: n
+            for key, n in self.talk.ambiguous.items()
+            if key.partition(": ")[0] == arrangement
+        }
+        out = []
+        for key in {**found, **declared}:
+            some = found.get(key, [])
+            if self.thorough and key in declared and some:
+                continue  # more cases are more ambiguous ones
+            if len(some) != declared.get(key, 0):
+                out.append(f"{key}: {len(some)} differ from their labels, {declared.get(key, 0)} declared")
+                out += [f"  {self.cases[k]}\n    {wrong[k]}" for k in some[:TOLD]]
+        if out:
+            raise AssertionError("\n".join(out))
+        told = f"{len(mine)} cases"
+        return f"{told}, {len(wrong)} of them ambiguous as declared" if wrong else told
+
+    def misspelt(self) -> str:
+        """Hold that declared ambiguities name arrangements and commands that there are."""
+        keys = {c.key for c in self.cases}
+        unknown = [key for key in self.talk.ambiguous if key not in keys]
+        if unknown:
+            raise AssertionError(f"ambiguous cases declared that are none: {', '.join(unknown)}")
+        return f"{len(self.talk.exchanges)} exchanges, {len(self.talk.scenes)} scenes"
+
+    def slow(self) -> str:
+        """Hold columns and slow form equal on the arrangements, one decoder a case."""
+        some = self.cases
+        if not self.thorough:
+            some = some[:: max(1, len(some) // SLOW_CASES)]
+        for a in range(0, len(some), 8):
+            part = some[a : a + 8]
+            chunks = laid_out(self.protocol, part)
+            laws.reference(self.protocol, chunks, laws.Random(0))
+        return f"{len(some)} cases"
+
+    def bytewise(self) -> str:
+        """Hold that exchanges fed byte by byte, so cut at every boundary, are what they are whole."""
+        total = 0
+        for e in self._each():
+            if total + len(e.data) > BITES and not self.thorough:
+                continue
+            total += len(e.data)
+            self._bites(e)
+        return f"{total} boundaries"
+
+    def _each(self) -> list[Exchange]:
+        """Return the exchanges, one of each command first."""
+        turn: Counter[str] = Counter()
+        order = []
+        for n, e in enumerate(self.talk.exchanges):
+            turn[e.name] += 1
+            order.append((turn[e.name], n))
+        return [self.talk.exchanges[n] for _, n in sorted(order)]
+
+    def _bites(self, e: Exchange) -> None:
+        protocol = self.protocol
+        chunks = laid_out(protocol, [plain(e)])
+        again = laws.recut(laws.Random(0), protocol, chunks, len(e.data))
+        got = laws.decoded(protocol, [[c] for c in again])
+        laws.equal("byte by byte", got, laws.decoded(protocol, [chunks]), chunks)
+
+    def coverage(self) -> str:
+        """Hold that the talk reaches everything, or says why it cannot."""
+        asked = goals(
+            self.protocol, self.talk, self.known, self.scenes, self.cases, (*NAMES, SCENE)
+        )
+        if missing := lacking(self.talk, asked):
+            raise AssertionError("\n".join(missing))
+        return f"{sum(g.is_met for g in asked)} of {len(asked)} goals, the others absent with reason"
+
+    def faults(self) -> str:
+        """Hold that no planted fault survives the talk."""
+        alive = []
+        planted_ones = list(
+            faults_of(self.protocol, table_of(self.protocol, self.talk), self.known, self.scenes, headers(self.known)[0])
+        )
+        excused = set()
+        for fault in planted_ones:
+            if self._survives(fault):
+                reasons = [p for p in self.talk.harmless if p == fault.name]
+                excused.update(reasons)
+                if not reasons:
+                    alive.append(fault.name)
+        out = [f"survives: {name}" for name in alive]
+        out += [f"said to be harmless, and it is not: {x}" for x in self.talk.harmless if x not in excused]
+        if out:
+            raise AssertionError("\n".join(out))
+        told = f"{len(planted_ones) - len(excused)} killed"
+        return f"{told}, {len(excused)} harmless as declared" if excused else told
+
+    def _survives(self, fault: Fault) -> bool:
+        broken = planted(self.protocol, fault)
+        rows = [k for k in suspects(self.cases, fault) if k not in self.wrong]
+        for a, b in ((0, FIRST), (FIRST, 1000), (1000, len(rows))):
+            if rows[a:b] and self._tells(broken, tuple(rows[a:b])):
+                return False
+        return True
+
+    def _tells(self, broken: BusProtocol, rows: tuple[int, ...]) -> bool:
+        """Whether a case is wrong with the fault that is right without it, in the same company."""
+        some = [self.cases[k] for k in rows]
+        try:
+            heard = hear(broken, some, self.model)
+        except Exception:  # whatever it breaks, it is seen
+            return True
+        return not {k for k, h in enumerate(heard) if judged(some[k], h)} <= self._unsound(rows)
+
+    def _unsound(self, rows: tuple[int, ...]) -> set[int]:
+        """Return which of these cases are wrong without any fault, in the same company."""
+        if rows not in self._company:
+            some = [self.cases[k] for k in rows]
+            heard = hear(self.protocol, some, self.model)
+            self._company[rows] = {k for k, h in enumerate(heard) if judged(some[k], h)}
+        return self._company[rows]
+
+
+def checks(
+    protocol: BusProtocol,
+    talk: Talk | Iterable[Exchange],
+    *,
+    thorough: bool = False,
+    seed: int = 0,
+) -> list[Check]:
+    """Return all that is held of a protocol, one call each, for a test runner that names them.
+
+    Args:
+        protocol: the protocol, an object as ``sniffer.protocols.base`` describes it.
+        talk: labelled exchanges.
+        thorough: all combinations and many more streams, which takes minutes.
+        seed: another one draws other streams.
+
+    Raises:
+        SnifferError: the talk is none.
+    """
+    kit = Kit(protocol, talk_of(talk), thorough=thorough, seed=seed)
+    exchanges = [*kit.talk.exchanges, *(e for s in kit.talk.scenes for e in s)]
+    examples = EXAMPLES * (20 if thorough else 1)
+
+    def law(rule: Callable[..., None]) -> Callable[[], str]:
+        def run() -> str:
+            total = laws.hold(rule, protocol, exchanges, examples, seed)
+            return f"{examples} streams, {total} bytes"
+
+        return run
+
+    return [
+        Check("talk", kit.misspelt),
+        *(Check(f"truth: {n}", functools.partial(kit.truth, n)) for n in (*NAMES, SCENE)),
+        Check("law: columns say what the slow form says, arranged", kit.slow),
+        Check("law: a cut at every boundary changes nothing", kit.bytewise),
+        *(Check(f"law: {name}", law(rule)) for name, rule in laws.LAWS.items()),
+        Check("coverage", kit.coverage),
+        Check("faults", kit.faults),
+    ]
+
+
+def check(
+    protocol: BusProtocol,
+    talk: Talk | Iterable[Exchange],
+    *,
+    thorough: bool = False,
+    seed: int = 0,
+) -> Result:
+    """Hold everything of a protocol, and return what came of it; arguments as for ``checks``."""
+    result = Result(protocol.name)
+    for one in checks(protocol, talk, thorough=thorough, seed=seed):
+        try:
+            result.seen[one.name] = one.run()
+        except AssertionError as error:
+            result.failed[one.name] = str(error)
+    return result
