@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -115,7 +116,7 @@ class Case:
 
 
 def shown(data: bytes, silences: list[int] | tuple[int, ...] = ()) -> str:
-    """Return bytes in hexadecimal; a silence is a bar."""
+    """Return bytes in hexadecimal; a silence, or a cut, is a bar."""
     edges = [0, *silences, len(data)]
-    parts = [data[a:b].hex(" ").upper() for a, b in zip(edges, edges[1:], strict=False)]
+    parts = [data[a:b].hex(" ").upper() for a, b in itertools.pairwise(edges)]
     return " | ".join(p for p in parts if p)

@@ -188,7 +188,7 @@ def _directions(protocol: BusProtocol, known: Sequence[Known]) -> Iterator[Goal]
         for k in known
         if 0 <= k.request.op < 256 and not k.request.op & ~names and k.request.kind == REQUEST
     }
-    if not alike or not asking or not answering.startswith(asking):
+    if not (names and alike and asking and answering.startswith(asking)):
         return
     told = {a.status for k in known for a in k.answers}
     for code, name in sorted(alike.items()):

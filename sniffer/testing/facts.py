@@ -7,6 +7,7 @@ so that a planted fault is judged by the same cases.
 from __future__ import annotations
 
 import os
+from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -39,6 +40,8 @@ class Fact:
     flags: int
     parts: tuple[tuple[str, int], ...]
     """Registers that it states, by name, and how much of each."""
+    targets: int
+    """Servos of which it states any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,8 +109,8 @@ def facts_of(protocol: BusProtocol, cases: Sequence[Case], model: str) -> list[l
         at += len(case.data)
     row = 0
     for batch in (decoder.feed(*laid_out(protocol, cases)), decoder.close()):
-        told = _parts(protocol, batch)
-        for i, fact in enumerate(_facts(batch.frames, told)):
+        told, servos = _parts(protocol, batch)
+        for i, fact in enumerate(_facts(batch.frames, told, servos)):
             start = int(batch.frames.start[i]) + batch.base
             while row + 1 < len(begins) and begins[row + 1] <= start:
                 row += 1
@@ -115,23 +118,29 @@ def facts_of(protocol: BusProtocol, cases: Sequence[Case], model: str) -> list[l
     return out
 
 
-def _parts(protocol: BusProtocol, batch: Batch) -> dict[int, list[tuple[str, int]]]:
-    out: dict[int, list[tuple[str, int]]] = {}
+Parts = dict[int, list[tuple[str, int]]]
+
+
+def _parts(protocol: BusProtocol, batch: Batch) -> tuple[Parts, dict[int, set[int]]]:
+    out: Parts = defaultdict(list)
+    servos: dict[int, set[int]] = defaultdict(set)
     v = batch.values
-    for row, register, part in zip(
-        v.row.tolist(), v.register.tolist(), v.part.tolist(), strict=True
-    ):
-        out.setdefault(row, []).append((protocol.registers[register].name, part))
-    return out
+    columns = (v.row, v.register, v.part, v.servo_id)
+    for row, register, part, servo in zip(*(c.tolist() for c in columns), strict=True):
+        out[row].append((protocol.registers[register].name, part))
+        servos[row].add(servo)
+    return out, servos
 
 
-def _facts(f: Frames, told: dict[int, list[tuple[str, int]]]) -> list[Fact]:
+def _facts(f: Frames, told: Parts, servos: dict[int, set[int]]) -> list[Fact]:
     columns = (
         *(f.kind, f.servo_id, f.op, f.address, f.data_start - f.start, f.data_length, f.status),
         *(f.reply, f.token, f.alt_id, f.flags),
     )
-    rows = zip(*(c.tolist() for c in columns), strict=True)
-    return [Fact(*row, parts=tuple(told.get(i, ()))) for i, row in enumerate(rows)]
+    rows = enumerate(zip(*(c.tolist() for c in columns), strict=True))
+    return [
+        Fact(*row, parts=tuple(told.get(i, ())), targets=len(servos.get(i, ()))) for i, row in rows
+    ]
 
 
 def known_of(protocol: BusProtocol, exchanges: Sequence[Exchange], model: str) -> list[Known]:

@@ -7,6 +7,7 @@ reached by itself.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -31,10 +32,11 @@ from sniffer.ground.model import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Collection, Iterator, Sequence
 
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import BusProtocol, State, Values
+    from sniffer.testing.case import Case
     from sniffer.testing.facts import Fact, Known
 
 
@@ -103,7 +105,7 @@ def faults_of(
     for number, register in enumerate(table.registers, table.first):
         if register.name in valued:
             yield _off_by_one(number, register.name)
-    yield from _of_framing(protocol, header)
+    yield from _of_framing(protocol, known, header)
     if any(protocol.refused(np.array([f.status], np.int16))[0] for k in known for f in k.answers):
         yield Fault("no answer refuses", describe=_without_status)
 
@@ -145,7 +147,7 @@ def _of_command(
     if any(f.address >= 0 and f.parts for f in mine):
         wrong = put("address", lambda f: f.address + 1, lambda f: asked(f) & (f.address >= 0))
         yield of("one address on", wrong)
-    if any(len({p for p in f.parts}) < len(f.parts) for f in mine):
+    if any(f.targets > 1 for f in mine):
         yield Fault(f"{name}: targets one step less", name, values=lambda f, v: _shifted(f, v, op))
     if protocol.ordered or not answered:
         return  # answers come in their order there: neither token nor id is asked for
@@ -199,7 +201,9 @@ def _shifted(f: Frames, v: Values, op: int) -> Values:
     return replace(v, servo_id=np.where(later, v.servo_id[begin], v.servo_id).astype(np.int16))
 
 
-def _of_framing(protocol: BusProtocol, header: bytes) -> Iterator[Fault]:
+def _of_framing(
+    protocol: BusProtocol, known: Sequence[Known], header: bytes
+) -> Iterator[Fault]:
     def without(lost: Callable[[Block, Spans], Mask]) -> Any:
         def change(block: Block, spans: Spans, decided: int) -> tuple[Spans, int]:
             return spans.take(~lost(block, spans)), decided
@@ -215,8 +219,10 @@ def _of_framing(protocol: BusProtocol, header: bytes) -> Iterator[Fault]:
         rows = zip(spans.start.tolist(), spans.end.tolist(), strict=True)
         return np.array([data.find(header, a + n, b) >= 0 for a, b in rows], bool)
 
-    yield Fault("the longest frames are lost", frame=without(longest))
-    if header:
+    frames = [raw for k in known for raw in (k.exchange.request, *k.exchange.replies)]
+    if any(len(raw) >= protocol.longest for raw in frames):
+        yield Fault("the longest frames are lost", frame=without(longest))
+    if header and any(header in raw[len(header) :] for raw in frames):
         yield Fault("a header inside a frame begins another", frame=without(holds_header))
     yield Fault("silences are ignored", blocks=_without_silences)
 
@@ -225,27 +231,31 @@ def _without_silences(block: Block) -> Block:
     return Block(block.data, np.empty(0, np.int64), block.final)
 
 
-def suspects(cases: Sequence[Any], fault: Fault) -> list[int]:
-    """Return the numbers of the cases that could show a fault, those that show most first."""
-    if fault.command:
-        rows = [k for k, c in enumerate(cases) if any(e.name == fault.command for e in c.exchanges)]
-    elif fault.register:
-        rows = [k for k, c in enumerate(cases) if c.valued and _labels(c, fault.register)]
-    else:
-        rows = list(range(len(cases)))
-    # of each arrangement some, rather than all of the first
-    turn: dict[str, int] = {}
-    order = []
-    for k in rows:
-        name = cases[k].arrangement
-        turn[name] = turn.get(name, 0) + 1
-        order.append((turn[name], k))
-    return [k for _, k in sorted(order)]
+class Suspects:
+    """Which cases could show a fault; of each arrangement some first, rather than all of one."""
 
+    def __init__(self, cases: Sequence[Case], without: Collection[int]) -> None:
+        self.every: list[int] = []
+        self.by_command: dict[str, list[int]] = defaultdict(list)
+        self.by_register: dict[str, list[int]] = defaultdict(list)
+        turn: dict[tuple[str, str], int] = defaultdict(int)
+        order = []
+        for k, case in enumerate(cases):
+            if k not in without:
+                key = case.arrangement, case.exchanges[0].name
+                turn[key] += 1
+                order.append((turn[key], k))
+        for _, k in sorted(order):
+            self.every.append(k)
+            for name in {e.name for e in cases[k].exchanges}:
+                self.by_command[name].append(k)
+            labels = (label for e in cases[k].exchanges for label in e.values or ())
+            if cases[k].valued:
+                for name in {x if isinstance(x, str) else x[1] for x in labels}:
+                    self.by_register[name].append(k)
 
-def _labels(case: Any, register: str) -> bool:
-    return any(
-        (label if isinstance(label, str) else label[1]) == register
-        for e in case.exchanges
-        for label in e.values or ()
-    )
+    def of(self, fault: Fault) -> list[int]:
+        """Return the numbers of the cases."""
+        if fault.command:
+            return self.by_command[fault.command]
+        return self.by_register[fault.register] if fault.register else self.every

@@ -53,8 +53,8 @@ class Talk:
         scenes: exchanges that only make sense in their order (staged, then released), played as
             they are. In a scene an exchange without answers is one that nobody expects answered.
         commands: the names of all commands, for a protocol that does not declare them.
-        ambiguous: by ``"arrangement: command"`` how many cases the wire leaves undecided, so that
-            what the decoder says need not be the label. More is an error, less is one too.
+        ambiguous: by ``"arrangement: command"`` (or a pattern of it) how many cases the wire leaves
+            undecided, so that what is decoded need not be the label. More or less is an error.
         absent: what coverage asks for and this protocol cannot have, with the reason: the names
             of goals, or patterns of them (``*``, ``?``). What is there after all is an error.
         harmless: planted faults that change nothing in this protocol, with the reason.

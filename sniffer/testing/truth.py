@@ -7,7 +7,6 @@ case that fails among others counts only if it fails alone too.
 
 from __future__ import annotations
 
-from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
@@ -16,7 +15,6 @@ import numpy as np
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.model import KINDS, OUTCOMES, RESPONSE, Chunk, Clock
 from sniffer.ground.timing import byte_time_ns
-from sniffer.testing.case import shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -177,16 +175,3 @@ def wrong_of(
             if wrong:
                 out[a + k] = wrong
     return out
-
-
-def counted(cases: Sequence[Case], wrong: dict[int, str]) -> dict[str, list[int]]:
-    """Return the numbers of the wrong cases by arrangement and command."""
-    out: dict[str, list[int]] = defaultdict(list)
-    for k in wrong:
-        out[cases[k].key].append(k)
-    return dict(out)
-
-
-__all__ = [
-    "BEGIN_NS", "Heard", "counted", "decoder_of", "hear", "judged", "laid_out", "shown", "wrong_of",
-]  # fmt: skip

@@ -168,6 +168,19 @@ TALK: Final = Talk(
     [*of_vectors("mightyzap"), *READS, *WRITES, *OTHERS],
     SCENES,
     commands=[c.name for c in COMMANDS.values()],
+    # An error byte 73 with data that make a symmetric store is told by the request right before it;
+    # and of data that hold a packet, the packet comes to light where the frame around it breaks.
+    # A packet cut before a checksum FF takes that from the next header.
+    ambiguous={
+        "answered twice: load_data": 1,
+        "answer to another command: load_data": 2,
+        "two in flight: load_data": 4,
+        "answer late: load_data": 1,
+        "answer cut: load_data": 6,
+        "answer damaged: load_data": 6,
+        "request damaged: load_data": 4,
+        "silence inside: load_data": 24,
+    },
     absent={
         "echo one byte less": "it has no factors",
         "execution one byte less": "it has no factors",
