@@ -25,6 +25,8 @@ def held(name: str) -> list[Check]:
     return checks(PROTOCOLS[name], talk_of(name))
 
 
-@pytest.mark.parametrize("one", [pytest.param(c, id=f"{n}: {c}") for n in PROTOCOLS for c in held(n)])
+@pytest.mark.parametrize(
+    "one", [pytest.param(c, id=f"{n}: {c}") for n in PROTOCOLS for c in held(n)]
+)
 def test_what_the_kit_holds_of_each_protocol(one: Check) -> None:
     one()

@@ -11,6 +11,6 @@ A protocol that lives outside this package is tested with it (docs/conformance.m
 """
 
 from sniffer.testing.kit import Check, Result, check, checks
-from sniffer.testing.talk import Exchange, Talk
+from sniffer.testing.talk import Exchange, Label, Talk
 
-__all__ = ["Check", "Exchange", "Result", "Talk", "check", "checks"]
+__all__ = ["Check", "Exchange", "Label", "Result", "Talk", "check", "checks"]

@@ -86,9 +86,7 @@ class Case:
 
     def unanswered(self, e: Exchange, at: int) -> None:
         """Note that a request stays without an answer."""
-        self.pairs.append(
-            Pair(at, -1, frozenset({NOT_EXPECTED}) if e.answers == () else NOTHING)
-        )
+        self.pairs.append(Pair(at, -1, frozenset({NOT_EXPECTED}) if e.answers == () else NOTHING))
 
     def answer(self, e: Exchange, at: int) -> None:
         """Say the answers to the request at ``at``."""

@@ -218,7 +218,8 @@ def _registers(
     table: RegisterMap, known: Sequence[Known], scenes: Sequence[Sequence[Fact]]
 ) -> Iterator[Goal]:
     facts = [f for k in known for f in (k.request, *k.answers)] + [f for s in scenes for f in s]
-    seen = {part for f in facts for part in f.parts}
+    labelled = [k for k in known if k.exchange.values is not None]
+    seen = {part for k in labelled for f in (k.request, *k.answers) for part in f.parts}
     written = [f for f in facts if f.kind == REQUEST and f.parts and f.address >= 0]
     addresses = [r.address for r in table.registers if r.address >= 0]
     for r in table.registers:

@@ -6,10 +6,10 @@ so that a planted fault is judged by the same cases.
 
 from __future__ import annotations
 
-import os
 from collections import defaultdict
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from os.path import commonpath
+from typing import TYPE_CHECKING, Any
 
 from sniffer.ground.model import MANY, NEVER, NO_ALT, REQUEST, RESPONSE, Frames
 from sniffer.testing.case import Case
@@ -80,7 +80,7 @@ class Known:
 
 def header_of(frames: Iterable[bytes]) -> bytes:
     """Return what all these frames begin with."""
-    return os.path.commonprefix([bytes(f) for f in frames])
+    return commonpath([bytes(f) for f in frames])
 
 
 def plain(e: Exchange) -> Case:
@@ -137,9 +137,9 @@ def _facts(f: Frames, told: Parts, servos: dict[int, set[int]]) -> list[Fact]:
         *(f.kind, f.servo_id, f.op, f.address, f.data_start - f.start, f.data_length, f.status),
         *(f.reply, f.token, f.alt_id, f.flags),
     )
-    rows = enumerate(zip(*(c.tolist() for c in columns), strict=True))
+    rows: list[tuple[Any, ...]] = [*zip(*(c.tolist() for c in columns), strict=True)]
     return [
-        Fact(*row, parts=tuple(told.get(i, ())), targets=len(servos.get(i, ()))) for i, row in rows
+        Fact(*[*row, tuple(told.get(i, ())), len(servos.get(i, ()))]) for i, row in enumerate(rows)
     ]
 
 

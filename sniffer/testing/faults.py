@@ -119,7 +119,7 @@ def _of_command(
         return Fault(f"{name}: {what}", name, describe=describe)
 
     def asked(f: Frames) -> Mask:
-        return (f.kind == REQUEST) & (f.op == op)
+        return np.asarray((f.kind == REQUEST) & (f.op == op))
 
     def put(column: str, value: Any, where: Callable[[Frames], Mask] = asked) -> Any:
         def change(block: Block, f: Frames) -> Frames:
@@ -132,7 +132,7 @@ def _of_command(
 
     def behind(f: Frames) -> Mask:
         q = asked(f)
-        return (f.kind == RESPONSE) & np.append(False, q[:-1])
+        return np.asarray((f.kind == RESPONSE) & np.append(False, q[:-1]))
 
     yield of("read as an answer", lambda b, f: _as_answer(f, asked(f)))
     if answered:
@@ -201,9 +201,7 @@ def _shifted(f: Frames, v: Values, op: int) -> Values:
     return replace(v, servo_id=np.where(later, v.servo_id[begin], v.servo_id).astype(np.int16))
 
 
-def _of_framing(
-    protocol: BusProtocol, known: Sequence[Known], header: bytes
-) -> Iterator[Fault]:
+def _of_framing(protocol: BusProtocol, known: Sequence[Known], header: bytes) -> Iterator[Fault]:
     def without(lost: Callable[[Block, Spans], Mask]) -> Any:
         def change(block: Block, spans: Spans, decided: int) -> tuple[Spans, int]:
             return spans.take(~lost(block, spans)), decided

@@ -6,6 +6,7 @@ import functools
 from collections import Counter
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from random import Random
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import SnifferError
@@ -14,11 +15,12 @@ from sniffer.testing.arrange import ARRANGEMENTS, NAMES, SCENE, Others, scene_of
 from sniffer.testing.coverage import goals, headers, lacking, table_of
 from sniffer.testing.facts import facts_of, known_of, plain
 from sniffer.testing.faults import Suspects, faults_of, planted
+from sniffer.testing.streams import recut
 from sniffer.testing.talk import talk_of
 from sniffer.testing.truth import hear, judged, laid_out, wrong_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable
 
     from sniffer.protocols.base import BusProtocol
     from sniffer.testing.case import Case
@@ -164,11 +166,11 @@ class Kit:
         for a in range(0, len(some), 8):
             part = some[a : a + 8]
             chunks = laid_out(self.protocol, part)
-            laws.reference(self.protocol, chunks, laws.Random(0))
+            laws.reference(self.protocol, chunks, Random(0))
         return f"{len(some)} cases"
 
     def bytewise(self) -> str:
-        """Hold that exchanges fed byte by byte, so cut at every boundary, are what they are whole."""
+        """Hold that exchanges fed byte by byte, cut at every boundary, are what they are whole."""
         total = 0
         for e in self._each():
             if total + len(e.data) > BITES and not self.thorough:
@@ -189,7 +191,7 @@ class Kit:
     def _bites(self, e: Exchange) -> None:
         protocol = self.protocol
         chunks = laid_out(protocol, [plain(e)])
-        again = laws.recut(laws.Random(0), protocol, chunks, len(e.data))
+        again = recut(Random(0), protocol, chunks, len(e.data))
         got = laws.decoded(protocol, [[c] for c in again])
         laws.equal("byte by byte", got, laws.decoded(protocol, [chunks]), chunks)
 
@@ -198,7 +200,9 @@ class Kit:
         asked = goals(self.protocol, self.talk, self.known, self.scenes, self.cases, NAMES)
         if missing := lacking(self.talk, asked):
             raise AssertionError("\n".join(missing))
-        return f"{sum(g.is_met for g in asked)} of {len(asked)} goals, the others absent with reason"
+        return (
+            f"{sum(g.is_met for g in asked)} of {len(asked)} goals, the others absent with reason"
+        )
 
     def faults(self) -> str:
         """Hold that no planted fault survives the talk."""

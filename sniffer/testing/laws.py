@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.reference import Reference
-from sniffer.ground.model import Chunk
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols.base import view
 from sniffer.testing.case import shown
@@ -17,11 +16,9 @@ from sniffer.testing.streams import chunked, noise, recut, stream
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from sniffer.ground.model import Batch
+    from sniffer.ground.model import Anomaly, Batch, Chunk
     from sniffer.protocols.base import BusProtocol
     from sniffer.testing.talk import Exchange
-
-Law = "Callable[[BusProtocol, Sequence[Chunk], Random], None]"
 
 SLACK: Final = 2 * 1024
 """Bytes of a gap that may wait for its piece to be whole."""
@@ -63,6 +60,16 @@ def equal(what: str, got: Sequence[Batch], want: Sequence[Batch], chunks: Sequen
     same(f"{what}: gap", gaps(got), gaps(want), chunks)
 
 
+def anomalies(parts: Sequence[Batch]) -> list[Anomaly]:
+    """Return what was found, in order."""
+    return [a for b in parts for a in b.anomalies]
+
+
+def uncertainties(parts: Sequence[Batch]) -> list[int]:
+    """Return that of each frame, in ns."""
+    return [x for b in parts for x in b.frames.uncertainty.tolist()]
+
+
 def every_byte_once(protocol: BusProtocol, chunks: Sequence[Chunk], rng: Random) -> None:
     """Frames and gaps, joined in order, are exactly the input."""
     del rng
@@ -99,10 +106,8 @@ def any_grouping(protocol: BusProtocol, chunks: Sequence[Chunk], rng: Random) ->
     k = rng.randint(0, len(chunks))
     one, two = decoded(protocol, [[c] for c in chunks]), decoded(protocol, [chunks[:k], chunks[k:]])
     equal("grouping", one, two, chunks)
-    found = [[a for b in some for a in b.anomalies] for some in (one, two)]
-    same("grouping: anomaly", *found, chunks)
-    unsure = [[x for b in some for x in b.frames.uncertainty.tolist()] for some in (one, two)]
-    same("grouping: uncertainty of frame", *unsure, chunks)
+    same("grouping: anomaly", anomalies(one), anomalies(two), chunks)
+    same("grouping: uncertainty of frame", uncertainties(one), uncertainties(two), chunks)
 
 
 def live_is_replay(protocol: BusProtocol, chunks: Sequence[Chunk], rng: Random) -> None:
@@ -115,14 +120,15 @@ def live_is_replay(protocol: BusProtocol, chunks: Sequence[Chunk], rng: Random) 
     live.append(decoder.close())
     replayed = decoded(protocol, [chunks])
     equal("idle", live, replayed, chunks)
-    found = [[a for b in some for a in b.anomalies] for some in (live, replayed)]
-    same("idle: anomaly", *found, chunks)
+    same("idle: anomaly", anomalies(live), anomalies(replayed), chunks)
 
 
 def bounded(protocol: BusProtocol, chunks: Sequence[Chunk], rng: Random) -> None:
     """No input raises, and what is held back stays bounded."""
     own = b"".join(c.data for c in chunks)
-    data = b"".join(rng.choice((own, noise(rng, own), own[:9] * 40, rng.randbytes(300))) for _ in range(4))
+    data = b"".join(
+        rng.choice((own, noise(rng, own), own[:9] * 40, rng.randbytes(300))) for _ in range(4)
+    )
     decoder = Decoder(protocol)
     bound = protocol.longest + protocol.reach + SLACK
     at = 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 from sniffer.ground.model import Chunk, Clock
@@ -48,7 +49,9 @@ def burst(rng: Random, exchanges: Sequence[Exchange]) -> bytes:
 
 def noise(rng: Random, like: bytes) -> bytes:
     """Return bytes of nothing, many of them such as mean something elsewhere."""
-    return bytes(rng.choice((rng.choice(like), rng.randrange(256))) for _ in range(rng.randint(1, 9)))
+    return bytes(
+        rng.choice((rng.choice(like), rng.randrange(256))) for _ in range(rng.randint(1, 9))
+    )
 
 
 def damaged(rng: Random, data: bytes) -> bytes:
@@ -72,9 +75,11 @@ def chunked(rng: Random, protocol: BusProtocol, data: bytes) -> list[Chunk]:
     cuts = rng.sample(range(1, len(data)), min(rng.randint(0, 8), max(len(data) - 1, 0)))
     edges = [0, *sorted(cuts), len(data)]
     t, out = BEGIN_NS, []
-    for a, b in zip(edges, edges[1:], strict=False):
+    for a, b in itertools.pairwise(edges):
         if b > a:
-            pause = rng.choice((0, 0, rng.randint(0, 3_000_000), tail_ns // 2, tail_ns + 1, 3 * tail_ns))
+            pause = rng.choice(
+                (0, 0, rng.randint(0, 3_000_000), tail_ns // 2, tail_ns + 1, 3 * tail_ns)
+            )
             t += (b - a) * byte_ns + pause
             out.append(Chunk(data[a:b], t, Clock.READ))
     return out
@@ -87,6 +92,6 @@ def recut(rng: Random, protocol: BusProtocol, chunks: Sequence[Chunk], most: int
     for c in chunks:
         n, end = len(c.data), c.t_ns or 0
         edges = [0, *sorted(rng.sample(range(1, n), min(most, n - 1))), n]
-        for a, b in zip(edges, edges[1:], strict=False):
+        for a, b in itertools.pairwise(edges):
             out.append(Chunk(c.data[a:b], end - (n - b) * byte_ns, c.clock))
     return out

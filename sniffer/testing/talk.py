@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from sniffer.ground.model import SnifferError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
 
 Label = str | tuple[int, str]
+Labels = Mapping[str, int] | Mapping[tuple[int, str], int] | Mapping[Label, int]
+"""Three of the same, since the keys of a mapping have one type."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +33,7 @@ class Exchange:
     name: str
     request: bytes
     answers: tuple[bytes, ...] | None = ()
-    values: Mapping[Label, int] | None = None
+    values: Labels | None = None
     errors: tuple[str, ...] | None = None
 
     @property

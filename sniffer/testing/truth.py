@@ -7,6 +7,7 @@ case that fails among others counts only if it fails alone too.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
@@ -47,7 +48,7 @@ def laid_out(protocol: BusProtocol, cases: Sequence[Case]) -> list[Chunk]:
     t, out = BEGIN_NS, []
     for case in cases:
         edges = [0, *case.silences, len(case.data)]
-        for a, b in zip(edges, edges[1:], strict=False):
+        for a, b in itertools.pairwise(edges):
             if b > a:
                 t += silence_ns + (b - a) * byte_ns
                 out.append(Chunk(case.data[a:b], t, Clock.READ))

@@ -1,17 +1,17 @@
-"""Labelled talk of the protocols, for the conformance kit; the labels come from manuals and tables.
+"""Labelled talk of the protocols, for the conformance kit; labels come from manuals and tables.
 
-One module a protocol, with ``TALK``. What a span of registers says is worked out here from the table
-as it stands in its file, not by what the decoder makes of it.
+One module a protocol, with ``TALK``. What a span of registers says is worked out here from the
+table as it stands in its file, not by what the decoder makes of it.
 """
 
 from __future__ import annotations
 
 import tomllib
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from sniffer.ground.registers import schema_path
-from sniffer.testing import Exchange
+from sniffer.testing import Exchange, Label
 from tests.vectors import vectors
 
 if TYPE_CHECKING:
@@ -39,9 +39,9 @@ def table(model: str) -> tuple[Row, ...]:
     return tuple(sorted(out, key=lambda r: r.address))
 
 
-def stated(model: str, address: int, data: bytes, servo: int | None = None) -> dict[Any, int]:
+def stated(model: str, address: int, data: bytes, servo: int | None = None) -> dict[Label, int]:
     """Return the raw values of a span of bytes; of half a register, the half."""
-    out: dict[Any, int] = {}
+    out: dict[Label, int] = {}
     for r in table(model):
         first, last = max(r.address, address), min(r.address + r.width, address + len(data))
         if first < last:
@@ -52,7 +52,7 @@ def stated(model: str, address: int, data: bytes, servo: int | None = None) -> d
 
 
 def halves(model: str) -> Iterator[tuple[int, int]]:
-    """Yield spans (address, length) that begin and end inside registers of two bytes, all of them."""
+    """Yield spans (address, length) that begin and end inside the registers of two bytes."""
     wide = [r.address for r in table(model) if r.width == 2]
     for one, following in zip(wide, [*wide[1:], None], strict=True):
         yield one + 1, 1 if following is None else following - one

@@ -11,7 +11,6 @@ from sniffer.testing import Exchange, Talk
 from tests.talks import of_vectors
 
 
-
 def _table() -> list[dict[str, Any]]:
     """Return the default model's registers, and those of the sibling's words that it has not."""
     own, more = (
@@ -53,8 +52,10 @@ def _statements() -> list[Exchange]:
         number = 10 + k if r["type"] == "decimal" else None
         labels = {} if number is None else {r["name"]: number}
         out.append(Exchange(r["word"], command(1, r["word"], number), (), labels))
-        for alias in r.get("aliases", ()):
-            out.append(Exchange(r["word"], command(2, alias, number), (), labels))
+        out += [
+            Exchange(r["word"], command(2, alias, number), (), labels)
+            for alias in r.get("aliases", ())
+        ]
     return out
 
 
@@ -71,8 +72,12 @@ def _modified() -> list[Exchange]:
 
 OTHERS: Final = [
     # all of them asked, and moved; the one whose button was pressed
-    Exchange("QD", command(254, "QD"), tuple(reply(k, "QD", 100 + k) for k in (1, 2, 3)),
-             {(k, "present_position"): 100 + k for k in (1, 2, 3)}),
+    Exchange(
+        "QD",
+        command(254, "QD"),
+        tuple(reply(k, "QD", 100 + k) for k in (1, 2, 3)),
+        {(k, "present_position"): 100 + k for k in (1, 2, 3)},
+    ),
     Exchange("QV", command(254, "QV"), (reply(2, "QV", 11200),), {(2, "present_voltage"): 11200}),
     Exchange("QID", command(255, "QID"), (reply(None, "QID", 5),)),
     Exchange("QD", command(255, "QD"), (reply(5, "QD", -31),), {(5, "present_position"): -31}),

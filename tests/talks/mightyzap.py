@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from sniffer.protocols.mightyzap.grammar import COMMANDS
-from sniffer.testing import Exchange, Talk
+from sniffer.testing import Exchange, Label, Talk
 from tests.streams.mightyzap import packet
 from tests.talks import blocks, halves, of_vectors, stated
 
@@ -44,7 +44,9 @@ def write(
     labels = {} if status & 0x58 else stated(MODEL, address, data)
     answer = packet(who if by is None else by, status)
     name = COMMANDS[code].name
-    return Exchange(name, packet(who, code, bytes([address]) + data), (answer,), labels, _errors(status))
+    return Exchange(
+        name, packet(who, code, bytes([address]) + data), (answer,), labels, _errors(status)
+    )
 
 
 def plain(who: int, code: int, factors: bytes = b"", by: int | None = None) -> Exchange:
@@ -55,7 +57,7 @@ def plain(who: int, code: int, factors: bytes = b"", by: int | None = None) -> E
 
 def sync(address: int, *targets: tuple[int, bytes]) -> Exchange:
     """Write registers of several servos; nobody answers."""
-    labels = {}
+    labels: dict[Label, int] = {}
     for servo, data in targets:
         labels |= stated(MODEL, address, data, servo)
     data = b"".join(bytes([servo]) + data for servo, data in targets)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from sniffer.protocols.rs30x.grammar import OPS, REPLIES
-from sniffer.testing import Exchange, Talk
+from sniffer.testing import Exchange, Label, Talk
 from tests.streams.rs30x import long, packet, reset_with_data, returned, write
 from tests.talks import blocks, halves, of_vectors, stated
 
@@ -29,7 +29,9 @@ def read(who: int, address: int, data: bytes, status: int = 0) -> Exchange:
     """Read any registers (reply nibble F)."""
     answer = returned(who, address, data, status)
     labels = stated(MODEL, address, data)
-    return Exchange("read", packet(who, 0x0F, address, len(data)), (answer,), labels, _errors(status))
+    return Exchange(
+        "read", packet(who, 0x0F, address, len(data)), (answer,), labels, _errors(status)
+    )
 
 
 def block(who: int, nibble: int) -> Exchange:
@@ -51,7 +53,7 @@ def back(who: int, address: int, data: bytes, status: int = 0, by: int | None = 
     """Write registers and have the present ones returned (reply nibble 9)."""
     now = bytes(range(18))
     servo = who if by is None else by
-    labels: dict[object, int] = dict(stated(MODEL, 42, now, servo))
+    labels: dict[Label, int] = dict(stated(MODEL, 42, now, servo))
     if not status & 0x0A:
         labels |= stated(MODEL, address, data)
     answer = returned(servo, 42, now, status)
@@ -65,7 +67,7 @@ def silent(who: int, address: int, data: bytes) -> Exchange:
 
 def spread(address: int, *servos: tuple[int, bytes]) -> Exchange:
     """Write registers of several servos."""
-    labels = {}
+    labels: dict[Label, int] = {}
     for servo, data in servos:
         labels |= stated(MODEL, address, data, servo)
     return Exchange("long_write", long(address, *servos), (), labels)

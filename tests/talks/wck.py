@@ -6,7 +6,7 @@ from typing import Final
 
 from sniffer.protocols.wck.controller import TYPES
 from sniffer.protocols.wck.grammar import OPS
-from sniffer.testing import Exchange, Talk
+from sniffer.testing import Exchange, Label, Talk
 from tests.streams.wck import command, rbc
 from tests.talks import of_vectors
 
@@ -23,7 +23,7 @@ def move(who: int, goal: int, torque: int = 0, reply: bytes = b"\x05\x50") -> Ex
 
 def together(torque: int, *goals: int) -> Exchange:
     """Move modules 0 and on, as many as there are goals."""
-    labels = {}
+    labels: dict[Label, int] = {}
     for who, goal in enumerate(goals):
         labels |= {(who, "torque_level"): torque, (who, "goal_position"): goal}
     raw = command(torque << 5 | 31, len(goals), bytes(goals))
