@@ -6,9 +6,9 @@ so that a planted fault is judged by the same cases.
 
 from __future__ import annotations
 
+import itertools
 from collections import defaultdict
 from dataclasses import dataclass
-from os.path import commonpath
 from typing import TYPE_CHECKING, Any
 
 from sniffer.ground.model import MANY, NEVER, NO_ALT, REQUEST, RESPONSE, Frames
@@ -80,7 +80,12 @@ class Known:
 
 def header_of(frames: Iterable[bytes]) -> bytes:
     """Return what all these frames begin with."""
-    return commonpath([bytes(f) for f in frames])
+    every = sorted(frames)
+    if not every:
+        return b""
+    first, last = every[0], every[-1]  # what these share, all between them share too
+    same = itertools.takewhile(lambda pair: pair[0] == pair[1], zip(first, last, strict=False))
+    return first[: sum(1 for _ in same)]
 
 
 def plain(e: Exchange) -> Case:
@@ -100,7 +105,16 @@ def alone(e: Exchange) -> Case:
 
 
 def facts_of(protocol: BusProtocol, cases: Sequence[Case], model: str) -> list[list[Fact]]:
-    """Return the frames that the protocol finds in each case."""
+    """Return the frames that the protocol finds in each case, none where it raises."""
+    try:
+        return _facts_of(protocol, cases, model)
+    except Exception:  # what raises is told as a wrong case; here it must not hide the others
+        if len(cases) == 1:
+            return [[]]
+        return [facts for case in cases for facts in facts_of(protocol, [case], model)]
+
+
+def _facts_of(protocol: BusProtocol, cases: Sequence[Case], model: str) -> list[list[Fact]]:
     decoder = decoder_of(protocol, model)
     out: list[list[Fact]] = [[] for _ in cases]
     begins, at = [], 0

@@ -9,7 +9,8 @@ from fnmatch import fnmatchcase
 from random import Random
 from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.model import SnifferError
+from sniffer.ground.model import Chunk, Clock, SnifferError
+from sniffer.ground.timing import byte_time_ns
 from sniffer.testing import laws
 from sniffer.testing.arrange import ARRANGEMENTS, NAMES, SCENE, Others, scene_of
 from sniffer.testing.coverage import goals, headers, lacking, table_of
@@ -17,7 +18,7 @@ from sniffer.testing.facts import facts_of, known_of, plain
 from sniffer.testing.faults import Suspects, faults_of, planted
 from sniffer.testing.streams import recut
 from sniffer.testing.talk import talk_of
-from sniffer.testing.truth import hear, judged, laid_out, wrong_of
+from sniffer.testing.truth import BEGIN_NS, hear, judged, laid_out, wrong_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -34,10 +35,13 @@ EXAMPLES: Final = 30
 BITES: Final = 500
 """Bytes fed one by one; in a thorough run all."""
 
+ROW: Final = 4
+"""Exchanges in a row that are fed byte by byte, and cases that the slow form is asked together."""
+
 SLOW_CASES: Final = 200
 """Cases on which the slow form is asked; in a thorough run all."""
 
-PLANTED: Final = 240
+PLANTED: Final = 160
 """Faults that are planted, spread over all that there are; in a thorough run all."""
 
 FIRST: Final = 24
@@ -159,24 +163,25 @@ class Kit:
         return f"{len(self.talk.exchanges)} exchanges, {len(self.talk.scenes)} scenes"
 
     def slow(self) -> str:
-        """Hold columns and slow form equal on the arrangements, one decoder a case."""
+        """Hold columns and slow form equal on the arrangements, a few in a row."""
         some = self.cases
         if not self.thorough:
             some = some[:: max(1, len(some) // SLOW_CASES)]
-        for a in range(0, len(some), 8):
-            part = some[a : a + 8]
+        for a in range(0, len(some), ROW):
+            part = some[a : a + ROW]
             chunks = laid_out(self.protocol, part)
-            laws.reference(self.protocol, chunks, Random(0))
+            with laws.bytes_told(chunks):
+                laws.reference(self.protocol, chunks, Random(0))
         return f"{len(some)} cases"
 
     def bytewise(self) -> str:
         """Hold that exchanges fed byte by byte, cut at every boundary, are what they are whole."""
-        total = 0
-        for e in self._each():
-            if total + len(e.data) > BITES and not self.thorough:
-                continue
-            total += len(e.data)
-            self._bites(e)
+        total, each = 0, self._each()
+        for a in range(0, len(each), ROW):
+            data = b"".join(e.data for e in each[a : a + ROW])
+            if not total or total + len(data) <= BITES or self.thorough:
+                total += len(data)
+                self._bites(data)
         return f"{total} boundaries"
 
     def _each(self) -> list[Exchange]:
@@ -188,12 +193,12 @@ class Kit:
             order.append((turn[e.name], n))
         return [self.talk.exchanges[n] for _, n in sorted(order)]
 
-    def _bites(self, e: Exchange) -> None:
-        protocol = self.protocol
-        chunks = laid_out(protocol, [plain(e)])
-        again = recut(Random(0), protocol, chunks, len(e.data))
-        got = laws.decoded(protocol, [[c] for c in again])
-        laws.equal("byte by byte", got, laws.decoded(protocol, [chunks]), chunks)
+    def _bites(self, data: bytes) -> None:
+        chunks = [Chunk(data, BEGIN_NS + len(data) * byte_time_ns(self.protocol.baud), Clock.READ)]
+        again = recut(Random(0), self.protocol, chunks, len(data))
+        with laws.bytes_told(chunks):
+            got = laws.decoded(self.protocol, [[c] for c in again])
+            laws.equal("byte by byte", got, laws.decoded(self.protocol, [chunks]), chunks)
 
     def coverage(self) -> str:
         """Hold that the talk reaches everything, or says why it cannot."""

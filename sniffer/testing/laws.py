@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from random import Random
 from typing import TYPE_CHECKING, Any, Final
 
@@ -14,7 +15,7 @@ from sniffer.testing.records import batches, gaps, records
 from sniffer.testing.streams import chunked, noise, recut, stream
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from sniffer.ground.model import Anomaly, Batch, Chunk
     from sniffer.protocols.base import BusProtocol
@@ -197,10 +198,21 @@ def hold(
         rng = Random(f"{seed}/{k}")
         chunks = chunked(rng, protocol, stream(rng, exchanges))
         total += sum(len(c.data) for c in chunks)
-        try:
+        with bytes_told(chunks):
             law(protocol, chunks, rng)
-        except AssertionError:
-            raise
-        except Exception as error:
-            raise AssertionError(f"{type(error).__name__}: {error}\n  {_told(chunks)}") from error
     return total
+
+
+@contextlib.contextmanager
+def bytes_told(chunks: Sequence[Chunk]) -> Iterator[None]:
+    """Tell what raises inside together with the bytes it raised at.
+
+    Raises:
+        AssertionError: something raised.
+    """
+    try:
+        yield
+    except AssertionError:
+        raise
+    except Exception as error:
+        raise AssertionError(f"{type(error).__name__}: {error}\n  {_told(chunks)}") from error

@@ -159,20 +159,27 @@ def _pairs(want: Sequence[Pair], heard: Heard) -> str:
     return f"pairs {wanted or 'none'}; decoded as {got or 'none'}"
 
 
-def wrong_of(
-    protocol: BusProtocol, cases: Sequence[Case], model: str, *, alone: bool = True
-) -> dict[int, str]:
+def wrong_of(protocol: BusProtocol, cases: Sequence[Case], model: str) -> dict[int, str]:
     """Return which cases are not decoded as they are labelled, and how.
 
-    ``alone``: a case that fails among others is decoded once more by itself, and that counts.
+    A case that fails among others is decoded once more by itself, and that counts.
     """
     out: dict[int, str] = {}
     for a in range(0, len(cases), PASS):
         some = cases[a : a + PASS]
-        for k, heard in enumerate(hear(protocol, some, model)):
-            wrong = judged(some[k], heard)
-            if wrong and alone:
-                wrong = judged(some[k], hear(protocol, [some[k]], model)[0])
-            if wrong:
-                out[a + k] = wrong
+        try:
+            wrong = [judged(c, h) for c, h in zip(some, hear(protocol, some, model), strict=True)]
+        except Exception:  # which of them raises, each alone will tell
+            wrong = ["raises"] * len(some)
+        for k, case in enumerate(some):
+            if wrong[k] and (why := judged_alone(protocol, case, model)):
+                out[a + k] = why
     return out
+
+
+def judged_alone(protocol: BusProtocol, case: Case, model: str) -> str:
+    """Return what is wrong about a case that nothing stands before, empty where nothing is."""
+    try:
+        return judged(case, hear(protocol, [case], model)[0])
+    except Exception as error:  # a protocol must not raise, whatever it is given
+        return f"raises {type(error).__name__}: {error}"
