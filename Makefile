@@ -11,9 +11,17 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 PYTEST := $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 PROTOS := $(sort $(shell find schemas/messages -name '*.proto' 2>/dev/null))
 
+# What decodes, without a process or a port; and the part of it that is done in a minute.
+CORE := $(addprefix tests/test_, $(addsuffix .py, capture_edges cutting detect diagnostics echo edges \
+	golden laws limits lss lss_models lss_values malformed matching models models_laws pacing \
+	pipelined registers remarks rs30x rs30x_acks rs30x_values siblings staged_ids streaming times \
+	vectors wck wck_controller wck_gaps wck_values cli_text cli_jsonl))
+QUICK := $(addprefix tests/test_, $(addsuffix .py, architecture detect golden lss matching registers \
+	rs30x staged_ids times vectors vectors_data wck))
+
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint format bench bench-live soak rig fuzz schemas captures golden clean
+.PHONY: help demo test test-quick coverage lint format bench bench-live soak rig fuzz schemas captures golden clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -23,6 +31,12 @@ demo: $(VENV)/.run ## decode, record and plot a simulated bus; no hardware neede
 
 test: $(VENV)/.dev ## run all tests, about 13 minutes on two cores (PYTEST_ARGS="-k mightyzap" for some)
 	$(PYTEST) $(PYTEST_ARGS)
+
+test-quick: $(VENV)/.dev ## the decoding of all protocols against its vectors, in less than a minute
+	$(PYTEST) $(QUICK) $(PYTEST_ARGS)
+
+coverage: $(VENV)/.dev ## the branches of the core that its tests take; fails below 95 %
+	$(PYTEST) $(CORE) --cov --cov-report=term $(PYTEST_ARGS)
 
 lint: $(VENV)/.dev ## formatting, lint and types, changing nothing
 	$(BIN)/ruff format --check .

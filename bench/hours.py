@@ -30,7 +30,7 @@ from sniffer.ports.unmark import Unmarker
 from sniffer.tap import recorder
 from sniffer.tap.reader import Read
 from sniffer.tap.stops import Stops
-from sniffer.tap.taps import PortSpec, Tap
+from sniffer.tap.tap import PortSpec, Tap
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -34,7 +34,7 @@ PART_S: Final = 2.0
 """So much of a bus is simulated; then it says the same again."""
 
 NAMES: Final = tuple(BUSES)
-WAIT_S: Final = 30.0
+WAIT_S: Final = 180.0
 
 
 def traffic(protocol: str, baud: int, seconds: float, seed: int) -> bytes:

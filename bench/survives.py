@@ -44,7 +44,7 @@ SAID_S: Final = 60.0
 """What there is to be said: on a busy machine one may be killed later, but in full flight."""
 
 AT_ONCE: Final = 4
-WAIT_S: Final = 30.0
+WAIT_S: Final = 180.0
 
 SHOWN: Final = re.compile(r"^[\d:.]+ +[^ ]* *[<>] ", re.MULTILINE)
 """The line of a frame, as replay prints it: time, servo, direction."""

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from typing import Any, Final
 
     from sniffer.decoding.decoder import Decoder
+    from sniffer.decoding.pipeline import Options
     from sniffer.decoding.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
     from sniffer.ground.model import (
         Anomaly,
@@ -27,7 +28,11 @@ if TYPE_CHECKING:
         Transactions,
     )
     from sniffer.jobs.api import Capture, decode, frames_table, records, samples_table
+    from sniffer.jobs.record import Files, Recorded, Shown, record
     from sniffer.protocols import PROTOCOLS
+    from sniffer.tap.listen import Listening
+    from sniffer.tap.stops import Stops
+    from sniffer.tap.tap import PortSpec
 
 __all__ = [
     "PROTOCOLS",
@@ -40,28 +45,41 @@ __all__ = [
     "DamagedInputError",
     "Decoder",
     "Direction",
+    "Files",
     "FrameRow",
     "Frames",
     "Gap",
     "GapRow",
     "InputError",
+    "Listening",
+    "Options",
     "OutputError",
+    "PortSpec",
+    "Recorded",
     "SampleRow",
     "Samples",
     "Severity",
+    "Shown",
     "SnifferError",
+    "Stops",
     "TransactionRow",
     "Transactions",
     "__version__",
     "decode",
     "frames_table",
+    "record",
     "records",
     "samples_table",
 ]
 
 _ROOMS: Final = {
+    "jobs.record": ("Files", "Recorded", "Shown", "record"),
+    "tap.listen": ("Listening",),
+    "tap.stops": ("Stops",),
+    "tap.tap": ("PortSpec",),
     "jobs.api": ("Capture", "decode", "frames_table", "records", "samples_table"),
     "decoding.decoder": ("Decoder",),
+    "decoding.pipeline": ("Options",),
     "ground.model": (
         *("Anomaly", "Batch", "Chunk", "Clock", "DamagedInputError", "Direction", "Frames", "Gap"),
         *("InputError", "OutputError", "Samples", "Severity", "SnifferError", "Transactions"),

@@ -54,8 +54,9 @@ def talk(ms: int, servos: Sequence[int] = (1, 2), first_ms: int = 0) -> list[Chu
 def busy(ms: int) -> list[Chunk]:
     """What 1 Mbit/s brings in a millisecond, time and again."""
     data = b"".join(asked(1 + k % 3, POSITION, (k % 4096).to_bytes(2, "little")) for k in range(99))
-    pieces = [data[at : at + 92] for at in range(0, len(data) - 92, 92)]
-    return [Chunk(pieces[k % len(pieces)], START_NS + k * MS, Clock.READ) for k in range(ms)]
+    starts = range(0, len(data) - 92, 92)
+    at = [starts[k % len(starts)] for k in range(ms)]  # a read is an object of its own, each time
+    return [Chunk(data[a : a + 92], START_NS + k * MS, Clock.READ) for k, a in enumerate(at)]
 
 
 def until(is_so: Callable[[], Any], seconds: float = 180.0) -> None:

@@ -8,7 +8,7 @@ import click
 import pytest
 
 from sniffer.cli.amounts import Duration, Size, port_spec, port_specs, sizes_and_times
-from sniffer.tap.taps import PortSpec
+from sniffer.tap.tap import PortSpec
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -17,7 +17,7 @@ import click
 import pytest
 
 from sniffer.cli.doctor import doctor, hear, lines
-from sniffer.doctor import Heard, diagnose
+from sniffer.doctor import Listened, diagnose
 from sniffer.ground.model import NS, InputError
 from sniffer.ports import PortOptions, open_port
 from sniffer.simulation import simulate
@@ -113,7 +113,7 @@ def test_a_port_that_goes_away_is_told() -> None:
     with closing(open_port(path, PortOptions(115200))) as port:
         os.write(master, b"\x01\x02")
         os.close(master)
-        found = hear(port, Heard(path, (), 5.0, 115200), baud_is_named=True)
+        found = hear(port, Listened(path, (), 5.0, 115200), baud_is_named=True)
     os.close(slave)
     assert found.gone_s is not None
     assert said("bytes", found).text.startswith("the port went away after ")
@@ -146,7 +146,7 @@ def test_the_baud_is_found_without_opening_the_port_again(capsys: Capsys) -> Non
 
     with talking("mightyzap", sampled) as path:
         port = Tuned(path, PortOptions(115200))
-        about = Heard(path, (), 0.5, 115200)
+        about = Listened(path, (), 0.5, 115200)
         found = hear(port, about, baud_is_named=False)
         assert (found.baud, found.trials) == (right, ())
         port.set_baud(115200)

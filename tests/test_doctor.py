@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from sniffer.doctor import (
-    Heard,
+    Finding,
     Level,
+    Listened,
     Trial,
-    Verdict,
     diagnose,
     understand,
     usual_bauds,
@@ -70,9 +70,9 @@ def delivered(name: str, *, every_ns: int, seconds: float = 2.0) -> Sequence[Chu
     return out
 
 
-def heard(name: str = "mightyzap", *, every_ns: int = MS) -> Heard:
+def heard(name: str = "mightyzap", *, every_ns: int = MS) -> Listened:
     """Return a bus heard through an FTDI adapter with which nothing is wrong."""
-    return Heard(
+    return Listened(
         "/dev/ttyUSB0",
         delivered(name, every_ns=every_ns),
         2.0,
@@ -85,7 +85,7 @@ def heard(name: str = "mightyzap", *, every_ns: int = MS) -> Heard:
     )
 
 
-def said(about: str, case: Heard) -> Verdict:
+def said(about: str, case: Listened) -> Finding:
     (verdict,) = (v for v in diagnose(case) if v.about == about)
     return verdict
 
@@ -135,7 +135,7 @@ def read_at(line: Line, baud: int) -> tuple[list[Chunk], int]:
     return out, errors
 
 
-def misheard(name: str, baud: int, *, told: bool = True) -> Heard:
+def misheard(name: str, baud: int, *, told: bool = True) -> Listened:
     """Return a bus that is listened to at a baud."""
     chunks, errors = read_at(spoken(name, 1.0), baud)
     case = replace(heard(name), chunks=chunks, baud=baud, seconds=1.0)
@@ -296,7 +296,7 @@ def test_bytes_lost_on_our_side_are_bad() -> None:
 # --- the adapter ---------------------------------------------------------------------------------
 
 
-def slow(name: str = "mightyzap") -> Heard:
+def slow(name: str = "mightyzap") -> Listened:
     """Return a bus heard through an adapter whose timer is what it is from the factory."""
     case = heard(name, every_ns=16 * MS)
     info = replace(FTDI, latency_ms=16)
@@ -377,6 +377,6 @@ def test_a_name_that_changes_with_plugging_is_told_with_one_that_stays() -> None
 def test_nothing_is_known_of_a_port_elsewhere_and_nothing_is_claimed() -> None:
     case = replace(heard(), path="socket://tap:4000", info=None, facts={}, has_line=False)
     case = replace(case, latency_ns=None, risen=None, marks_errors=False)
-    levels: Iterable[Verdict] = diagnose(case)
+    levels: Iterable[Finding] = diagnose(case)
     assert {v.about: v.level for v in levels if v.level > Level.NOTE} == {}
     assert "any baud will do" in said("baud", case).text

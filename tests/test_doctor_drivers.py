@@ -8,7 +8,7 @@ from typing import Final
 import pytest
 
 from sniffer.cli.doctor import lines
-from sniffer.doctor import Heard, Level, diagnose
+from sniffer.doctor import Level, Listened, diagnose
 from sniffer.ground.model import MarkKind
 from sniffer.ports import Counters
 from sniffer.ports.drivers import DRIVERS, UART, Tells
@@ -17,7 +17,7 @@ from tests.test_doctor import FACTS, heard, marked, said
 PREPARE: Final = "`sniffer doctor --prepare`"
 
 
-def echoing(echo: str, sent: str) -> Heard:
+def echoing(echo: str, sent: str) -> Listened:
     return replace(heard(), facts={**FACTS, "echo_at_open": echo, "sent_since_plugged": sent})
 
 
@@ -50,7 +50,7 @@ def test_nothing_is_said_of_an_echo_that_is_not_ours() -> None:
     assert "echo" not in {v.about for v in diagnose(replace(heard(), facts=facts))}
 
 
-def told_by(tells: Tells, risen: Counters | None) -> Heard:
+def told_by(tells: Tells, risen: Counters | None) -> Listened:
     """Return a bus without an error, heard through such a driver."""
     return replace(
         heard(),

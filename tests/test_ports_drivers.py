@@ -10,7 +10,7 @@ from sniffer.ground.model import InputError, MarkKind
 from sniffer.ports import Counters, PortOptions, open_port
 from sniffer.ports.listing import PortInfo
 from sniffer.tap.reader import Back, Counted, Read
-from sniffer.tap.taps import PortSpec, Tap
+from sniffer.tap.tap import PortSpec, Tap
 from tests.terminals import LINUX_ONLY, Terminal
 
 if TYPE_CHECKING:

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.cli.tapping import shared
 from sniffer.ground.model import OK, Direction, MarkKind
 from sniffer.mcapfile.source import chunks
 from sniffer.ports.tty import TtyPort
-from sniffer.tap.taps import PortSpec, Tap
+from sniffer.tap.listen import shared
+from sniffer.tap.tap import PortSpec, Tap
 from tests.commands import Ran, talk, within
 from tests.recorder import (
     Recorder,

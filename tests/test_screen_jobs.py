@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 CONTROLLED: Final = """
 import os, signal, time
-from sniffer.cli.recording import leaving
+from sniffer.viewers.leaving import leaving
 from sniffer.viewers.screen import Screen
 from sniffer.tap.status import Status
 

@@ -12,7 +12,7 @@ import pytest
 
 from sniffer.simulation import BUSES, TrueFrame
 from sniffer.simulation import simulate as frames_of
-from sniffer.simulation.play.outlet import HOLD_MOST, Outlet
+from sniffer.simulation.play.outlet import HOLD_MOST, FrameWriter
 from sniffer.simulation.play.ports import Pty
 from tests.commands import within
 from tests.simulations import DEADLINE_S, ear, framed, heard, running, told
@@ -172,7 +172,7 @@ def test_a_reader_that_is_slow_loses_nothing(tmp_path: Path) -> None:
 def test_a_reader_that_is_stopped_for_good_costs_frames_and_never_halves() -> None:
     notes: list[tuple[TrueFrame, int | None]] = []
     port = Pty()
-    outlet = Outlet(port, lambda frame, offset: notes.append((frame, offset)))
+    outlet = FrameWriter(port, lambda frame, offset: notes.append((frame, offset)))
     frames = [
         TrueFrame(0, 0, bytes([k % 251]) * 1000, bytes([k % 251]) * 1000, "request", 1, "echo")
         for k in range(HOLD_MOST // 1000 + 100)

@@ -24,6 +24,7 @@ from rerun.experimental import ViewerClient
 
 from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind, OutputError
 from sniffer.viewers import viewer
+from sniffer.viewers.companion import parent
 from sniffer.viewers.companion.parcels import CONNECT, WEB, WINDOW, Parcel, Unpacker, packed
 from sniffer.viewers.companion.parent import LiveView
 from tests.live import (
@@ -43,6 +44,7 @@ from tests.live import (
     until_it_has,
     viewer_of,
 )
+from tests.terminals import PATIENCE_S
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -153,7 +155,10 @@ def test_without_a_display_it_says_what_to_do_instead(
         view(WINDOW)
 
 
-def test_what_is_shown_is_what_decoding_finds(view: Any, said: Said, tmp_path: Path) -> None:
+def test_what_is_shown_is_what_decoding_finds(
+    view: Any, said: Said, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(parent, "CLOSE_S", PATIENCE_S)
     chunks = talk(3000)
     with saver(tmp_path / "a.rrd") as (_, url):
         live = view(CONNECT, url=url)
@@ -170,8 +175,9 @@ def test_what_is_shown_is_what_decoding_finds(view: Any, said: Said, tmp_path: P
 
 
 def test_a_viewer_that_hangs_loses_groups_and_then_goes_on(
-    view: Any, said: Said, tmp_path: Path
+    view: Any, said: Said, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(parent, "CLOSE_S", PATIENCE_S)  # it is slow here, it does not hang
     first, flood, rest = talk(500), busy(250_000), talk(500, first_ms=300_000)
     with saver(tmp_path / "a.rrd") as (process, url):
         live = view(CONNECT, url=url)

@@ -42,7 +42,10 @@ if TYPE_CHECKING:
     from typing import Self
 
 ROOT: Final = Path(__file__).parent.parent
-PAGES: Final = ("README.md", "docs/api.md", "docs/recording.md", "docs/simulating.md")
+PAGES: Final = (
+    "README.md",
+    *(f"docs/{name}.md" for name in ("api", "recording", "simulating", "columns")),
+)
 LEFT_OUT: Final = "..."
 
 OVER_S: Final = 180.0

@@ -28,13 +28,9 @@ from sniffer.cli.recover import recover
 from sniffer.cli.replay import replay
 from sniffer.cli.session import say, silence, silence_stdout
 from sniffer.cli.simulate import simulate
+from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED, MISTAKE
 from sniffer.cli.view import view
 from sniffer.ground.model import DamagedInputError, SnifferError
-
-DONE: Final = 0
-MISTAKE: Final = 2
-DAMAGED: Final = 3
-INTERRUPTED: Final = 130
 
 DEBUG: Final = "SNIFFER_DEBUG"
 """Set to anything, it has what nobody has foreseen shown with its traceback."""

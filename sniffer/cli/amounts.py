@@ -14,7 +14,7 @@ from sniffer.decoding.pipeline import AUTO
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS
 from sniffer.protocols import PROTOCOLS
-from sniffer.tap.taps import PortSpec
+from sniffer.tap.tap import PortSpec
 
 if TYPE_CHECKING:
     _Number = click.ParamType[int]

@@ -10,9 +10,10 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import decoding, examples, pipeline_options, printed, with_force
-from sniffer.cli.session import Standard, open_outputs, run_source, session_facts, tell_lost
+from sniffer.cli.session import Standard, run_source, tell_lost
 from sniffer.decoding.sink import Sink
 from sniffer.ground.model import Severity
+from sniffer.jobs.outputs import open_outputs, session_facts
 from sniffer.sinks.jsonl import JsonlSink
 from sniffer.sources import open_source
 

@@ -17,21 +17,21 @@ from rich.console import Console
 from rich.text import Text
 
 from sniffer.cli.amounts import port_spec
-from sniffer.cli.options import FALLBACK_BAUD, SHARED, Finite, Whole, examples, printed
+from sniffer.cli.options import SHARED, Finite, Whole, examples, printed
 from sniffer.cli.session import say
 from sniffer.decoding.pipeline import AUTO
 from sniffer.doctor import (
-    Heard,
+    Finding,
     Level,
+    Listened,
     Trial,
-    Verdict,
     about_echo,
     diagnose,
     understand,
     usual_bauds,
     worst,
 )
-from sniffer.ground.limits import BAUDS
+from sniffer.ground.limits import BAUDS, FALLBACK_BAUD
 from sniffer.ground.model import NS, Chunk, Clock, InputError
 from sniffer.ports import Port, PortLostError, PortOptions, open_port
 from sniffer.ports.listing import port_at
@@ -156,7 +156,7 @@ def _prepare(name: str, how: PortOptions, output_format: str) -> int:
 
 def examine(
     name: str, protocol: str, how: PortOptions, seconds: float, *, baud_is_named: bool
-) -> Heard:
+) -> Listened:
     """Open a port, listen, and let go of it.
 
     Args:
@@ -171,7 +171,7 @@ def examine(
     """
     info = port_at(name)
     with contextlib.closing(open_port(name, how)) as port:
-        about = Heard(
+        about = Listened(
             path=name,
             chunks=(),
             seconds=seconds,
@@ -194,7 +194,7 @@ def _has_line(name: str) -> bool:
     return not os.path.realpath(name).startswith("/dev/pts/")
 
 
-def hear(port: Port, about: Heard, *, baud_is_named: bool) -> Heard:
+def hear(port: Port, about: Listened, *, baud_is_named: bool) -> Listened:
     """Listen at the baud of ``about``; if it may be wrong, at others, too.
 
     If nobody has named a baud and one of the others is right, that one is listened at to the end.
@@ -216,7 +216,7 @@ def hear(port: Port, about: Heard, *, baud_is_named: bool) -> Heard:
     return replace(heard, trials=tuple(trials))
 
 
-def _listen(port: Port, about: Heard, enough: int | None = None) -> Heard:
+def _listen(port: Port, about: Listened, enough: int | None = None) -> Listened:
     """Listen for ``about.seconds``, or until there are ``enough`` bytes."""
     if enough is None:
         say(f"listening to {about.path} for {about.seconds:g} s at {about.baud} baud")
@@ -258,7 +258,7 @@ def _reads(port: Port, until: int) -> Iterator[tuple[int, bytes]]:
                 yield time.monotonic_ns(), raw
 
 
-def _trials(port: Tunable, heard: Heard) -> list[Trial]:
+def _trials(port: Tunable, heard: Listened) -> list[Trial]:
     """Listen at the other usual bauds until one is right."""
     bauds = usual_bauds(heard.protocol, heard.baud)
     say(f"{heard.baud} baud are not understood: trying {', '.join(map(str, bauds))}")
@@ -277,7 +277,7 @@ def _trials(port: Tunable, heard: Heard) -> list[Trial]:
     return out
 
 
-def _summary(heard: Heard, verdicts: Sequence[Verdict]) -> dict[str, Any]:
+def _summary(heard: Listened, verdicts: Sequence[Finding]) -> dict[str, Any]:
     found = understand(heard.chunks, heard.protocol)
     return {
         "type": "summary",
@@ -290,7 +290,7 @@ def _summary(heard: Heard, verdicts: Sequence[Verdict]) -> dict[str, Any]:
     }
 
 
-def lines(heard: Heard, verdicts: Sequence[Verdict], width: int) -> Iterator[Text]:
+def lines(heard: Listened, verdicts: Sequence[Finding], width: int) -> Iterator[Text]:
     """Yield the verdicts as people read them."""
     yield Text(f"{heard.path}: {heard.seconds:.1f} s at {heard.baud} baud", style="bold")
     yield Text()
@@ -323,7 +323,7 @@ def _wrapped(text: str, width: int, head: str, indent: str) -> list[str]:
     )
 
 
-def _conclusion(heard: Heard, verdicts: Sequence[Verdict], width: int) -> list[str]:
+def _conclusion(heard: Listened, verdicts: Sequence[Finding], width: int) -> list[str]:
     level = worst(verdicts)
     topics = ", ".join(v.about for v in verdicts if v.level == level)
     if level == Level.BAD:

@@ -13,9 +13,6 @@ from sniffer.ground.limits import BAUDS, IDS, number_in
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import SOURCES
 
-FALLBACK_BAUD: Final = 115200
-"""Where neither a baud rate nor a protocol is named: the default of three of the protocols."""
-
 SHARED: Final = "Open a port that another program has open, too; its settings change under it."
 """What ``--shared`` does, in the commands that open ports."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import sys
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import click
 
@@ -19,13 +19,21 @@ from sniffer.cli.options import (
     pipeline_options,
     with_force,
 )
-from sniffer.cli.session import session_facts, tell_lost
+from sniffer.cli.signals import signals
+from sniffer.cli.statuses import DONE, INTERRUPTED, MISTAKE
 from sniffer.decoding.pipeline import AUTO
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.limits import BAUDS
+from sniffer.ground.wording import one_line
 from sniffer.protocols import PROTOCOLS
 from sniffer.tap.stops import Stops
-from sniffer.tap.taps import PortSpec
+from sniffer.tap.tap import PortSpec
+
+RECORDING: Final = ".mcap"
+"""Suffix of the output that is the recording; the others are made of it."""
+
+WORD_S: Final = 0.5
+"""How long a line on standard error may take before it is left out."""
 
 
 @click.command(
@@ -129,46 +137,54 @@ def record(
     new file, SIGUSR1 prints statistics.
     """
     # What only this command needs is loaded only by it, and before a port is opened.
-    from sniffer.cli import recording
-    from sniffer.cli.tapping import tap_ports
-    from sniffer.cli.telling import Teller
+    from sniffer.jobs.record import Files, Shown
+    from sniffer.jobs.record import record as recorded_from
+    from sniffer.jobs.telling import Teller
+    from sniffer.tap.listen import Listening
     from sniffer.tap.recorder import Wishes
+    from sniffer.viewers.outlet import write_within
     from sniffer.viewers.screen import LOG, usual_mode
+
+    def say(line: str) -> None:
+        write_within(sys.stderr, f"sniffer: {one_line(line)}\n", WORD_S)
 
     if log and quiet:
         raise click.UsageError("--log prints, --quiet does not: choose one")
     views = {"window": in_rerun, "web": rerun_web, "connect": rerun_connect is not None}
     if sum(views.values()) > 1:
         raise click.UsageError("choose one of --rerun, --rerun-web, --rerun-connect")
-    options = pipeline_options(protocol, baud, chosen, latency)
-    stops = Stops(duration, max_size, frames, idle, until)
     paths = outputs or (Path(f"sniffer-{datetime.datetime.now():%Y%m%d-%H%M%S}.mcap"),)
-    files = recording.Files(paths, rotate, keep, durable=durable, force=force)
-    recording.check_files(files)
-    show = recording.Shown(
-        None if quiet else LOG if log else usual_mode(sys.stderr),
-        next((mode for mode, wanted in views.items() if wanted), None),
-        rerun_connect,
-        window,
-    )
+    recordings = [path for path in paths if path.suffix.lower() == RECORDING]
+    if len(recordings) > 1:
+        raise click.UsageError("one .mcap is enough: give -o only one of them")
+    if (rotate or keep) and not recordings:
+        raise click.UsageError("--rotate and --keep are about a recording: -o x.mcap")
     # An address may take long to be connected to: until then a signal ends everything.
     wishes = Wishes(is_heard=not any("://" in spec.port for spec in ports))
-    tell = Teller(quiet=quiet)
-    with recording.signals(wishes):
-        tapping = tap_ports(ports, options, modem=modem, pair=pair, is_shared=shared)
-        view = None
-        try:
-            view = recording.live_view(show, tapping, paths[0].stem, tell.talk)
-            source = ", ".join(spec.port for spec in ports)
-            facts = {**session_facts(source, options, tapping.facts), **tapping.facts}
-            file, sinks = recording.open_files(files, facts)
-        except BaseException:
-            tapping.listener.stop()
-            if view is not None:
-                view.close()
-            raise
-        status = recording.run_recording(
-            tapping, file, sinks, stops, tell=tell, mode=show.mode, wishes=wishes, view=view
+    with signals(wishes):
+        told = recorded_from(
+            ports,
+            Files(
+                next(iter(recordings), None),
+                [path for path in paths if path not in recordings],
+                rotate.get("bytes"),
+                rotate.get("ns"),
+                keep,
+                durable=durable,
+                overwrite=force,
+            ),
+            pipeline_options(protocol, baud, chosen, latency),
+            listening=Listening(modem, pair=pair, shared=shared),
+            stops=Stops(duration, max_size, frames, idle, until),
+            shown=Shown(
+                None if quiet else LOG if log else usual_mode(sys.stderr),
+                next((mode for mode, wanted in views.items() if wanted), None),
+                rerun_connect,
+                window,
+            ),
+            wishes=wishes,
+            tell=Teller(say, quiet=quiet),
         )
-        lost = tell_lost(files.others)
-        return status or lost
+    if told.failure is not None or told.gone:
+        return MISTAKE
+    return INTERRUPTED if told.hurried else DONE

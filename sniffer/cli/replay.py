@@ -10,11 +10,12 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import FALLBACK_BAUD, Finite, decoding, examples, pipeline_options
+from sniffer.cli.options import Finite, decoding, examples, pipeline_options
 from sniffer.cli.session import Standard, merged, run_source, say
 from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
 from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.decoding.sink import Sink
+from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import Chunk
 from sniffer.jobs.replay import Window, paced, peek, steps, timed, within
 from sniffer.protocols import PROTOCOLS

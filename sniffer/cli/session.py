@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import contextlib
-import datetime
 import os
 import signal
 import sys
 import threading
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TextIO
 
 import click
 
-from sniffer import __version__
+from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED, MISTAKE
 from sniffer.decoding.detect import Detection, UndecidedError
-from sniffer.decoding.pacing import ASSUMED, Pace
+from sniffer.decoding.pacing import Pace
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.decoding.sink import Paced, Sink
-from sniffer.ground.files import files_of, is_lost, occupied, probe, refuse_occupied
 from sniffer.ground.model import Batch, Chunk, DamagedInputError, InputError, OutputError
 from sniffer.ground.wording import one_line
+from sniffer.jobs.outputs import lost
 from sniffer.merge.wires import MIXED, in_order
-from sniffer.messages import TOOL
 from sniffer.protocols.base import BusProtocol
-from sniffer.sinks import open_sink, suffix_known
 from sniffer.sources import Source
 
 
@@ -96,94 +93,12 @@ def say(message: str) -> None:
         click.echo(f"sniffer: {one_line(message)}", err=True)
 
 
-def session_facts(
-    source: str, options: Options, known: Mapping[str, str] | None = None
-) -> Mapping[str, str]:
-    """Return the facts of a recording that are known before its first byte.
-
-    ``known`` are those of the recording that is read: its rates and latencies are handed on.
-    """
-    facts = {
-        "tool": f"{TOOL} {__version__}",
-        "source": source,
-        "protocol": options.protocol,
-        "written": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-    }
-    told = {k: v for k, v in (known or {}).items() if k.startswith(("baud.", "latency_ns."))}
-    if options.baud is not None:
-        facts["baud"] = str(options.baud)
-    elif (known or {}).get("rate") != ASSUMED and any(k.startswith("baud.") for k in told):
-        facts |= {k: v for k, v in told.items() if k.startswith("baud.")}
-    else:
-        facts["rate"] = ASSUMED  # what stands as a bus's rate is the protocol's usual one
-    if options.latency_ns is not None:
-        facts["latency_ns"] = str(options.latency_ns)
-    else:
-        facts |= {k: v for k, v in told.items() if k.startswith("latency_ns.")}
-    for servo, model in options.models.items():
-        facts["model" if servo is None else f"model.{servo}"] = model
-    return facts
-
-
-def open_outputs(
-    paths: Sequence[Path], facts: Mapping[str, str], source: str, *, force: bool
-) -> list[Sink]:
-    """Open the outputs; none may be the input itself, and none is named twice.
-
-    All is checked before anything is opened, and what is to be replaced (``force``) is opened last:
-    a mistake leaves no file behind and empties none.
-    """
-    files = [file for path in paths for file in files_of(path)]
-    for path in paths:
-        suffix_known(path)
-    for file in files:
-        if _is_input(file, source):
-            raise OutputError(f"{file} is the input: choose another output")
-    for nth, file in enumerate(files):
-        if any(_is_same(file, other) for other in files[:nth]):
-            raise OutputError(f"{file} would be written twice: choose another output")
-    if not force:
-        refuse_occupied(files)
-    for file in files:
-        probe(file)
-    new = [file for file in files if not file.exists()]
-    out: dict[int, Sink] = {}
-    try:
-        for nth in sorted(range(len(paths)), key=lambda n: any(map(occupied, files_of(paths[n])))):
-            out[nth] = open_sink(paths[nth], facts)
-    except BaseException:
-        for sink in out.values():
-            with contextlib.suppress(OutputError):
-                sink.close()
-        for file in new:
-            with contextlib.suppress(OSError):
-                file.unlink()
-        raise
-    return [out[nth] for nth in range(len(paths))]
-
-
-def _is_same(file: Path, other: Path) -> bool:
-    """Tell whether two names are those of one file; a device takes any number of outputs."""
-    with contextlib.suppress(OSError):
-        if file.samefile(other):
-            return file.is_file()
-    return file.resolve() == other.resolve()
-
-
 def tell_lost(paths: Sequence[Path]) -> int:
     """Tell which outputs are gone although they were written; return the exit status."""
-    lost = [file for path in paths for file in files_of(path) if is_lost(file)]
-    for file in lost:
+    files = lost(paths)
+    for file in files:
         say(f"{file} is gone: it was deleted or renamed while it was written")
-    return 2 if lost else 0
-
-
-def _is_input(file: Path, source: str) -> bool:
-    try:
-        read = os.fstat(sys.stdin.fileno()) if source == "-" else Path(source).stat()
-        return os.path.samestat(file.stat(), read) and not file.is_char_device()
-    except (OSError, ValueError):
-        return False
+    return MISTAKE if files else DONE
 
 
 class _Patience:
@@ -275,7 +190,7 @@ def run_source(
     options = options.with_facts(source.facts())
     pipeline = Pipeline(options, sinks, on_detection=found, on_pace=timed, ahead=ahead)
     patience = _Patience()
-    status, told = 0, ""
+    status, told = DONE, ""
     with patience.installed():
         try:
             try:
@@ -285,20 +200,20 @@ def run_source(
             except DamagedInputError as error:
                 pipeline.close()
                 usable = source.format == "mcap" and pipeline.summary.buses
-                status, told = (0 if usable else 3), str(error)
+                status, told = (DONE if usable else DAMAGED), str(error)
                 told += ": read as far as it goes" if usable else ""
             except KeyboardInterrupt:
-                status, told = 130, _after_interruption(pipeline)
+                status, told = INTERRUPTED, _after_interruption(pipeline)
             if not pipeline.summary.buses and not status:
                 raise InputError(f"{name} is empty: nothing to decode")
         finally:
             pipeline.finish()
     if patience.asked and not status:
-        status, told = 130, "interrupted"
+        status, told = INTERRUPTED, "interrupted"
     for mistake in pipeline.mistaken():
         if not mistake.share:
             told = told or f"{mistake} is in there, name another protocol: {mistake.found}"
-            status = status or 2
+            status = status or MISTAKE
         elif not quiet:
             say(f"{mistake}: it looks like {mistake.found}")
     if told:

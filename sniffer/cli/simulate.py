@@ -24,9 +24,9 @@ from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from sniffer.simulation import Fault, TrueFrame
-    from sniffer.simulation.play.outlet import Outlet
-    from sniffer.simulation.play.player import Clock, Stop
-    from sniffer.simulation.play.ports import Port
+    from sniffer.simulation.play.outlet import FrameWriter
+    from sniffer.simulation.play.player import SimulatedClock, Stop
+    from sniffer.simulation.play.ports import PlayPort
     from sniffer.simulation.play.truth import Truth
 
 MAX = "max"
@@ -36,7 +36,7 @@ RATE_MOST = 100_000
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
+class Wanted:
     """What is to be played, and where."""
 
     protocol: str
@@ -175,7 +175,7 @@ def simulate(
     from sniffer.simulation.faults import spelled
 
     kind = BUSES[protocol]
-    wishes = Wishes(
+    wishes = Wanted(
         protocol=protocol,
         servo_ids=_servos(servos, protocol),
         baud=baud or kind.baud,
@@ -199,7 +199,7 @@ def simulate(
             here = ", ".join(map(str, wishes.servo_ids))
             raise click.BadParameter(f"{named}: that servo is not on the bus, only {here}")
     with contextlib.ExitStack() as stack:
-        port: Port = ports.Device(device, wishes.baud) if device else ports.Pty()
+        port: PlayPort = ports.Device(device, wishes.baud) if device else ports.Pty()
         stack.callback(port.close)
         second = ports.Pty() if respond and tap is not False else None
         if second is not None:
@@ -207,7 +207,7 @@ def simulate(
         _run(wishes, port, second, truth, {port.name: link, **_named(second, tap_link)})
 
 
-def _named(port: Port | None, link: Path | None) -> dict[str, Path | None]:
+def _named(port: PlayPort | None, link: Path | None) -> dict[str, Path | None]:
     return {} if port is None else {port.name: link}
 
 
@@ -246,19 +246,19 @@ def _servos(text: str | None, protocol: str) -> tuple[int, ...]:
 
 
 def _run(
-    wishes: Wishes,
-    port: Port,
-    second: Port | None,
+    wishes: Wanted,
+    port: PlayPort,
+    second: PlayPort | None,
     truth_path: Path | None,
     links: dict[str, Path | None],
 ) -> None:
     """Play until it is over; whatever ends it, the truth and the links are put in order."""
     from sniffer.simulation.play.link import linked
-    from sniffer.simulation.play.outlet import Outlet
-    from sniffer.simulation.play.player import Clock, Stop
+    from sniffer.simulation.play.outlet import FrameWriter
+    from sniffer.simulation.play.player import SimulatedClock, Stop
     from sniffer.simulation.play.truth import Truth
 
-    clock = Clock()
+    clock = SimulatedClock()
     with contextlib.ExitStack() as stack:
         for name, path in links.items():
             stack.enter_context(linked(path, name))
@@ -266,8 +266,8 @@ def _run(
         stack.enter_context(_stopped_by_signals(stop))
         truth = None if truth_path is None else Truth(truth_path, clock)
         note = _silent if truth is None else truth.add
-        bus = Outlet(port, note if second is None else _silent)
-        tap = None if second is None else Outlet(second, note)
+        bus = FrameWriter(port, note if second is None else _silent)
+        tap = None if second is None else FrameWriter(second, note)
         told = tap or bus
         if truth is not None:
             truth.head(wishes.facts())
@@ -285,7 +285,12 @@ def _run(
 
 
 def _play(
-    wishes: Wishes, clock: Clock, stop: Stop, bus: Outlet, tap: Outlet | None, truth: Truth | None
+    wishes: Wanted,
+    clock: SimulatedClock,
+    stop: Stop,
+    bus: FrameWriter,
+    tap: FrameWriter | None,
+    truth: Truth | None,
 ) -> None:
     from sniffer.simulation.play.player import GROUP_NS, GROUPED_FROM, Player
 
@@ -330,7 +335,7 @@ def _silent(frame: TrueFrame, offset: int | None) -> None:
     """Note nothing."""
 
 
-def _close(truth: Truth, told: Outlet, clock: Clock) -> None:
+def _close(truth: Truth, told: FrameWriter, clock: SimulatedClock) -> None:
     truth.close(size=told.size, dropped=told.lost + told.overrun, behind_ns=clock.lost_ns)
 
 
@@ -351,7 +356,9 @@ def _stopped_by_signals(stop: Stop) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _report(wishes: Wishes, bus: Outlet, tap: Outlet | None, clock: Clock) -> None:
+def _report(
+    wishes: Wanted, bus: FrameWriter, tap: FrameWriter | None, clock: SimulatedClock
+) -> None:
     """Say what became of the bytes."""
     named = {"bus: " if wishes.respond else "": bus} | ({"tap: ": tap} if tap else {})
     for name, outlet in named.items():

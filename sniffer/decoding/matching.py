@@ -3,6 +3,19 @@
 On most buses one request is open at a time, and every answer stands right behind the request it
 fits: one comparison of neighbours finds that, and is all there is to do. Only around answers that
 it leaves over are rows grouped by key, and only runs that hold one of those are matched anew.
+
+By key means: rows that agree in all that a question and its answer share (servo, token, stretch
+between silences) are put side by side, in wire order within. Two controllers' reads of servos 1
+and 2, both asked before either answers::
+
+    row      0   1   2   3   4   5        key (1, 2):  Q0  A2      run "Q A":   A2 answers Q0
+    kind     Q   Q   A   A   Q   A        key (2, 2):  Q1  A3      run "Q A":   A3 answers Q1
+    servo    1   2   1   2   2   2                     Q4  A5      run "Q A":   A5 answers Q4
+    token    2   2   2   2   2   2
+
+By neighbours A2 stands behind Q1, which it does not fit, and A3 behind no question; A5 fits Q4.
+In a run of q questions and a answers the last answer that is in time is the last question's, and so
+on backwards (``mirror`` in ``by_key``): the older a question, the likelier it was given up.
 """
 
 from __future__ import annotations
@@ -219,6 +232,8 @@ class _Rows:
         rows = np.flatnonzero(counts)
         if not len(rows):
             return none, none, none
+        # From here on arrays are in the order of the keys. A run begins with a new key, or where a
+        # question follows an answer; ``middle`` is where its answers begin, ``rank`` counts them.
         order, first = _grouped([p[rows] for p in parts if p is not None])
         order = rows[order]
         back = answers[order]
@@ -230,6 +245,8 @@ class _Rows:
         at = np.flatnonzero(back)
         rank = at - middle[run[at]]
         live = rank < asked[run[at]]
+        # The r-th answer's mirror is the r-th question counted back from the middle. Only how many
+        # of them are open in time matters: that many steps the answers are moved, all alike.
         mirror = order[middle[run[at[live]]] - 1 - rank[live]]
         live[live] = self.open(count, mirror, order[at[live]])
         step = np.bincount(run[at[live]], minlength=len(begin))

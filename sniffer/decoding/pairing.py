@@ -258,7 +258,16 @@ class Pairing:
 
 
 def _clear(frames: Frames, partner: I64, row: int) -> int:
-    """Return the last row up to ``row`` that no exchange leads across."""
+    """Return the last row up to ``row`` that no exchange leads across.
+
+    Over row r lead all exchanges that are asked before it and answered from it on:
+    +1 behind each question, -1 behind its answer, summed up. Row 3 answers 1, row 4 answers 2::
+
+        row      0  1  2  3  4  5
+        kind     Q  Q  Q  A  A  Q       row 5 waits for its answer and asks where to cut: before 5
+        edges    0  0  1  1 -1 -1  0
+        open     0  0  1  2  1  0       were it row 4 that waited, the cut would be before row 1
+    """
     answer, asked, _ = outcomes(partner[row:])
     if not (asked < row).any():
         return row

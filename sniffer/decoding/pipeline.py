@@ -37,7 +37,7 @@ AUTO: Final = "auto"
 FIRST_LOOK: Final = 512
 """Bytes of a slow input after which its protocol is looked for the first time."""
 
-PATIENCE: Final = 1 << 20
+UNDECIDED_MOST: Final = 1 << 20
 """Bytes of a live bus that are kept for decoding while its protocol is not known."""
 
 AFTER_NS: Final = LATENCY_NS[Clock.READ]
@@ -288,7 +288,7 @@ class Pipeline:
         try:
             found = detect(latest(waiting, ENOUGH))
         except UndecidedError:
-            if size > PATIENCE:
+            if size > UNDECIDED_MOST:
                 self._forget(bus, waiting)
             return False
         return found.certainty == SURE or size >= ENOUGH

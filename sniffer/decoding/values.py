@@ -15,7 +15,7 @@ import numpy as np
 from sniffer.decoding.changes import EVERY, FEEDBACK, RESET, SET, Changes, new_id
 from sniffer.decoding.weighing import Weighing
 from sniffer.diagnostics.evidence import loose_counts
-from sniffer.diagnostics.learned import FeedbackWrite, Meaning, Misfit
+from sniffer.diagnostics.learned import FeedbackWrite, Meaning, ScaleMisfit
 from sniffer.ground.model import (
     ASSUMED,
     ECHO,
@@ -128,7 +128,7 @@ class Scaling:
             signed = np.where(raw >> bit & 1, magnitude, -magnitude)
             value[mine] = signed * self._scale[v.register[mine]]
         takes = accepted[v.row]
-        misfits: list[Misfit] = []
+        misfits: list[ScaleMisfit] = []
         if changes or weighed.anew or present & MODED:
             moved = [c for c in changes if c.what != FEEDBACK]
             misfits = self._apply_modes(v, traits, takes, moved, weighed.anew, value, origin)
@@ -206,7 +206,7 @@ class Scaling:
         anew: Sequence[Turn],
         value: F64,
         provenance: U8,
-    ) -> list[Misfit]:
+    ) -> list[ScaleMisfit]:
         """Scale what a mode scales, in stretches between the changes; return what fits no mode."""
         state = self.state
         events: list[tuple[int, int, Change | Turn | None]]
@@ -220,7 +220,7 @@ class Scaling:
         column = np.full(len(mine), UNSEEN)
         seen = np.zeros(len(mine), bool)
         sound = takes[mine] & (v.part[mine] == WHOLE)
-        misfits: list[Misfit] = []
+        misfits: list[ScaleMisfit] = []
         for (at, _, act), (until, _, _) in itertools.pairwise(
             [(0, -1, None), *events, (len(v), -1, None)]
         ):
@@ -241,7 +241,7 @@ class Scaling:
                     first = int(np.argmax(over))
                     one, index = int(who[first]), int(own[first])
                     misfits.append(
-                        Misfit(
+                        ScaleMisfit(
                             int(v.row[mine[index]]),
                             int(v.servo_id[mine[index]]),
                             int(register[index]),

@@ -38,7 +38,7 @@ class FeedbackWrite:
     new_id: int = -1
 
 
-class Misfit(NamedTuple):
+class ScaleMisfit(NamedTuple):
     """A value that cannot be under the scale that was in force, by row of the frames."""
 
     row: int
@@ -72,6 +72,6 @@ class Meaning:
     samples: Samples
     feedback: Sequence[FeedbackWrite]
     told: Sequence[Told]
-    misfits: Sequence[Misfit]
+    misfits: Sequence[ScaleMisfit]
     resets: Sequence[Change]
     """Resets that were obeyed and give an id."""

@@ -12,7 +12,7 @@ from sniffer.ground.registers import unseen_scale
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sniffer.diagnostics.learned import Meaning, Misfit, Told, Weighed
+    from sniffer.diagnostics.learned import Meaning, ScaleMisfit, Told, Weighed
     from sniffer.ground.model import Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
 
@@ -105,7 +105,7 @@ class ModelRules:
         assert clue.kind == NUMBER
         return f"{sent} = {raw} is the {name.replace('_', ' ')} of {model}"
 
-    def _misfit(self, batch: Batch, m: Misfit) -> Anomaly:
+    def _misfit(self, batch: Batch, m: ScaleMisfit) -> Anomaly:
         r = self._protocol.registers[m.register]
         assert r.scale_by is not None
         assert r.range is not None

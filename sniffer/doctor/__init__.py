@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING
 from sniffer.doctor.adapter import about_adapter, about_echo
 from sniffer.doctor.line import about_bytes, about_line
 from sniffer.doctor.reads import about_reads
-from sniffer.doctor.records import Heard, Level, Trial, Verdict
+from sniffer.doctor.records import Finding, Level, Listened, Trial
 from sniffer.doctor.understanding import Understanding, understand, usual_bauds
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 __all__ = [
-    "Heard",
+    "Finding",
     "Level",
+    "Listened",
     "Trial",
     "Understanding",
-    "Verdict",
     "about_echo",
     "diagnose",
     "understand",
@@ -31,7 +31,7 @@ __all__ = [
 ]
 
 
-def diagnose(heard: Heard) -> list[Verdict]:
+def diagnose(heard: Listened) -> list[Finding]:
     """Return the verdicts, from the plug to the times."""
     found = understand(heard.chunks, heard.protocol)
     return [
@@ -42,6 +42,6 @@ def diagnose(heard: Heard) -> list[Verdict]:
     ]
 
 
-def worst(verdicts: Sequence[Verdict]) -> Level:
+def worst(verdicts: Sequence[Finding]) -> Level:
     """Return the gravest level."""
     return max((v.level for v in verdicts), default=Level.OK)

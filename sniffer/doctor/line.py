@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sniffer.doctor.records import Heard, Level, Trial, Verdict
+from sniffer.doctor.records import Finding, Level, Listened, Trial
 from sniffer.doctor.understanding import FEW, GOOD, POOR, Understanding, usual_bauds
 from sniffer.ground.model import MarkKind
 
@@ -34,12 +34,12 @@ def percent(share: float) -> str:
     return f"{100 * share:.{0 if share in (0, 1) else 1}f}%"
 
 
-def about_bytes(heard: Heard, found: Understanding) -> Iterator[Verdict]:
+def about_bytes(heard: Listened, found: Understanding) -> Iterator[Finding]:
     """Is there anything at all?"""
     size, seconds = heard.size, heard.seconds
     numbers = {"bytes": size, "seconds": round(seconds, 3), "reads": len(heard.chunks)}
     if heard.gone_s is not None:
-        yield Verdict(
+        yield Finding(
             Level.BAD,
             "bytes",
             f"the port went away after {heard.gone_s:.1f} s; {size} bytes had come",
@@ -58,7 +58,7 @@ def about_bytes(heard: Heard, found: Understanding) -> Iterator[Verdict]:
             advice = (
                 "try another --baud; if that does not help, A and B are swapped or TTL inverted"
             )
-        yield Verdict(Level.BAD, "bytes", text, advice, numbers=numbers)
+        yield Finding(Level.BAD, "bytes", text, advice, numbers=numbers)
         return
     load = size * 10 / heard.baud / seconds
     numbers["load"] = round(load, 4)
@@ -69,15 +69,15 @@ def about_bytes(heard: Heard, found: Understanding) -> Iterator[Verdict]:
         advice = (
             "no UART keeps the time here (a pseudo terminal, or an adapter that ignores the baud)"
         )
-        yield Verdict(Level.NOTE, "bytes", text, advice, numbers=numbers)
+        yield Finding(Level.NOTE, "bytes", text, advice, numbers=numbers)
     elif size < FEW:
         text += ": too few to judge by"
-        yield Verdict(Level.NOTE, "bytes", text, "listen longer: --seconds 30", numbers=numbers)
+        yield Finding(Level.NOTE, "bytes", text, "listen longer: --seconds 30", numbers=numbers)
     else:
-        yield Verdict(Level.OK, "bytes", text, numbers=numbers)
+        yield Finding(Level.OK, "bytes", text, numbers=numbers)
 
 
-def about_line(heard: Heard, found: Understanding) -> Iterator[Verdict]:
+def about_line(heard: Listened, found: Understanding) -> Iterator[Finding]:
     """Is it understood, at this baud, without errors and whole?"""
     if found.size:
         yield _protocol(heard, found)
@@ -86,7 +86,7 @@ def about_line(heard: Heard, found: Understanding) -> Iterator[Verdict]:
     yield _losses(heard)
 
 
-def _protocol(heard: Heard, found: Understanding) -> Verdict:
+def _protocol(heard: Listened, found: Understanding) -> Finding:
     scores = {name: round(share, 4) for name, share in found.scores.items()}
     numbers = {"protocol": found.protocol, "share": round(found.share, 4), "scores": scores}
     others = ", ".join(
@@ -99,19 +99,19 @@ def _protocol(heard: Heard, found: Understanding) -> Verdict:
         text = f"none explains these {found.size} bytes: {others}"
         advice = "the baud may be wrong (see there), or it is none of the protocols known here"
         level = Level.NOTE if found.size < FEW else Level.BAD
-        return Verdict(level, "protocol", text, advice, numbers=numbers)
+        return Finding(level, "protocol", text, advice, numbers=numbers)
     text = f"{found.protocol} explains {percent(found.share)} of the bytes ({others})"
     if found.share >= GOOD:
-        return Verdict(Level.OK, "protocol", text, numbers=numbers)
+        return Finding(Level.OK, "protocol", text, numbers=numbers)
     if best != found.protocol and found.scores[best] >= GOOD:
         advice = f"this is {best}: sniffer doctor {heard.path}={best}@{heard.baud}"
-        return Verdict(Level.BAD, "protocol", text, advice, numbers=numbers)
+        return Finding(Level.BAD, "protocol", text, advice, numbers=numbers)
     level = Level.NOTE if found.size < FEW else Level.WARN if found.share >= POOR else Level.BAD
     advice = "the rest is damaged or of another kind: `sniffer decode` shows it byte by byte"
-    return Verdict(level, "protocol", text, advice, numbers=numbers)
+    return Finding(level, "protocol", text, advice, numbers=numbers)
 
 
-def _baud(heard: Heard, found: Understanding) -> Verdict:
+def _baud(heard: Listened, found: Understanding) -> Finding:
     baud = heard.baud
     flat = sum(byte in _FLAT_BYTES for chunk in heard.chunks for byte in chunk.data) / heard.size
     faulty = min(heard.line_errors / heard.size, 1.0)
@@ -124,14 +124,14 @@ def _baud(heard: Heard, found: Understanding) -> Verdict:
     }
     if not heard.has_line:
         text = f"no line, so any baud will do; times are reckoned at {baud}"
-        return Verdict(Level.OK, "baud", text, numbers=numbers)
+        return Finding(Level.OK, "baud", text, numbers=numbers)
     if max(found.scores.values()) >= GOOD and found.size >= FEW:
-        return Verdict(Level.OK, "baud", f"{baud} is right: frames hold", numbers=numbers)
+        return Finding(Level.OK, "baud", f"{baud} is right: frames hold", numbers=numbers)
     if best is not None and _better(best, found):
         now = f"{best.baud} baud explain {percent(best.found.share)} of the bytes as "
         text = f"{now}{best.found.protocol}, {baud} only {percent(found.share)}"
         command = f"sniffer doctor {heard.path}={best.found.protocol}@{best.baud}"
-        return Verdict(Level.BAD, "baud", text, "it is most likely:", (command,), numbers)
+        return Finding(Level.BAD, "baud", text, "it is most likely:", (command,), numbers)
     signs = [f"{percent(faulty)} of the bytes with line errors"] if faulty else []
     signs.append(f"{percent(flat)} are 00, FF, 80 or alike, with one edge at most")
     told = ", ".join(signs)
@@ -139,11 +139,11 @@ def _baud(heard: Heard, found: Understanding) -> Verdict:
         doubt = found.size >= FEW and found.share < POOR
         advice = _others(heard, "if it is wrong, try") if doubt else ""
         text = f"{baud} can be neither proved nor ruled out ({told})"
-        return Verdict(Level.WARN if doubt else Level.NOTE, "baud", text, advice, numbers=numbers)
+        return Finding(Level.WARN if doubt else Level.NOTE, "baud", text, advice, numbers=numbers)
     side = "too high" if flat >= FLAT else "wrong"
     level = Level.BAD if found.share < POOR else Level.WARN
     text = f"{baud} is most likely {side}: {told}"
-    return Verdict(level, "baud", text, _others(heard, "try", lower=flat >= FLAT), numbers=numbers)
+    return Finding(level, "baud", text, _others(heard, "try", lower=flat >= FLAT), numbers=numbers)
 
 
 def _tried(trial: Trial) -> dict[str, int | float | str | None]:
@@ -162,7 +162,7 @@ def _better(trial: Trial, found: Understanding) -> bool:
     return told and trial.found.share >= POOR and trial.found.share > 1.5 * found.share
 
 
-def _others(heard: Heard, word: str, *, lower: bool = False) -> str:
+def _others(heard: Listened, word: str, *, lower: bool = False) -> str:
     """Return which bauds are left to try."""
     if heard.trials:
         tried = ", ".join(str(t.baud) for t in heard.trials)
@@ -171,7 +171,7 @@ def _others(heard: Heard, word: str, *, lower: bool = False) -> str:
     return f"{word} --baud with {', '.join(map(str, bauds))}" if bauds else ""
 
 
-def _errors(heard: Heard, found: Understanding) -> Verdict:
+def _errors(heard: Listened, found: Understanding) -> Finding:
     errors, size = heard.line_errors, heard.size
     counted = heard.counts_errors if heard.risen is not None else False
     risen = heard.risen is not None and bool(
@@ -183,7 +183,7 @@ def _errors(heard: Heard, found: Understanding) -> Verdict:
         *(["counted by the driver"] if counted or risen else []),
     ]
     if not heard.has_line:
-        return Verdict(Level.OK, "errors", "no line, so no errors of one")
+        return Finding(Level.OK, "errors", "no line, so no errors of one")
     numbers = {
         "line_errors": errors if told else None,
         "marked": heard.marks_errors,
@@ -193,10 +193,10 @@ def _errors(heard: Heard, found: Understanding) -> Verdict:
         text = "this port neither marks nor counts errors of the line: only checksums show damage"
         if heard.marks_errors is None or counted is None:
             text = f"{_how(heard)}: only checksums are sure to show damage"
-        return Verdict(Level.NOTE, "errors", text, numbers=numbers)
+        return Finding(Level.NOTE, "errors", text, numbers=numbers)
     if not errors:
         text = f"no framing error, parity error or break ({', '.join(told)})"
-        return Verdict(Level.OK, "errors", text, numbers=numbers)
+        return Finding(Level.OK, "errors", text, numbers=numbers)
     share = errors / size if size else 1.0
     text = f"{errors} line errors in {size} bytes ({_kinds(heard)}; {', '.join(told)})"
     if share >= WRONG_BAUD_ERRORS and found.share < POOR:
@@ -207,16 +207,16 @@ def _errors(heard: Heard, found: Understanding) -> Verdict:
             "look the same"
         )
     level = Level.BAD if share >= NOISY else Level.WARN
-    return Verdict(level, "errors", text, advice, numbers=numbers)
+    return Finding(level, "errors", text, advice, numbers=numbers)
 
 
-def _how(heard: Heard) -> str:
+def _how(heard: Listened) -> str:
     """Return what the port says of its errors, where that is not much."""
     how = heard.facts.get("line_errors", "")
     return how if how.startswith("unknown") else "whether this port tells of errors is not known"
 
 
-def _kinds(heard: Heard) -> str:
+def _kinds(heard: Listened) -> str:
     risen = heard.risen
     counts = {
         "framing": heard.marked(MarkKind.FRAMING),
@@ -228,7 +228,7 @@ def _kinds(heard: Heard) -> str:
     return ", ".join(f"{kind} {n}" for kind, n in counts.items() if n)
 
 
-def _losses(heard: Heard) -> Verdict:
+def _losses(heard: Listened) -> Finding:
     marked = heard.marked(MarkKind.OVERRUN)
     risen = heard.risen
     counted = risen.overrun + risen.buf_overrun if risen is not None else 0
@@ -238,13 +238,13 @@ def _losses(heard: Heard) -> Verdict:
     if lost:
         text = f"bytes were lost {lost} times on this side, between adapter and program"
         advice = "another USB port, without a hub; less load on this machine; close other programs"
-        return Verdict(Level.BAD, "losses", text, advice, numbers=numbers)
+        return Finding(Level.BAD, "losses", text, advice, numbers=numbers)
     if risen is None and not heard.has_line:
-        return Verdict(Level.OK, "losses", "none are known", numbers=numbers)
+        return Finding(Level.OK, "losses", "none are known", numbers=numbers)
     if risen is None:
         text = "this driver does not count them: they would look like damaged frames"
-        return Verdict(Level.NOTE, "losses", text, numbers=numbers)
+        return Finding(Level.NOTE, "losses", text, numbers=numbers)
     if not counts:
         text = "none are told, but whether this adapter counts them is not known"
-        return Verdict(Level.NOTE, "losses", text, numbers=numbers)
-    return Verdict(Level.OK, "losses", "no byte lost on this side", numbers=numbers)
+        return Finding(Level.NOTE, "losses", text, numbers=numbers)
+    return Finding(Level.OK, "losses", "no byte lost on this side", numbers=numbers)

@@ -10,7 +10,7 @@ import numpy as np
 from sniffer.decoding.decoder import Decoder
 from sniffer.doctor.adapter import TIMER_MS
 from sniffer.doctor.line import percent
-from sniffer.doctor.records import Heard, Level, Verdict
+from sniffer.doctor.records import Finding, Level, Listened
 from sniffer.ground.model import I64, OK, Clock
 from sniffer.ground.timing import LATENCY_NS
 
@@ -42,7 +42,7 @@ class _Pairs:
     uncertainty_ns: I64
 
 
-def about_reads(heard: Heard, found: Understanding) -> Iterator[Verdict]:
+def about_reads(heard: Listened, found: Understanding) -> Iterator[Finding]:
     """Are request and reply still apart, and when were they?"""
     if not found.size:
         return
@@ -51,7 +51,7 @@ def about_reads(heard: Heard, found: Understanding) -> Iterator[Verdict]:
     yield _times(heard, pairs)
 
 
-def _pairs(heard: Heard, protocol: str) -> _Pairs:
+def _pairs(heard: Listened, protocol: str) -> _Pairs:
     """Decode what was heard; look up in which read each request ended and its reply began."""
     decoder = Decoder(protocol, baud=heard.baud, latency_ns=heard.latency_ns)
     ends = np.cumsum([len(chunk.data) for chunk in heard.chunks])
@@ -71,7 +71,7 @@ def _pairs(heard: Heard, protocol: str) -> _Pairs:
     return _Pairs(count, merged, np.concatenate(response), np.concatenate(uncertainty))
 
 
-def _reads(heard: Heard, pairs: _Pairs | None) -> Verdict:
+def _reads(heard: Listened, pairs: _Pairs | None) -> Finding:
     sizes = np.array([len(chunk.data) for chunk in heard.chunks if chunk.data])
     times = np.array([c.t_ns for c in heard.chunks if c.data and c.t_ns is not None])
     gaps = np.diff(times) / 1e6
@@ -91,23 +91,23 @@ def _reads(heard: Heard, pairs: _Pairs | None) -> Verdict:
         text += f"; {np.median(gaps):.1f} ms apart"
     if pairs is None or pairs.count < ENOUGH:
         text += "; too few requests with replies to tell whether they stay apart"
-        return Verdict(Level.NOTE, "reads", text, numbers=numbers)
+        return Finding(Level.NOTE, "reads", text, numbers=numbers)
     share = pairs.merged / pairs.count
     text += f"; {percent(share)} of {pairs.count} replies came in one read with their request"
     if share < SOME:
-        return Verdict(Level.OK, "reads", text, numbers=numbers)
+        return Finding(Level.OK, "reads", text, numbers=numbers)
     advice = "order is right all the same, response times are not"
     quick = heard.latency_ns is not None and heard.latency_ns <= (TIMER_MS + 1) * 1_000_000
     if share < MERGED or quick:
-        return Verdict(Level.NOTE, "reads", text, advice, numbers=numbers)
+        return Finding(Level.NOTE, "reads", text, advice, numbers=numbers)
     if heard.latency_ns is None:
         advice += ": use an adapter with a latency timer (FTDI) at 1 ms, or a logic analyser"
     else:
         advice += ": lower the latency (see there)"
-    return Verdict(Level.WARN, "reads", text, advice, numbers=numbers)
+    return Finding(Level.WARN, "reads", text, advice, numbers=numbers)
 
 
-def _times(heard: Heard, pairs: _Pairs | None) -> Verdict:
+def _times(heard: Listened, pairs: _Pairs | None) -> Finding:
     bound = LATENCY_NS[Clock.READ] if heard.latency_ns is None else heard.latency_ns
     known = pairs is not None and len(pairs.uncertainty_ns) > 0
     typical = float(np.median(pairs.uncertainty_ns)) if pairs and known else float(bound)
@@ -125,8 +125,8 @@ def _times(heard: Heard, pairs: _Pairs | None) -> Verdict:
         numbers["response_ms_median"] = round(response / 1e6, 3)
         text += f"; replies begin after {response / 1e6:.2f} ms (median)"
     if typical <= EXACT_NS:
-        return Verdict(Level.OK, "times", text, numbers=numbers)
+        return Finding(Level.OK, "times", text, numbers=numbers)
     advice = "short response times cannot be measured here; a logic analyser's capture is exact"
     # A guess is nothing to warn of.
     level = Level.NOTE if heard.latency_ns is None else Level.WARN
-    return Verdict(level, "times", text, advice, numbers=numbers)
+    return Finding(level, "times", text, advice, numbers=numbers)

@@ -26,7 +26,7 @@ class Level(enum.IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Finding:
     """One finding. ``commands`` are to be typed, or put into a file, as they are."""
 
     level: Level
@@ -82,7 +82,7 @@ class Trial:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class Listened:
     """What is known about a port after listening.
 
     Args:

@@ -59,7 +59,19 @@ class Block:
 
 
 def greedy(start: I64, end: I64) -> I64 | None:
-    """Return the rows a left-to-right parser keeps (None: all); walks only where rows overlap."""
+    """Return the rows a left-to-right parser keeps (None: all); walks only where rows overlap.
+
+    ``start`` is sorted. For example::
+
+        row      0   1   2   3   4
+        start    0   4   9  20  22      row 1 begins inside row 0, row 4 inside row 3
+        end      9  13  18  26  30
+        kept     x       x   x          row 2 begins where row 0 ends, not where row 1 does
+
+    Row 1 would drop row 2 if all overlaps were dropped at once: whether a row stands is known only
+    when all rows before it are settled. So this is a loop, but over overlaps, which sound traffic
+    has none of.
+    """
     overlaps = np.flatnonzero(start[1:] < end[:-1])
     if not len(overlaps):
         return None
@@ -68,6 +80,7 @@ def greedy(start: I64, end: I64) -> I64 | None:
     for j in overlaps.tolist():
         if j + 1 < done or not keep[j]:
             continue
+        # j is kept: all that begin inside it are none. ``done``: rows before it are settled.
         stop, q = end[j], j + 1
         while q < len(start) and start[q] < stop:
             keep[q] = False
@@ -80,9 +93,17 @@ def settle(start: I64, end: I64, waiting: I64, limit: int) -> tuple[I64, int]:
     """Keep rows greedily, but never past a candidate that still waits for bytes.
 
     A waiting candidate inside a frame that was kept waits for nothing. Returns the rows kept and
-    the offset up to which every byte's fate is decided.
+    the offset up to which every byte's fate is decided. For example, with a block of 40 bytes::
+
+        start    0  10  22              waiting  13  30
+        end     10  20  28
+
+    The candidate at 13 lies inside row 1 (10..20), which is kept: it waits for nothing. The one at
+    30 may turn out to be a frame: rows 0 to 2 are kept, and bytes are decided up to 30. Were a row
+    kept that begins at 31, more bytes could make it never have been: live and offline would differ.
     """
     while True:
+        # Invariant: every waiting candidate that was dropped lies inside a frame that stands.
         stop = int(waiting[0]) if len(waiting) else limit
         n = int(np.searchsorted(start, stop))
         kept = greedy(start[:n], end[:n])
@@ -94,7 +115,12 @@ def settle(start: I64, end: I64, waiting: I64, limit: int) -> tuple[I64, int]:
 
 
 def candidates(plan: Plan, block: Block) -> tuple[I64, I64, I64]:
-    """Return starts and ends of frames whose checksum holds, and starts that wait for bytes."""
+    """Return starts and ends of frames whose checksum holds, and starts that wait for bytes.
+
+    All candidates at once, overlapping ones too: which of them stand, ``settle`` says. Step by step
+    in docs/columns.md, 2 to 4. A candidate passes the guards before its end is believed: a header
+    in noise, with a length of 250, must not keep a live bus waiting longer than it has to.
+    """
     data, n = block.data, block.n
     head = plan.header
     m = n - plan.prefix + 1
@@ -103,6 +129,7 @@ def candidates(plan: Plan, block: Block) -> tuple[I64, I64, I64]:
         return none, none, none
     mask = data[:m] == head[0]
     same = data == head[0]
+    # A byte that occurs twice in the header is compared once: FF FF FF costs one comparison.
     for k in range(1, len(head)):
         other = same if head[k] == head[0] else data == head[k]
         mask = mask & other[k : k + m]
@@ -121,7 +148,20 @@ def candidates(plan: Plan, block: Block) -> tuple[I64, I64, I64]:
 
 
 def in_order(answers: Mask) -> I64:
-    """Return each answer's request: m answers in a row are those of the last m rows before them."""
+    """Return each answer's request: m answers in a row are those of the last m rows before them.
+
+    For example, Q a request and A an answer that names nobody::
+
+        row        0  1  2  3  4  5  6
+        kind       Q  Q  Q  A  A  Q  A
+        before    -1 -1 -1  2  2 -1  5      the last request before the answers
+        behind     -  -  -  5  5  -  7      the first row behind the answers
+        asked      -  -  -  1  2  -  5
+
+    Three asked and two answered: these are of the last two, and the first one went without. The run
+    of answers is ``behind - 1 - before`` rows long, and each one's request is as many rows before
+    it: no run is counted by itself. Rows of requests hold nothing that means something.
+    """
     n = len(answers)
     rows = np.arange(n)
     if not (answers[1:] & answers[:-1]).any():

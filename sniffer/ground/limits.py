@@ -26,6 +26,9 @@ TIME_END_NS: Final = (1 << 63) - (1 << 57)
 OFFSET_END: Final = 1 << 55
 """Offsets end before this one: a thousand years at 1 Mbit/s."""
 
+FALLBACK_BAUD: Final = 115200
+"""Where neither a baud rate nor a protocol is named: the default of three of the protocols."""
+
 BAUDS: Final = (300, 10_000_000)
 """The slowest and the fastest rate: nothing slower or faster is sold for servos."""
 

@@ -43,7 +43,19 @@ class Plan:
 
 
 def plan_of(grammar: Any) -> Plan:
-    """Walk ``grammar``: header, one-byte fields, one variable field, checksum.
+    r"""Walk ``grammar``: header, one-byte fields, one variable field, checksum.
+
+    For example mightyZAP's ``FF FF FF | id | size | code | factors | checksum``::
+
+        header   b"\xff\xff\xff"        the Consts at the front
+        at       id 3, size 4, code 5   each one-byte field's offset
+        checks   id != 255, size >= 2   the grammar's own Checks, evaluated on columns
+        tail     size - 2               length of ``factors``, which begins at ``tail_at`` 6
+        sum_from 3                      where the RawCopy under the checksum begins
+        prefix   5                      bytes that show length and guards: ``code`` is not needed
+
+    ``prefix`` is found by trying: the expressions are evaluated on a dict that notes which fields
+    they ask for. A number beside the grammar would be one more place to keep right.
 
     Raises:
         TypeError: the grammar holds something no plan can express; give the protocol a scanner

@@ -58,7 +58,7 @@ class Difference:
 
 
 @dataclass(slots=True)
-class Report:
+class Comparison:
     """The comparison of all buses."""
 
     buses: list[Difference] = field(default_factory=list)
@@ -104,7 +104,7 @@ class _Collect:
         """Do nothing."""
 
 
-def compare(path: Path, options: Options, *, say: Callable[[str], None]) -> Report:
+def compare(path: Path, options: Options, *, say: Callable[[str], None]) -> Comparison:
     """Decode a recording's raw bytes again and compare frame by frame.
 
     Raises:
@@ -138,7 +138,7 @@ def compare(path: Path, options: Options, *, say: Callable[[str], None]) -> Repo
     if not then:
         raise InputError(f"{path} holds no decoded frames to compare with")
     none = _Frames()
-    return Report(
+    return Comparison(
         [
             _difference(bus, then.get(bus, none).table(), now.buses.get(bus, none).table(), cut)
             for bus in dict.fromkeys([*then, *now.buses])

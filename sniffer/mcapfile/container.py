@@ -31,7 +31,7 @@ from mcap.records import (
 
 from sniffer.ground.files import occupied, writing
 from sniffer.ground.model import OutputError
-from sniffer.mcapfile.index import MAGIC, ChunkNote, Summary, as_bytes
+from sniffer.mcapfile.index import MAGIC, ChunkNote, FileSummary, as_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -79,7 +79,7 @@ class Container:
         self._synced = 0
         self._crc = 0
         self._new: list[McapRecord] = []
-        self._summary = Summary()
+        self._summary = FileSummary()
         self._compress = zstandard.ZstdCompressor(level=LEVEL).compress
         try:
             self._put(MAGIC + as_bytes(Header("", library)))

@@ -90,7 +90,7 @@ class Heads:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class MessageRows:
     """Message records of equal length; their log times are not written yet."""
 
     data: Void
@@ -101,9 +101,9 @@ class Rows:
         """Length of each record."""
         return np.full(len(self.data), self.data.dtype.itemsize)
 
-    def take(self, mask: Mask) -> Rows:
+    def take(self, mask: Mask) -> MessageRows:
         """Return the rows that the mask selects."""
-        return Rows(self.data[mask], self.heads.take(mask))
+        return MessageRows(self.data[mask], self.heads.take(mask))
 
     def place(self, out: bytearray, at: I64) -> None:
         """Write each record to its place in ``out``."""
@@ -267,7 +267,7 @@ class Encoder:
         optional: Mapping[str, tuple[Column, Mask]],
         text: tuple[str, I64] | None = None,
         blob: Blob | None = None,
-    ) -> list[Rows | Loose]:
+    ) -> list[MessageRows | Loose]:
         """Return a record for each row.
 
         Args:
@@ -301,7 +301,7 @@ class Encoder:
         optional: Mapping[str, tuple[Column, Mask]],
         text: tuple[str, I64] | None,
         blob: Blob | None,
-    ) -> list[Rows | Loose]:
+    ) -> list[MessageRows | Loose]:
         n = len(heads.log)
         if not n:
             return []
@@ -313,7 +313,7 @@ class Encoder:
         code = np.zeros(n, np.int64) if text is None else text[1]
         length = np.zeros(n, np.int64) if blob is None else blob.length
 
-        out: list[Rows | Loose] = []
+        out: list[MessageRows | Loose] = []
         few: list[I64] = []
         for rows in _alike(have, code, length) if n > FEW else (np.arange(n),):
             if len(rows) <= FEW:
@@ -326,7 +326,7 @@ class Encoder:
             if blob is not None and size:
                 values[blob.name] = blob.take(rows, size)
             data = shape.many(values, len(rows))
-            out.append(Rows(data, heads.take(rows)))
+            out.append(MessageRows(data, heads.take(rows)))
         if few:
             rows = np.sort(np.concatenate(few))
             lists = {name: column[rows].tolist() for name, column in columns.items()}

@@ -157,7 +157,7 @@ def _layout(k: int, name: bytes) -> np.dtype[np.void]:
 
 
 @dataclass(slots=True)
-class Summary:
+class FileSummary:
     """Notes taken while the file is written."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)

@@ -18,7 +18,7 @@ from sniffer.ground.model import I64, NS, OK, Clock, Severity
 from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.encoder import U16, Blob, Encoder, Heads, Loose
 from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds, joined, runs
-from sniffer.mcapfile.raw import Heard
+from sniffer.mcapfile.raw import HeldChunks
 from sniffer.messages.log_pb2 import Log
 from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, RawChunk, Transaction
 from sniffer.messages.servo_state_pb2 import ServoState
@@ -131,7 +131,7 @@ class BusWriter:
         self._batches.append(batch)
         self.held += len(batch.data) + 1
 
-    def heard(self) -> Heard | None:
+    def heard(self) -> HeldChunks | None:
         """Return the chunks that were taken, ready to be encoded."""
         chunks, self._chunks = self._chunks, []
         if not chunks:
@@ -148,7 +148,7 @@ class BusWriter:
         if self.oldest is None:
             self.oldest = int(log[0])
         heads = self._heads(self._channel("raw", RawChunk), log, np.where(timed, t, log))
-        return Heard(chunks, heads, t, timed, end - length, length)
+        return HeldChunks(chunks, heads, t, timed, end - length, length)
 
     def encode(self, *, final: bool = False) -> None:
         """Queue messages for all that was decoded, in one go; ``final``: nothing will follow.

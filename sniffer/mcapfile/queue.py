@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.mcapfile.encoder import LOG_AT, U16, Loose, Rows
+from sniffer.mcapfile.encoder import LOG_AT, U16, Loose, MessageRows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -49,7 +49,7 @@ class Queue:
     """Message records that wait to be put in order."""
 
     def __init__(self) -> None:
-        self._parts: list[Rows | Loose] = []
+        self._parts: list[MessageRows | Loose] = []
         self._ranks = 0
         self.size = 0
 
@@ -58,7 +58,7 @@ class Queue:
         self._ranks += n
         return np.arange(self._ranks - n, self._ranks)
 
-    def add(self, *parts: Rows | Loose) -> None:
+    def add(self, *parts: MessageRows | Loose) -> None:
         """Take records."""
         for part in parts:
             self._parts.append(part)

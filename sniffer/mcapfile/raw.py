@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sniffer.mcapfile.encoder import Blob, Encoder, Heads, Loose, Rows
+from sniffer.mcapfile.encoder import Blob, Encoder, Heads, Loose, MessageRows
 from sniffer.messages.recording_pb2 import Clock, Direction, Mark, RawChunk
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class HeldChunks:
     """Chunks of one bus: their heads, their times where they have any, where their bytes begin."""
 
     chunks: Sequence[Chunk]
@@ -38,7 +38,7 @@ class RawEncoder:
     def __init__(self) -> None:
         self._plain = Encoder(RawChunk)
 
-    def encode(self, parts: Sequence[Heard]) -> list[Rows | Loose]:
+    def encode(self, parts: Sequence[HeldChunks]) -> list[MessageRows | Loose]:
         """Return a record for each chunk; the few with marks are built one by one."""
         if not parts:
             return []
@@ -48,7 +48,7 @@ class RawEncoder:
             np.concatenate([getattr(part, name) for part in parts])
             for name in ("t", "timed", "offset", "length")
         )
-        out: list[Rows | Loose] = []
+        out: list[MessageRows | Loose] = []
         marked = [i for i, c in enumerate(chunks) if c.marks]
         if marked:
             rows = np.array(marked)

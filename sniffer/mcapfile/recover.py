@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class Recovered:
     """What was recovered; ``why`` says what is wrong where the readable part ends."""
 
     path: Path
@@ -43,7 +43,7 @@ class Report:
         return f"{kept}, the file's last {were} lost ({self.why})"
 
 
-def recover(path: Path, out: Path) -> Report:
+def recover(path: Path, out: Path) -> Recovered:
     """Write what can be read of ``path`` to ``out``, which may be the same file.
 
     Chunks are copied as they are, up to the first damage, and of one that breaks off the messages
@@ -108,7 +108,7 @@ def recover(path: Path, out: Path) -> Report:
             with contextlib.suppress(FileNotFoundError):
                 temporary.unlink()
     lost = size - records.position if why else 0
-    return Report(out, messages, size - lost, lost, why)
+    return Recovered(out, messages, size - lost, lost, why)
 
 
 def _copy(

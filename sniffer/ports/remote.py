@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from sniffer.ground.model import Mark
     from sniffer.ports.base import Counters, PortOptions
 
-PATIENCE_S: Final = 0.1
+FIRST_BYTE_S: Final = 0.1
 """How long a read waits for the first byte, in seconds, where there is nothing to poll."""
 
 _NO_ADDRESS: Final = "no kind of address that is known"
@@ -54,7 +54,7 @@ class SerialPort:
             raise InputError(f"{shown(name)}: {_NO_ADDRESS}") from None
         try:
             self._serial.baudrate = options.baud
-            self._serial.timeout = 0 if self.pollable else PATIENCE_S
+            self._serial.timeout = 0 if self.pollable else FIRST_BYTE_S
             self._serial.exclusive = True
             if options.modem == "low":
                 # raised by the system for a moment all the same, but not by pySerial

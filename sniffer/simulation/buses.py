@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS, SnifferError
 from sniffer.simulation.faults import Fault, Mischief
-from sniffer.simulation.line import Line
+from sniffer.simulation.line import Wire
 from sniffer.simulation.lss import LssBus
 from sniffer.simulation.mightyzap import MightyZapBus
 from sniffer.simulation.rs30x import Rs30xBus
@@ -64,7 +64,7 @@ def simulate(
     )
     if full:
         bus.cycle_ns = 1
-    line = Line(bus, mischief(protocol, faults, seed), seed, start_ns=start_ns, packed=full)
+    line = Wire(bus, mischief(protocol, faults, seed), seed, start_ns=start_ns, packed=full)
     return _talk(bus, line, None if duration_s is None else int(duration_s * NS))
 
 
@@ -103,7 +103,7 @@ def mischief(protocol: str, faults: Sequence[Fault], seed: int) -> Mischief:
     return Mischief(faults, random.Random(f"{protocol} faults {seed}"))
 
 
-def _talk(bus: Bus, line: Line, duration_ns: int | None) -> Iterator[TrueFrame]:
+def _talk(bus: Bus, line: Wire, duration_ns: int | None) -> Iterator[TrueFrame]:
     talk = bus.talk()
     step = next(talk)
     while duration_ns is None or line.free_ns < duration_ns:

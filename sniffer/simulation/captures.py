@@ -40,7 +40,7 @@ FORMS: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class Capture:
+class SampleCapture:
     """One simulated file: what is on the bus, and how it is written down."""
 
     file: str
@@ -90,14 +90,14 @@ def _faults(twin: int, weak: int, *, scale: float = 1.0) -> tuple[Fault, ...]:
 
 
 CAPTURES: Final = (
-    Capture("mightyzap_clean.log", "mightyzap", 11, 8, FRAMES),
-    Capture("mightyzap_damaged.log", "mightyzap", 12, 8, READS, _faults(2, 1, scale=2)),
-    Capture("lss_clean.bin", "lss", 21, 8, RAW),
-    Capture("lss_damaged.log", "lss", 25, 8, READS, _faults(2, 5), rate_hz=25),
-    Capture("wck_clean.log", "wck", 31, 5, FRAMES),
-    Capture("wck_damaged.log", "wck", 32, 5, FRAMES, _faults(1, 2)),
-    Capture("rs30x_clean.hex", "rs30x", 41, 4, HEXDUMP),
-    Capture("rs30x_damaged.log", "rs30x", 44, 5, FRAMES, _faults(2, 5)),
+    SampleCapture("mightyzap_clean.log", "mightyzap", 11, 8, FRAMES),
+    SampleCapture("mightyzap_damaged.log", "mightyzap", 12, 8, READS, _faults(2, 1, scale=2)),
+    SampleCapture("lss_clean.bin", "lss", 21, 8, RAW),
+    SampleCapture("lss_damaged.log", "lss", 25, 8, READS, _faults(2, 5), rate_hz=25),
+    SampleCapture("wck_clean.log", "wck", 31, 5, FRAMES),
+    SampleCapture("wck_damaged.log", "wck", 32, 5, FRAMES, _faults(1, 2)),
+    SampleCapture("rs30x_clean.hex", "rs30x", 41, 4, HEXDUMP),
+    SampleCapture("rs30x_damaged.log", "rs30x", 44, 5, FRAMES, _faults(2, 5)),
 )
 
 
@@ -137,7 +137,7 @@ def _line(file: str, what: str) -> str:
     return f"| `{file}` | {what} | `sniffer decode sample_captures/{file}` |\n"
 
 
-def _told(capture: Capture, frames: Sequence[TrueFrame]) -> str:
+def _told(capture: SampleCapture, frames: Sequence[TrueFrame]) -> str:
     """Describe a simulated capture in a table cell."""
     kinds = Counter(frame.fault for frame in frames if frame.fault)
     said = sum(1 for frame in frames if frame.wire and frame.kind != NOISE)

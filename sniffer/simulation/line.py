@@ -38,7 +38,7 @@ JITTER_NS: Final = 30 * US
 """How much a servo's turnaround varies, a figure of the simulation."""
 
 
-class Line:
+class Wire:
     """Puts a bus on a wire; ``start_ns`` is added to the times of all frames.
 
     ``packed``: servos and controller leave one bit between two frames instead of the times that the

@@ -16,7 +16,7 @@ from sniffer.ground.model import WHOLE
 from sniffer.protocols import protocol_named
 from sniffer.protocols.base import State
 from sniffer.simulation.buses import mischief, put_up
-from sniffer.simulation.line import NOBODY, Line
+from sniffer.simulation.line import NOBODY, Wire
 from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, USUAL, Message, TrueFrame
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _NO_BARRIERS = np.empty(0, np.int64)
 
 
-class Said(NamedTuple):
+class Uttered(NamedTuple):
     """A frame on the line, and whether it is one of ours: the others have been heard."""
 
     frame: TrueFrame
@@ -54,7 +54,7 @@ class Responder:
         models: Mapping[int | None, str] = USUAL,
     ) -> None:
         self.bus = put_up(protocol, seed=seed, servo_ids=servo_ids, baud=baud, models=models)
-        self._line = Line(self.bus, mischief(protocol, faults, seed), seed)
+        self._line = Wire(self.bus, mischief(protocol, faults, seed), seed)
         self._protocol = protocol_named(protocol)
         self._state = State(self._protocol, models)
         self._carried = carried
@@ -62,7 +62,7 @@ class Responder:
         self._heard_ns = 0
         self._before: SlowFrame | None = None
 
-    def hear(self, data: bytes, now_ns: int) -> list[Said]:
+    def hear(self, data: bytes, now_ns: int) -> list[Uttered]:
         """Take bytes that arrived just now; return all that is said because of them, in order.
 
         Times of what is said lie ahead; requests that are not complete yet are waited for.
@@ -72,22 +72,22 @@ class Responder:
         self._heard_ns = now_ns
         return out + self._take(now_ns, final=False)
 
-    def idle(self, now_ns: int) -> list[Said]:
+    def idle(self, now_ns: int) -> list[Uttered]:
         """Let time pass; a beginning that is not continued for long is nobody's."""
         self._line.pass_time(max(now_ns, self.bus.now_ns))
         if self._held and now_ns - self._heard_ns > self._protocol.tail_ns:
             return self._take(now_ns, final=True)
         return []
 
-    def _take(self, now_ns: int, *, final: bool) -> list[Said]:
-        out: list[Said] = []
+    def _take(self, now_ns: int, *, final: bool) -> list[Uttered]:
+        out: list[Uttered] = []
         data = bytes(self._held)
         at = behind = 0
         while at < len(data):
             found = self._protocol.slow_parse(data, at, len(data))
             if found is None and (broken := self.bus.damaged(data, at)) is not None:
                 out += self._noise(data[behind : broken.end], now_ns)
-                out += [Said(f, True) for f in self._line.complaint(broken.exchange)]
+                out += [Uttered(f, True) for f in self._line.complaint(broken.exchange)]
                 at = behind = broken.end
                 continue
             if found is None:
@@ -118,14 +118,14 @@ class Responder:
         began = now_ns - self._line.wire_ns(size) if self._carried else now_ns
         self._line.free_ns = max(self._line.free_ns, began)
 
-    def _noise(self, data: bytes, now_ns: int) -> list[Said]:
+    def _noise(self, data: bytes, now_ns: int) -> list[Uttered]:
         if not data:
             return []
         self._begin(len(data), now_ns)
         nobody = Message(b"", NOBODY, "")
-        return [Said(self._line.say(nobody, NOISE, self._line.free_ns, data, None), False)]
+        return [Uttered(self._line.say(nobody, NOISE, self._line.free_ns, data, None), False)]
 
-    def _frame(self, raw: bytes, kind: int, now_ns: int) -> list[Said]:
+    def _frame(self, raw: bytes, kind: int, now_ns: int) -> list[Uttered]:
         protocol = self._protocol
         frame = protocol.slow_describe(raw, kind, self._before)
         self._before = frame
@@ -137,9 +137,12 @@ class Responder:
         message = Message(raw, frame.servo_id, protocol.op_name(frame.op), values)
         self._begin(len(raw), now_ns)
         if frame.kind != ASKS:
-            return [Said(self._line.say(message, RESPONSE, self._line.free_ns, raw, None), False)]
+            return [
+                Uttered(self._line.say(message, RESPONSE, self._line.free_ns, raw, None), False)
+            ]
         said = [
-            Said(f, f.kind != REQUEST) for f in self._line.exchange(self.bus.heard(frame, message))
+            Uttered(f, f.kind != REQUEST)
+            for f in self._line.exchange(self.bus.heard(frame, message))
         ]
         self.bus.renumber()
         return said

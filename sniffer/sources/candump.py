@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import NS, Chunk, Clock, Direction
-from sniffer.sources.text import Block, Damage, Opened, blocks, quoted
+from sniffer.sources.text import Damage, LineBlock, Opened, blocks, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -47,7 +47,7 @@ class _Log:
         self.errors = 0
         self.cut_off = False
 
-    def chunks(self, block: Block) -> Iterator[Chunk]:
+    def chunks(self, block: LineBlock) -> Iterator[Chunk]:
         rows: list[_Row] = _LINE.findall(block.text)
         # one match a line, or the lines need a closer look
         if len(rows) == block.text.count(b"\n") + 1:

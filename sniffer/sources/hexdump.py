@@ -12,7 +12,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sniffer.sources.text import PIECE, Block, Damage, Opened, blocks, quoted, untimed
+from sniffer.sources.text import PIECE, Damage, LineBlock, Opened, blocks, quoted, untimed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -36,7 +36,7 @@ _XXD: Final = re.compile(rb" *([0-9A-Fa-f]{4,16}):(?: (.*))?$", re.DOTALL)
 _OFFSET: Final = re.compile(rb" *([0-9A-Fa-f]{4,16})(?: +(.*))?$", re.DOTALL)
 
 
-class Parts(NamedTuple):
+class DumpLine(NamedTuple):
     """A dump line taken apart; ``offset`` is empty where the dump has none (``od -An``)."""
 
     offset: bytes
@@ -54,32 +54,32 @@ class Dialect:
     """
 
     tool: str
-    split: Callable[[bytes], Parts | None]
+    split: Callable[[bytes], DumpLine | None]
     radices: tuple[int, ...]
     opener: int = 1
     grouped: bool = False
 
 
-def _split_xxd(line: bytes) -> Parts | None:
+def _split_xxd(line: bytes) -> DumpLine | None:
     match = _XXD.match(line)
     if not match:
         return None
     # groups are one space apart, so the first two spaces are where the gutter begins
     pairs, _, gutter = (match[2] or b"").partition(b"  ")
-    return Parts(match[1], pairs, gutter)
+    return DumpLine(match[1], pairs, gutter)
 
 
-def _split_hexdump(line: bytes) -> Parts | None:
+def _split_hexdump(line: bytes) -> DumpLine | None:
     match = _OFFSET.match(line)
     if not match:
         return None
     pairs, _, gutter = (match[2] or b"").partition(b"|")
     # tshark -x opens its gutter with three spaces and no bar
     pairs, _, bare = pairs.partition(b"   ")
-    return Parts(match[1], pairs, bare.strip() or gutter)
+    return DumpLine(match[1], pairs, bare.strip() or gutter)
 
 
-def _split_od(line: bytes) -> Parts | None:
+def _split_od(line: bytes) -> DumpLine | None:
     offset, text = b"", line
     if not line.startswith(b" "):
         match = _OFFSET.match(line)
@@ -88,7 +88,7 @@ def _split_od(line: bytes) -> Parts | None:
         offset, text = match[1], match[2] or b""
     pairs, _, gutter = text.partition(b">")
     # wider columns than one or two spaces hold decimal numbers (od -td1), not hex
-    return None if b"   " in pairs.strip() else Parts(offset, pairs, gutter)
+    return None if b"   " in pairs.strip() else DumpLine(offset, pairs, gutter)
 
 
 XXD: Final = Dialect("xxd", _split_xxd, (16, 10), opener=2, grouped=True)
@@ -103,7 +103,7 @@ def tidy(line: bytes) -> bytes:
     return line.rstrip()
 
 
-def bytes_in(dialect: Dialect, parts: Parts | None) -> bytes | None:
+def bytes_in(dialect: Dialect, parts: DumpLine | None) -> bytes | None:
     """Return the bytes that a line states, None where it is no line of bytes in hex."""
     if parts is None or (not parts.pairs and parts.gutter):
         return None
@@ -160,7 +160,7 @@ class _Layout:
     shape: bytes
 
     @classmethod
-    def of(cls, line: bytes, parts: Parts, opener: int) -> _Layout:
+    def of(cls, line: bytes, parts: DumpLine, opener: int) -> _Layout:
         indent = line.index(parts.offset)
         behind = indent + len(parts.offset)
         start = line.index(parts.pairs, behind)
@@ -186,7 +186,7 @@ class _Reading:
         self.cut_off = False
         self.dumps = 1
 
-    def read(self, block: Block) -> Iterator[bytes]:
+    def read(self, block: LineBlock) -> Iterator[bytes]:
         """Yield the bytes that the lines of ``block`` state."""
         lines = block.lines()
         self._credit += REPEATED_SHARE * len(block.text)
@@ -254,7 +254,7 @@ class _Reading:
             self._expected += len(data)
         yield data
 
-    def _is_half(self, line: bytes, parts: Parts | None, data: bytes | None) -> bool:
+    def _is_half(self, line: bytes, parts: DumpLine | None, data: bytes | None) -> bool:
         """Tell whether a last line without line end breaks off in mid-offset or mid-byte."""
         if self._layout and not line.translate(None, _DIGITS[16] + b":"):
             return len(line.rstrip(b":")) < self._layout.width or (

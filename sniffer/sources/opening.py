@@ -29,7 +29,7 @@ STDIN: Final = "-"
 SPOOLED_AT_ONCE: Final = 1 << 20
 """Bytes that go to a temporary file at once."""
 
-PATIENCE_S: Final = 0.2
+GATHER_S: Final = 0.2
 """How long the beginning of a pipe is gathered before it is looked at, in seconds."""
 
 
@@ -184,9 +184,9 @@ class _Arriving:
 
 
 def _more(stream: BinaryIO) -> bool:
-    """Tell whether more comes within ``PATIENCE_S``; where that cannot be told, it does."""
+    """Tell whether more comes within ``GATHER_S``; where that cannot be told, it does."""
     try:
-        return bool(select.select([stream.fileno()], [], [], PATIENCE_S)[0])
+        return bool(select.select([stream.fileno()], [], [], GATHER_S)[0])
     except (OSError, ValueError):  # no file at all, or a system that selects sockets only
         return True
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final
 
-from sniffer.sources.text import Block, Damage, Opened, blocks, quoted, untimed
+from sniffer.sources.text import Damage, LineBlock, Opened, blocks, quoted, untimed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -34,7 +34,7 @@ _ASIDE: Final = re.compile(
 )
 
 
-class Mistake(ValueError):
+class BadLineError(ValueError):
     """What is wrong with a line, and the column (from 0) where it is.
 
     Up to the column ``good`` the line is right.
@@ -91,20 +91,20 @@ def share_of_hex(line: bytes) -> float:
     return sum(_BYTES.fullmatch(word) is not None for word in words) / max(1, len(words))
 
 
-def _hex_mistake(text: bytes) -> Mistake:
+def _hex_mistake(text: bytes) -> BadLineError:
     for token in _TOKEN.finditer(text):
         word = token[0]
         if _BYTES.fullmatch(word):
             continue
         if word == b"*":
             why = "a * (repeated lines) cannot be counted without offsets: dump again with -v"
-            return Mistake(token.start(), why)
+            return BadLineError(token.start(), why)
         if _ODD.fullmatch(word):
-            return Mistake(token.start(), f"{quoted(word)} has an odd number of hex digits")
+            return BadLineError(token.start(), f"{quoted(word)} has an odd number of hex digits")
         strange = _STRANGE.search(word)
         column = token.start() + (strange.start() if strange else 0)
-        return Mistake(column, f"{quoted(word)} is not hex", token.start())
-    return Mistake(0, f"{quoted(text)} is not hex")
+        return BadLineError(column, f"{quoted(word)} is not hex", token.start())
+    return BadLineError(0, f"{quoted(text)} is not hex")
 
 
 def decimal_block(text: bytes) -> bytes:
@@ -121,7 +121,7 @@ def decimal_line(line: bytes) -> bytes:
     for token in _TOKEN.finditer(text):
         if not token[0].isdigit() or len(token[0]) > 9 or int(token[0]) > 255:
             why = f"{quoted(token[0])} is not a decimal number from 0 to 255"
-            raise Mistake(token.start(), why)
+            raise BadLineError(token.start(), why)
     return decimal_block(text)
 
 
@@ -137,12 +137,12 @@ def _bytes(
             yield data
 
 
-def _lines(block: Block, single: Callable[[bytes], bytes]) -> Iterator[bytes]:
+def _lines(block: LineBlock, single: Callable[[bytes], bytes]) -> Iterator[bytes]:
     column = block.column
     for number, line in enumerate(block.lines(), block.number):
         try:
             yield single(line)
-        except Mistake as mistake:
+        except BadLineError as mistake:
             yield single(line[: mistake.good])
             column += mistake.column + 1
             raise Damage(number, mistake.why, column=column) from None

@@ -11,8 +11,8 @@ from typing import Final
 
 from sniffer.ground.model import InputError
 from sniffer.sources import candump, jsonl
-from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, Parts, bytes_in, counted, tidy
-from sniffer.sources.plain import Mistake, bare, decimal_line, hex_line, share_of_hex
+from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, DumpLine, bytes_in, counted, tidy
+from sniffer.sources.plain import BadLineError, bare, decimal_line, hex_line, share_of_hex
 from sniffer.sources.refusals import (
     refuse_binary,
     refuse_log,
@@ -151,7 +151,7 @@ def _is_dump(dialect: Dialect, lines: list[bytes]) -> bool:
     return _spaces(first, parts) == 2 and (not parts.offset.strip(b"0") or _counts(HEXDUMP, lines))
 
 
-def _spaces(line: bytes, parts: Parts) -> int:
+def _spaces(line: bytes, parts: DumpLine) -> int:
     rest = line.lstrip(b" ")[len(parts.offset) :]
     return len(rest) - len(rest.lstrip(b" "))
 
@@ -198,7 +198,7 @@ def _is_plain_hex(lines: list[bytes], raw: bool) -> bool:
     for line in lines:
         try:
             data = hex_line(line)
-        except Mistake:
+        except BadLineError:
             if raw:
                 return False
             if any(len(number) == 3 for number in _LISTED.findall(line)):
@@ -218,7 +218,7 @@ def _refuse_decimal(lines: list[bytes]) -> None:
     """Raise InputError where every number is a decimal one."""
     try:
         stated = b"".join(map(decimal_line, lines))
-    except Mistake:
+    except BadLineError:
         return
     if stated:
         raise InputError("this looks like decimal numbers: say --input-format decimal (or hex)")

@@ -63,7 +63,7 @@ class Damage(DamagedInputError):
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class LineBlock:
     """Whole lines without the last line end; CRLF is already LF.
 
     ``number`` is the first line's, from 1. ``column`` counts the bytes of that line which earlier
@@ -87,7 +87,7 @@ def quoted(text: bytes) -> str:
     return shown if len(text) <= 40 else shown + "..."
 
 
-def blocks(stream: Stream, part: Callable[[bytes], int] | None = None) -> Iterator[Block]:
+def blocks(stream: Stream, part: Callable[[bytes], int] | None = None) -> Iterator[LineBlock]:
     """Yield the text in whole lines.
 
     ``part`` says where in a buffer without a line end an endless line may be parted; without it
@@ -109,16 +109,18 @@ def blocks(stream: Stream, part: Callable[[bytes], int] | None = None) -> Iterat
                 if len(held) > LONGEST_LINE:
                     raise Damage(number, f"a line of more than {LONGEST_LINE} bytes is no dump")
             elif len(held) >= BLOCK and (end := part(held)) > 0:
-                yield Block(held[:end], number, column, cut_off=False)
+                yield LineBlock(held[:end], number, column, cut_off=False)
                 column += end
                 held = held[end:]
             continue
         text, held = held[:end], held[end + 1 :]
-        yield Block(text.replace(b"\r\n", b"\n").removesuffix(b"\r"), number, column, cut_off=False)
+        yield LineBlock(
+            text.replace(b"\r\n", b"\n").removesuffix(b"\r"), number, column, cut_off=False
+        )
         number += text.count(b"\n") + 1
         column = 0
     if held:
-        yield Block(held, number, column, cut_off=True)
+        yield LineBlock(held, number, column, cut_off=True)
 
 
 def joined(pieces: Iterable[bytes]) -> Iterator[bytes]:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from sniffer.merge.merger import Merger
     from sniffer.tap.reader import Anchor, Event, Listener
     from sniffer.tap.stops import Stops
-    from sniffer.tap.taps import Tap
+    from sniffer.tap.tap import Tap
 
 TICK_S: Final = 0.05
 """Length of a round: half of what a killed recorder may lose."""

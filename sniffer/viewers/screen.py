@@ -20,7 +20,7 @@ from sniffer.sinks.text import TextSink
 from sniffer.viewers.board.board import Board
 from sniffer.viewers.board.line import line, statistics
 from sniffer.viewers.outlet import Outlet, StalledError
-from sniffer.viewers.terminal import Picture
+from sniffer.viewers.terminal import TerminalPicture
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -55,7 +55,7 @@ BYTES: Final = 4 << 20
 ITEMS: Final = 10_000
 """What may wait: records in columns take some 100 bytes each, so 20 MB at most."""
 
-PATIENCE_S: Final = 1.0
+SCREEN_END_S: Final = 1.0
 """How long the end of a recording waits for the screen."""
 
 
@@ -97,7 +97,7 @@ class Screen:
         other = sys.stderr if notes is None and mode == LOG else notes
         self._notes = self._out if other is None else Outlet(other)
         self._log = TextSink(cast("TextIO", self._out)) if mode == LOG else None
-        self._picture = Picture(self._out) if mode == BOARD else None
+        self._picture = TerminalPicture(self._out) if mode == BOARD else None
         self._queue: deque[tuple[Any, ...]] = deque()
         self._lock = threading.Lock()
         self._records = self._bytes = 0
@@ -127,7 +127,7 @@ class Screen:
         """Have statistics written soon; also from within a signal handler."""
         self._asked = True
 
-    def close(self, timeout_s: float = PATIENCE_S) -> None:
+    def close(self, timeout_s: float = SCREEN_END_S) -> None:
         """Show what waits and end; what nobody takes within the time is left out.
 
         Where a terminal stands still afterwards, ``is_stalled`` tells, and whoever prints to it

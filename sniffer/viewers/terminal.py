@@ -48,7 +48,7 @@ LEAVE_S: Final = 0.2
 """How long whoever stops the program waits for a picture that is being written."""
 
 
-class Picture:
+class TerminalPicture:
     """The board on a terminal; entered with ``with``, left as the terminal was found.
 
     One thread draws. ``left`` may be called from another one, within a signal handler.

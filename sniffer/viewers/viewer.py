@@ -43,7 +43,7 @@ LOCAL: Final = ("--bind", "127.0.0.1")
 SCHEMES: Final = ("rerun", "rerun+http", "rerun+https")
 """Of the addresses that the viewer takes data at; http and https stand for the latter two."""
 
-PATIENCE_S: Final = 20.0
+ANSWER_S: Final = 20.0
 """How long the server may take to answer; it takes half a second on an idle machine."""
 
 
@@ -244,7 +244,7 @@ def live_sink(name: str) -> LiveSink:
 
 
 def _comes_up(process: subprocess.Popen[bytes], is_up: Callable[[], bool]) -> bool:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + ANSWER_S
     while process.poll() is None and time.monotonic() < deadline:
         if is_up():
             return True

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from sniffer.decoding.echo import slow_echoes
 from sniffer.decoding.reference.pending import matched
-from sniffer.decoding.reference.values import SampleRow, Values
+from sniffer.decoding.reference.values import SampleRow, SlowValues
 from sniffer.decoding.staging import slow_staged_ids
 from sniffer.ground.model import (
     DAMAGED,
@@ -70,7 +70,7 @@ class Reference:
     ) -> None:
         self.protocol = protocol
         self.byte_ns = byte_time_ns(baud or protocol.baud)
-        self.values = Values(protocol, models)
+        self.values = SlowValues(protocol, models)
         self.mode = [-1] * 256
         self.staged_ids: dict[int, int] = {}
         self.echoes = 0  # doubled requests in a row that look like an adapter's echo

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 SampleRow = tuple[int, int, int, int, int, str, int, int, int, bool]
 
 
-class Values:
+class SlowValues:
     """What the registers of a bus hold; ``samples`` are those of all frames read so far."""
 
     def __init__(self, protocol: BusProtocol, models: Mapping[int | None, str] | None) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from sniffer.simulation.play.ports import Port
+    from sniffer.simulation.play.ports import PlayPort
     from sniffer.simulation.talk import TrueFrame
 
 HOLD_MOST: Final = 1 << 20
@@ -20,10 +20,10 @@ PIECE: Final = 1 << 14
 """Bytes of those that are written at once: about as many as a pseudo-terminal takes."""
 
 
-class Outlet:
+class FrameWriter:
     """Writes frames to a port; ``note`` is told of each one, with its offset or None."""
 
-    def __init__(self, port: Port, note: Callable[[TrueFrame, int | None], None]) -> None:
+    def __init__(self, port: PlayPort, note: Callable[[TrueFrame, int | None], None]) -> None:
         self.port = port
         self.size = 0
         """Bytes written."""

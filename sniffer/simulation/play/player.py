@@ -17,9 +17,9 @@ from sniffer.ground.model import NS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from sniffer.simulation.play.outlet import Outlet
-    from sniffer.simulation.play.ports import Port
-    from sniffer.simulation.respond import Responder, Said
+    from sniffer.simulation.play.outlet import FrameWriter
+    from sniffer.simulation.play.ports import PlayPort
+    from sniffer.simulation.respond import Responder, Uttered
     from sniffer.simulation.talk import TrueFrame
 
 GROUP_NS: Final = NS // 1000
@@ -36,7 +36,7 @@ IDLE_NS: Final = 20_000_000
 """How often servos that nobody asks move on."""
 
 
-class Clock:
+class SimulatedClock:
     """Nanoseconds since the bus was switched on; it can lose time, never win any."""
 
     def __init__(self) -> None:
@@ -90,7 +90,7 @@ class Player:
     ``told`` is called behind all that is written at one moment.
     """
 
-    def __init__(self, clock: Clock, stop: Stop, told: Callable[[], None]) -> None:
+    def __init__(self, clock: SimulatedClock, stop: Stop, told: Callable[[], None]) -> None:
         self.clock = clock
         self._stop = stop
         self._told = told
@@ -98,7 +98,7 @@ class Player:
     def play(
         self,
         frames: Iterator[TrueFrame],
-        outlet: Outlet,
+        outlet: FrameWriter,
         *,
         group_ns: int,
         duration_ns: int | None = None,
@@ -123,7 +123,7 @@ class Player:
         if duration_ns is not None:
             self._rest(duration_ns, outlet)
 
-    def _rest(self, until_ns: int, outlet: Outlet) -> None:
+    def _rest(self, until_ns: int, outlet: FrameWriter) -> None:
         while not self._stop.asked:
             left = until_ns - self.clock.now()
             if left <= 0:
@@ -137,8 +137,8 @@ class Player:
     def respond(
         self,
         responder: Responder,
-        bus: Outlet,
-        tap: Outlet | None,
+        bus: FrameWriter,
+        tap: FrameWriter | None,
         note: Callable[[TrueFrame, int | None], None],
         *,
         duration_ns: int | None = None,
@@ -148,7 +148,7 @@ class Player:
         Without one, ``note`` is told of what was heard; outlets tell of what they say.
         """
         port, clock = bus.port, self.clock
-        due: collections.deque[Said] = collections.deque()
+        due: collections.deque[Uttered] = collections.deque()
         while not self._stop.asked and (duration_ns is None or clock.now() < duration_ns):
             planned = clock.now() + IDLE_NS
             if due:
@@ -162,7 +162,7 @@ class Player:
             clock.keep(planned)
             now, data = clock.now(), port.read()
             due += responder.hear(data, now) if data else responder.idle(now)
-            said: list[Said] = []
+            said: list[Uttered] = []
             while due and _due_ns(due[0].frame, port) <= now:
                 said.append(due.popleft())
             bus.flush()
@@ -178,6 +178,6 @@ class Player:
             self._told()
 
 
-def _due_ns(frame: TrueFrame, port: Port) -> int:
+def _due_ns(frame: TrueFrame, port: PlayPort) -> int:
     """Return when to write a frame: a device takes the time of the bytes itself."""
     return frame.t_start_ns if port.carries else frame.t_end_ns

@@ -29,8 +29,9 @@ SETTLE_S: Final = 0.002
 """How long bytes may be on their way between the two ends of a pseudo-terminal: the kernel moves
 them in the background."""
 
-PATIENCE_S: Final = 0.5
-"""How long the end waits for a reader that has not fetched everything."""
+FETCH_S: Final = 5.0
+"""How long the end waits for a reader that has the port open and fetches nothing: one on a busy
+machine may not be run for a second."""
 
 _BOTHER: Final = 0o010000
 _CBAUD: Final = 0o010017
@@ -40,7 +41,7 @@ _TCGETS2, _TCSETS2 = 0x802C542A, 0x402C542B
 _TERMIOS2: Final = struct.Struct("4IB19s2I")
 
 
-class Port(Protocol):
+class PlayPort(Protocol):
     """Bytes out and in, never waiting."""
 
     name: str
@@ -120,12 +121,14 @@ class Pty:
         """Wait a little: what is unread when the master closes is lost to the reader."""
         if not self.listened():
             return self.forget()
-        deadline = time.monotonic() + PATIENCE_S
-        empty = 0
+        deadline = time.monotonic() + FETCH_S
+        empty, before = 0, b""
         with self._slave() as slave:
             while empty < 2 and time.monotonic() < deadline:
                 time.sleep(SETTLE_S)
                 waiting = fcntl.ioctl(slave, termios.FIONREAD, bytes(4))
+                if waiting != before:  # it fetches, however slowly
+                    deadline, before = time.monotonic() + FETCH_S, waiting
                 empty = empty + 1 if waiting == bytes(4) else 0
             return 0 if empty == 2 else _left(slave)
 

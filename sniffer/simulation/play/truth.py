@@ -15,7 +15,7 @@ from sniffer.ground.files import writing
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from sniffer.simulation.play.player import Clock
+    from sniffer.simulation.play.player import SimulatedClock
     from sniffer.simulation.talk import TrueFrame
 
 
@@ -26,7 +26,7 @@ class Truth:
         OutputError: the file cannot be written.
     """
 
-    def __init__(self, path: Path, clock: Clock, bus: str = "bus0") -> None:
+    def __init__(self, path: Path, clock: SimulatedClock, bus: str = "bus0") -> None:
         self._path = path
         self._clock = clock
         self._bus = json.dumps(bus)

@@ -61,7 +61,7 @@ class Entity(abc.ABC):
     def _columns(self, values: list[Any]) -> Any: ...
 
 
-class Line(Entity):
+class Curve(Entity):
     """Numbers over time.
 
     ``is_second`` marks a register that states what another one of the servo states more often: it
@@ -92,10 +92,10 @@ class Line(Entity):
             self.total += len(times)
         self._add(times, values)
 
-    def held(self, end_ns: int) -> Line:
+    def held(self, end_ns: int) -> Curve:
         """Return a line beside this one that goes on with its last value."""
         track = dataclasses.replace(self.track, path=f"{self.track.path}/held")
-        line = Line(track, self._name, self._colour)
+        line = Curve(track, self._name, self._colour)
         line.add(np.array([self.last_ns, end_ns]), np.full(2, self._last_value))
         return line
 
@@ -122,7 +122,7 @@ class Line(Entity):
         return rr.Scalars.columns(scalars=np.concatenate(values))
 
 
-class Lane(Entity):
+class Strip(Entity):
     """States over time; only changes are kept."""
 
     def __init__(self, track: Track, name: Callable[[int], str], colour: Rgb) -> None:

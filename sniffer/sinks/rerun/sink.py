@@ -17,7 +17,7 @@ import numpy as np
 from sniffer.decoding.summary import FIGURES, Quantiles
 from sniffer.ground.files import open_binary
 from sniffer.ground.model import I64, OK, RESPONSE, WHOLE, Clock, OutputError
-from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Entity, Lane, Line, Log
+from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Log, Strip
 from sniffer.sinks.rerun.layout import (
     ALARMS,
     EVERYONE,
@@ -91,8 +91,8 @@ class RerunSink:
             raise TypeError("RerunSink needs a path or a recording")
         self._path, self._live = path, path is None
         self._window_s = window_s
-        self._lines: dict[tuple[str, int, int], Line] = {}
-        self._lanes: dict[tuple[str, int, int], Lane] = {}
+        self._lines: dict[tuple[str, int, int], Curve] = {}
+        self._lanes: dict[tuple[str, int, int], Strip] = {}
         self._logs: dict[str, Log] = {}
         self._colours = Colours()
         self._dated: bool | None = None
@@ -190,7 +190,7 @@ class RerunSink:
             took = t.response_time_ns[timed[rows]] / 1e6
             self._line(bus, protocol, key, -1).add(f.t_end[response[rows]], took)
 
-    def _line(self, bus: str, protocol: BusProtocol, servo: int, number: int) -> Line:
+    def _line(self, bus: str, protocol: BusProtocol, servo: int, number: int) -> Curve:
         """Return the line of a register, or of the response times (-1)."""
         line = self._lines.get((bus, servo, number))
         if line is None:
@@ -202,7 +202,7 @@ class RerunSink:
                 r = protocol.registers[number]
                 path = _path(bus, servo, r.name)
                 track = Track(path, bus, who, r.quantity, r.unit)
-            line = Line(track, name, colour)
+            line = Curve(track, name, colour)
             line.is_second = self._live and any(
                 (t.track.quantity, t.track.unit) == (track.quantity, track.unit)
                 for key, t in self._lines.items()
@@ -211,7 +211,7 @@ class RerunSink:
             self._lines[bus, servo, number] = line
         return line
 
-    def _lane(self, bus: str, protocol: BusProtocol, servo: int, number: int) -> Lane:
+    def _lane(self, bus: str, protocol: BusProtocol, servo: int, number: int) -> Strip:
         """Return the lane of an enumerated register, or of the alarms (-1)."""
         lane = self._lanes.get((bus, servo, number))
         if lane is None:
@@ -225,7 +225,7 @@ class RerunSink:
                 path = _path(bus, servo, r.name)
                 track = Track(path, bus, who, r.quantity, is_state=True)
                 name = functools.partial(_named, r)
-            lane = self._lanes[bus, servo, number] = Lane(track, name, colour)
+            lane = self._lanes[bus, servo, number] = Strip(track, name, colour)
         return lane
 
     def _who(self, protocol: BusProtocol, servo: int) -> tuple[int, str, Rgb]:
@@ -294,7 +294,7 @@ class RerunSink:
 
         A goal still holds there, and a single one would not be seen.
         """
-        alike: dict[tuple[str, int, str, str], list[tuple[int, Line]]] = {}
+        alike: dict[tuple[str, int, str, str], list[tuple[int, Curve]]] = {}
         for (bus, servo, number), line in self._lines.items():
             if line.track.quantity:
                 key = bus, servo, line.track.quantity, line.track.unit

@@ -12,7 +12,7 @@ from rich.segment import Segment
 from rich.style import Style
 
 from sniffer.ground.model import NS
-from sniffer.viewers.board.cells import Rows
+from sniffer.viewers.board.cells import ServoCells
 from sniffer.viewers.board.picture import Picture
 from sniffer.viewers.board.state import LOAD_NS, BusTally, Sliding, Troubles, stamps
 
@@ -47,7 +47,7 @@ BITS: Final = 10
 """Bits of a byte on the line: start, eight, stop."""
 
 
-class Lines:
+class BoardLines:
     """Lines of cells for rich: cut at a width, never wrapped."""
 
     def __init__(self, lines: Sequence[Line], width: int) -> None:
@@ -113,11 +113,11 @@ class Board:
         sums, seconds = heard.until(end_ns)
         return 100 * BITS * int(sums[0]) / bus.baud / seconds
 
-    def rows(self, bus: str, status: Status) -> Rows | None:
+    def rows(self, bus: str, status: Status) -> ServoCells | None:
         """Return the servos of a bus as cells; None before anything is decoded."""
         tally = self.buses.get(bus)
-        return None if tally is None else Rows(tally, status.now_ns, self.end_ns(status))
+        return None if tally is None else ServoCells(tally, status.now_ns, self.end_ns(status))
 
-    def render(self, status: Status, width: int, height: int) -> Lines:
+    def render(self, status: Status, width: int, height: int) -> BoardLines:
         """Return the picture: at most ``height`` lines of at most ``width`` cells."""
-        return Lines(Picture(self, status, width, height).lines(), width)
+        return BoardLines(Picture(self, status, width, height).lines(), width)

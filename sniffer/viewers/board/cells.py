@@ -134,7 +134,7 @@ def clock(seconds: float) -> str:
     return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
 
 
-class Rows:
+class ServoCells:
     """The servos of one bus as cells, computed for one moment."""
 
     def __init__(self, tally: BusTally, now_ns: int, end_ns: int) -> None:

@@ -1,85 +1,99 @@
-"""Running a recording: its files, what is shown beside it, signals, and what is told at its end."""
+"""``sniffer.record``: ports are listened to, and every byte is recorded, decoded and shown."""
 
 from __future__ import annotations
 
 import contextlib
 import functools
 import gc
-import os
-import signal
 import sys
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import click
-
-from sniffer.cli.session import open_outputs
-from sniffer.cli.tapping import Tapping
-from sniffer.cli.telling import Teller, result
 from sniffer.decoding.detect import UndecidedError
-from sniffer.decoding.pipeline import Pipeline
-from sniffer.decoding.sink import Sink
+from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.files import files_of, refuse_occupied
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
+from sniffer.jobs.outputs import lost, open_outputs, session_facts
+from sniffer.jobs.telling import Teller, result
 from sniffer.mcapfile.rotation import RotatingMcap
 from sniffer.sinks import suffix_known
+from sniffer.tap.listen import Listening, Tapping, listen
 from sniffer.tap.recorder import Recorder, Wishes
 from sniffer.tap.stops import Stops
 from sniffer.viewers.board.board import Board
+from sniffer.viewers.leaving import leaving
 from sniffer.viewers.screen import LOG, Screen
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from sniffer.decoding.sink import Sink
+    from sniffer.decoding.summary import Summary
     from sniffer.tap.reader import Anchor
+    from sniffer.tap.tap import PortSpec
     from sniffer.viewers.companion.parent import LiveView
 
 SWITCH_S: Final = 0.0005
 """How long a thread may keep the interpreter from the reader thread, in seconds."""
 
-STOOD_S: Final = 0.5
-"""A standstill of the program that is worth a word, in seconds."""
-
-INTERRUPTED: Final = 130
-
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """Where it is shown: on the terminal, and in Rerun; None: not there."""
+    """Where a recording is shown while it is made; None: not there.
 
-    mode: str | None
-    view: str | None
-    url: str | None
-    window_s: float
+    ``mode`` is the terminal's (board, line or log, as ``sniffer.viewers.screen`` names them),
+    ``view`` Rerun's (window, web, or connect with the ``url`` of a viewer); its plots show the last
+    ``window_s`` seconds.
+    """
+
+    mode: str | None = None
+    view: str | None = None
+    url: str | None = None
+    window_s: float = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """What became of a recording.
+
+    ``ended`` says in words what ended it; ``files`` are those of the recording itself, ``gone``
+    outputs that were deleted or renamed meanwhile. ``failure`` is why an output could not be
+    written to its end, None where all could; ``hurried`` that bytes are recorded which were not
+    decoded, because whoever ended it did so twice.
+    """
+
+    ended: str
+    bytes: int
+    summary: Summary
+    files: tuple[Path, ...] = ()
+    gone: tuple[Path, ...] = ()
+    failure: str | None = None
+    hurried: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Files:
-    """What is said about the files.
+    """Where a recording goes.
 
-    ``rotate`` are the limits of a file by unit: ``bytes``, ``ns``.
+    ``recording`` is the MCAP file; the suffixes of ``others`` name their formats (.jsonl, .csv,
+    .parquet, .rrd). A new file is begun after ``rotate_bytes`` or ``rotate_ns``, and only the last
+    ``keep`` of them stay. ``durable``: each round waits for the disk. ``overwrite``: files that are
+    there already are replaced.
     """
 
-    paths: Sequence[Path]
-    rotate: Mapping[str, int]
-    keep: int | None
-    durable: bool
-    force: bool
+    recording: Path | None
+    others: Sequence[Path] = ()
+    rotate_bytes: int | None = None
+    rotate_ns: int | None = None
+    keep: int | None = None
+    durable: bool = False
+    overwrite: bool = False
 
     @property
-    def recording(self) -> Path | None:
-        """The recording among them."""
-        return next((path for path in self.paths if _is_recording(path)), None)
-
-    @property
-    def others(self) -> list[Path]:
-        """The other outputs."""
-        return [path for path in self.paths if not _is_recording(path)]
-
-
-def _is_recording(path: Path) -> bool:
-    return path.suffix.lower() == ".mcap"
+    def rotates(self) -> bool:
+        """Whether there will be several files: their names are numbered."""
+        return self.rotate_bytes is not None or self.rotate_ns is not None
 
 
 def check_files(files: Files) -> None:
@@ -87,17 +101,15 @@ def check_files(files: Files) -> None:
 
     Raises:
         OutputError: a file is there already, or its suffix is not known.
+        SnifferError: old files are to be removed, and no new ones begun.
     """
-    if sum(map(_is_recording, files.paths)) > 1:
-        raise click.UsageError("one .mcap is enough: give -o only one of them")
-    if (files.rotate or files.keep) and files.recording is None:
-        raise click.UsageError("--rotate and --keep are about a recording: -o x.mcap")
-    if files.keep and not files.rotate:
-        raise click.UsageError("--keep goes with --rotate")
-    for path in files.paths:
+    if files.keep is not None and not files.rotates:
+        raise SnifferError("--keep goes with --rotate")
+    own = () if files.recording is None else (files.recording,)
+    for path in (*own, *files.others):
         suffix_known(path)
-        numbered = _is_recording(path) and files.rotate  # their names are looked at later
-        if not numbered and not files.force:
+        numbered = files.rotates and path in own  # their names are looked at later
+        if not numbered and not files.overwrite:
             refuse_occupied(files_of(path))
 
 
@@ -108,14 +120,14 @@ def open_files(files: Files, facts: Mapping[str, str]) -> tuple[RotatingMcap | N
         recording = RotatingMcap(
             files.recording,
             facts,
-            rotate_bytes=files.rotate.get("bytes"),
-            rotate_ns=files.rotate.get("ns"),
+            rotate_bytes=files.rotate_bytes,
+            rotate_ns=files.rotate_ns,
             keep=files.keep,
             durable=files.durable,
-            overwrite=files.force,
+            overwrite=files.overwrite,
         )
     try:
-        others = open_outputs(files.others, facts, "", force=files.force)
+        others = open_outputs(files.others, facts, "", force=files.overwrite)
     except OutputError:
         if recording is not None:
             recording.close()
@@ -143,67 +155,67 @@ def live_view(
     )
 
 
-@contextlib.contextmanager
-def signals(wishes: Wishes) -> Iterator[None]:
-    """Take over the signals that end or steer a recording.
+def record(
+    ports: Sequence[PortSpec],
+    files: Files,
+    options: Options | None = None,
+    *,
+    listening: Listening | None = None,
+    stops: Stops | None = None,
+    shown: Shown | None = None,
+    wishes: Wishes | None = None,
+    tell: Teller | None = None,
+) -> Recorded:
+    """Listen to ports and record every byte, with all that can be made of it.
 
-    The second Ctrl-C leaves out what is not decoded yet, the third ends the program at once.
+    Nothing is written to a port. The call returns when one of ``stops`` is met, or when another
+    thread (or a signal handler) sets ``wishes.stop``.
+
+    Args:
+        ports: what is listened to; each is a bus, or two of them are (``listening.pair``).
+        files: where the recording goes.
+        options: how it is decoded: protocol, baud rate, models.
+        listening: how the ports are opened.
+        stops: what ends the recording.
+        shown: where it is shown meanwhile.
+        wishes: what may be asked of it while it runs.
+        tell: takes what should be told; nothing is told without.
+
+    Raises:
+        InputError: a port cannot be opened; the message says what to do.
+        DamagedInputError: the ports could not be read any more; what was read is recorded.
+        OutputError: the recording, or the last output, cannot be written any more.
+        SnifferError: things that do not go together were asked for.
     """
-
-    def stop(number: int, frame: object) -> None:
-        if not wishes.is_heard:
-            raise KeyboardInterrupt  # ports are being opened, which may take long
-        again, wishes.stop = wishes.stop, wishes.stop or signal.Signals(number).name
-        if again is not None and number == signal.SIGINT:
-            if wishes.hurry:
-                raise KeyboardInterrupt
-            wishes.hurry = True
-
-    def rotate(number: int, frame: object) -> None:
-        wishes.rotate = True
-
-    def statistics(number: int, frame: object) -> None:
-        wishes.statistics = True
-
-    handlers = {"SIGINT": stop, "SIGTERM": stop, "SIGHUP": rotate, "SIGUSR1": statistics}
-    numbers = {
-        n: handler for name, handler in handlers.items() if (n := getattr(signal, name, None))
-    }
-    before = {number: signal.signal(number, handler) for number, handler in numbers.items()}
+    options, shown = options or Options(), shown or Shown()
+    tell, wishes = tell or Teller(lambda line: None, quiet=True), wishes or Wishes()
+    check_files(files)
+    tapping = listen(ports, options, listening or Listening())
+    view = None
     try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-@contextlib.contextmanager
-def leaving(screen: Screen | None) -> Iterator[None]:
-    """Give the terminal back before a key stops the program (Ctrl-Z), or breaks it off."""
-
-    def leave(number: int, frame: object) -> None:
-        assert screen is not None
-        began = time.monotonic()
-        with screen.left():
-            signal.signal(number, signal.SIG_DFL)
-            os.kill(os.getpid(), number)  # comes back when the program goes on
-        signal.signal(number, leave)
-        if (stood_s := time.monotonic() - began) > STOOD_S:
-            screen.say(
-                f"the program was stopped for {stood_s:.1f} s (Ctrl-Z): what the ports could not "
-                "keep meanwhile is not recorded"
-            )
-
-    wanted = () if screen is None else ("SIGTSTP", "SIGQUIT")
-    numbers = [number for name in wanted if (number := getattr(signal, name, None))]
-    mine = [number for number in numbers if signal.getsignal(number) == signal.SIG_DFL]
-    for number in mine:
-        signal.signal(number, leave)
-    try:
-        yield
-    finally:
-        for number in mine:
-            signal.signal(number, signal.SIG_DFL)
+        first = files.recording or next(iter(files.others), Path("recording"))
+        view = live_view(shown, tapping, first.stem, tell.talk)
+        source = ", ".join(spec.port for spec in ports)
+        facts = {**session_facts(source, options, tapping.facts), **tapping.facts}
+        file, sinks = open_files(files, facts)
+    except BaseException:
+        tapping.listener.stop()
+        if view is not None:
+            view.close()
+        raise
+    recorded = run_recording(
+        tapping,
+        file,
+        sinks,
+        stops or Stops(),
+        tell=tell,
+        mode=shown.mode,
+        wishes=wishes,
+        view=view,
+    )
+    for path in (others := lost(files.others)):
+        tell.warn(f"{path} is gone: it was deleted or renamed while it was written")
+    return replace(recorded, gone=(*recorded.gone, *others))
 
 
 def run_recording(
@@ -216,8 +228,8 @@ def run_recording(
     mode: str | None,
     wishes: Wishes | None = None,
     view: LiveView | None = None,
-) -> int:
-    """Record until something ends it; tell what became of it.
+) -> Recorded:
+    """Record from ports that are listened to until something ends it; tell what became of it.
 
     Raises:
         DamagedInputError: the ports could not be read any more; what was read is recorded.
@@ -282,14 +294,22 @@ def run_recording(
         raise failure
     if pipeline.failure is not None:
         tell.once(str(pipeline.failure))
-        return 2
+    gone: list[Path] = []
     if file is not None:
         _deleted(file, tell, recorder)
+        gone += file.deleted
         if file.is_lost and file.path not in file.deleted:
             tell.warn(f"{file.path} is gone: it was deleted or renamed while it was written")
-        if file.is_lost or file.deleted:
-            return 2
-    return INTERRUPTED if wishes.hurry else 0
+            gone.append(file.path)
+    return Recorded(
+        ended,
+        sum(tap.bytes for tap in tapping.taps),
+        pipeline.summary,
+        () if file is None else tuple(file.files),
+        tuple(gone),
+        None if pipeline.failure is None else str(pipeline.failure),
+        wishes.hurry,
+    )
 
 
 def _recorded(

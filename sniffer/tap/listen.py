@@ -1,25 +1,39 @@
-"""Opening the ports of a recording: which bus each is, how it is read, what is known about it."""
+"""The ports of a recording: which bus each is, how it is read, what is known about it."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-import click
-
-from sniffer.cli.options import FALLBACK_BAUD
 from sniffer.decoding.pipeline import AUTO, Options
-from sniffer.ground.model import Direction
+from sniffer.ground.limits import FALLBACK_BAUD
+from sniffer.ground.model import Direction, SnifferError
 from sniffer.ground.timing import LATENCY_NS
 from sniffer.merge.merger import Merger
 from sniffer.ports import PortOptions, open_port
 from sniffer.protocols import PROTOCOLS
 from sniffer.tap.reader import BREATH_NS, Anchor, Listener
-from sniffer.tap.taps import PortSpec, Tap
+from sniffer.tap.tap import PortSpec, Tap
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
 
 Modem = Literal["low", "keep"]
+
+
+@dataclass(frozen=True, slots=True)
+class Listening:
+    """How ports are listened to.
+
+    ``modem``: RTS and DTR are put low at once, or kept as opening the port made them. ``pair``: the
+    two ports are one full-duplex bus, the controller's wire first. ``shared``: also ports that
+    another program has open.
+    """
+
+    modem: Modem = "low"
+    pair: bool = False
+    shared: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,30 +53,23 @@ class Tapping:
     warnings: Sequence[str] = ()
 
 
-def tap_ports(
-    specs: Sequence[PortSpec],
-    options: Options,
-    *,
-    modem: Modem,
-    pair: bool,
-    is_shared: bool = False,
-) -> Tapping:
+def listen(specs: Sequence[PortSpec], options: Options, how: Listening) -> Tapping:
     """Open all ports, or none, and begin to listen.
-
-    ``is_shared``: also such as another program has open.
 
     Raises:
         InputError: a port cannot be opened; the message says what to do.
+        SnifferError: the ports are no pair where one was meant.
     """
+    pair = how.pair
     specs = _paired(specs) if pair else specs
     wires = (Direction.TX, Direction.RX) if pair else (Direction.UNKNOWN,) * len(specs)
-    how = [
-        PortOptions(_baud(spec, options) or FALLBACK_BAUD, modem, shared=is_shared)
+    ways = [
+        PortOptions(_baud(spec, options) or FALLBACK_BAUD, how.modem, shared=how.shared)
         for spec in specs
     ]
     taps: list[Tap] = []
     with contextlib.ExitStack() as stack:
-        for spec, wire, port_options in zip(specs, wires, how, strict=True):
+        for spec, wire, port_options in zip(specs, wires, ways, strict=True):
             port = open_port(spec.port, port_options)
             stack.callback(port.close)
             taps.append(Tap(spec, port, wire))
@@ -79,10 +86,10 @@ def tap_ports(
     if pair:
         name = specs[0].protocol or (None if options.protocol == AUTO else options.protocol)
         protocol = PROTOCOLS.get(name or "")
-        bus, baud = specs[0].bus, how[0].baud
+        bus, baud = specs[0].bus, ways[0].baud
         mergers[bus] = Merger(bus, latency_ns=latencies[bus], baud=baud, protocol=protocol)
     facts = _facts(taps, told, anchor, pair)
-    listener = Listener([tap.port for tap in taps], how, anchor)
+    listener = Listener([tap.port for tap in taps], ways, anchor)
     listener.start()
     notes = _assumed([tap for tap in taps if _has_a_rate(tap, options)], options)
     return Tapping(listener, tuple(taps), anchor, told, facts, mergers, notes, shared(taps))
@@ -111,14 +118,14 @@ def shared(taps: Sequence[Tap]) -> list[str]:
 def _paired(specs: Sequence[PortSpec]) -> tuple[PortSpec, ...]:
     """Return two ports as one bus: what is said of the first holds for the second."""
     if len(specs) != 2:
-        raise click.UsageError("--pair takes two ports: the controller's wire, then the servos'")
+        raise SnifferError("--pair takes two ports: the controller's wire, then the servos'")
     tx, rx = specs
     for what, one, other in (
         ("protocol", tx.protocol, rx.protocol),
         ("baud rate", tx.baud, rx.baud),
     ):
         if None not in (one, other) and one != other:
-            raise click.UsageError(f"--pair is one bus: its two ports have one {what}")
+            raise SnifferError(f"--pair is one bus: its two ports have one {what}")
     protocol, baud = tx.protocol or rx.protocol, tx.baud or rx.baud
     return tuple(PortSpec(tx.bus, s.port, protocol, baud) for s in specs)
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS
-from sniffer.ground.wording import one_line
-from sniffer.viewers.outlet import write_within
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from sniffer.decoding.detect import Detection
     from sniffer.mcapfile.rotation import RotatingMcap
     from sniffer.tap.reader import Anchor
@@ -23,18 +22,18 @@ MISTAKES_S: Final = 5.0
 STEP_NS: Final = NS // 10
 """A step of the system clock that is worth a word."""
 
-WORD_S: Final = 0.5
-"""How long a line on standard error may take before it is left out."""
-
 
 class Teller:
     """What is told while it runs; once a screen is there, above it.
 
-    A terminal that stands still, or is gone, keeps nothing from going on.
+    Args:
+        say: takes a line for people; it must not wait for them.
+        quiet: only what went wrong is told.
     """
 
-    def __init__(self, *, quiet: bool) -> None:
+    def __init__(self, say: Callable[[str], None], *, quiet: bool = False) -> None:
         self.screen: Screen | None = None
+        self._say = say
         self._quiet = quiet
         self._told: set[str] = set()
         self._look_at = time.monotonic() + MISTAKES_S
@@ -49,7 +48,7 @@ class Teller:
         if self.screen is not None:
             self.screen.say(message)
         else:
-            write_within(sys.stderr, f"sniffer: {one_line(message)}\n", WORD_S)
+            self._say(message)
 
     def once(self, message: str) -> None:
         """Tell what the user must know, but not again and again."""

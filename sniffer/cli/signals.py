@@ -1,0 +1,43 @@
+"""The signals that end or steer a recording."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+from collections.abc import Iterator
+
+from sniffer.tap.recorder import Wishes
+
+
+@contextlib.contextmanager
+def signals(wishes: Wishes) -> Iterator[None]:
+    """Take over the signals that end or steer a recording.
+
+    The second Ctrl-C leaves out what is not decoded yet, the third ends the program at once.
+    """
+
+    def stop(number: int, frame: object) -> None:
+        if not wishes.is_heard:
+            raise KeyboardInterrupt  # ports are being opened, which may take long
+        again, wishes.stop = wishes.stop, wishes.stop or signal.Signals(number).name
+        if again is not None and number == signal.SIGINT:
+            if wishes.hurry:
+                raise KeyboardInterrupt
+            wishes.hurry = True
+
+    def rotate(number: int, frame: object) -> None:
+        wishes.rotate = True
+
+    def statistics(number: int, frame: object) -> None:
+        wishes.statistics = True
+
+    handlers = {"SIGINT": stop, "SIGTERM": stop, "SIGHUP": rotate, "SIGUSR1": statistics}
+    numbers = {
+        n: handler for name, handler in handlers.items() if (n := getattr(signal, name, None))
+    }
+    before = {number: signal.signal(number, handler) for number, handler in numbers.items()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
