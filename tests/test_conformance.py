@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from sniffer.protocols import PROTOCOLS
-from sniffer.testing import Check, checks
+from sniffer.testing import Requirement, checks
 
 if TYPE_CHECKING:
     from sniffer.testing import Talk
@@ -20,7 +20,7 @@ def talk_of(name: str) -> Talk:
     return talk
 
 
-def held(name: str) -> list[Check]:
+def held(name: str) -> list[Requirement]:
     """Return everything that is held of a protocol."""
     return checks(PROTOCOLS[name], talk_of(name))
 
@@ -28,5 +28,5 @@ def held(name: str) -> list[Check]:
 @pytest.mark.parametrize(
     "one", [pytest.param(c, id=f"{n}: {c}") for n in PROTOCOLS for c in held(n)]
 )
-def test_what_the_kit_holds_of_each_protocol(one: Check) -> None:
+def test_what_the_kit_holds_of_each_protocol(one: Requirement) -> None:
     one()

@@ -10,7 +10,7 @@ A protocol that lives outside this package is tested with it (docs/conformance.m
 ``checks`` gives the same one by one, for ``pytest.mark.parametrize("one", checks(...), ids=str)``.
 """
 
-from sniffer.testing.kit import Check, Result, check, checks
+from sniffer.testing.kit import Report, Requirement, check, checks
 from sniffer.testing.talk import Exchange, Label, Talk
 
-__all__ = ["Check", "Exchange", "Label", "Result", "Talk", "check", "checks"]
+__all__ = ["Exchange", "Label", "Report", "Requirement", "Talk", "check", "checks"]

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class PlantedFault:
     """What is broken; ``command`` and ``register`` tell which cases could show it, all if none."""
 
     name: str
@@ -56,7 +56,7 @@ class Fault:
 class Faulty:
     """A protocol with a fault in it."""
 
-    def __init__(self, protocol: BusProtocol, fault: Fault) -> None:
+    def __init__(self, protocol: BusProtocol, fault: PlantedFault) -> None:
         self._protocol, self._fault = protocol, fault
 
     def __getattr__(self, name: str) -> Any:
@@ -81,7 +81,7 @@ class Faulty:
         return self._fault.values(frames, values) if self._fault.values else values
 
 
-def planted(protocol: BusProtocol, fault: Fault) -> BusProtocol:
+def planted(protocol: BusProtocol, fault: PlantedFault) -> BusProtocol:
     """Return the protocol with the fault in it."""
     return cast("BusProtocol", Faulty(protocol, fault))
 
@@ -92,7 +92,7 @@ def faults_of(
     known: Sequence[Known],
     scenes: Sequence[Sequence[Fact]],
     header: bytes,
-) -> Iterator[Fault]:
+) -> Iterator[PlantedFault]:
     """Yield each fault that would be one in this protocol."""
     every = [k.request for k in known] + [f for s in scenes for f in s if f.kind == REQUEST]
     answered = {k.request.op for k in known if k.answers}
@@ -107,16 +107,16 @@ def faults_of(
             yield _off_by_one(number, register.name)
     yield from _of_framing(protocol, known, header)
     if any(protocol.refused(np.array([f.status], np.int16))[0] for k in known for f in k.answers):
-        yield Fault("no answer refuses", describe=_without_status)
+        yield PlantedFault("no answer refuses", describe=_without_status)
 
 
 def _of_command(
     protocol: BusProtocol, op: int, mine: Sequence[Fact], answered: bool, silent: bool
-) -> Iterator[Fault]:
+) -> Iterator[PlantedFault]:
     name = protocol.op_name(op)
 
-    def of(what: str, describe: Callable[[Block, Frames], Frames]) -> Fault:
-        return Fault(f"{name}: {what}", name, describe=describe)
+    def of(what: str, describe: Callable[[Block, Frames], Frames]) -> PlantedFault:
+        return PlantedFault(f"{name}: {what}", name, describe=describe)
 
     def asked(f: Frames) -> Mask:
         return np.asarray((f.kind == REQUEST) & (f.op == op))
@@ -148,7 +148,9 @@ def _of_command(
         wrong = put("address", lambda f: f.address + 1, lambda f: asked(f) & (f.address >= 0))
         yield of("one address on", wrong)
     if any(f.targets > 1 for f in mine):
-        yield Fault(f"{name}: targets one step less", name, values=lambda f, v: _shifted(f, v, op))
+        yield PlantedFault(
+            f"{name}: targets one step less", name, values=lambda f, v: _shifted(f, v, op)
+        )
     if protocol.ordered or not answered:
         return  # answers come in their order there: neither token nor id is asked for
     yield of("token + 1", put("token", lambda f: f.token + 1))
@@ -185,12 +187,12 @@ def _without_status(block: Block, f: Frames) -> Frames:
     return replace(f, status=np.full(len(f), -1, np.int16))
 
 
-def _off_by_one(number: int, name: str) -> Fault:
+def _off_by_one(number: int, name: str) -> PlantedFault:
     def change(frames: Frames, v: Values) -> Values:
         del frames
         return replace(v, raw=v.raw + (v.register == number))
 
-    return Fault(f"{name}: raw + 1", register=name, values=change)
+    return PlantedFault(f"{name}: raw + 1", register=name, values=change)
 
 
 def _shifted(f: Frames, v: Values, op: int) -> Values:
@@ -201,7 +203,9 @@ def _shifted(f: Frames, v: Values, op: int) -> Values:
     return replace(v, servo_id=np.where(later, v.servo_id[begin], v.servo_id).astype(np.int16))
 
 
-def _of_framing(protocol: BusProtocol, known: Sequence[Known], header: bytes) -> Iterator[Fault]:
+def _of_framing(
+    protocol: BusProtocol, known: Sequence[Known], header: bytes
+) -> Iterator[PlantedFault]:
     def without(lost: Callable[[Block, Spans], Mask]) -> Any:
         def change(block: Block, spans: Spans, decided: int) -> tuple[Spans, int]:
             return spans.take(~lost(block, spans)), decided
@@ -219,10 +223,10 @@ def _of_framing(protocol: BusProtocol, known: Sequence[Known], header: bytes) ->
 
     frames = [raw for k in known for raw in (k.exchange.request, *k.exchange.replies)]
     if any(len(raw) >= protocol.longest for raw in frames):
-        yield Fault("the longest frames are lost", frame=without(longest))
+        yield PlantedFault("the longest frames are lost", frame=without(longest))
     if header and any(header in raw[len(header) :] for raw in frames):
-        yield Fault("a header inside a frame begins another", frame=without(holds_header))
-    yield Fault("silences are ignored", blocks=_without_silences)
+        yield PlantedFault("a header inside a frame begins another", frame=without(holds_header))
+    yield PlantedFault("silences are ignored", blocks=_without_silences)
 
 
 def _without_silences(block: Block) -> Block:
@@ -252,7 +256,7 @@ class Suspects:
                 for name in {x if isinstance(x, str) else x[1] for x in labels}:
                     self.by_register[name].append(k)
 
-    def of(self, fault: Fault) -> list[int]:
+    def of(self, fault: PlantedFault) -> list[int]:
         """Return the numbers of the cases."""
         if fault.command:
             return self.by_command[fault.command]

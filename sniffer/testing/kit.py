@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
     from sniffer.testing.case import Case
     from sniffer.testing.facts import Fact, Known
-    from sniffer.testing.faults import Fault
+    from sniffer.testing.faults import PlantedFault
     from sniffer.testing.talk import Exchange, Talk
 
 EXAMPLES: Final = 30
@@ -52,7 +52,7 @@ TOLD: Final = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class Requirement:
     """One thing that is held of a protocol; calling it raises AssertionError where it is not."""
 
     name: str
@@ -67,7 +67,7 @@ class Check:
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
+class Report:
     """What came of all checks: by name what each saw, and what failed."""
 
     protocol: str
@@ -229,7 +229,7 @@ class Kit:
         told = f"{len(some) - len(alive)} killed, {len(every)} could be planted"
         return f"{told}, {len(alive)} harmless as declared" if alive else told
 
-    def _survives(self, fault: Fault) -> bool:
+    def _survives(self, fault: PlantedFault) -> bool:
         broken = planted(self.protocol, fault)
         rows = self.suspects.of(fault)
         for a, b in ((0, FIRST), (FIRST, 1000), (1000, len(rows))):
@@ -261,7 +261,7 @@ def checks(
     *,
     thorough: bool = False,
     seed: int = 0,
-) -> list[Check]:
+) -> list[Requirement]:
     """Return all that is held of a protocol, one call each, for a test runner that names them.
 
     Args:
@@ -285,13 +285,13 @@ def checks(
         return run
 
     return [
-        Check("talk", kit.misspelt),
-        *(Check(f"truth: {n}", functools.partial(kit.truth, n)) for n in (*NAMES, SCENE)),
-        Check("law: columns say what the slow form says, arranged", kit.slow),
-        Check("law: a cut at every boundary changes nothing", kit.bytewise),
-        *(Check(f"law: {name}", law(rule)) for name, rule in laws.LAWS.items()),
-        Check("coverage", kit.coverage),
-        Check("faults", kit.faults),
+        Requirement("talk", kit.misspelt),
+        *(Requirement(f"truth: {n}", functools.partial(kit.truth, n)) for n in (*NAMES, SCENE)),
+        Requirement("law: columns say what the slow form says, arranged", kit.slow),
+        Requirement("law: a cut at every boundary changes nothing", kit.bytewise),
+        *(Requirement(f"law: {name}", law(rule)) for name, rule in laws.LAWS.items()),
+        Requirement("coverage", kit.coverage),
+        Requirement("faults", kit.faults),
     ]
 
 
@@ -301,9 +301,9 @@ def check(
     *,
     thorough: bool = False,
     seed: int = 0,
-) -> Result:
+) -> Report:
     """Hold everything of a protocol, and return what came of it; arguments as for ``checks``."""
-    result = Result(protocol.name)
+    result = Report(protocol.name)
     for one in checks(protocol, talk, thorough=thorough, seed=seed):
         try:
             result.seen[one.name] = one.run()
