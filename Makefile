@@ -51,7 +51,7 @@ bench: $(VENV)/.dev ## measure the throughput
 	$(BIN)/python -m bench
 
 bench-live: $(VENV)/.dev ## measure recording live: its cost, how late stamps are (6 min)
-	$(BIN)/python -m bench.live --results
+	$(BIN)/python -m bench.live_results
 
 soak: $(VENV)/.dev ## kill 50 recorders, who waits for one, a minute beside its truth, an hour's memory (5 min)
 	$(BIN)/python -m bench.soak

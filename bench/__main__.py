@@ -6,6 +6,7 @@ drifts moves both sides.
 
 from __future__ import annotations
 
+import argparse
 import platform
 import re
 import statistics
@@ -231,6 +232,7 @@ def say(line: str) -> None:
 
 def main() -> None:
     """Measure everything and write the results."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     versions = f"Python {platform.python_version()}, {platform.machine()}, {platform.system()}"
     lines = [
         "# What was measured",

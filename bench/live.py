@@ -1,7 +1,7 @@
 """Recording live: what it costs, how late the stamps are, and that no byte is lost.
 
 ``python -m bench.live --buses 8 --baud 921600 --seconds 10 [--view board]`` measures once, and
-tells in JSON. ``python -m bench.live --results`` measures everything and puts it into RESULTS.md.
+tells in JSON. ``python -m bench.live_results`` measures everything and puts it into RESULTS.md.
 
 A line's bytes are written a millisecond's worth at a time (``bench.lines``). A stamp belongs to the
 last byte of a read, and that byte was written in a call whose beginning and end are known: how late
@@ -294,13 +294,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--baud", type=int, default=921600)
     parser.add_argument("--view", choices=list(VIEWS), default="quiet")
-    parser.add_argument("--results", action="store_true", help="all of it, into RESULTS.md")
     given = parser.parse_args()
-    if given.results:
-        from bench.live_results import write
-
-        write()
-        return
     load = Load(given.buses, given.baud, given.seconds, given.view)
     sys.stdout.write(json.dumps(dataclasses.asdict(measure(load))) + "\n")
 

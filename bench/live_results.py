@@ -117,7 +117,7 @@ def _lines(found: dict[Load, list[Figures]], loops: Sequence[float]) -> list[str
         f"{LIVE}: what recording costs, and how late stamps are",
         "",
         (
-            f"`python -m bench.live --results`; medians of {ROUNDS} runs of {SECONDS:.0f} s in "
+            f"`python -m bench.live_results`; medians of {ROUNDS} runs of {SECONDS:.0f} s in "
             f"turns; Python {platform.python_version()}, {platform.machine()}, "
             f"{platform.system()}. Lines under full load, no pause between two frames, on ptys; a "
             "process of its own writes a millisecond's bytes at a time. *Core* is what the "
@@ -179,3 +179,7 @@ def _row(load: Load, figures: Sequence[Figures]) -> str:
         f"{_median(figures, 'reader'):.1f} | {_three(figures, 'stamp_most')} | "
         f"{_three(figures, 'waited')} | {_median(figures, 'peak_mb'):.0f} |"
     )
+
+
+if __name__ == "__main__":
+    write()

@@ -15,7 +15,7 @@ from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.model import Batch, Chunk, DamagedInputError, InputError, MarkKind
 from sniffer.jobs.compare import compare
 from sniffer.mcapfile.ends import ends
-from sniffer.mcapfile.source import chunks, session
+from sniffer.mcapfile.source import chunks, session, tables
 from tests.commands import COMMAND, Ran, environment
 from tests.recordings import messages, talk
 from tests.terminals import PATIENCE_S, Terminal, wait
@@ -38,6 +38,7 @@ class Recorder:
         lines: what it listens to.
         before: stands in front of the command line.
         into: where standard error goes, instead of a file.
+        env: what its environment has beside ours.
     """
 
     def __init__(
@@ -47,6 +48,7 @@ class Recorder:
         lines: Sequence[Terminal] = (),
         before: Sequence[str] = (),
         into: int | None = None,
+        env: Mapping[str, str] | None = None,
         **options: Any,
     ) -> None:
         self.folder = folder
@@ -66,7 +68,7 @@ class Recorder:
             self.process = subprocess.Popen(
                 [*before, *COMMAND, "record", *told],
                 cwd=folder,
-                env=environment(),
+                env=environment(**(env or {})),
                 stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=err if into is None else into,
@@ -188,7 +190,9 @@ def frames_recorded(path: Path) -> dict[str, list[FrameRow]]:
 def frames_again(*paths: Path) -> dict[str, list[FrameRow]]:
     """Return the frames of the recorded bytes, decoded now by what the recording knows."""
     collected = Collected()
-    pipeline = Pipeline(Options().with_facts(session(paths[0])), [collected])
+    pipeline = Pipeline(
+        Options().with_facts(session(paths[0]), lambda: tables(paths[0])), [collected]
+    )
     pipeline.feed([chunk for path in paths for chunk in chunks(path)])
     pipeline.close()
     out = {bus: list(collected.frames(bus)) for bus in collected.batches}

@@ -236,7 +236,8 @@ def test_two_wires_are_one_bus_with_every_answer_behind_its_request(
             assert run.stop() == Ran(0, "", "")
     wires: dict[Direction, bytes] = {Direction.TX: b"", Direction.RX: b""}
     for chunk in chunks(run.path):
-        wires[chunk.direction] += chunk.data
+        if chunk.data:  # a mark between two bytes, on a machine that stalls, is no wire's
+            wires[chunk.direction] += chunk.data
     assert wires[Direction.TX] == b"".join(asked for asked, _ in exchanges(150))
     assert wires[Direction.RX] == b"".join(answered for _, answered in exchanges(150))
     found = messages(run.path)

@@ -8,12 +8,14 @@ stdout is data, stderr is talk.
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import os
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
-from typing import Final, TextIO
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Final, TextIO
 
 import click
 
@@ -31,6 +33,7 @@ from sniffer.cli.simulate import simulate
 from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED, MISTAKE
 from sniffer.cli.view import view
 from sniffer.ground.model import DamagedInputError, SnifferError
+from sniffer.protocols import PluginError, PluginWarning
 
 DEBUG: Final = "SNIFFER_DEBUG"
 """Set to anything, it has what nobody has foreseen shown with its traceback."""
@@ -76,6 +79,13 @@ for _command in (
 def run(arguments: Sequence[str]) -> int:
     """Run the command line; return the exit status. No traceback reaches the user."""
     _prepare_streams()
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", PluginWarning)
+        warnings.showwarning = functools.partial(_show_warning, warnings.showwarning)
+        return _run(arguments)
+
+
+def _run(arguments: Sequence[str]) -> int:
     try:
         status = cli.main(list(arguments), prog_name="sniffer", standalone_mode=False)
         sys.stdout.flush()
@@ -89,6 +99,8 @@ def run(arguments: Sequence[str]) -> int:
     except DamagedInputError as error:
         return _tell(str(error), DAMAGED)
     except SnifferError as error:
+        if isinstance(error, PluginError):
+            _debug()
         return _tell(str(error), MISTAKE)
     except (_NobodyListensError, BrokenPipeError):
         silence_stdout()
@@ -106,6 +118,20 @@ def run(arguments: Sequence[str]) -> int:
     finally:
         _end_stderr()
     return status if isinstance(status, int) else DONE
+
+
+def _show_warning(
+    otherwise: Callable[..., None],
+    message: Warning | str,
+    category: type[Warning],
+    *where: Any,
+    **more: Any,
+) -> None:
+    """Tell of a plug-in that is left out in one line, as of everything else."""
+    if issubclass(category, PluginWarning):
+        say(str(message))
+    else:
+        otherwise(message, category, *where, **more)
 
 
 def _with_help(error: click.ClickException) -> str:

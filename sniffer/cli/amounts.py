@@ -13,7 +13,7 @@ import click
 from sniffer.decoding.pipeline import AUTO
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS
-from sniffer.protocols import PROTOCOLS
+from sniffer.protocols import PROTOCOLS, is_file, protocol_named
 from sniffer.tap.tap import PortSpec
 
 if TYPE_CHECKING:
@@ -140,7 +140,9 @@ def _protocol(text: str, rest: str) -> tuple[str, str | None]:
     before, equals, last = rest.rpartition("=")
     if not equals or "?" in before:  # an address may have options behind a question mark
         return rest, None
-    if last in PROTOCOLS or last == AUTO:
+    if last == AUTO or is_file(last) or last in PROTOCOLS:
+        if last != AUTO:
+            protocol_named(last)  # what is wrong with a plug-in is told before a port is opened
         return before, last
     if _NAME.fullmatch(before) and last:
         return rest, None  # left=/dev/ttyUSB0

@@ -13,6 +13,7 @@ from sniffer.cli.options import decoding, examples, pipeline_options, printed, w
 from sniffer.cli.session import Standard, run_source, tell_lost
 from sniffer.decoding.sink import Sink
 from sniffer.ground.model import Severity
+from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.outputs import open_outputs, session_facts
 from sniffer.sinks.jsonl import JsonlSink
 from sniffer.sources import open_source
@@ -53,6 +54,7 @@ def decode(
     input_format: str,
     baud: int | None,
     models: dict[int | None, str],
+    tables: tuple[RegisterMap, ...],
     latency: float | None,
     output_format: str,
     outputs: tuple[Path, ...],
@@ -66,8 +68,9 @@ def decode(
     What goes wrong on the bus is part of the output. Exit status: 0 done; 1 anomalies at or above
     --fail-on; 2 a mistake of yours; 3 the input breaks off (what could be read is written).
     """
-    options = pipeline_options(protocol, baud, models, latency)
+    options = pipeline_options(protocol, baud, models, latency, tables)
     source = open_source(file, input_format)
+    options = options.with_facts(source.facts(), source.tables)
     facts = session_facts(file, options, source.facts())
     sinks: list[Sink] = open_outputs(outputs, facts, file, force=force)
     if not quiet and not summary:

@@ -56,9 +56,9 @@ def show_summaries(console: Console) -> None:
 def record(outputs: list[Path]) -> None:
     """Write the damaged captures as the four buses of one recording."""
     session = {"tool": f"{TOOL} {__version__}", "source": str(CAPTURES)}
-    options = Options(protocols={name: name for name in PROTOCOLS})
+    options = Options(protocols={name: name for name in PROTOCOLS.built_in})
     pipeline = Pipeline(options, [open_sink(path, session) for path in outputs])
-    for name in PROTOCOLS:
+    for name in PROTOCOLS.built_in:
         for path in captures():
             if path.name.startswith(f"{name}_damaged"):
                 for group in as_bus(path, name):

@@ -17,7 +17,14 @@ from rich.console import Console
 from rich.text import Text
 
 from sniffer.cli.amounts import port_spec
-from sniffer.cli.options import SHARED, Finite, Whole, examples, printed
+from sniffer.cli.options import (
+    SHARED,
+    Finite,
+    ProtocolName,
+    Whole,
+    examples,
+    printed,
+)
 from sniffer.cli.session import say
 from sniffer.decoding.pipeline import AUTO
 from sniffer.doctor import (
@@ -35,7 +42,7 @@ from sniffer.ground.limits import BAUDS, FALLBACK_BAUD
 from sniffer.ground.model import NS, Chunk, Clock, InputError
 from sniffer.ports import Port, PortLostError, PortOptions, open_port
 from sniffer.ports.listing import port_at
-from sniffer.protocols import PROTOCOLS
+from sniffer.protocols import protocol_named
 
 TRIAL_S: Final = 1.0
 """How long another baud is listened at."""
@@ -78,7 +85,7 @@ class Tunable(Port, Protocol):
 @click.option("--baud", type=Whole(*BAUDS), help="Bits per second.")
 @click.option(
     "--protocol",
-    type=click.Choice([AUTO, *PROTOCOLS]),
+    type=ProtocolName(AUTO),
     default=AUTO,
     show_default=True,
     help="What is spoken on the bus; auto tells it from the bytes.",
@@ -138,7 +145,7 @@ def doctor(
 
 
 def _first_baud(protocol: str, baud: int | None) -> int:
-    return baud or (PROTOCOLS[protocol].baud if protocol != AUTO else FALLBACK_BAUD)
+    return baud or (protocol_named(protocol).baud if protocol != AUTO else FALLBACK_BAUD)
 
 
 def _prepare(name: str, how: PortOptions, output_format: str) -> int:
@@ -203,7 +210,7 @@ def hear(port: Port, about: Listened, *, baud_is_named: bool) -> Listened:
     found = understand(heard.chunks, heard.protocol)
     if not heard.has_line:
         if not baud_is_named and found.protocol is not None:
-            heard = replace(heard, baud=PROTOCOLS[found.protocol].baud)
+            heard = replace(heard, baud=protocol_named(found.protocol).baud)
         return heard
     silent = not heard.size and not heard.line_errors
     if found.good or silent or heard.gone_s is not None or not isinstance(port, Tunable):
@@ -330,6 +337,5 @@ def _conclusion(heard: Listened, verdicts: Sequence[Finding], width: int) -> lis
         return _wrapped(f"not fit to record from: {topics}", width, "", "")
     doubts = f", with doubts about {topics}" if level == Level.WARN else ""
     found = understand(heard.chunks, heard.protocol)
-    protocol = found.protocol or heard.protocol
-    command = f"sniffer record {heard.path}={protocol}@{heard.baud}"
+    command = f"sniffer record {heard.path}={heard.named(found.protocol)}@{heard.baud}"
     return [*_wrapped(f"fit to record from{doubts}", width, "", ""), " " * _ABOUT + command]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import click
 from rich.console import Console
 
-from sniffer.cli.options import examples
+from sniffer.cli.options import ProtocolName, check_tables, examples, with_registers
 from sniffer.decoding.pipeline import AUTO
+from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.explain import explain_bytes, read_hex
-from sniffer.protocols import PROTOCOLS
 
 
 @click.command(
@@ -21,9 +21,16 @@ from sniffer.protocols import PROTOCOLS
 )
 @click.argument("hex_bytes", metavar="HEX", nargs=-1, required=True)
 @click.option("--after", metavar="HEX", help="The request this answers: replies need it.")
-@click.option("--protocol", type=click.Choice([AUTO, *PROTOCOLS]), default=AUTO, show_default=True)
+@click.option("--protocol", type=ProtocolName(AUTO), default=AUTO, show_default=True)
 @click.option("--model", metavar="MODEL", help="Register table to read by.")
-def explain(hex_bytes: tuple[str, ...], after: str | None, protocol: str, model: str | None) -> int:
+@with_registers
+def explain(
+    hex_bytes: tuple[str, ...],
+    after: str | None,
+    protocol: str,
+    model: str | None,
+    tables: tuple[RegisterMap, ...],
+) -> int:
     """Draw the frame HEX byte by byte: offsets, fields, values, units, checksum arithmetic.
 
     Exit status 1: not every byte belongs to a frame that holds; what is wrong with it is shown.
@@ -31,7 +38,8 @@ def explain(hex_bytes: tuple[str, ...], after: str | None, protocol: str, model:
     """
     data = read_hex(" ".join(hex_bytes))
     before = read_hex(after) if after else b""
-    held, lines = explain_bytes(data, before, protocol=protocol, model=model)
+    check_tables(tables, [protocol])
+    held, lines = explain_bytes(data, before, protocol=protocol, model=model, tables=tables)
     console = Console(highlight=False, soft_wrap=True)
     for line in lines:
         console.print(line, markup=False)

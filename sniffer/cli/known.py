@@ -13,7 +13,7 @@ from rich.console import Console
 from sniffer.cli.options import examples
 from sniffer.ground.model import ROLES
 from sniffer.ground.registers import Register, RegisterMap
-from sniffer.protocols import PROTOCOLS
+from sniffer.protocols import PROTOCOLS, is_file, protocol_named
 
 
 @click.command()
@@ -23,6 +23,8 @@ def protocols() -> None:
     for p in PROTOCOLS.values():
         rates = [f"{p.baud} (default)", *(str(b) for b in p.bauds if b != p.baud)]
         facts = {"models": ", ".join(m.model for m in p.models), "baud": ", ".join(rates)}
+        if package := PROTOCOLS.origin(p.name):
+            facts["plug-in"] = package
         click.echo(f"{p.name:11}{p.title}")
         for title, text in facts.items():
             indent = " " * 11
@@ -33,7 +35,11 @@ def protocols() -> None:
 
 
 def _models() -> dict[str, RegisterMap]:
-    return {m.model: m for p in PROTOCOLS.values() for m in p.models}
+    out: dict[str, RegisterMap] = {}
+    for protocol in PROTOCOLS.values():
+        for table in protocol.models:
+            out.setdefault(table.model, table)
+    return out
 
 
 @click.command(
@@ -42,6 +48,7 @@ def _models() -> dict[str, RegisterMap]:
         "sniffer registers",
         "sniffer registers mightyzap-12lf",
         "sniffer registers rs305cr --format jsonl",
+        "sniffer registers my_servo.toml",
     ),
 )
 @click.argument("model", required=False)
@@ -53,7 +60,10 @@ def _models() -> dict[str, RegisterMap]:
     help="What is printed.",
 )
 def registers(model: str | None, output_format: str) -> None:
-    """Show the register table of MODEL (or those of a protocol), or which models there are."""
+    """Show the register table of MODEL (or those of a protocol), or which models there are.
+
+    MODEL may be a table of your own, FILE.toml, or the protocol of a plug-in, FILE.py.
+    """
     known = _models()
     if model is None:
         for m in known.values():
@@ -61,6 +71,8 @@ def registers(model: str | None, output_format: str) -> None:
         return
     # a protocol stands for its models, unless one of them is called like it
     tables = [known[model]] if model in known else _spoken(model)
+    if model.endswith(".toml"):
+        tables = [RegisterMap.from_toml(model)]
     if not tables:
         near = difflib.get_close_matches(model, [*known, *PROTOCOLS], 1)
         meant = f"did you mean {near[0]}? There are" if near else "one of"
@@ -77,7 +89,9 @@ def registers(model: str | None, output_format: str) -> None:
 
 def _spoken(protocol: str) -> list[RegisterMap]:
     """Return the tables of a protocol, none where there is no such one."""
-    return list(PROTOCOLS[protocol].models) if protocol in PROTOCOLS else []
+    if not is_file(protocol) and protocol not in PROTOCOLS:
+        return []
+    return list(protocol_named(protocol).models)
 
 
 def _as_dict(r: Register) -> dict[str, Any]:

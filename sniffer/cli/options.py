@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, Final
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.ground.limits import BAUDS, IDS, number_in
-from sniffer.protocols import PROTOCOLS
+from sniffer.ground.registers import RegisterMap
+from sniffer.protocols import PROTOCOLS, is_file, protocol_named
+from sniffer.protocols.tables import known_models, owner_of, with_tables
 from sniffer.sources import SOURCES
+
+if TYPE_CHECKING:
+    _Name = click.ParamType[str]
+else:
+    _Name = click.ParamType  # click 8.1 has no other name for it
 
 SHARED: Final = "Open a port that another program has open, too; its settings change under it."
 """What ``--shared`` does, in the commands that open ports."""
@@ -52,6 +59,36 @@ class Finite(click.FloatRange):
         return number
 
 
+class ProtocolName(_Name):
+    """A protocol: a name, or the file of a plug-in. Plug-ins are listed when names are asked for.
+
+    ``beside`` are words that may stand there instead; ``plugins``: more than the built-in ones.
+    """
+
+    name = "protocol"
+
+    def __init__(self, *beside: str, plugins: bool = True) -> None:
+        self._beside = beside
+        self._plugins = plugins
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """Return the names, as help shows them."""
+        names = (*self._beside, *(PROTOCOLS if self._plugins else PROTOCOLS.built_in))
+        if param.param_type_name == "argument":
+            return f"{{{'|'.join(names)}}}"
+        return f"[{'|'.join((*names, 'FILE.py'))}]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Take a name that is known; one that cannot be used says why."""
+        named = str(value)
+        if named not in self._beside:
+            if not is_file(named) and named not in PROTOCOLS:
+                known = ", ".join(map(repr, (*self._beside, *PROTOCOLS)))
+                self.fail(f"{named!r} is not one of {known}.", param, ctx)
+            protocol_named(named)
+        return named
+
+
 def examples(*lines: str) -> str:
     """Return the end of a command's help, in lines as they are."""
     return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
@@ -61,12 +98,9 @@ def models(
     context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
 ) -> dict[int | None, str]:
     """Read ``--model ID=MODEL`` (one servo) or ``--model MODEL`` (all of them)."""
-    known = {m.model for p in PROTOCOLS.values() for m in p.models}
     out: dict[int | None, str] = {}
     for text in given:
         who, equals, model = text.rpartition("=")
-        if model not in known:
-            raise click.BadParameter(f"no model {model[:40]!r}: one of {', '.join(sorted(known))}")
         servo = number_in(who, 0, IDS - 1)
         if equals and servo is None:
             raise click.BadParameter(
@@ -77,13 +111,74 @@ def models(
     return dict(sorted(out.items(), key=lambda e: e[0] is not None))
 
 
+def check_models(
+    models: Mapping[int | None, str],
+    tables: Iterable[RegisterMap] = (),
+    protocols: Iterable[str] = (),
+) -> None:
+    """Refuse a model that nobody has: no protocol that is known, and none of the tables.
+
+    Raises:
+        click.BadParameter: there is no such model.
+    """
+    also = [protocol_named(p) for p in protocols if p != AUTO]
+    for model in models.values():
+        if owner_of(model, tables, also) is None:
+            known = ", ".join(known_models(tables, also))
+            told = f"no model {model[:40]!r}: one of {known}"
+            raise click.BadParameter(told, param_hint="'--model'")
+
+
+def tables_of(
+    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
+) -> tuple[RegisterMap, ...]:
+    """Read ``--registers FILE.toml``."""
+    return tuple(RegisterMap.from_toml(path) for path in given)
+
+
+with_registers = click.option(
+    "--registers",
+    "tables",
+    multiple=True,
+    callback=tables_of,
+    metavar="FILE.toml",
+    help="A register table of your own, for --model; may be repeated.",
+)
+"""Of every command that has ``--model``, but ``simulate``."""
+
+
+def check_tables(tables: Iterable[RegisterMap], protocols: Iterable[str]) -> None:
+    """Refuse tables that nothing of what is decoded can be read by.
+
+    ``protocols`` are those that were named; ``auto`` among them stands for all.
+
+    Raises:
+        click.BadParameter: a table names no protocol, or another one.
+        SnifferError: its protocol does not take it.
+    """
+    named = tuple(protocols)
+    own = {p.name: p for p in map(protocol_named, (n for n in named if n != AUTO))}
+    for table in tables:
+        name = table.protocol
+        why = ""
+        if not name:
+            why = 'it does not say whose it is: write protocol = "..." into its head'
+        elif name not in own and AUTO not in named:
+            why = f"it is a table of {name}, and what is named is {', '.join(own)}"
+        elif name not in own and name not in PROTOCOLS:
+            why = f"no protocol {name[:40]!r}: one of {', '.join(PROTOCOLS)}"
+        if why:
+            raise click.BadParameter(f"{table.model}: {why}", param_hint="'--registers'")
+        with_tables(own[name] if name in own else PROTOCOLS[name], tables)
+
+
 def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that say how bytes are to be read."""
     for option in reversed(
         (
             click.option(
                 "--protocol",
-                type=click.Choice([AUTO, *PROTOCOLS]),
+                type=ProtocolName(AUTO),
                 default=AUTO,
                 show_default=True,
                 help="What is spoken on the bus; auto tells it from the bytes.",
@@ -104,6 +199,7 @@ def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
                 metavar="[ID=]MODEL",
                 help="Register table of a servo (or of all); may be repeated.",
             ),
+            with_registers,
             click.option(
                 "--latency",
                 type=Finite(0, 1000),
@@ -121,11 +217,21 @@ def pipeline_options(
     baud: int | None,
     models: dict[int | None, str],
     latency: float | None,
+    tables: tuple[RegisterMap, ...],
+    also: Iterable[str] = (),
 ) -> Options:
-    """Return the options as the pipeline takes them."""
+    """Return the options as the pipeline takes them; ``also`` are protocols of single buses.
+
+    Raises:
+        click.BadParameter: a model is not known, or a table is of no use.
+    """
+    named = (protocol, *also)
+    check_tables(tables, named)
+    check_models(models, tables, named)
     return Options(
         protocol=protocol,
         baud=baud,
         models=models,
         latency_ns=None if latency is None else int(latency * 1e6),
+        tables=tables,
     )

@@ -13,17 +13,20 @@ from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times
 from sniffer.cli.options import (
     SHARED,
     Finite,
+    ProtocolName,
     Whole,
     examples,
     models,
     pipeline_options,
     with_force,
+    with_registers,
 )
 from sniffer.cli.signals import signals
 from sniffer.cli.statuses import DONE, INTERRUPTED, MISTAKE
 from sniffer.decoding.pipeline import AUTO
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.limits import BAUDS
+from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import one_line
 from sniffer.protocols import PROTOCOLS
 from sniffer.tap.stops import Stops
@@ -55,7 +58,7 @@ WORD_S: Final = 0.5
 )
 @click.option(
     "--protocol",
-    type=click.Choice([AUTO, *PROTOCOLS]),
+    type=ProtocolName(AUTO),
     default=AUTO,
     show_default=True,
     help="What is spoken where a PORT does not say; auto tells it from the bytes.",
@@ -65,6 +68,7 @@ WORD_S: Final = 0.5
     "--model", "chosen", multiple=True, callback=models, metavar="[ID=]MODEL",
     help="Register table of a servo, or of all.",
 )  # fmt: skip
+@with_registers
 @click.option("--latency", type=Finite(0, 1000), metavar="MS", help="What the adapter delays.")
 @click.option(
     "--pair", is_flag=True,
@@ -109,6 +113,7 @@ def record(
     protocol: str,
     baud: int | None,
     chosen: dict[int | None, str],
+    tables: tuple[RegisterMap, ...],
     latency: float | None,
     pair: bool,
     modem: Literal["low", "keep"],
@@ -153,6 +158,10 @@ def record(
     views = {"window": in_rerun, "web": rerun_web, "connect": rerun_connect is not None}
     if sum(views.values()) > 1:
         raise click.UsageError("choose one of --rerun, --rerun-web, --rerun-connect")
+    said = [spec.protocol for spec in ports if spec.protocol is not None]
+    options = pipeline_options(protocol, baud, chosen, latency, tables, said)
+    if AUTO in (protocol, *said):
+        PROTOCOLS.candidates()  # importing plug-ins takes its time
     paths = outputs or (Path(f"sniffer-{datetime.datetime.now():%Y%m%d-%H%M%S}.mcap"),)
     recordings = [path for path in paths if path.suffix.lower() == RECORDING]
     if len(recordings) > 1:
@@ -173,7 +182,7 @@ def record(
                 durable=durable,
                 overwrite=force,
             ),
-            pipeline_options(protocol, baud, chosen, latency),
+            options,
             listening=Listening(modem, pair=pair, shared=shared),
             stops=Stops(duration, max_size, frames, idle, until),
             shown=Shown(

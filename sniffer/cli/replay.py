@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -17,8 +17,9 @@ from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.decoding.sink import Sink
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import Chunk
+from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.replay import Window, paced, peek, steps, timed, within
-from sniffer.protocols import PROTOCOLS
+from sniffer.protocols.base import BusProtocol
 from sniffer.sources import open_source
 
 
@@ -61,6 +62,7 @@ def replay(
     input_format: str,
     baud: int | None,
     models: dict[int | None, str],
+    tables: tuple[RegisterMap, ...],
     latency: float | None,
     speed: float,
     start: float,
@@ -73,7 +75,7 @@ def replay(
 
     An input without times is played at the pace of its baud rate.
     """
-    options = pipeline_options(protocol, baud, models, latency)
+    options = pipeline_options(protocol, baud, models, latency, tables)
     if stop is not None and stop <= start:
         raise click.UsageError("--to must lie behind --from")
     if file == "-" and loop:
@@ -89,12 +91,14 @@ def replay(
     status, played = 0, False
     while not status and (loop or not played):
         source = open_source(file, input_format)
+        options = options.with_facts(source.facts(), source.tables)
         heard = merged(source, source, options, quiet=played)
         chunks: Iterable[Chunk] = (chunk for group in heard for chunk in group)
         # looked at beforehand: what is to be played in real time cannot wait for it
         head, chunks = peek(chunks, ENOUGH)
-        if options.protocol == AUTO and not options.protocols:
-            options = dataclasses.replace(options, protocols=_told(head))
+        if options.protocol == AUTO and not played:
+            told = {**_told(head, options.protocols), **options.protocols}
+            options = dataclasses.replace(options, protocols=told)
         part = within(timed(chunks, _baud(options)), Window(start, stop), ends=True)
         groups: Iterable[Sequence[Chunk]] = paced(steps(part), speed)
         if not played and (start or stop is not None):
@@ -127,20 +131,26 @@ def _as_part(
         yield group
 
 
-def _told(head: Iterable[Chunk]) -> dict[str, str]:
-    """Return the protocol of each bus, and say so; what cannot be told yet is left out."""
+def _told(
+    head: Iterable[Chunk], known: Mapping[str, str | BusProtocol]
+) -> dict[str, str | BusProtocol]:
+    """Return the protocol of each bus, and say so; what cannot be told yet is left out.
+
+    ``known`` is what a recording says of itself: the bytes are not asked against it.
+    """
     by_bus: dict[str, list[Chunk]] = {}
     for chunk in head:
         by_bus.setdefault(chunk.bus, []).append(chunk)
-    out: dict[str, str] = {}
+    out: dict[str, str | BusProtocol] = {}
     for bus, chunks in by_bus.items():
         with contextlib.suppress(UndecidedError):
             found = detect(chunks)
-            say(f"{bus}: {found}")
+            if known.get(bus, found.protocol) == found.protocol:
+                say(f"{bus}: {found}")
             out[bus] = found.protocol
     return out
 
 
 def _baud(options: Options) -> int:
-    name = next(iter(options.protocols.values()), options.protocol)
-    return options.baud or (PROTOCOLS[name].baud if name in PROTOCOLS else FALLBACK_BAUD)
+    named = next(iter(options.protocols.values()), options.protocol)
+    return options.baud or (FALLBACK_BAUD if named == AUTO else options.spoken(named).baud)

@@ -187,7 +187,6 @@ def run_source(
         for remark in () if quiet else told.remarks:
             say(f"{bus}: {remark}")
 
-    options = options.with_facts(source.facts())
     pipeline = Pipeline(options, sinks, on_detection=found, on_pace=timed, ahead=ahead)
     patience = _Patience()
     status, told = DONE, ""

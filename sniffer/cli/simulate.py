@@ -15,12 +15,11 @@ import click
 
 from sniffer import __version__
 from sniffer.cli.amounts import Duration
-from sniffer.cli.options import Whole, examples, models, with_force
+from sniffer.cli.options import ProtocolName, Whole, check_models, examples, models, with_force
 from sniffer.cli.session import say
 from sniffer.ground.files import refuse_occupied
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS, OutputError, SnifferError
-from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from sniffer.simulation import Fault, TrueFrame
@@ -101,7 +100,7 @@ def _faults(
         "sniffer simulate rs30x --respond --link /tmp/bus --tap-link /tmp/tap",
     ),
 )
-@click.argument("protocol", type=click.Choice(list(PROTOCOLS)))
+@click.argument("protocol", type=ProtocolName(plugins=False))
 @click.option("--servos", metavar="IDS|N", help="Who is on the bus: 1,2,5, or how many.")
 @click.option(
     "--model", "chosen", multiple=True, callback=models, metavar="[ID=]MODEL",
@@ -174,6 +173,10 @@ def simulate(
     from sniffer.simulation import BUSES
     from sniffer.simulation.faults import spelled
 
+    if protocol not in BUSES:
+        known = ", ".join(BUSES)
+        raise click.UsageError(f"{protocol} has no simulator: there is one of {known}")
+    check_models(chosen)
     kind = BUSES[protocol]
     wishes = Wanted(
         protocol=protocol,

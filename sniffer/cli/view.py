@@ -9,6 +9,7 @@ import click
 
 from sniffer.cli.options import Whole, decoding, examples, pipeline_options, with_force
 from sniffer.cli.session import run_source, say, tell_lost
+from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.outputs import open_outputs, session_facts
 from sniffer.sources import open_source
 
@@ -38,6 +39,7 @@ def view(
     input_format: str,
     baud: int | None,
     models: dict[int | None, str],
+    tables: tuple[RegisterMap, ...],
     latency: float | None,
     output: Path | None,
     force: bool,
@@ -51,8 +53,9 @@ def view(
         raise click.UsageError("-o writes a file, --web serves one: choose one")
     if port is not None and not web:
         raise click.UsageError("--port goes with --web")
-    options = pipeline_options(protocol, baud, models, latency)
+    options = pipeline_options(protocol, baud, models, latency, tables)
     source = open_source(file, input_format)
+    options = options.with_facts(source.facts(), source.tables)
     if output is None and not web:
         viewer.need_display(file)
     name = "standard input" if file == "-" else file

@@ -61,7 +61,7 @@ class Decoder:
     """Decodes one bus.
 
     Args:
-        protocol: a name of ``PROTOCOLS`` or the protocol itself.
+        protocol: a name of ``PROTOCOLS``, a file that defines one, or the protocol itself.
         baud: bits per second; the protocol's default where None.
         models: servo id (None: all) -> model name, for register tables other than the default.
         latency_ns: how long the adapter may hold bytes back; by kind of clock where None.
@@ -86,9 +86,7 @@ class Decoder:
         slowest: int | None = None,
         doubtful: bool = False,
     ) -> None:
-        self.protocol = protocol_named(protocol) if isinstance(protocol, str) else protocol
-        if not hasattr(self.protocol, "models"):
-            raise SnifferError(f"a protocol is a name or one of PROTOCOLS, not {protocol!r:.40}")
+        self.protocol = protocol_named(protocol)
         known = [m.model for m in self.protocol.models]
         models = model_ids(models or {})
         for model in models.values():

@@ -84,8 +84,8 @@ def detect(chunks: Sequence[Chunk]) -> Detection:
         raise UndecidedError("the input has no bytes: nothing to decode")
     scores: dict[str, float] = {}
     frames: dict[str, int] = {}
-    for name in PROTOCOLS:
-        decoder = Decoder(name)
+    for protocol in PROTOCOLS.candidates():
+        name, decoder = protocol.name, Decoder(protocol)
         parts = (decoder.feed(*taken), decoder.close())
         frames[name] = sum(len(b.frames) for b in parts)
         scores[name] = sum(int(b.frames.length.sum()) for b in parts) / size

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.decoder import Decoder
@@ -19,20 +19,18 @@ from sniffer.decoding.detect import (
     detect,
     latest,
 )
-from sniffer.decoding.pacing import ASSUMED, Pace, pace
+from sniffer.decoding.options import AUTO, Options
+from sniffer.decoding.pacing import Pace, pace
 from sniffer.decoding.sink import Paced
 from sniffer.decoding.summary import Summary
-from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, number_in
 from sniffer.ground.model import Batch, Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.ground.timing import LATENCY_NS
-from sniffer.protocols import protocol_named
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from sniffer.decoding.sink import Sink
-
-AUTO: Final = "auto"
+    from sniffer.protocols.base import BusProtocol
 
 FIRST_LOOK: Final = 512
 """Bytes of a slow input after which its protocol is looked for the first time."""
@@ -42,44 +40,6 @@ UNDECIDED_MOST: Final = 1 << 20
 
 AFTER_NS: Final = LATENCY_NS[Clock.READ]
 """By how much the stamps of one bus may lag behind those of another."""
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """How to decode: ``protocols``, ``bauds``, ``latencies`` by bus, the others for all buses."""
-
-    protocol: str = AUTO
-    protocols: Mapping[str, str] = field(default_factory=dict)
-    baud: int | None = None
-    bauds: Mapping[str, int] = field(default_factory=dict)
-    models: Mapping[int | None, str] = field(default_factory=dict)
-    latency_ns: int | None = None
-    latencies: Mapping[str, int] = field(default_factory=dict)
-
-    def with_facts(self, facts: Mapping[str, str]) -> Options:
-        """Return the options with what a recording knows about itself, where nobody said more."""
-        told = self
-        if self.protocol == AUTO:
-            known = {k.partition(".")[2]: v for k, v in facts.items() if k.startswith("protocol.")}
-            told = replace(told, protocols={**known, **self.protocols})
-        if self.baud is None and facts.get("rate") != ASSUMED:
-            bauds = _numbers(facts, "baud.", *BAUDS)
-            told = replace(told, bauds={**bauds, **self.bauds})
-        if self.latency_ns is None:
-            latencies = _numbers(facts, "latency_ns.", 0, DURATION_MOST_NS)
-            every = number_in(facts.get("latency_ns", ""), 0, DURATION_MOST_NS)
-            if every is not None:
-                told = replace(told, latency_ns=every)
-            told = replace(told, latencies={**latencies, **self.latencies})
-        if not self.models:
-            models: dict[int | None, str] = {}
-            for key, model in facts.items():
-                name, _, servo = key.partition(".")
-                number = number_in(servo, 0, IDS - 1)
-                if name == "model" and (not servo or number is not None):
-                    models[number] = model
-            told = replace(told, models=models)
-        return told
 
 
 class Pipeline:
@@ -109,7 +69,7 @@ class Pipeline:
         live: bool = False,
     ) -> None:
         if options.protocol != AUTO:
-            protocol_named(options.protocol)
+            options.spoken(options.protocol)
         self.summary = Summary()
         self._options = options
         self._sinks = list(sinks)
@@ -183,7 +143,7 @@ class Pipeline:
             for batch in (decoder.feed(torn), decoder.close()):
                 self._deliver(bus, decoder, batch)
             self._begin[bus] = decoder.position + count
-            self._decoders[bus] = self._decoder(bus, decoder.protocol.name)
+            self._decoders[bus] = self._decoder(bus, decoder.protocol)
         else:
             count += sum(len(c.data) for c in self._waiting.pop(bus, ()))
             self._begin[bus] = self._begin.get(bus, 0) + count
@@ -198,6 +158,11 @@ class Pipeline:
         """Return the protocol of a bus, None while it is not known."""
         decoder = self._decoders.get(bus)
         return None if decoder is None else decoder.protocol.name
+
+    def protocol_of(self, bus: str) -> BusProtocol | None:
+        """Return that protocol itself."""
+        decoder = self._decoders.get(bus)
+        return None if decoder is None else decoder.protocol
 
     def baud_of(self, bus: str) -> int | None:
         """Return the rate by which a bus is decoded, None while its protocol is not known."""
@@ -305,21 +270,22 @@ class Pipeline:
         waiting[:] = [replace(kept[0], marks=(mark, *marks)), *kept[1:]]
         self._look_at[bus] = 2 * ENOUGH
 
-    def _named(self, bus: str) -> str:
+    def _named(self, bus: str) -> str | BusProtocol:
         return self._options.protocols.get(bus, self._options.protocol)
 
     def _start(self, bus: str) -> None:
         chunks = self._waiting[bus]
-        name = self._named(bus)
-        if name == AUTO:
+        named = self._named(bus)
+        if named == AUTO:
             found = detect(latest(chunks, ENOUGH) if self._live else chunks)
             self._on_detection(bus, found)
-            name = found.protocol
+            named = found.protocol
         else:
             self._first[bus] = []
         o = self._options
+        protocol = o.spoken(named)
         self.paces[bus] = pace(
-            protocol_named(name),
+            protocol,
             self._ahead.pop(bus, chunks),
             baud=o.bauds.get(bus, o.baud),
             latency_ns=o.latencies.get(bus) if o.latency_ns is None else o.latency_ns,
@@ -329,13 +295,13 @@ class Pipeline:
         for sink in self._sinks:
             if isinstance(sink, Paced):
                 sink.pace(bus, told)
-        self._decoders[bus] = self._decoder(bus, name)
+        self._decoders[bus] = self._decoder(bus, protocol)
         self._decode(bus, self._waiting.pop(bus))
 
-    def _decoder(self, bus: str, protocol: str) -> Decoder:
+    def _decoder(self, bus: str, protocol: BusProtocol) -> Decoder:
         models, told = self._options.models, self.paces[bus]
         if self._live:  # they were named for all buses, which may speak different protocols
-            known = {m.model for m in protocol_named(protocol).models}
+            known = {m.model for m in protocol.models}
             models = {servo: model for servo, model in models.items() if model in known}
         return Decoder(
             protocol,
@@ -364,13 +330,6 @@ class Pipeline:
         self._each(lambda sink: sink.write(bus, decoder.protocol, batch))
 
 
-def _numbers(facts: Mapping[str, str], name: str, least: int, most: int) -> dict[str, int]:
-    """Return what a recording says of its buses; what cannot be is left out."""
-    told = {k.removeprefix(name): v for k, v in facts.items() if k.startswith(name)}
-    numbers = {bus: number_in(text, least, most) for bus, text in told.items()}
-    return {bus: number for bus, number in numbers.items() if number is not None}
-
-
 def _act(act: Callable[[Sink], None], sink: Sink) -> None:
     """Do something with a sink; what nobody has foreseen is its failure, not that of the others.
 
@@ -393,3 +352,6 @@ def _close(sink: Sink) -> None:
 
 def _raw(sink: Sink, *, bus: str, chunks: Sequence[Chunk]) -> None:
     sink.raw(bus, chunks)
+
+
+__all__ = ["AFTER_NS", "AUTO", "FIRST_LOOK", "UNDECIDED_MOST", "Options", "Pipeline"]

@@ -99,6 +99,7 @@ class BusTotals:
     """Totals of one bus."""
 
     protocol: str
+    usual_model: str = ""
     bytes: int = 0
     bytes_in_frames: int = 0
     kinds: Counter[str] = field(default_factory=Counter)
@@ -199,7 +200,7 @@ class Summary:
     def add(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Count a batch in."""
         if bus not in self.buses:
-            self.buses[bus] = BusTotals(protocol.name)
+            self.buses[bus] = BusTotals(protocol.name, protocol.models[0].model)
         self.buses[bus].add(protocol, batch)
 
     def worst(self) -> Severity | None:

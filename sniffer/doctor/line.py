@@ -130,7 +130,7 @@ def _baud(heard: Listened, found: Understanding) -> Finding:
     if best is not None and _better(best, found):
         now = f"{best.baud} baud explain {percent(best.found.share)} of the bytes as "
         text = f"{now}{best.found.protocol}, {baud} only {percent(found.share)}"
-        command = f"sniffer doctor {heard.path}={best.found.protocol}@{best.baud}"
+        command = f"sniffer doctor {heard.path}={heard.named(best.found.protocol)}@{best.baud}"
         return Finding(Level.BAD, "baud", text, "it is most likely:", (command,), numbers)
     signs = [f"{percent(faulty)} of the bytes with line errors"] if faulty else []
     signs.append(f"{percent(flat)} are 00, FF, 80 or alike, with one edge at most")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 from sniffer.ground.model import Mark, MarkKind
+from sniffer.protocols import is_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -121,6 +122,10 @@ class Listened:
     def size(self) -> int:
         """Bytes heard."""
         return sum(len(chunk.data) for chunk in self.chunks)
+
+    def named(self, found: str | None) -> str:
+        """Return how a command names what is spoken; ``found`` is what the bytes are."""
+        return self.protocol if found is None or is_file(self.protocol) else found
 
     def marked(self, *kinds: MarkKind) -> int:
         """Return how many errors of these kinds the stream tells."""

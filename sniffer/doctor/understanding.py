@@ -10,10 +10,12 @@ from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
 from sniffer.decoding.pipeline import AUTO
 from sniffer.ground.model import Chunk
-from sniffer.protocols import PROTOCOLS
+from sniffer.protocols import PROTOCOLS, protocol_named
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+    from sniffer.protocols.base import BusProtocol
 
 GOOD: Final = 0.9
 """Share of bytes in frames that hold from which on protocol and baud are right."""
@@ -51,27 +53,31 @@ def understand(chunks: Sequence[Chunk], protocol: str = AUTO) -> Understanding:
         size += len(chunk.data)
     if not size:
         return Understanding(0, None, 0.0)
-    scores = {name: _framed(taken, name) / size for name in PROTOCOLS}
+    scores = {p.name: _framed(taken, p) / size for p in PROTOCOLS.candidates()}
     if protocol == AUTO:
         try:
             protocol = detect(taken).protocol
         except UndecidedError:
             return Understanding(size, None, max(scores.values()), scores)
-    return Understanding(size, protocol, scores[protocol], scores)
+    named = protocol_named(protocol)
+    if named.name not in scores:
+        scores[named.name] = _framed(taken, named) / size
+    return Understanding(size, named.name, scores[named.name], scores)
 
 
-def _framed(chunks: Sequence[Chunk], name: str) -> int:
-    decoder = Decoder(name)
+def _framed(chunks: Sequence[Chunk], protocol: BusProtocol) -> int:
+    decoder = Decoder(protocol)
     return sum(int(b.frames.length.sum()) for b in (decoder.feed(*chunks), decoder.close()))
 
 
 def usual_bauds(protocol: str, but: int) -> tuple[int, ...]:
     """Return the bauds to try, the likeliest first, without the one that was tried."""
     if protocol != AUTO:
-        known = PROTOCOLS[protocol]
+        known = protocol_named(protocol)
         likely = dict.fromkeys((known.baud, *reversed(known.bauds)))
     else:
-        every = Counter(b for p in PROTOCOLS.values() for b in p.bauds)
-        defaults = Counter(p.baud for p in PROTOCOLS.values())
+        candidates = PROTOCOLS.candidates()
+        every = Counter(b for p in candidates for b in p.bauds)
+        defaults = Counter(p.baud for p in candidates)
         likely = dict.fromkeys(sorted(every, key=lambda b: (-defaults[b], -every[b], -b)))
     return tuple(baud for baud in likely if baud != but)

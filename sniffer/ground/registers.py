@@ -1,129 +1,23 @@
-"""Register tables: what a span of bytes means, read from ``schemas/registers/*.toml``.
+"""Register tables: what a span of bytes means, read from TOML.
 
-Pure apart from reading the tables once. A table is one servo model; rules for its authors stand in
-``schemas/README.md``.
+A table is one servo model; rules for its authors stand in ``schemas/README.md``. The tables of the
+protocols that are built in lie in ``schemas/registers/``, others where their authors put them.
 """
 
 from __future__ import annotations
 
 import functools
-import math
+import re
 import tomllib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-import numpy as np
-
 from sniffer.ground.model import COMMANDED, CONFIG, MEASURED, ROLES, SnifferError
+from sniffer.ground.register import TYPES, Register, bit_names, scale_limit, unseen_scale
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-TYPES: Final[Mapping[str, np.dtype[Any]]] = MappingProxyType(
-    {
-        "u8": np.dtype("u1"),
-        "i8": np.dtype("i1"),
-        "u16le": np.dtype("<u2"),
-        "i16le": np.dtype("<i2"),
-        "u16be": np.dtype(">u2"),
-        "i32": np.dtype("<i4"),
-        # where registers go by words instead of addresses (LSS)
-        "decimal": np.dtype("i8"),
-        "text": np.dtype("S0"),
-        "none": np.dtype("V0"),
-    }
-)
-"""Wire types of a register, by the name the tables use."""
-
-
-@dataclass(frozen=True, slots=True)
-class Register:
-    """One entry of a table. ``scale`` turns raw into ``unit``.
-
-    ``scale_by`` names the register whose value selects the scale. ``sign_bit`` marks sign and
-    magnitude coding (bit set: positive). ``special`` are raw values that are no measurement,
-    ``alarms`` those of ``values`` that report a fault.
-    ``effect`` is what a write changes about the bus: servo_id, baud or feedback.
-
-    Registers that go by a word (LSS) have a ``kind`` (action, query, configuration, modifier or
-    unclear). ``queries`` are the queries, with selector, whose replies state the register,
-    ``modifies`` the actions a modifier belongs to, ``texts`` what may stand in place of a number,
-    ``label`` the name of the value, with its unit, among a frame's fields.
-    """
-
-    name: str
-    address: int = -1
-    type: str = "u8"
-    unit: str = ""
-    scale: float = 1.0
-    scale_by: tuple[str, Mapping[int, float]] | None = None
-    sign_bit: int | None = None
-    quantity: str = ""
-    role: int = CONFIG
-    access: str = "rw"
-    volatile: bool = True
-    range: tuple[int, int] | None = None
-    default: int | None = None
-    values: Mapping[int, str] = field(default_factory=dict)
-    bits: Mapping[int, str] = field(default_factory=dict)
-    special: Mapping[int, str] = field(default_factory=dict)
-    alarms: tuple[int, ...] = ()
-    effect: str = ""
-    source: str = ""
-    doubt: str = ""
-    model: str = ""
-    word: str = ""
-    aliases: tuple[str, ...] = ()
-    kind: str = ""
-    queries: tuple[str, ...] = ()
-    modifies: tuple[str, ...] = ()
-    texts: Mapping[str, str] = field(default_factory=dict)
-    label: str = ""
-
-    @property
-    def width(self) -> int:
-        """Bytes on the wire."""
-        return TYPES[self.type].itemsize
-
-    def names(self, raw: int) -> str | list[str] | None:
-        """Name an enumerated value, the set bits, or a special value; None: nothing is named."""
-        if raw in self.special:
-            return self.special[raw]
-        if self.bits:
-            return bit_names(self.bits, raw)
-        if self.values:
-            return self.values.get(raw, "unknown")
-        return None
-
-
-BEYOND: Final = 1.1
-"""A position this much beyond the whole stroke contradicts its scale: a rod that stands at its end
-is measured a little outside, never by a tenth, and the next finer resolution is a factor of two."""
-
-
-def scale_limit(register: Register, mode: int) -> float:
-    """Return the highest raw value that fits the register's range under a mode of its scale."""
-    if register.scale_by is None or register.range is None:
-        return math.inf
-    table = register.scale_by[1]
-    scale = table.get(mode)
-    return (
-        math.inf if scale is None else BEYOND * register.range[1] * unseen_scale(register) / scale
-    )
-
-
-def unseen_scale(register: Register) -> float:
-    """Return the scale that is assumed until the mode is seen."""
-    if register.scale_by is None or register.scale != 1.0:
-        return register.scale
-    return next(iter(register.scale_by[1].values()))
-
-
-def bit_names(bits: Mapping[int, str], raw: int) -> list[str]:
-    """Name the bits set in ``raw``, lowest first; a bit without a name is ``bit<n>``."""
-    return [bits.get(k, f"bit{k}") for k in range(raw.bit_length()) if raw >> k & 1]
+    from collections.abc import Iterable, Mapping, Sequence
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +52,11 @@ class Identity(NamedTuple):
 
 
 class RegisterMap:
-    """One model's table; ``first`` is where its registers begin in the protocol's joint list."""
+    """One model's table; ``first`` is where its registers begin in the protocol's joint list.
+
+    ``protocol`` is the name of the one that the model speaks, ``text`` the TOML it was read from:
+    recordings attach it.
+    """
 
     def __init__(
         self,
@@ -169,10 +67,14 @@ class RegisterMap:
         source: str = "",
         first: int = 0,
         identity: Identity | None = None,
+        protocol: str = "",
+        text: str = "",
     ) -> None:
         self.model = model
         self.title = title
         self.source = source
+        self.protocol = protocol
+        self.text = text
         self.registers = registers
         self.first = first
         self.identity = identity
@@ -184,6 +86,57 @@ class RegisterMap:
             if r.address >= 0
             for k in range(r.width)
         }
+
+    @classmethod
+    def from_toml(cls, path: Path | str) -> RegisterMap:
+        """Read the table of a model from a file anywhere; its head names the model.
+
+        Raises:
+            SnifferError: the file cannot be read, or a line of it cannot be understood.
+        """
+        file = Path(path)
+        try:
+            text = file.read_bytes().decode("utf-8")
+        except OSError as error:
+            raise SnifferError(f"{file}: cannot be read ({error.strerror})") from None
+        except UnicodeDecodeError:
+            raise SnifferError(f"{file}: a register table is text in UTF-8") from None
+        return cls.from_text(text, str(file))
+
+    @classmethod
+    def from_text(cls, text: str, name: str) -> RegisterMap:
+        """Read a table from TOML; ``name`` is what complaints call it.
+
+        Raises:
+            SnifferError: a line of it cannot be understood.
+        """
+        table = _parsed(text, name)
+        model = table.head.get("model", Path(name).stem)
+        if not isinstance(model, str) or not _MODEL.fullmatch(model):
+            raise SnifferError(f"{name}: no name of a model: {str(model)[:40]!r}")
+        return _map(model, table)
+
+    def placed(self, first: int, numbers: Mapping[int, str]) -> RegisterMap:
+        """Return the table as it stands among its siblings.
+
+        Its registers are counted from ``first``; the one that identifies it has the names of all
+        siblings' ``numbers``.
+        """
+        registers, identity = self.registers, self.identity
+        if identity is not None and identity.values:
+            registers = tuple(
+                replace(r, values=numbers) if r.name == identity.register else r for r in registers
+            )
+        return RegisterMap(
+            self.model,
+            registers,
+            title=self.title,
+            source=self.source,
+            first=first,
+            identity=identity,
+            protocol=self.protocol,
+            text=self.text,
+        )
 
     def __len__(self) -> int:
         return len(self.registers)
@@ -232,15 +185,57 @@ def schema_path(*parts: str) -> Path:
     return _schemas().joinpath(*parts)
 
 
-def _ints(table: Mapping[str, Any]) -> dict[int, Any]:
-    return {int(k, 0): v for k, v in table.items()}
+class _Toml(NamedTuple):
+    """A file that is read: what it says of the model, its registers, and itself."""
+
+    head: Mapping[str, Any]
+    registers: tuple[Register, ...]
+    identity: Identity | None
+    text: str
 
 
+_HEAD: Final = {"model", "protocol", "title", "source", "identifies"}
 _ROLE: Final = {name: i for i, name in enumerate(ROLES)}
+_KEYS: Final = {field.name for field in fields(Register)} - {"model"}
+_EFFECTS: Final = ("", "servo_id", "baud", "feedback")
+_MODEL: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 
-def _register(entry: Mapping[str, Any], model: str) -> Register:
+def _parsed(text: str, name: str) -> _Toml:
+    """Read a table; a model that its head does not name is called like the file."""
+    try:
+        head = tomllib.loads(text)
+        entries = head.pop("register", [])
+        model = str(head.get("model", Path(name).stem))
+        if unknown := sorted(head.keys() - _HEAD):
+            raise ValueError(f"there is no key {', '.join(unknown)!r:.80}")
+        if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
+            raise ValueError("each register begins with a line [[register]]")
+        registers = tuple(_register(e, model, n) for n, e in enumerate(entries, 1))
+        _agree(registers)
+        return _Toml(head, registers, _identity(head.get("identifies")), text)
+    except ValueError as error:  # also one of TOML itself
+        raise SnifferError(f"{name}: {error}") from None
+
+
+def _register(entry: Mapping[str, Any], model: str, nth: int) -> Register:
+    """Read one entry; what cannot be is told with the register's name."""
     known = dict(entry)
+    who = f"register {known.get('name', nth)!s:.40}"
+    if unknown := sorted(known.keys() - _KEYS):
+        raise ValueError(f"{who}: there is no key {', '.join(unknown)!r:.80}")
+    if not isinstance(known.get("name"), str) or not known["name"]:
+        raise ValueError(f"{who}: it has no name")
+    for key, choice in (("type", TYPES), ("role", _ROLE), ("effect", _EFFECTS)):
+        if key in known and known[key] not in tuple(choice):
+            raise ValueError(f"{who}: no {key} {known[key]!r:.40}: one of {', '.join(choice)}")
+    try:
+        return _made(known, model)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ValueError(f"{who}: {error}") from error
+
+
+def _made(known: dict[str, Any], model: str) -> Register:
     scale_by = None
     if "scale_by" in known:
         by = known.pop("scale_by")
@@ -255,70 +250,108 @@ def _register(entry: Mapping[str, Any], model: str) -> Register:
     for key in ("alarms", "aliases", "queries", "modifies"):
         known[key] = tuple(known.get(key, ()))
     known["scale"] = float(known.get("scale", 1.0))
+    if known.setdefault("address", -1) not in range(-1, 1 << 16):
+        raise ValueError(f"no address {known['address']!r:.40}: 0..0xFFFF")
     return Register(**known, scale_by=scale_by, model=model)
 
 
-@functools.cache
-def read_table(model: str) -> tuple[Mapping[str, Any], tuple[Register, ...]]:
-    """Read a model's table: its head (title, source ...) and its registers.
-
-    Raises:
-        SnifferError: there is no such table, or a line of it cannot be understood.
-    """
-    path = schema_path("registers", f"{model}.toml")
-    if not path.is_file():
-        raise SnifferError(f"no register table for {model!r}: see `sniffer registers`")
-    table = tomllib.loads(path.read_text(encoding="utf-8"))
-    entries = table.pop("register", [])
-    try:
-        registers = tuple(_register(e, model) for e in entries)
-    except (KeyError, TypeError, ValueError) as error:
-        raise SnifferError(f"{path.name}: {error}") from error
-    return table, registers
+def _ints(table: Mapping[str, Any]) -> dict[int, Any]:
+    return {int(k, 0): v for k, v in table.items()}
 
 
-def read_identity(model: str) -> Identity | None:
-    """Read what identifies a model, None where no source says it.
+def _agree(registers: Sequence[Register]) -> None:
+    """Refuse registers that cannot stand in one table."""
+    names: set[str] = set()
+    taken: dict[int, str] = {}
+    for r in registers:
+        if r.name in names:
+            raise ValueError(f"register {r.name}: there are two of that name")
+        names.add(r.name)
+        for byte in range(r.address, r.address + r.width if r.address >= 0 else -1):
+            if byte in taken:
+                raise ValueError(f"register {r.name}: it overlaps {taken[byte]}")
+            taken[byte] = r.name
+    for r in registers:
+        if r.scale_by is not None and r.scale_by[0] not in names:
+            raise ValueError(f"register {r.name}: no register {r.scale_by[0]} to select its scale")
 
-    Raises:
-        SnifferError: there is no such table, or a line of it cannot be understood.
-    """
-    told = read_table(model)[0].get("identifies")
+
+def _identity(told: Any) -> Identity | None:
+    """Read what identifies a model, None where no source says it."""
     if told is None:
         return None
-    if not told.keys() <= set(Identity._fields) or "register" not in told:
-        raise SnifferError(f"{model}.toml: identifies: a register and {Identity._fields[1:]}")
+    if (
+        not isinstance(told, dict)
+        or not told.keys() <= set(Identity._fields)
+        or "register" not in told
+    ):
+        raise ValueError(f"identifies: a register and {Identity._fields[1:]}")
     values, texts, begins = (tuple(told.get(key, ())) for key in Identity._fields[1:])
     return Identity(told["register"], values, texts, begins)
 
 
-def load_models(*models: str) -> tuple[RegisterMap, ...]:
+def _map(model: str, table: _Toml) -> RegisterMap:
+    head = table.head
+    return RegisterMap(
+        model,
+        table.registers,
+        title=str(head.get("title", "")),
+        source=str(head.get("source", "")),
+        identity=table.identity,
+        protocol=str(head.get("protocol", "")),
+        text=table.text,
+    )
+
+
+@functools.cache
+def _built_in(model: str) -> _Toml:
+    path = schema_path("registers", f"{model}.toml")
+    if not path.is_file():
+        raise SnifferError(f"no register table for {model!r}: see `sniffer registers`")
+    return _parsed(path.read_bytes().decode("utf-8"), path.name)
+
+
+def read_table(model: str) -> tuple[Mapping[str, Any], tuple[Register, ...]]:
+    """Read the table of a model that is built in: its head (title, source ...) and its registers.
+
+    Raises:
+        SnifferError: there is no such table, or a line of it cannot be understood.
+    """
+    table = _built_in(model)
+    return table.head, table.registers
+
+
+def read_identity(model: str) -> Identity | None:
+    """Read what identifies a model that is built in, None where no source says it.
+
+    Raises:
+        SnifferError: there is no such table, or a line of it cannot be understood.
+    """
+    return _built_in(model).identity
+
+
+def load_models(*models: str | Path) -> tuple[RegisterMap, ...]:
     """Read the tables of one protocol's models, the default first; rows are numbered through.
 
-    The register that identifies a model has the names of all siblings' numbers.
+    A name is that of a table which is built in, a path that of any other.
+
+    Raises:
+        SnifferError: there is no such table, or a line of it cannot be understood.
     """
+    return numbered(
+        RegisterMap.from_toml(m) if isinstance(m, Path) else _map(m, _built_in(m)) for m in models
+    )
+
+
+def numbered(tables: Iterable[RegisterMap]) -> tuple[RegisterMap, ...]:
+    """Return the tables of one protocol's models as siblings, the default first."""
+    given = tuple(tables)
+    numbers = {raw: m.model for m in given if m.identity for raw in m.identity.values}
     out: list[RegisterMap] = []
     first = 0
-    identities = {model: read_identity(model) for model in models}
-    numbers = {raw: m for m, told in identities.items() if told for raw in told.values}
-    for model in models:
-        head, registers = read_table(model)
-        identity = identities[model]
-        if identity is not None and identity.values:
-            registers = tuple(
-                replace(r, values=numbers) if r.name == identity.register else r for r in registers
-            )
-        out.append(
-            RegisterMap(
-                model,
-                registers,
-                title=str(head.get("title", "")),
-                source=str(head.get("source", "")),
-                first=first,
-                identity=identity,
-            )
-        )
-        first += len(registers)
+    for table in given:
+        out.append(table.placed(first, numbers))
+        first += len(table)
     return tuple(out)
 
 
@@ -333,6 +366,7 @@ __all__ = [
     "RegisterMap",
     "bit_names",
     "load_models",
+    "numbered",
     "read_identity",
     "read_table",
     "scale_limit",

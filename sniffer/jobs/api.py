@@ -8,6 +8,7 @@ from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.decoding.rows import Row, rows
 from sniffer.ground.limits import BAUDS, whole
 from sniffer.ground.model import Batch, Chunk, DamagedInputError
+from sniffer.ground.registers import RegisterMap
 from sniffer.merge.wires import MIXED, in_order
 from sniffer.sources import open_source
 
@@ -96,22 +97,25 @@ def frames_table(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Any:
 
 def decode(
     source: str | Path | bytes | bytearray | memoryview,
-    protocol: str = AUTO,
+    protocol: str | BusProtocol = AUTO,
     *,
     input_format: str = "auto",
     baud: int | None = None,
     models: Mapping[int | None, str] | None = None,
     latency_ns: int | None = None,
+    registers: Iterable[str | Path | RegisterMap] = (),
 ) -> Capture:
     """Decode a file (or the bytes of one) as a whole.
 
     Args:
         source: a path, ``"-"`` for standard input, or the content of a file.
-        protocol: a name of ``PROTOCOLS``, or ``"auto"``.
+        protocol: a name of ``PROTOCOLS``, a file that defines one (``*.py``), the protocol itself,
+            or ``"auto"``.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         baud: bits per second; the protocol's default where None.
         models: servo id (None: all) -> model name.
         latency_ns: how long the adapter may have held bytes back.
+        registers: register tables of further models, each a TOML file or what one was read into.
 
     Raises:
         InputError: the input cannot be read, or its protocol cannot be told.
@@ -121,8 +125,10 @@ def decode(
         baud = whole("baud", baud, *BAUDS)
     keep = _Keep()
     given = open_source(source, input_format)
-    options = Options(protocol=protocol, baud=baud, models=models or {}, latency_ns=latency_ns)
-    options = options.with_facts(given.facts())
+    tables = tuple(t if isinstance(t, RegisterMap) else RegisterMap.from_toml(t) for t in registers)
+    options = Options(
+        protocol=protocol, baud=baud, models=models or {}, latency_ns=latency_ns, tables=tables
+    ).with_facts(given.facts(), given.tables)
     pipeline = Pipeline(options, [keep])
     damage = None
     groups: Iterable[Sequence[Chunk]] = given

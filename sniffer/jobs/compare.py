@@ -115,7 +115,7 @@ def compare(path: Path, options: Options, *, say: Callable[[str], None]) -> Comp
         raise InputError(f"{path} is no recording: only an .mcap holds what was decoded before")
     names = _Names()
     now = _Collect(names)
-    pipeline = Pipeline(options.with_facts(source.facts()), [now])
+    pipeline = Pipeline(options.with_facts(source.facts(), source.tables), [now])
     then: dict[str, _Frames] = {}
     try:
         for group in source:

@@ -13,9 +13,12 @@ from sniffer.decoding.pipeline import AUTO
 from sniffer.ground.model import OUTCOMES, WHOLE, Batch, Chunk, InputError, SnifferError
 from sniffer.protocols import PROTOCOLS, protocol_named
 from sniffer.protocols.base import BusProtocol, view
+from sniffer.protocols.tables import known_models, owner_of, with_tables
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
+
+    from sniffer.ground.registers import RegisterMap
 
 _LSS = re.compile(r"[#*][0-9A-Za-z*. -]+")
 
@@ -40,9 +43,16 @@ def read_hex(text: str) -> bytes:
 
 
 def explain_bytes(
-    data: bytes, before: bytes = b"", *, protocol: str = AUTO, model: str | None = None
+    data: bytes,
+    before: bytes = b"",
+    *,
+    protocol: str | BusProtocol = AUTO,
+    model: str | None = None,
+    tables: Sequence[RegisterMap] = (),
 ) -> tuple[bool, list[str]]:
     """Return whether every byte belongs to a frame that holds, and the drawing.
+
+    ``tables`` are models beside those that the protocol has.
 
     Raises:
         InputError: no bytes, or the protocol cannot be told.
@@ -51,14 +61,12 @@ def explain_bytes(
     if not data:
         raise InputError("no bytes to explain: write them as FF FF FF 01 02 F1 0B")
     if protocol == AUTO:
-        owner = next(
-            (p.name for p in PROTOCOLS.values() for m in p.models if m.model == model), None
-        )
+        owner = None if model is None else owner_of(model, tables)
         if model is not None and owner is None:
-            known = sorted(m.model for p in PROTOCOLS.values() for m in p.models)
-            raise SnifferError(f"no model {model[:40]!r}: one of {', '.join(known)}")
+            known = ", ".join(known_models(tables))
+            raise SnifferError(f"no model {model[:40]!r}: one of {known}")
         protocol = owner or _told(before + data)
-    chosen = protocol_named(protocol)
+    chosen = with_tables(protocol_named(protocol), tables)
     decoder = Decoder(chosen, models={None: model} if model else None)
     decoder_parts = [decoder.feed(Chunk(before + data)), decoder.close()]
     out = [f"{chosen.title}, {len(data)} bytes"]
@@ -80,7 +88,7 @@ def _told(data: bytes) -> str:
 
 def _likely(data: bytes) -> str:
     """Take the protocol that sees a damaged frame in the bytes, or else a torn one."""
-    seen = {p.name: p.explain(data, 0) for p in PROTOCOLS.values()}
+    seen = {p.name: p.explain(data, 0) for p in PROTOCOLS.candidates()}
     for name, gaps in seen.items():
         if any(g.reason == "damaged" and "checksum_expected" in g.detail for g in gaps):
             return name

@@ -33,7 +33,7 @@ def session_facts(
     facts = {
         "tool": f"{TOOL} {__version__}",
         "source": source,
-        "protocol": options.protocol,
+        "protocol": options.name,
         "written": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
     told = {k: v for k, v in (known or {}).items() if k.startswith(("baud.", "latency_ns."))}

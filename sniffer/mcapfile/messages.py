@@ -62,6 +62,11 @@ SEVERITIES: Final = {
 }
 
 
+FIRST_VALUE: Final = 10
+"""Number of the first field of a ServoState that is a register's: a table may name its quantities
+like one of those before."""
+
+
 def state_field(register: Register) -> str | None:
     """Return the field of ServoState that holds a register, None for a mere setting."""
     if not register.quantity:
@@ -188,7 +193,7 @@ class BusWriter:
         self._baud = self._baud or protocol.baud
         self._frames = Encoder(Frame, protocol.op_name)
         self._transactions = Encoder(Transaction, protocol.op_name)
-        known = {f.name for f in ServoState.DESCRIPTOR.fields}
+        known = {f.name for f in ServoState.DESCRIPTOR.fields if f.number >= FIRST_VALUE}
         names = [state_field(r) for r in protocol.registers]
         self._fields = sorted({n for n in names if n in known})
         at = {name: i for i, name in enumerate(self._fields)}

@@ -34,7 +34,8 @@ from sniffer.mcapfile.container import Container
 from sniffer.mcapfile.messages import BusWriter
 from sniffer.mcapfile.queue import Queue
 from sniffer.mcapfile.raw import RawEncoder
-from sniffer.messages import BUS, END, OFFSET, SESSION, TOOL
+from sniffer.messages import BUS, END, OFFSET, SESSION, TABLES, TOOL
+from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -203,11 +204,14 @@ class McapSink:
     def _introduce(self, bus: str, protocol: BusProtocol) -> None:
         """Tell what a bus speaks, and attach the tables it is read by."""
         baud = self._session.get(f"baud.{bus}", self._session.get("baud", str(protocol.baud)))
-        self._file.metadata(f"{BUS}.{bus}", {"bus": bus, "protocol": protocol.name, "baud": baud})
-        for model in protocol.models:
-            table = schema_path("registers", f"{model.model}.toml")
-            if table.is_file():
-                self._attach(f"registers/{table.name}", "application/toml", table.read_bytes())
+        told = {"bus": bus, "protocol": protocol.name, "baud": baud}
+        if plugin := PROTOCOLS.origin(protocol.name):
+            told["plugin"] = plugin
+        self._file.metadata(f"{BUS}.{bus}", told)
+        for table in protocol.models:
+            if table.text:
+                name = f"{TABLES}{table.model}.toml"
+                self._attach(name, "application/toml", table.text.encode())
 
     def _attach(self, name: str, media_type: str, data: bytes) -> None:
         if name not in self._attached:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
 
 import numpy as np
 from google.protobuf.message import DecodeError
-from mcap.records import Header, Metadata
+from mcap.records import Attachment, Header, Metadata
 
 from sniffer.ground.limits import OFFSET_END, is_mark, is_time, number_in
 from sniffer.ground.model import (
@@ -25,11 +25,13 @@ from sniffer.ground.model import (
     InputError,
     Mark,
     MarkKind,
+    SnifferError,
 )
+from sniffer.ground.registers import RegisterMap
 from sniffer.mcapfile.ends import End, ends
 from sniffer.mcapfile.packed import BrokenError
 from sniffer.mcapfile.records import NotMcapError, Piece, Records
-from sniffer.messages import BUS, OFFSET, RECOVERED, SESSION, TOOL
+from sniffer.messages import BUS, OFFSET, RECOVERED, SESSION, TABLES, TOOL
 from sniffer.messages.recording_pb2 import Frame, RawChunk
 
 if TYPE_CHECKING:
@@ -192,6 +194,31 @@ def session(source: Path | str | Stream) -> dict[str, str]:
         except BrokenError:
             pass  # what it says first is all that is asked for
     return facts
+
+
+def tables(source: Path | str | Stream) -> list[RegisterMap]:
+    """Return the register tables that are attached near a recording's beginning.
+
+    Those of a bus stand before its first frames; what is no table is left out.
+
+    Raises:
+        InputError: the file cannot be read, or is no MCAP.
+    """
+    out: list[RegisterMap] = []
+    with _opened(source) as (stream, name, _):
+        records = Records(stream, attachments=True)
+        try:
+            for record in records:
+                if isinstance(record, Attachment) and record.name.startswith(TABLES):
+                    with contextlib.suppress(SnifferError, UnicodeDecodeError):
+                        out.append(RegisterMap.from_text(record.data.decode(), record.name))
+                if records.position > HEAD:
+                    break
+        except NotMcapError as error:
+            raise InputError(f"{name}: {error}") from None
+        except BrokenError:
+            pass  # what it says first is all that is asked for
+    return out
 
 
 @contextlib.contextmanager

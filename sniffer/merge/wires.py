@@ -30,7 +30,7 @@ from sniffer.ground.model import (
 )
 from sniffer.ground.timing import LATENCY_NS
 from sniffer.merge.merger import Merger
-from sniffer.protocols import PROTOCOLS
+from sniffer.protocols import protocol_named
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -115,11 +115,11 @@ class _Wires:
 
     def _protocol(self) -> BusProtocol | None:
         if self._named != AUTO:
-            return PROTOCOLS.get(self._named)
+            return protocol_named(self._named)
         asked = [chunk for chunk in self._window if chunk.direction == Direction.TX]
         for chunks in (self._window, asked):  # what is mixed may be told from one wire only
             try:
-                return PROTOCOLS[detect(chunks).protocol]
+                return protocol_named(detect(chunks).protocol)
             except UndecidedError:
                 continue
         return None

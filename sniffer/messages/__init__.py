@@ -26,5 +26,8 @@ a chunk. What stands in the file from there on belongs to the next one, which ha
 
 TIME: Final = "t_ns"
 
+TABLES: Final = "registers/"
+"""What the names of the register tables begin with that are attached: ``<TABLES><model>.toml``."""
+
 RECOVERED: Final = "servo_sniffer.recovered"
 """Metadata record: the recorder did not finish the file; ``why`` says what was wrong with it."""

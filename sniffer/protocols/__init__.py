@@ -1,34 +1,50 @@
-"""The protocols by name. A new one is a folder here and a line in ``PROTOCOLS``."""
+"""The protocols by name. A new one is a folder here and a line below, or a plug-in."""
 
 from __future__ import annotations
 
-from types import MappingProxyType
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import SnifferError
-from sniffer.protocols.lss import Lss
-from sniffer.protocols.mightyzap import MightyZap
-from sniffer.protocols.rs30x import Rs30x
-from sniffer.protocols.wck import Wck
+from sniffer.protocols.plugins import PluginError
+from sniffer.protocols.registry import PluginWarning, Registry
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from sniffer.protocols.base import BusProtocol
 
-_ALL: Final[tuple[BusProtocol, ...]] = (MightyZap(), Lss(), Rs30x(), Wck())
-PROTOCOLS: Final[Mapping[str, BusProtocol]] = MappingProxyType({p.name: p for p in _ALL})
+PROTOCOLS: Final = Registry(
+    {
+        "mightyzap": "sniffer.protocols.mightyzap:MightyZap",
+        "lss": "sniffer.protocols.lss:Lss",
+        "rs30x": "sniffer.protocols.rs30x:Rs30x",
+        "wck": "sniffer.protocols.wck:Wck",
+    }
+)
+"""The built-in protocols, then plug-ins, as a mapping; each is loaded when it is asked for."""
 
 
-def protocol_named(name: str) -> BusProtocol:
-    """Return a protocol.
+def is_file(named: str | BusProtocol) -> bool:
+    """Tell whether a protocol is named by the file that defines it."""
+    return isinstance(named, str) and named.endswith(".py")
+
+
+def protocol_named(named: str | BusProtocol) -> BusProtocol:
+    """Return a protocol by its name, or that of a file which defines ``PROTOCOL`` (``*.py``).
+
+    One that is given as an object is returned as it is.
 
     Raises:
-        SnifferError: there is none of that name.
+        SnifferError: there is none of that name, or it cannot be used.
     """
-    try:
-        return PROTOCOLS[name]
-    except (KeyError, TypeError):
-        raise SnifferError(
-            f"no protocol {str(name)[:40]!r}: one of {', '.join(PROTOCOLS)}"
-        ) from None
+    if not isinstance(named, str):
+        if not hasattr(named, "models"):
+            raise SnifferError(f"a protocol is a name or one of PROTOCOLS, not {named!r:.40}")
+        return named
+    if is_file(named):
+        return PROTOCOLS.file(Path(named))
+    if named not in PROTOCOLS:
+        raise SnifferError(f"no protocol {named[:40]!r}: one of {', '.join(PROTOCOLS)}")
+    return PROTOCOLS[named]
+
+
+__all__ = ["PROTOCOLS", "PluginError", "PluginWarning", "Registry", "is_file", "protocol_named"]

@@ -16,7 +16,6 @@ from sniffer.decoding.summary import FIGURES
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.model import OBSERVED
 from sniffer.ground.wording import plain, short
-from sniffer.protocols import protocol_named
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -73,11 +72,10 @@ def _print_bus(name: str, b: BusTotals, told: Pace | None, console: Console) -> 
     outcomes = [f"{n} {_OUTCOMES.get(k, k.replace('_', ' '))}" for k, n in b.outcomes.items() if n]
     if outcomes:
         lines.append("exchanges: " + ", ".join(outcomes))
-    default = protocol_named(b.protocol).models[0].model
     shown = ", ".join(
         f"{servo} {model}"
         for servo, (model, how) in sorted(b.models.items())
-        if how == OBSERVED and model != default
+        if how == OBSERVED and model != b.usual_model
     )
     if shown:
         lines.append(f"models told by the wire: {shown}")

@@ -30,6 +30,8 @@ from sniffer.sources.text import FIRST_LINES, Damage, Opened
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from sniffer.ground.registers import RegisterMap
+
 __all__ = ["SOURCES", "Source", "open_source"]
 
 Reader = Callable[[Opened], Iterator[Chunk]]
@@ -133,6 +135,14 @@ class Source:
         from sniffer.mcapfile import source
 
         return source.session(self._origin.path)
+
+    def tables(self) -> list[RegisterMap]:
+        """Return the register tables that are attached to a recording."""
+        if self.format != "mcap" or self._origin.path is None:
+            return []
+        from sniffer.mcapfile import source
+
+        return source.tables(self._origin.path)
 
     def rehearse(self) -> None:
         """Read the head only, so that a mistake in the first lines shows before any output."""

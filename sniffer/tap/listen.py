@@ -12,12 +12,14 @@ from sniffer.ground.model import Direction, SnifferError
 from sniffer.ground.timing import LATENCY_NS
 from sniffer.merge.merger import Merger
 from sniffer.ports import PortOptions, open_port
-from sniffer.protocols import PROTOCOLS
+from sniffer.protocols import protocol_named
 from sniffer.tap.reader import BREATH_NS, Anchor, Listener
 from sniffer.tap.tap import PortSpec, Tap
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+    from sniffer.protocols.base import BusProtocol
 
 Modem = Literal["low", "keep"]
 
@@ -84,8 +86,7 @@ def listen(specs: Sequence[PortSpec], options: Options, how: Listening) -> Tappi
     )
     mergers: dict[str, Merger] = {}
     if pair:
-        name = specs[0].protocol or (None if options.protocol == AUTO else options.protocol)
-        protocol = PROTOCOLS.get(name or "")
+        protocol = _spoken(specs[0], options)
         bus, baud = specs[0].bus, ways[0].baud
         mergers[bus] = Merger(bus, latency_ns=latencies[bus], baud=baud, protocol=protocol)
     facts = _facts(taps, told, anchor, pair)
@@ -133,8 +134,14 @@ def _paired(specs: Sequence[PortSpec]) -> tuple[PortSpec, ...]:
 def _baud(spec: PortSpec, options: Options) -> int | None:
     if (baud := spec.baud or options.baud) is not None:
         return baud
-    protocol = PROTOCOLS.get(spec.protocol or options.protocol)
+    protocol = _spoken(spec, options)
     return None if protocol is None else protocol.baud
+
+
+def _spoken(spec: PortSpec, options: Options) -> BusProtocol | None:
+    """Return what was said to be spoken at a port."""
+    named = spec.protocol or options.protocol
+    return None if named == AUTO else options.spoken(named)
 
 
 def _has_a_rate(tap: Tap, options: Options) -> bool:
@@ -168,7 +175,7 @@ def _facts(taps: Sequence[Tap], options: Options, anchor: Anchor, pair: bool) ->
             facts[f"baud.{bus}"] = str(tap.port.baud)
         facts[f"latency_ns.{bus}"] = str(options.latencies[bus])
         if (name := tap.spec.protocol) is not None and name != AUTO:
-            facts[f"protocol.{bus}"] = name
+            facts[f"protocol.{bus}"] = protocol_named(name).name
         if pair:
             facts[f"pair.{bus}"] = "two taps, merged by time and by cause and effect"
         facts[place] = tap.spec.port

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from sniffer.decoding.sink import Sink
 from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError, Mark, MarkKind, OutputError
-from sniffer.protocols import PROTOCOLS
 from sniffer.tap.status import BusStatus, Status
 
 if TYPE_CHECKING:
@@ -295,9 +294,8 @@ class Recorder:
 
     def _tell_mergers(self) -> None:
         for bus, merger in self._mergers.items():
-            name = self.pipeline.speaks(bus)
-            if merger.protocol is None and name is not None:
-                merger.protocol = PROTOCOLS[name]
+            if merger.protocol is None:
+                merger.protocol = self.pipeline.protocol_of(bus)
 
     def _end(self) -> None:
         """Record and decode the rest, unless the recording itself has failed."""

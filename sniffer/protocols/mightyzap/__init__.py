@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from sniffer.ground.model import I16, I64, MALFORMED, REQUEST, Frames, Gap, Mask
-from sniffer.ground.registers import bit_names
+from sniffer.ground.registers import bit_names, numbered
 from sniffer.protocols.base import FieldSpan, FrameView, joined, no_clues
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.mightyzap import block, slow
@@ -24,9 +25,11 @@ from sniffer.protocols.mightyzap.grammar import (
     SYMMETRIC_STORE,
     leading,
 )
+from sniffer.protocols.shapes import Addressed
 
 if TYPE_CHECKING:
     from sniffer.ground.checksums import Checksum
+    from sniffer.ground.registers import RegisterMap
 
 WINDOW_NS: Final = 10_000_000
 """Return delay is at most 255 us (user manual v1.02, Data Map 0x05); the vendor's guide asks
@@ -46,19 +49,25 @@ class MightyZap:
     everyone: tuple[int, ...] = (0, BROADCAST)
     blank = b""
     ordered = False
-    models = block.MODELS
-    registers = joined(block.MODELS)
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
     states_itself = staticmethod(block.states_itself)
-    values = staticmethod(block.values)
     slow_parse = staticmethod(slow.parse)
     slow_describe = staticmethod(slow.describe)
     slow_states_itself = staticmethod(slow.states_itself)
     slow_parts = staticmethod(slow.parts)
     slow_clues = staticmethod(no_clues)
-    slow_values = staticmethod(slow.values)
+
+    def __init__(self, models: tuple[RegisterMap, ...] = block.MODELS) -> None:
+        self.models = models
+        self.registers = joined(models)
+        self.values = functools.partial(block.values, shapes=Addressed(models, first=1))
+        self.slow_values = functools.partial(slow.values, models=models)
+
+    def with_models(self, tables: tuple[RegisterMap, ...]) -> MightyZap:
+        """Return the protocol with further models behind its own."""
+        return MightyZap(numbered((*self.models, *tables)))
 
     def op_name(self, op: int) -> str:
         """Return the command's name; a code no manual has is ``unknown_<hex>``."""

@@ -199,14 +199,16 @@ def states_itself(frames: Frames) -> Mask:
     return np.zeros(len(frames), bool)
 
 
-def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
+def values(
+    block: Block, frames: Frames, rows: I64, state: State, *, shapes: Addressed = SHAPES
+) -> Values:
     """Read register values; a symmetric store names the bytes a servo first, then the servos."""
     address = frames.address[rows].astype(np.int64)
     sync = (frames.op[rows] == SYMMETRIC_STORE) & (address >= 0)
     step = np.zeros(len(rows), np.int64)
     if sync.any():
         step[sync] = block.data[frames.data_start[rows[sync]]].astype(np.int64) + 1
-    return SHAPES.values(block, frames, rows, address, step, state)
+    return shapes.values(block, frames, rows, address, step, state)
 
 
 def explain(run: bytes, start: int) -> list[Gap]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from typing import TYPE_CHECKING
 
 from construct import ConstructError
 
@@ -41,6 +42,11 @@ from sniffer.protocols.mightyzap.grammar import (
     WRITES,
 )
 from sniffer.protocols.shapes import slow_spans
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.ground.registers import RegisterMap
 
 
 def parse(data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None:
@@ -140,9 +146,11 @@ def states_itself(frame: SlowFrame) -> bool:
     return False
 
 
-def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
+def values(
+    frame: SlowFrame, state: State, *, models: Sequence[RegisterMap] = MODELS
+) -> list[tuple[int, int, int, int]]:
     """Split the data by each servo's table, byte by byte."""
-    return slow_spans(MODELS, state, parts(frame))
+    return slow_spans(models, state, parts(frame))
 
 
 def parts(frame: SlowFrame) -> list[tuple[int, int, bytes]]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from construct import ConstructError
 
 from sniffer.ground.model import MALFORMED, REQUEST
+from sniffer.ground.registers import numbered
 from sniffer.protocols.base import FieldSpan, joined, no_clues
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.rs30x import block, slow
@@ -27,10 +29,12 @@ from sniffer.protocols.rs30x.grammar import (
     long_data,
     status_names,
 )
+from sniffer.protocols.shapes import Addressed
 
 if TYPE_CHECKING:
     from sniffer.ground.checksums import Checksum
     from sniffer.ground.model import I16, I64, Frames, Gap, Mask
+    from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import FrameView
     from sniffer.protocols.dissection import Leaf
 
@@ -65,19 +69,25 @@ class Rs30x:
     everyone: tuple[int, ...] = (EVERYONE,)
     blank = b""
     ordered = False
-    models = block.MODELS
-    registers = joined(block.MODELS)
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
     states_itself = staticmethod(block.states_itself)
-    values = staticmethod(block.values)
     slow_parse = staticmethod(slow.parse)
     slow_describe = staticmethod(slow.describe)
     slow_states_itself = staticmethod(slow.states_itself)
     slow_parts = staticmethod(slow.parts)
     slow_clues = staticmethod(no_clues)
-    slow_values = staticmethod(slow.values)
+
+    def __init__(self, models: tuple[RegisterMap, ...] = block.MODELS) -> None:
+        self.models = models
+        self.registers = joined(models)
+        self.values = functools.partial(block.values, shapes=Addressed(models, first=0))
+        self.slow_values = functools.partial(slow.values, models=models)
+
+    def with_models(self, tables: tuple[RegisterMap, ...]) -> Rs30x:
+        """Return the protocol with further models behind its own."""
+        return Rs30x(numbered((*self.models, *tables)))
 
     def op_name(self, op: int) -> str:
         """Return the manual's word for what a packet does."""

@@ -275,7 +275,9 @@ def states_itself(frames: Frames) -> Mask:
     return plain
 
 
-def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
+def values(
+    block: Block, frames: Frames, rows: I64, state: State, *, shapes: Addressed = SHAPES
+) -> Values:
     """Read register values; LENGTH of a long packet counts a servo's id and bytes."""
     address = frames.address[rows].astype(np.int64)
     asked = frames.kind[rows] == REQUEST
@@ -284,7 +286,7 @@ def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
     several = asked & (frames.op[rows] == LONG_WRITE)
     if several.any():
         step[several] = block.data[frames.start[rows[several]] + _LENGTH]
-    return SHAPES.values(block, frames, rows, address, step, state)
+    return shapes.values(block, frames, rows, address, step, state)
 
 
 _ANY_HEADER: Final = b"|".join(re.escape(p.header) for p in (PLAN, RETURN_PLAN))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from construct import ConstructError
 
@@ -53,6 +53,11 @@ from sniffer.protocols.rs30x.grammar import (
     op_of,
 )
 from sniffer.protocols.shapes import slow_spans
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.ground.registers import RegisterMap
 
 COMMANDS = (FLASH_WRITE, REBOOT, FACTORY_RESET)
 
@@ -183,9 +188,11 @@ def _sets(frame: SlowFrame) -> bool:
     return frame.op in (WRITE, LONG_WRITE) or (frame.op in COMMANDS and frame.address >= 0)
 
 
-def values(frame: SlowFrame, state: State) -> list[tuple[int, int, int, int]]:
+def values(
+    frame: SlowFrame, state: State, *, models: Sequence[RegisterMap] = MODELS
+) -> list[tuple[int, int, int, int]]:
     """Split what is written or returned by each servo's table, byte by byte."""
-    return slow_spans(MODELS, state, parts(frame))
+    return slow_spans(models, state, parts(frame))
 
 
 def parts(frame: SlowFrame) -> list[tuple[int, int, bytes]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import pickle
 import select
 import signal
 import subprocess
@@ -100,7 +101,7 @@ class LiveView:
         self._sent_s = time.monotonic()
         self._missing: dict[str, int] = {}
         setup = Setup(mode, name, options, window_s, address, tuple(arguments))
-        self._backlog = bytearray(setup.packed())
+        self._backlog = bytearray(_packed(setup))
         self._heard = b""
         self._process = _start()
         assert self._process.stdin is not None
@@ -260,6 +261,16 @@ def _checked(mode: str, url: str | None) -> str:
         )
     viewer.executable()
     return ""
+
+
+def _packed(setup: Setup) -> bytes:
+    """Return the setup as bytes; the other process finds protocols by their names and files."""
+    try:
+        return setup.packed()
+    except (pickle.PicklingError, TypeError, AttributeError):
+        raise OutputError(
+            "a protocol that is given as an object cannot be shown live: give its name or its file"
+        ) from None
 
 
 def _start() -> subprocess.Popen[bytes]:

@@ -1,0 +1,123 @@
+"""How to decode: what a user says, and what a recording says of itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final
+
+from sniffer.decoding.pacing import ASSUMED
+from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, number_in
+from sniffer.ground.model import InputError
+from sniffer.protocols import PROTOCOLS, is_file, protocol_named
+from sniffer.protocols.tables import owner_of, with_tables
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from sniffer.ground.registers import RegisterMap
+    from sniffer.protocols.base import BusProtocol
+
+AUTO: Final = "auto"
+"""Stands for a protocol that is to be told from the bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to decode: ``protocols``, ``bauds``, ``latencies`` by bus, the others for all buses.
+
+    A protocol is a name, a file that defines one, or the protocol itself; ``tables`` are models
+    beside those it has.
+    """
+
+    protocol: str | BusProtocol = AUTO
+    protocols: Mapping[str, str | BusProtocol] = field(default_factory=dict)
+    baud: int | None = None
+    bauds: Mapping[str, int] = field(default_factory=dict)
+    models: Mapping[int | None, str] = field(default_factory=dict)
+    latency_ns: int | None = None
+    latencies: Mapping[str, int] = field(default_factory=dict)
+    tables: tuple[RegisterMap, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Return the name of the protocol of all buses, or ``auto``."""
+        told: str = AUTO if self.protocol == AUTO else protocol_named(self.protocol).name
+        return told
+
+    def spoken(self, named: str | BusProtocol) -> BusProtocol:
+        """Return a protocol, with the further models that these options bring.
+
+        Raises:
+            SnifferError: there is none, or it does not take them.
+        """
+        return with_tables(protocol_named(named), self.tables)
+
+    def with_facts(
+        self,
+        facts: Mapping[str, str],
+        attached: Callable[[], Sequence[RegisterMap]] = tuple,
+    ) -> Options:
+        """Return the options with what a recording knows about itself, where nobody said more.
+
+        ``attached`` reads its register tables: it is asked for models that nobody else knows.
+
+        Raises:
+            InputError: it was made with a protocol that is not here.
+        """
+        told = replace(self, protocols={**self._recorded(facts), **self.protocols})
+        if self.baud is None and facts.get("rate") != ASSUMED:
+            bauds = _numbers(facts, "baud.", *BAUDS)
+            told = replace(told, bauds={**bauds, **self.bauds})
+        if self.latency_ns is None:
+            latencies = _numbers(facts, "latency_ns.", 0, DURATION_MOST_NS)
+            every = number_in(facts.get("latency_ns", ""), 0, DURATION_MOST_NS)
+            if every is not None:
+                told = replace(told, latency_ns=every)
+            told = replace(told, latencies={**latencies, **self.latencies})
+        if not self.models:
+            models: dict[int | None, str] = {}
+            for key, model in facts.items():
+                name, _, servo = key.partition(".")
+                number = number_in(servo, 0, IDS - 1)
+                if name == "model" and (not servo or number is not None):
+                    models[number] = model
+            told = replace(told, models=models)
+            told = replace(told, tables=(*told.tables, *told._missing(attached)))
+        return told
+
+    def _recorded(self, facts: Mapping[str, str]) -> dict[str, str | BusProtocol]:
+        """Return what each bus of a recording speaks.
+
+        A file that was named stands for its protocol only, where that is among them.
+        """
+        known = {k.partition(".")[2]: v for k, v in facts.items() if k.startswith("protocol.")}
+        if self.protocol == AUTO:
+            for bus, name in known.items():
+                if bus not in self.protocols and name != AUTO and name not in PROTOCOLS:
+                    package = f" ({told})" if (told := facts.get(f"plugin.{bus}")) else ""
+                    raise InputError(
+                        f"{bus} needs the protocol {name[:40]!r}{package}: install the package "
+                        "that has it, or give its file with --protocol"
+                    )
+            return dict(known)
+        if is_file(self.protocol):
+            own = protocol_named(self.protocol).name
+            if own in known.values():
+                return {b: self.protocol if name == own else name for b, name in known.items()}
+        return {}
+
+    def _missing(self, attached: Callable[[], Sequence[RegisterMap]]) -> list[RegisterMap]:
+        """Return the tables of models that are named and not known here."""
+        if not self.models:
+            return []
+        speakers = {*self.protocols.values(), self.protocol} - {AUTO}
+        also = [protocol_named(p) for p in speakers]
+        named = {m for m in self.models.values() if owner_of(m, self.tables, also) is None}
+        return [table for table in attached() if table.model in named] if named else []
+
+
+def _numbers(facts: Mapping[str, str], name: str, least: int, most: int) -> dict[str, int]:
+    """Return what a recording says of its buses; what cannot be is left out."""
+    told = {k.removeprefix(name): v for k, v in facts.items() if k.startswith(name)}
+    numbers = {bus: number_in(text, least, most) for bus, text in told.items()}
+    return {bus: number for bus, number in numbers.items() if number is not None}
