@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import Chunk, Clock, SnifferError
 from sniffer.ground.timing import byte_time_ns
+from sniffer.protocols import protocol_named
 from sniffer.testing import laws
 from sniffer.testing.arrange import ARRANGEMENTS, NAMES, SCENE, Others, scene_of
 from sniffer.testing.coverage import goals, headers, lacking, table_of
@@ -256,7 +257,7 @@ class Kit:
 
 
 def checks(
-    protocol: BusProtocol,
+    protocol: BusProtocol | str,
     talk: Talk | Iterable[Exchange],
     *,
     thorough: bool = False,
@@ -265,21 +266,22 @@ def checks(
     """Return all that is held of a protocol, one call each, for a test runner that names them.
 
     Args:
-        protocol: the protocol, an object as ``sniffer.protocols.base`` describes it.
+        protocol: an object as ``sniffer.protocols.base`` describes it, or a name, or a file.
         talk: labelled exchanges.
         thorough: all combinations and many more streams, which takes minutes.
         seed: another one draws other streams.
 
     Raises:
-        SnifferError: the talk is none.
+        SnifferError: the talk is none, or there is no such protocol.
     """
-    kit = Kit(protocol, talk_of(talk), thorough=thorough, seed=seed)
+    known = protocol_named(protocol)
+    kit = Kit(known, talk_of(talk), thorough=thorough, seed=seed)
     exchanges = [*kit.talk.exchanges, *(e for s in kit.talk.scenes for e in s)]
     examples = EXAMPLES * (20 if thorough else 1)
 
     def law(rule: Callable[..., None]) -> Callable[[], str]:
         def run() -> str:
-            total = laws.hold(rule, protocol, exchanges, examples, seed)
+            total = laws.hold(rule, known, exchanges, examples, seed)
             return f"{examples} streams, {total} bytes"
 
         return run
@@ -296,14 +298,14 @@ def checks(
 
 
 def check(
-    protocol: BusProtocol,
+    protocol: BusProtocol | str,
     talk: Talk | Iterable[Exchange],
     *,
     thorough: bool = False,
     seed: int = 0,
 ) -> Report:
     """Hold everything of a protocol, and return what came of it; arguments as for ``checks``."""
-    result = Report(protocol.name)
+    result = Report(protocol_named(protocol).name)
     for one in checks(protocol, talk, thorough=thorough, seed=seed):
         try:
             result.seen[one.name] = one.run()
