@@ -1,9 +1,10 @@
-"""The protocols under the conformance kit, and the kit under faults that it must find."""
+"""The protocols under the conformance kit: each is held to its labelled talk (tests/talks)."""
 
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
 import pytest
 
@@ -13,6 +14,8 @@ from sniffer.testing import Requirement, checks
 if TYPE_CHECKING:
     from sniffer.testing import Talk
 
+ROOT: Final = Path(__file__).parents[1]
+
 
 def talk_of(name: str) -> Talk:
     """Return a protocol's labelled talk."""
@@ -20,13 +23,23 @@ def talk_of(name: str) -> Talk:
     return talk
 
 
-def held(name: str) -> list[Requirement]:
-    """Return everything that is held of a protocol."""
-    return checks(PROTOCOLS[name], talk_of(name))
+def protocols() -> dict[str, str]:
+    """Return what is built in, and the plug-ins that are shown and have a talk, by file."""
+    out = {name: name for name in PROTOCOLS.built_in}
+    for path in sorted(ROOT.glob("examples/protocols/*/sniffer_*.py")):
+        name = path.stem.removeprefix("sniffer_")
+        if (ROOT / "tests" / "talks" / f"{name}.py").is_file():
+            out[name] = str(path)
+    return out
 
 
-@pytest.mark.parametrize(
-    "one", [pytest.param(c, id=f"{n}: {c}") for n in PROTOCOLS for c in held(n)]
-)
+HELD: Final = [
+    pytest.param(one, id=f"{name}: {one}")
+    for name, protocol in protocols().items()
+    for one in checks(protocol, talk_of(name))
+]
+
+
+@pytest.mark.parametrize("one", HELD)
 def test_what_the_kit_holds_of_each_protocol(one: Requirement) -> None:
     one()

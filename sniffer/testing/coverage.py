@@ -44,7 +44,8 @@ class Goal(NamedTuple):
 
 def commands_of(protocol: BusProtocol, talk: Talk) -> list[str]:
     """Return the names of all commands: as declared by the protocol, else by the talk."""
-    declared = getattr(protocol, "commands", None)
+    family = getattr(protocol, "family", None)
+    declared = getattr(protocol, "commands", getattr(family, "commands", None))
     names: Iterable[str] = talk.commands
     if declared is not None and not talk.commands:
         table = declared.values() if hasattr(declared, "values") else declared

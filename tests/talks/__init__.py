@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import tomllib
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.registers import schema_path
 from sniffer.testing import Exchange, Label
@@ -16,6 +17,9 @@ from tests.vectors import vectors
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+
+ROOT: Final = Path(__file__).parents[2]
 
 
 class Row(NamedTuple):
@@ -29,8 +33,9 @@ class Row(NamedTuple):
 
 @cache
 def table(model: str) -> tuple[Row, ...]:
-    """Return a table's registers in the order of their addresses."""
-    text = schema_path("registers", f"{model}.toml").read_text(encoding="utf-8")
+    """Return a table's registers in the order of their addresses; of a plug-in by its path."""
+    path = ROOT / model if "/" in model else schema_path("registers", f"{model}.toml")
+    text = path.read_text(encoding="utf-8")
     out = []
     for entry in tomllib.loads(text)["register"]:
         kind: str = entry.get("type", "u8")
