@@ -159,7 +159,7 @@ def _of_command(
     if any(f.alt_id == NO_ALT and f.reply not in (NEVER, MANY) for f in mine):
         alt = put("alt_id", ANY_ID, lambda f: asked(f) & (f.alt_id == NO_ALT))
         yield of("any id may answer", alt)
-    yield of("any answer fits", put("token", -1, behind))
+        yield of("any answer fits", put("token", -1, behind))
 
 
 def _as_answer(f: Frames, where: Mask) -> Frames:

@@ -179,8 +179,6 @@ TALK: Final = Talk(
     },
     harmless={
         "sync_write: one address on": "targets are read from the packet, not by the column",
-        "bulk_read: any answer fits": "each servo that is named answers once, by its id",
         "action: no other id may answer": "a new id that was staged says which",
-        "factory_reset: any answer fits": "it may be answered under either id",
     },
 )
