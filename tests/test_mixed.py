@@ -209,7 +209,8 @@ def test_the_order_in_which_they_are_named_does_not_matter(order: tuple[str, str
 
 
 @pytest.mark.parametrize(
-    ("name", "why"), [("lss+lss", "twice"), ("lss+abc", "no protocol 'abc'"), ("+", "twice")]
+    ("name", "why"),
+    [("lss+lss", "twice"), ("lss+abc", "no protocol 'abc'"), ("+", "no protocol ''")],
 )
 def test_names_that_cannot_be_are_refused(name: str, why: str) -> None:
     with pytest.raises(SnifferError, match=why):

@@ -21,9 +21,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from sniffer.decoding.decoder import Decoder, mark_tail, stretches
+from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.detect import Scores
 from sniffer.decoding.dividing import divide
+from sniffer.decoding.holes import mark_tail, stretches
 from sniffer.decoding.names import joined
 from sniffer.decoding.pairing import CHAIN
 from sniffer.diagnostics import WireRules
