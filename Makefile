@@ -59,8 +59,8 @@ soak: $(VENV)/.dev ## kill 50 recorders, who waits for one, a minute beside its 
 rig: $(VENV)/.dev ## real serial drivers in a virtual machine; Debian, sudo once (rig/README.md)
 	$(BIN)/python -m rig $(RIG_ARGS)
 
-fuzz: $(VENV)/.dev ## the laws, with thousands of examples each
-	HYPOTHESIS_PROFILE=long $(PYTEST) -m hypothesis $(PYTEST_ARGS)
+fuzz: $(VENV)/.dev ## the laws, with thousands of examples each, and lists of edges walked whole
+	HYPOTHESIS_PROFILE=long $(PYTEST) -m "hypothesis or walks_a_list" $(PYTEST_ARGS)
 
 # Files in schemas/messages import each other as "sniffer/messages/<name>.proto".
 schemas: $(VENV)/.dev ## regenerate sniffer/messages from schemas/messages

@@ -10,7 +10,7 @@ from mcap_protobuf.schema import register_schema
 
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.model import Chunk
-from sniffer.mcapfile.messages import state_field
+from sniffer.mcapfile.fields import state_field
 from sniffer.messages.recording_pb2 import Frame, RawChunk, Transaction
 from sniffer.messages.servo_state_pb2 import ServoState
 

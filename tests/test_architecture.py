@@ -51,6 +51,8 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     "socket": ("viewers/viewer.py",),
     "subprocess": ("viewers/",),
     "logging": (),
+    "pytest": (),
+    "hypothesis": (),
 }
 """What may be imported in few places only."""
 

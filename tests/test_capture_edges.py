@@ -194,6 +194,15 @@ def test_answers_to_what_was_asked_before_the_capture_are_its_beginning(name: st
     assert codes(name, Chunk(request + reply + request + reply + reply))[-1] == "duplicate-response"
 
 
+def test_an_answer_behind_a_damaged_request_is_no_beginning_however_it_was_fed() -> None:
+    """Live, the request that broke was told in a batch of its own before the answer came."""
+    broken, reply = at(0, READ[:-1] + b"\0"), at(300, REPLY)
+    assert codes("mightyzap", broken, reply)[1:] == ["unsolicited-response"]
+    decoder = Decoder("mightyzap")
+    live = (decoder.feed(broken), decoder.idle(T0 + 200 * MS), decoder.feed(reply), decoder.close())
+    assert [a.code for b in live for a in b.anomalies] == codes("mightyzap", broken, reply)
+
+
 # --- one side only -----------------------------------------------------------------------------
 
 

@@ -36,7 +36,7 @@ from sniffer.ground.model import (
     OutputError,
 )
 from sniffer.ground.registers import read_table, schema_path
-from sniffer.mcapfile.messages import state_field
+from sniffer.mcapfile.fields import state_field
 from sniffer.mcapfile.sink import McapSink
 from sniffer.mcapfile.source import chunks, groups, recorded, session
 from sniffer.messages.log_pb2 import Log

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import pytest
 
@@ -17,6 +17,8 @@ from tests.plugin import NAME, PACKAGE, install, table, write_facts, write_modul
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from sniffer.protocols.base import BusProtocol
 
 
 def python(code: str, env: dict[str, str]) -> subprocess.CompletedProcess[str]:
@@ -80,7 +82,7 @@ BROKEN = {
     "lacking": (
         "it_breaks:PROTOCOL",
         "class P: interface = 1\nPROTOCOL = P()",
-        "it lacks name, title, bauds, ...",
+        "it lacks name, ",
     ),
     "otherwise": ("toyservo:PROTOCOL", "", "it calls itself 'toyservo'"),
     "lss": ("it_breaks:PROTOCOL", "", "that name is taken by a built-in one"),
@@ -120,7 +122,7 @@ def test_of_two_plug_ins_of_one_name_the_first_counts(tmp_path: Path) -> None:
 
 
 def test_a_plug_in_that_does_not_say_so_is_no_candidate_of_detection(tmp_path: Path) -> None:
-    write_module(tmp_path / NAME, behind="PROTOCOL.interface = 1\n")
+    write_module(tmp_path / NAME, behind="PROTOCOL.interface = 1\nPROTOCOL.auto = False\n")
     write_facts(tmp_path, f"{NAME} = {NAME}:PROTOCOL")
     code = "from sniffer import PROTOCOLS; print(*[p.name for p in PROTOCOLS.candidates()])"
     ran = python(code, {"PYTHONPATH": str(tmp_path)})
@@ -212,6 +214,22 @@ def test_a_table_that_a_protocol_cannot_take_is_told() -> None:
     own = RegisterMap.from_text(table("toy-m", "lss"), "toy-m.toml")
     with pytest.raises(SnifferError, match="toy-m: lss takes no further tables"):
         with_tables(PROTOCOLS["lss"], [own])
+
+
+def test_what_a_protocol_has_against_a_table_is_told_in_one_line() -> None:
+    class Choosy:
+        name = "choosy"
+        models = ()
+
+        def with_models(self, tables: object) -> None:
+            raise TypeError("two tables\ndiffer")
+
+    own = RegisterMap.from_text(table("toy-m", "choosy"), "toy-m.toml")
+    with pytest.raises(SnifferError, match=r"toy-m: choosy: two tables.differ"):
+        with_tables(cast("BusProtocol", Choosy()), [own])
+
+
+def test_a_model_that_is_there_is_not_taken_twice() -> None:
     taken = RegisterMap.from_text(table("mightyzap-12lf", "mightyzap"), "x.toml")
-    with pytest.raises(SnifferError, match="mightyzap has a model mightyzap-12lf"):
+    with pytest.raises(SnifferError, match="mightyzap has a model mightyzap-12lf: name the one"):
         with_tables(PROTOCOLS["mightyzap"], [taken])

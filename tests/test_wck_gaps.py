@@ -15,6 +15,7 @@ from sniffer.ground.model import Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import view
 from tests import heard
+from tests.lists import thinned, walks_a_list
 from tests.records import batches, records
 from tests.streams.wck import any_command, command
 
@@ -107,13 +108,16 @@ def edge(data1: int, data2: int, fill: int) -> bytes:
     return command(data1, data2, bytes(rest)) + bytes([fill, 1])
 
 
+@walks_a_list
 @pytest.mark.parametrize("mode", range(8))
 @pytest.mark.parametrize("fill", [0, 0xFF])
 def test_every_data1_and_data2_decodes_as_the_reference_says(mode: int, fill: int) -> None:
     # the filling matters in set commands; elsewhere some ids stand for all
     modules = range(32) if mode == 7 or not fill else (0, 8, 9, 30, 31)
-    for data1 in (mode << 5 | module for module in modules):
-        part = [Chunk(b"".join(edge(data1, data2, fill) for data2 in range(256)))]
+    # in mode 7 each second byte is a command of its own
+    second = list(range(256)) if mode == 7 else thinned(range(256), 5)
+    for data1 in (mode << 5 | module for module in thinned(modules, 3, ends=3)):
+        part = [Chunk(b"".join(edge(data1, data2, fill) for data2 in second))]
         got = records(batches(Decoder("wck"), [part]))
         want = Reference(WCK).decode(part)
         assert got.frames == want.frames

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from sniffer.decoding.names import AND, is_known, joined, protocols_named
 from sniffer.decoding.pipeline import AUTO
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS
@@ -144,6 +145,8 @@ def _protocol(text: str, rest: str) -> tuple[str, str | None]:
         if last != AUTO:
             protocol_named(last)  # what is wrong with a plug-in is told before a port is opened
         return before, last
+    if AND in last and is_known(last):
+        return before, joined(protocols_named(last))
     if _NAME.fullmatch(before) and last:
         return rest, None  # left=/dev/ttyUSB0
     known = ", ".join((AUTO, *PROTOCOLS))

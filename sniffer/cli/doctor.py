@@ -26,6 +26,7 @@ from sniffer.cli.options import (
     printed,
 )
 from sniffer.cli.session import say
+from sniffer.decoding.names import protocols_named
 from sniffer.decoding.pipeline import AUTO
 from sniffer.doctor import (
     Finding,
@@ -42,7 +43,6 @@ from sniffer.ground.limits import BAUDS, FALLBACK_BAUD
 from sniffer.ground.model import NS, Chunk, Clock, InputError
 from sniffer.ports import Port, PortLostError, PortOptions, open_port
 from sniffer.ports.listing import port_at
-from sniffer.protocols import protocol_named
 
 TRIAL_S: Final = 1.0
 """How long another baud is listened at."""
@@ -144,7 +144,7 @@ def doctor(
 
 
 def _first_baud(protocol: str, baud: int | None) -> int:
-    return baud or (protocol_named(protocol).baud if protocol != AUTO else FALLBACK_BAUD)
+    return baud or (protocols_named(protocol)[0].baud if protocol != AUTO else FALLBACK_BAUD)
 
 
 def _prepare(name: str, how: PortOptions, output_format: str) -> int:
@@ -206,10 +206,10 @@ def hear(port: Port, about: Listened, *, baud_is_named: bool) -> Listened:
     If nobody has named a baud and one of the others is right, that one is listened at to the end.
     """
     heard = _listen(port, about)
-    found = understand(heard.chunks, heard.protocol)
+    found = understand(heard.chunks, heard.protocol, heard.line_baud)
     if not heard.has_line:
         if not baud_is_named and found.protocol is not None:
-            heard = replace(heard, baud=protocol_named(found.protocol).baud)
+            heard = replace(heard, baud=protocols_named(found.protocol)[0].baud)
         return heard
     silent = not heard.size and not heard.line_errors
     if found.good or silent or heard.gone_s is not None or not isinstance(port, Tunable):
@@ -277,14 +277,14 @@ def _trials(port: Tunable, heard: Listened) -> list[Trial]:
         tried = _listen(port, replace(heard, baud=baud, seconds=TRIAL_S), TRIAL_BYTES)
         if tried.gone_s is not None:
             break
-        out.append(Trial(baud, understand(tried.chunks, heard.protocol)))
+        out.append(Trial(baud, understand(tried.chunks, heard.protocol, baud)))
         if out[-1].found.good:
             break
     return out
 
 
 def _summary(heard: Listened, verdicts: Sequence[Finding]) -> dict[str, Any]:
-    found = understand(heard.chunks, heard.protocol)
+    found = understand(heard.chunks, heard.protocol, heard.line_baud)
     return {
         "type": "summary",
         "level": worst(verdicts).name.lower(),
@@ -335,6 +335,6 @@ def _conclusion(heard: Listened, verdicts: Sequence[Finding], width: int) -> lis
     if level == Level.BAD:
         return _wrapped(f"not fit to record from: {topics}", width, "", "")
     doubts = f", with doubts about {topics}" if level == Level.WARN else ""
-    found = understand(heard.chunks, heard.protocol)
+    found = understand(heard.chunks, heard.protocol, heard.line_baud)
     command = f"sniffer record {heard.path}={heard.named(found.protocol)}@{heard.baud}"
     return [*_wrapped(f"fit to record from{doubts}", width, "", ""), " " * _ABOUT + command]

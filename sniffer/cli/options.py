@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from sniffer.decoding.names import is_known, protocols_named
 from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.ground.limits import BAUDS, IDS, number_in
 from sniffer.ground.registers import RegisterMap
-from sniffer.protocols import PROTOCOLS, is_file, protocol_named
+from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import BusProtocol
 from sniffer.protocols.tables import known_models, owner_of, with_tables
 from sniffer.sources import SOURCES
@@ -61,7 +62,9 @@ class Finite(click.FloatRange):
 
 
 class ProtocolName(_Name):
-    """A protocol: a name, or the file of a plug-in. Plug-ins are listed when names are asked for.
+    """A protocol: a name, the file of a plug-in, or two that share a wire (``a+b``).
+
+    Plug-ins are listed when names are asked for.
 
     ``beside`` are words that may stand there instead; ``plugins``: more than the built-in ones.
     """
@@ -83,10 +86,10 @@ class ProtocolName(_Name):
         """Take a name that is known; one that cannot be used says why."""
         named = str(value)
         if named not in self._beside:
-            if not is_file(named) and named not in PROTOCOLS:
+            if not is_known(named):
                 known = ", ".join(map(repr, (*self._beside, *PROTOCOLS)))
                 self.fail(f"{named!r} is not one of {known}.", param, ctx)
-            protocol_named(named)
+            protocols_named(named)
         return named
 
 
@@ -122,7 +125,7 @@ def check_models(
     Raises:
         click.BadParameter: there is no such model.
     """
-    also = [protocol_named(p) for p in protocols if p != AUTO]
+    also = [protocol for p in protocols if p != AUTO for protocol in protocols_named(p)]
     for model in models.values():
         if owner_of(model, tables, also) is None:
             known = ", ".join(known_models(tables, also))
@@ -158,7 +161,7 @@ def check_tables(tables: Iterable[RegisterMap], protocols: Iterable[str | BusPro
         SnifferError: its protocol does not take it.
     """
     named = tuple(protocols)
-    own = {p.name: p for p in map(protocol_named, (n for n in named if n != AUTO))}
+    own = {p.name: p for n in named if n != AUTO for p in protocols_named(n)}
     for table in tables:
         name = table.protocol
         why = ""
@@ -182,7 +185,7 @@ def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
                 type=ProtocolName(AUTO),
                 default=AUTO,
                 show_default=True,
-                help="What is spoken on the bus; auto tells it from the bytes.",
+                help="What is spoken on the bus (a+b: two share it); auto tells it from the bytes.",
             ),
             click.option(
                 "--input-format",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import click
@@ -97,7 +97,7 @@ def replay(
         # looked at beforehand: what is to be played in real time cannot wait for it
         head, chunks = peek(chunks, ENOUGH)
         if options.protocol == AUTO and not played:
-            told = {**_told(head, options.protocols), **options.protocols}
+            told = {**_told(head, options), **options.protocols}
             options = dataclasses.replace(options, protocols=told)
         part = within(timed(chunks, _baud(options)), Window(start, stop), ends=True)
         groups: Iterable[Sequence[Chunk]] = paced(steps(part), speed)
@@ -131,12 +131,10 @@ def _as_part(
         yield group
 
 
-def _told(
-    head: Iterable[Chunk], known: Mapping[str, str | BusProtocol]
-) -> dict[str, str | BusProtocol]:
+def _told(head: Iterable[Chunk], options: Options) -> dict[str, str | BusProtocol]:
     """Return the protocol of each bus, and say so; what cannot be told yet is left out.
 
-    ``known`` is what a recording says of itself: the bytes are not asked against it.
+    What a recording says of itself is known: the bytes are not asked against it.
     """
     by_bus: dict[str, list[Chunk]] = {}
     for chunk in head:
@@ -144,8 +142,8 @@ def _told(
     out: dict[str, str | BusProtocol] = {}
     for bus, chunks in by_bus.items():
         with contextlib.suppress(UndecidedError):
-            found = detect(chunks)
-            if known.get(bus, found.protocol) == found.protocol:
+            found = detect(chunks, options.bauds.get(bus, options.baud))
+            if options.protocols.get(bus, found.protocol) == found.protocol:
                 say(f"{bus}: {found}")
             out[bus] = found.protocol
     return out
@@ -153,4 +151,4 @@ def _told(
 
 def _baud(options: Options) -> int:
     named = next(iter(options.protocols.values()), options.protocol)
-    return options.baud or (FALLBACK_BAUD if named == AUTO else options.spoken(named).baud)
+    return options.baud or (FALLBACK_BAUD if named == AUTO else options.all_spoken(named)[0].baud)

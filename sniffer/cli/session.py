@@ -17,7 +17,7 @@ from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED, MISTAKE
 from sniffer.decoding.detect import Detection, UndecidedError
 from sniffer.decoding.pacing import Pace
 from sniffer.decoding.pipeline import Options, Pipeline
-from sniffer.decoding.sink import Paced, Sink
+from sniffer.decoding.sink import Paced, Part, Sink, written
 from sniffer.ground.model import Batch, Chunk, DamagedInputError, InputError, OutputError
 from sniffer.ground.wording import one_line
 from sniffer.jobs.outputs import lost
@@ -48,9 +48,13 @@ class Standard:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Pass a batch on while somebody listens."""
+        self.write_together(bus, [(protocol, batch)])
+
+    def write_together(self, bus: str, parts: Sequence[Part]) -> None:
+        """Pass on what several protocols said in one pass."""
         with self._listening():
             if self._open:
-                self._sink.write(bus, protocol, batch)
+                written(self._sink, bus=bus, parts=parts)
                 sys.stdout.flush()
 
     def close(self) -> None:

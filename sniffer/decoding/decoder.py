@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -44,6 +44,7 @@ from sniffer.ground.model import (
     Remark,
     Samples,
     SnifferError,
+    Spans,
     Transactions,
 )
 from sniffer.ground.remarks import Remarks
@@ -51,14 +52,26 @@ from sniffer.ground.timing import Stamps, byte_time_ns
 from sniffer.protocols import protocol_named
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from sniffer.decoding.pairing import Paired
     from sniffer.protocols.base import BusProtocol
 
 
+class Met(NamedTuple):
+    """A block framed, described and paired; ``partner`` is as ``match`` returns it."""
+
+    block: Block
+    frames: Frames
+    partner: I64
+    decided: int
+
+
 class Decoder:
     """Decodes one bus.
+
+    A pass has four steps: ``block``, ``meet``, where to cut, ``tell``; ``mixed.py`` takes several
+    decoders through them side by side.
 
     Args:
         protocol: a name of ``PROTOCOLS``, a file that defines one, or the protocol itself.
@@ -69,6 +82,7 @@ class Decoder:
         slowest: the slowest rate that the line may have, where nobody stated it: no silence and no
             late answer is told that it would explain. As ``baud`` where None.
         doubtful: the line may well be as slow as that: uncertainties cover it.
+        is_alone: no other decoder is on this wire: what concerns the wire is told here.
 
     Raises:
         SnifferError: unknown protocol or model, or a number that cannot be; its calls raise it
@@ -85,6 +99,7 @@ class Decoder:
         base: int = 0,
         slowest: int | None = None,
         doubtful: bool = False,
+        is_alone: bool = True,
     ) -> None:
         self.protocol = protocol_named(protocol)
         known = [m.model for m in self.protocol.models]
@@ -119,14 +134,17 @@ class Decoder:
         self._pairing = Pairing(self.protocol)
         self._expectations = Expectations()
         self._scaling = Scaling(self.protocol, models)
-        self._diagnostics = Diagnostics(self.protocol)
+        self._diagnostics = Diagnostics(self.protocol, is_alone=is_alone)
 
     def feed(self, *chunks: Chunk | bytes | bytearray | memoryview) -> Batch:
         """Decode chunks, each with its own time, in one pass: group them, a pass costs ~200 us.
 
         Plain bytes are a chunk without a time.
         """
-        told = chunks_of(chunks)
+        return self._decode(final=False) if self.take(chunks_of(chunks)) else self.nothing()
+
+    def take(self, told: Sequence[Chunk]) -> bool:
+        """Take chunks in without decoding them; tell whether there were any bytes."""
         timed = tuple(k for k in told if k.data)
         if any(k.marks for k in told):
             self._now_ns = max(self._now_ns, *(k.t_ns or 0 for k in told))
@@ -135,26 +153,51 @@ class Decoder:
         if timed:
             self._barriers += self._stamps.add(timed).tolist()
             self._buffer += b"".join(k.data for k in timed)
-        return self._decode(final=False) if timed else self._nothing()
+        return bool(timed)
 
     def idle(self, now_ns: int) -> Batch:
         """Declare what the clock says: after the tail time, what waits will not be completed."""
+        if not self.silent_at(now_ns):
+            return self.nothing()
+        batch = self._decode(final=True)
+        self.bar()
+        return batch
+
+    def silent_at(self, now_ns: int) -> bool:
+        """Take the time; tell whether what waits for bytes has waited for the tail time."""
         now_ns = whole("now_ns", now_ns, TIME_LEAST_NS, TIME_END_NS - 1)
         self._now_ns = max(self._now_ns, now_ns)
-        if not self._buffer or not self._stamps.silent_since(now_ns):
-            return self._nothing()
-        batch = self._decode(final=True)
-        # Nothing crosses this place any more, also if the next bytes say that there was no pause.
+        return bool(self._buffer) and self._stamps.silent_since(now_ns)
+
+    def bar(self) -> None:
+        """Let nothing cross this place, also if the next bytes say that there was no pause."""
         self._barriers.append(self._base)
-        return batch
 
     def close(self) -> Batch:
         """Decode what is left; the decoder may be fed again afterwards.
 
         What nobody knows to have been silent behind the last byte is cut there, not over.
         """
-        cut = not self._stamps.silent_since(self._now_ns)
-        return self._diagnostics.finish(self._decode(final=True, is_cut=cut))
+        return self.finish(self._decode(final=True, is_cut=self.is_cut))
+
+    @property
+    def name(self) -> str:
+        """The protocol's name."""
+        return self.protocol.name
+
+    @property
+    def protocols(self) -> tuple[BusProtocol, ...]:
+        """The protocol: one, unlike those of a mixed decoder."""
+        return (self.protocol,)
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether a capture that ends here is cut: nobody knows of a silence behind it."""
+        return not self._stamps.silent_since(self._now_ns)
+
+    def finish(self, batch: Batch) -> Batch:
+        """Return the last batch with what diagnostics held back until the end."""
+        return self._diagnostics.finish(batch)
 
     @property
     def pending(self) -> int:
@@ -171,42 +214,95 @@ class Decoder:
         """Offset in the stream up to which everything is decided."""
         return self._base
 
-    def _nothing(self) -> Batch:
+    def nothing(self) -> Batch:
         """Return no bytes, with what has been remarked between those before and those to come."""
         batch = _empty(self._base, self._stamps.clock, self._remarks.until(self._base))
         return self._diagnostics.judge(batch) if batch.remarks else batch
 
     def _decode(self, *, final: bool, is_cut: bool = False) -> Batch:
-        data = bytes(self._buffer)
-        if not data:
-            return self._nothing()
-        base = self._base
+        if not self._buffer:
+            return self.nothing()
+        block = self.block(final=final)
+        met = self.meet(block, *self.protocol.frame(block))
+        cut, kept = self._cut(met.frames, met.partner, met.decided, block)
+        gaps = self._gaps(bytes(self._buffer), met.frames.take(slice(0, kept)), cut, block)
+        open_from = None
+        if is_cut:
+            _, open_from = self.protocol.frame(Block(block.data, block.barriers, False))
+        return self.tell(met, cut, gaps, open_from=open_from)
+
+    def block(self, *, final: bool) -> Block:
+        """Return the bytes that wait, with the silences in them."""
+        data, base = bytes(self._buffer), self._base
         barriers = np.array(
             sorted({b - base for b in self._barriers if 0 < b - base < len(data)}), np.int64
         )
-        block = Block(np.frombuffer(data, np.uint8), barriers, final)
-        spans, decided = self.protocol.frame(block)
-        whole = self.protocol.describe(block, spans)
-        silent = base in self._barriers
-        whole, partner = self._pairing.match(whole, block, decided, base, silent=silent)
-        cut, kept = self._cut(whole, partner, decided, block)
+        return Block(np.frombuffer(data, np.uint8), barriers, final)
+
+    def meet(self, block: Block, spans: Spans, decided: int) -> Met:
+        """Describe the frames of a block, and give each answer its request."""
+        frames = self.protocol.describe(block, spans)
+        silent = self._base in self._barriers
+        frames, partner = self._pairing.match(frames, block, decided, self._base, silent=silent)
+        return Met(block, frames, partner, decided)
+
+    def open_from(self, met: Met) -> int | None:
+        """Return where the first request of a block begins that is still open; None: none is."""
+        row = self._pairing.cut(met.frames, met.partner, met.decided, met.block)
+        return None if row is None else int(met.frames.start[row])
+
+    def clear_at(self, met: Met, cut: int) -> int:
+        """Return the last place up to a cut that no exchange leads across, if there is one near."""
+        return self._pairing.clear_at(met.frames, met.partner, cut)
+
+    def awaits(self, met: Met, at: int) -> bool:
+        """Tell whether a request that has an answer ends right before an offset of a block."""
+        if self._base + at in self._barriers:
+            return False
+        if not at:
+            return self._asked_until == self._base
+        f = met.frames
+        row = int(np.searchsorted(f.start, at)) - 1
+        ends = row >= 0 and f.end[row] == at
+        return bool(ends and f.kind[row] == REQUEST and f.reply[row] != NEVER)
+
+    def dated(self, gaps: list[Gap]) -> tuple[Gap, ...]:
+        """Add to gaps when they ended, and the line errors that were told in them."""
+        ends = np.array([g.start + g.length for g in gaps], np.int64) + self._base
+        times: I64 = self._stamps.at(ends)
+        gaps = self._remarks.explain(gaps, self._base)
+        return tuple(Gap(*g[:-1], t) for g, t in zip(gaps, times.tolist(), strict=True))
+
+    def tell(self, met: Met, cut: int, gaps: tuple[Gap, ...], *, open_from: int | None) -> Batch:
+        """Return what the bytes before a cut say, and go on behind it.
+
+        Args:
+            met: the block.
+            cut: an offset in it; nothing before it is open.
+            gaps: the bytes before it that no frame claims, explained.
+            open_from: where the capture ends with the block, from where on its bytes have no fate.
+        """
+        block, whole, partner, decided = met
+        base, kept = self._base, int(np.searchsorted(whole.start, cut))
         self._pairing.forget(whole, block, kept, cut)
-        frames = whole.take(slice(0, kept))
-        gaps = self._gaps(data, frames, cut, block)
-        frames = self._stamps.time(frames, base)
+        frames = self._stamps.time(whole.take(slice(0, kept)), base)
         paired = self._pairing.pair(frames, whole, partner, block, decided, base)
+        left = None
+        if open_from is not None:
+            left = self._left_open(frames, partner, block, paired.transactions, open_from)
         batch = Batch(
             base,
-            data[:cut],
+            bytes(self._buffer[:cut]),
             self._stamps.clock,
             frames,
             gaps,
             Transactions.empty(),
             Samples.empty(),
             remarks=self._remarks.until(base + cut),
-            cut=self._left_open(frames, partner, block, paired.transactions) if is_cut else None,
+            cut=left,
             before=paired.before if len(paired.before) else None,
             slower_ns=self._slower_ns,
+            is_shared=block.foreign is not None,
         )
         batch = self._records(block, batch, paired)
         del self._buffer[:cut]
@@ -219,7 +315,12 @@ class Decoder:
         return batch
 
     def _left_open(
-        self, frames: Frames, partner: I64, block: Block, transactions: Transactions
+        self,
+        frames: Frames,
+        partner: I64,
+        block: Block,
+        transactions: Transactions,
+        decided: int,
     ) -> Cut:
         """Return what more bytes could still have changed, where the capture ends with a block.
 
@@ -227,7 +328,6 @@ class Decoder:
         where the controller asked again after an answer, unless all answers behind that request
         are to earlier ones: with several in flight those come first.
         """
-        _, decided = self.protocol.frame(Block(block.data, block.barriers, False))
         rows = self._pairing.open_rows(frames, partner, decided, block)
         tail = frames.take(rows)
         answer = frames.kind == RESPONSE
@@ -282,20 +382,17 @@ class Decoder:
         asked -= {b - self._base for b in self._barriers}
         out: list[Gap] = []
         for a, b in zip(edges_from[holes].tolist(), edges_to[holes].tolist(), strict=True):
-            for c, d, closed in _stretches(a, b, block):
+            for c, d, closed in stretches(a, b, block):
                 for s in range(c, d, GAP_MAX):
                     e = min(d, s + GAP_MAX)
                     pieces = self.protocol.explain(data[s:e], s, awaited=s == a and a in asked)
                     if closed and e == d:
-                        _mark_tail(pieces)
+                        mark_tail(pieces)
                     out += pieces
-        ends = np.array([g.start + g.length for g in out], np.int64) + self._base
-        times: I64 = self._stamps.at(ends)
-        out = self._remarks.explain(out, self._base)
-        return tuple(Gap(*g[:-1], t) for g, t in zip(out, times.tolist(), strict=True))
+        return self.dated(out)
 
 
-def _stretches(a: int, b: int, block: Block) -> list[tuple[int, int, bool]]:
+def stretches(a: int, b: int, block: Block) -> list[tuple[int, int, bool]]:
     """Cut ``a..b`` at silences; tell for each part whether a silence (or the end) follows it."""
     if not len(block.barriers):
         return [(a, b, block.final and b == block.n)]
@@ -305,7 +402,7 @@ def _stretches(a: int, b: int, block: Block) -> list[tuple[int, int, bool]]:
     return [(c, d, d in silent) for c, d in itertools.pairwise(edges)]
 
 
-def _mark_tail(pieces: list[Gap]) -> None:
+def mark_tail(pieces: list[Gap]) -> None:
     """A frame cut off by silence or by the end of the capture is an idle tail."""
     if pieces and pieces[-1].reason == "truncated":
         g = pieces[-1]

@@ -1,16 +1,36 @@
-"""Which protocol is this? For each of them: the share of bytes that frames that hold explain."""
+"""Which protocol is this? A candidate counts for what it explains that no better one explains.
+
+Every candidate frames the same bytes, and each of its frames is held against those of the others:
+
+    bytes          FF FF FF 01 02 F1 0B   (a mightyZAP ping)
+    mightyzap     [0 ................. 7)  the container: counts
+    dynamixel1       [1 .............. 7)  the same bytes less one FF: does not count
+
+A frame inside a longer one of another protocol does not count, nor does one that its own protocol
+takes for unknown or malformed where another one reads the very same bytes as it should. It is not
+enough to compare how much each explains in all: of a damaged mightyZAP stream Dynamixel 1 explains
+more, for its frames are shorter, so more of them stay whole. What holds for both counts for both: a
+tie stays one, and is told.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from sniffer.decoding.decoder import Decoder
-from sniffer.ground.model import Chunk, InputError
+import numpy as np
+
+from sniffer.decoding.names import AND
+from sniffer.ground.framing import Block
+from sniffer.ground.model import MALFORMED, UNKNOWN, Chunk, InputError
+from sniffer.ground.timing import Stamps
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from sniffer.ground.model import I64, Mask
+    from sniffer.protocols.base import BusProtocol
 
 ENOUGH: Final = 32 * 1024
 """Bytes that are looked at: some thousand frames, a second of a busy bus."""
@@ -21,31 +41,62 @@ CLEAR: Final = 0.5
 SURE: Final = "sure"
 """What is said of more than nine tenths of the bytes explained."""
 
+LIKELY: Final = "likely"
+"""What is said of less, from ``CLEAR`` on."""
+
 GUESSED: Final = "not sure"
 """What is said of a much damaged capture."""
 
 FEW: Final = 0.05
 """Below CLEAR, a much damaged capture is still taken from this share and three frames on."""
 
+FRAMES: Final = 3
+"""Frames that are no chance."""
+
+BESIDE: Final = 0.05
+"""Share of the bytes, all left over by the best, from which another protocol is heard beside it."""
+
+OF_REST: Final = 0.5
+"""Share that it must explain of what the best leaves over: damage leaves much, and wCK and LSS find
+a frame in damage now and then."""
+
+IMPOSSIBLE: Final = 0.5
+"""What the share of a protocol counts for that cannot have the baud rate which was stated: a servo
+may know rates that no manual lists, so it is less likely, not excluded."""
+
+WORTH_TELLING: Final = 0.05
+"""Share of the second best from which on it is named."""
+
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """The protocol found, how sure, and the share of bytes each candidate explains."""
+    """The protocol found (``a+b``: two on one wire), how sure, and the share each candidate has.
+
+    ``share`` is what of the bytes the protocol, or both of them, explain.
+    """
 
     protocol: str
     certainty: str
     scores: Mapping[str, float]
+    share: float
 
     def __str__(self) -> str:
-        others = _shares({k: v for k, v in self.scores.items() if k != self.protocol})
-        return (
-            f"{self.protocol} ({self.certainty}: explains {self.scores[self.protocol]:.1%} "
-            f"of the bytes; {others})"
-        )
+        names = self.protocol.split(AND)
+        told = f"explains {self.share:.1%} of the bytes"
+        if len(names) > 1:
+            told = f"explain {self.share:.1%} of the bytes, {_shares(self.scores, names)}"
+        rest = [n for n in _ranked(self.scores) if n not in names]
+        if rest and self.scores[rest[0]] >= WORTH_TELLING:
+            told += f"; {_shares(self.scores, rest[:1])}"
+        return f"{self.protocol} ({self.certainty}: {told})"
 
 
-def _shares(scores: Mapping[str, float]) -> str:
-    return ", ".join(f"{k} {v:.1%}" for k, v in sorted(scores.items(), key=lambda e: -e[1]))
+def _ranked(scores: Mapping[str, float]) -> list[str]:
+    return sorted(scores, key=lambda name: -scores[name])
+
+
+def _shares(scores: Mapping[str, float], names: Iterable[str]) -> str:
+    return ", ".join(f"{name} {scores[name]:.1%}" for name in names)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,39 +117,144 @@ class UndecidedError(InputError):
     """No protocol explains the bytes well enough, or two do."""
 
 
-def detect(chunks: Sequence[Chunk]) -> Detection:
-    """Return the protocol of the chunks.
+class Scores:
+    """What each candidate explains of the first bytes of some chunks.
 
-    Raises:
-        UndecidedError: it cannot be told; the message shows all scores.
+    Args:
+        chunks: what was heard; ``ENOUGH`` bytes of it are looked at.
+        baud: bits per second, where somebody stated them.
+        also: protocols beside those that are looked for where none is named.
     """
+
+    def __init__(
+        self,
+        chunks: Sequence[Chunk],
+        baud: int | None = None,
+        also: Sequence[BusProtocol] = (),
+    ) -> None:
+        taken = _first(chunks)
+        self.size = sum(len(c.data) for c in taken)
+        each = {p.name: p for p in (*PROTOCOLS.candidates(), *also)}
+        self._heard = {name: _Heard(p, taken) for name, p in each.items()} if taken else {}
+        for mine in self._heard.values():
+            for other in self._heard.values():
+                if other is not mine:
+                    mine.yield_to(other)
+        self.shares = {name: heard.bytes / self.size for name, heard in self._heard.items()}
+        """By name: the share of the bytes that this candidate explains and no better one does."""
+        self._weights = {
+            name: share * (IMPOSSIBLE if baud and baud not in self._heard[name].bauds else 1)
+            for name, share in self.shares.items()
+        }
+
+    def share_of(self, name: str) -> float:
+        """Return the share of the bytes that a protocol explains, or those of ``a+b`` together."""
+        return min(1.0, sum(self.shares.get(one, 0.0) for one in name.split(AND)))
+
+    def best(self) -> Detection:
+        """Return the protocol that explains the bytes, or the two that share them.
+
+        Raises:
+            UndecidedError: it cannot be told; the message shows the best.
+        """
+        if not self.size:
+            raise UndecidedError("the input has no bytes: nothing to decode")
+        weights = self._weights
+        first, *others = _ranked(weights)
+        share, second = self.shares[first], weights[others[0]] if others else 0.0
+        both = self._beside(first, others)
+        if both is not None:
+            return both
+        if share >= CLEAR and weights[first] >= 1.5 * second:
+            return Detection(first, SURE if share > 0.9 else LIKELY, self.shares, share)
+        frames = int(self._heard[first].counts.sum())
+        if share >= FEW and frames >= FRAMES and weights[first] >= 4 * second:
+            return Detection(first, GUESSED, self.shares, share)
+        shown = _shares(self.shares, [n for n in (first, *others[:1]) if self.shares[n] >= 0.001])
+        why = f" ({shown or 'none explains any of them'})"
+        raise UndecidedError(
+            f"cannot tell the protocol of these {self.size} bytes{why}: "
+            "name it with --protocol, or check that this is a bus capture"
+        )
+
+    def _beside(self, first: str, others: Sequence[str]) -> Detection | None:
+        """Return the best with another one that explains much of what it leaves over."""
+        best = self._heard[first]
+        left = 1 - best.bytes / self.size
+        if left < BESIDE or int(best.counts.sum()) < FRAMES:
+            return None
+        more = {name: self._heard[name].apart_from(best) for name in others}
+        name = max(others, key=lambda n: more[n][0] * self._weights[n], default=None)
+        if name is None:
+            return None
+        share, frames = more[name][0] / self.size, more[name][1]
+        whole = 1 - left + share
+        if frames < FRAMES or share < max(BESIDE, OF_REST * left) or whole < CLEAR:
+            return None
+        names = AND.join(sorted((first, name)))
+        return Detection(names, SURE if whole > 0.9 else LIKELY, self.shares, whole)
+
+
+class _Heard:
+    """The frames that one candidate sees; ``counts`` tells which of them count for it."""
+
+    def __init__(self, protocol: BusProtocol, chunks: Sequence[Chunk]) -> None:
+        data = np.frombuffer(b"".join(c.data for c in chunks), np.uint8)
+        silences = Stamps(protocol.baud, protocol.tail_ns).add(tuple(chunks))
+        block = Block(data, silences, True)
+        spans, _ = protocol.frame(block)
+        self.bauds = protocol.bauds
+        self.start: I64 = spans.start
+        self.end: I64 = spans.end
+        odd = protocol.describe(block, spans).flags & (MALFORMED | UNKNOWN)
+        self.sound: Mask = odd == 0
+        self.counts: Mask = np.ones(len(spans), bool)
+
+    @property
+    def bytes(self) -> int:
+        """Bytes in the frames that count."""
+        return int((self.end - self.start)[self.counts].sum())
+
+    def yield_to(self, other: _Heard) -> None:
+        """Count no frame that another candidate explains better: within a longer one, or alone."""
+        if not len(other.start):
+            return
+        row = np.searchsorted(other.start, self.start, "right") - 1
+        inside = (row >= 0) & (other.end[row] >= self.end)
+        same = (other.start[row] == self.start) & (other.end[row] == self.end)
+        better = np.where(same, other.sound[row] & ~self.sound, inside)
+        self.counts &= ~(inside & better)
+
+    def apart_from(self, other: _Heard) -> tuple[int, int]:
+        """Return how many bytes are in frames that count and touch none of another, and those."""
+        edges = np.sort(np.concatenate([other.start[other.counts], other.end[other.counts]]))
+        row = np.searchsorted(edges, self.start, "right")
+        apart = self.counts & (row % 2 == 0)
+        apart &= np.searchsorted(edges, self.end, "left") == row
+        return int((self.end - self.start)[apart].sum()), int(apart.sum())
+
+
+def _first(chunks: Sequence[Chunk]) -> list[Chunk]:
+    """Return the chunks up to ``ENOUGH`` bytes, without their marks."""
     taken: list[Chunk] = []
     size = 0
     for chunk in chunks:
         if size >= ENOUGH:
             break
         part = chunk.data[: ENOUGH - size]
-        taken.append(Chunk(part, chunk.t_ns, chunk.clock))
+        if part:
+            taken.append(Chunk(part, chunk.t_ns, chunk.clock))
         size += len(part)
-    if not size:
-        raise UndecidedError("the input has no bytes: nothing to decode")
-    scores: dict[str, float] = {}
-    frames: dict[str, int] = {}
-    for protocol in PROTOCOLS.candidates():
-        name, decoder = protocol.name, Decoder(protocol)
-        parts = (decoder.feed(*taken), decoder.close())
-        frames[name] = sum(len(b.frames) for b in parts)
-        scores[name] = sum(int(b.frames.length.sum()) for b in parts) / size
-    ranked = sorted(scores, key=lambda k: -scores[k])
-    best, second = scores[ranked[0]], scores[ranked[1]] if len(ranked) > 1 else 0.0
-    if best >= CLEAR and best >= 1.5 * second:
-        return Detection(ranked[0], SURE if best > 0.9 else "likely", scores)
-    if best >= FEW and frames[ranked[0]] >= 3 and best >= 4 * second:
-        return Detection(ranked[0], GUESSED, scores)
-    raise UndecidedError(
-        f"cannot tell the protocol of these {size} bytes ({_shares(scores)}): "
-        "name it with --protocol, or check that this is a bus capture"
-    )
+    return taken
+
+
+def detect(chunks: Sequence[Chunk], baud: int | None = None) -> Detection:
+    """Return the protocol of the chunks; ``baud`` is the rate where somebody stated it.
+
+    Raises:
+        UndecidedError: it cannot be told; the message shows the best.
+    """
+    return Scores(chunks, baud).best()
 
 
 def latest(chunks: Sequence[Chunk], size: int) -> list[Chunk]:

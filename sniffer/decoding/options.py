@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
+from sniffer.decoding.names import is_known, joined, protocols_named
 from sniffer.decoding.pacing import ASSUMED
 from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, number_in
 from sniffer.ground.model import InputError
-from sniffer.protocols import PROTOCOLS, is_file, protocol_named
+from sniffer.protocols import is_file, protocol_named
 from sniffer.protocols.tables import owner_of, with_tables
 
 if TYPE_CHECKING:
@@ -25,8 +26,8 @@ AUTO: Final = "auto"
 class Options:
     """How to decode: ``protocols``, ``bauds``, ``latencies`` by bus, the others for all buses.
 
-    A protocol is a name, a file that defines one, or the protocol itself; ``tables`` are models
-    beside those it has.
+    A protocol is a name, a file that defines one, or the protocol itself; ``"a+b"`` are two that
+    share the wire. ``tables`` are models beside those they have.
     """
 
     protocol: str | BusProtocol = AUTO
@@ -41,8 +42,7 @@ class Options:
     @property
     def name(self) -> str:
         """Return the name of the protocol of all buses, or ``auto``."""
-        told: str = AUTO if self.protocol == AUTO else protocol_named(self.protocol).name
-        return told
+        return AUTO if self.protocol == AUTO else joined(protocols_named(self.protocol))
 
     def spoken(self, named: str | BusProtocol) -> BusProtocol:
         """Return a protocol, with the further models that these options bring.
@@ -51,6 +51,10 @@ class Options:
             SnifferError: there is none, or it does not take them.
         """
         return with_tables(protocol_named(named), self.tables)
+
+    def all_spoken(self, named: str | BusProtocol) -> tuple[BusProtocol, ...]:
+        """Return the protocols of a name, ``a`` or ``a+b``, each as ``spoken`` does."""
+        return tuple(self.spoken(protocol) for protocol in protocols_named(named))
 
     def with_facts(
         self,
@@ -93,7 +97,7 @@ class Options:
         known = {k.partition(".")[2]: v for k, v in facts.items() if k.startswith("protocol.")}
         if self.protocol == AUTO:
             for bus, name in known.items():
-                if bus not in self.protocols and name != AUTO and name not in PROTOCOLS:
+                if bus not in self.protocols and name != AUTO and not is_known(name):
                     package = f" ({told})" if (told := facts.get(f"plugin.{bus}")) else ""
                     raise InputError(
                         f"{bus} needs the protocol {name[:40]!r}{package}: install the package "
@@ -111,7 +115,7 @@ class Options:
         if not self.models:
             return []
         speakers = {*self.protocols.values(), self.protocol} - {AUTO}
-        also = [protocol_named(p) for p in speakers]
+        also = [protocol for p in speakers for protocol in protocols_named(p)]
         named = {m for m in self.models.values() if owner_of(m, self.tables, also) is None}
         return [table for table in attached() if table.model in named] if named else []
 

@@ -132,6 +132,14 @@ class Pairing:
         near = frames.start[first] - frames.start[clear] <= CHAIN or self._protocol.ordered
         return clear if near else first
 
+    def clear_at(self, frames: Frames, partner: I64, cut: int) -> int:
+        """Return the last place up to ``cut`` that no exchange leads across; ``cut`` if far."""
+        row = int(np.searchsorted(frames.start, cut))
+        clear = _clear(frames, partner, row)
+        if clear == row or not (self._protocol.ordered or cut - frames.start[clear] <= CHAIN):
+            return cut
+        return int(frames.start[clear])
+
     def forget(self, frames: Frames, block: Block, kept: int, cut: int) -> None:
         """Keep what the next block must know; it begins at ``cut``, with row ``kept``."""
         self._echoes.forget(frames, block, kept, cut)

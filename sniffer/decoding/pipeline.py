@@ -7,7 +7,6 @@ import functools
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.detect import (
     CLEAR,
     ENOUGH,
@@ -19,17 +18,20 @@ from sniffer.decoding.detect import (
     detect,
     latest,
 )
+from sniffer.decoding.mixed import decoder_of, leading, parts_of
 from sniffer.decoding.options import AUTO, Options
 from sniffer.decoding.pacing import Pace, pace
-from sniffer.decoding.sink import Paced
+from sniffer.decoding.sink import Paced, act, closed, taken, written
 from sniffer.decoding.summary import Summary
-from sniffer.ground.model import Batch, Chunk, Clock, Mark, MarkKind, OutputError
+from sniffer.ground.model import Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.ground.timing import LATENCY_NS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from sniffer.decoding.sink import Sink
+    from sniffer.decoding.decoder import Decoder
+    from sniffer.decoding.mixed import MixedDecoder
+    from sniffer.decoding.sink import Part, Sink
     from sniffer.protocols.base import BusProtocol
 
 FIRST_LOOK: Final = 512
@@ -69,7 +71,7 @@ class Pipeline:
         live: bool = False,
     ) -> None:
         if options.protocol != AUTO:
-            options.spoken(options.protocol)
+            options.all_spoken(options.protocol)
         self.summary = Summary()
         self._options = options
         self._sinks = list(sinks)
@@ -82,7 +84,8 @@ class Pipeline:
         self._live = live
         self.paces: dict[str, Pace] = {}
         """By what each bus is timed, once it is decoded."""
-        self._decoders: dict[str, Decoder] = {}
+        self._decoders: dict[str, Decoder | MixedDecoder] = {}
+        self._found: dict[str, Detection] = {}
         self._waiting: dict[str, list[Chunk]] = {}
         self._look_at: dict[str, int] = {}
         self._first: dict[str, list[Chunk]] = {}
@@ -104,7 +107,7 @@ class Pipeline:
     def record(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Hand chunks to the sinks as they came, before they are decoded."""
         self._begin.setdefault(bus, 0)
-        self._each(functools.partial(_raw, bus=bus, chunks=chunks))
+        self._each(functools.partial(taken, bus=bus, chunks=chunks))
 
     def decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Decode chunks of one bus that have been recorded."""
@@ -125,11 +128,11 @@ class Pipeline:
         for bus, decoder in self._decoders.items():
             if not decoder.pending:
                 continue
-            batch = decoder.idle(now_ns)
-            if batch.data:
+            parts = parts_of(decoder, decoder.idle(now_ns))
+            if parts[0][1].data:
                 silent = Chunk(b"", now_ns, Clock.READ, bus, marks=(Mark(MarkKind.SILENT, 0),))
                 self.record(bus, [silent])
-            self._deliver(bus, decoder, batch)
+            self._deliver(bus, parts)
 
     def skip(self, bus: str, count: int, chunk: Chunk) -> None:
         """Leave out ``count`` bytes that nobody had time to decode, and go on with ``chunk``.
@@ -140,10 +143,10 @@ class Pipeline:
         mark = Mark(MarkKind.SKIPPED, 0, count=count)
         if decoder is not None:
             torn = replace(chunk, data=b"", marks=(mark,))
-            for batch in (decoder.feed(torn), decoder.close()):
-                self._deliver(bus, decoder, batch)
+            self._deliver(bus, parts_of(decoder, decoder.feed(torn)))
+            self._deliver(bus, parts_of(decoder, decoder.close()))
             self._begin[bus] = decoder.position + count
-            self._decoders[bus] = self._decoder(bus, decoder.protocol)
+            self._decoders[bus] = self._decoder(bus, decoder.protocols)
         else:
             count += sum(len(c.data) for c in self._waiting.pop(bus, ()))
             self._begin[bus] = self._begin.get(bus, 0) + count
@@ -155,14 +158,15 @@ class Pipeline:
         return self._begin | {bus: decoder.position for bus, decoder in self._decoders.items()}
 
     def speaks(self, bus: str) -> str | None:
-        """Return the protocol of a bus, None while it is not known."""
+        """Return the protocol of a bus (``a+b``: two of them), None while it is not known."""
         decoder = self._decoders.get(bus)
-        return None if decoder is None else decoder.protocol.name
+        return None if decoder is None else decoder.name
 
     def protocol_of(self, bus: str) -> BusProtocol | None:
-        """Return that protocol itself."""
+        """Return that protocol itself, None where there are two."""
         decoder = self._decoders.get(bus)
-        return None if decoder is None else decoder.protocol
+        several = decoder is None or len(decoder.protocols) > 1
+        return None if several or decoder is None else decoder.protocols[0]
 
     def baud_of(self, bus: str) -> int | None:
         """Return the rate by which a bus is decoded, None while its protocol is not known."""
@@ -194,7 +198,7 @@ class Pipeline:
         # Where one bus goes on, the end of another is a silence, not a cut.
         self.idle(max((d.heard_ns for d in self._decoders.values()), default=0) - AFTER_NS)
         for bus, decoder in self._decoders.items():
-            self._deliver(bus, decoder, decoder.close())
+            self._deliver(bus, parts_of(decoder, decoder.close()))
         for mistake in self.mistaken():
             self.summary.buses[mistake.bus].looks_like = mistake.found.protocol
         if undecided is not None:
@@ -208,7 +212,7 @@ class Pipeline:
             if totals is None or totals.bytes_in_frames > CLEAR * totals.bytes:
                 continue
             with contextlib.suppress(UndecidedError):
-                found = detect(chunks)
+                found = detect(chunks, self._stated(bus))
                 share = totals.bytes_in_frames / totals.bytes
                 if found.protocol != totals.protocol and (not share or found.certainty != GUESSED):
                     out.append(Mistake(bus, totals.protocol, share, found))
@@ -225,20 +229,20 @@ class Pipeline:
 
     def _finish(self, sink: Sink) -> None:
         try:
-            _act(_close, sink)
+            act(closed, sink)
         except OutputError as error:
             self._failure = self._failure or error
 
-    def _each(self, act: Callable[[Sink], None]) -> None:
+    def _each(self, what: Callable[[Sink], None]) -> None:
         """Do something with every sink; one that fails is given up, the others go on."""
         for sink in list(self._sinks):
             try:
-                _act(act, sink)
+                act(what, sink)
             except OutputError as error:
                 self._sinks.remove(sink)
                 self._failure = self._failure or error
                 with contextlib.suppress(OutputError):
-                    _act(_close, sink)
+                    act(closed, sink)
                 if not self._sinks:
                     raise
 
@@ -251,12 +255,15 @@ class Pipeline:
             return False
         self._look_at[bus] = 2 * size
         try:
-            found = detect(latest(waiting, ENOUGH))
+            found = detect(latest(waiting, ENOUGH), self._stated(bus))
         except UndecidedError:
             if size > UNDECIDED_MOST:
                 self._forget(bus, waiting)
             return False
-        return found.certainty == SURE or size >= ENOUGH
+        if found.certainty != SURE and size < ENOUGH:
+            return False
+        self._found[bus] = found
+        return True
 
     def _forget(self, bus: str, waiting: list[Chunk]) -> None:
         """Keep the latest bytes only of a bus that says nothing we know."""
@@ -277,17 +284,19 @@ class Pipeline:
         chunks = self._waiting[bus]
         named = self._named(bus)
         if named == AUTO:
-            found = detect(latest(chunks, ENOUGH) if self._live else chunks)
+            found = self._found.pop(bus, None)
+            if found is None:
+                found = detect(latest(chunks, ENOUGH) if self._live else chunks, self._stated(bus))
             self._on_detection(bus, found)
             named = found.protocol
         else:
             self._first[bus] = []
         o = self._options
-        protocol = o.spoken(named)
+        protocols, first = o.all_spoken(named), self._ahead.pop(bus, chunks)
         self.paces[bus] = pace(
-            protocol,
-            self._ahead.pop(bus, chunks),
-            baud=o.bauds.get(bus, o.baud),
+            leading(protocols, first),
+            first,
+            baud=self._stated(bus),
             latency_ns=o.latencies.get(bus) if o.latency_ns is None else o.latency_ns,
         )
         told = self.summary.paces[bus] = self.paces[bus]
@@ -295,16 +304,20 @@ class Pipeline:
         for sink in self._sinks:
             if isinstance(sink, Paced):
                 sink.pace(bus, told)
-        self._decoders[bus] = self._decoder(bus, protocol)
+        self._decoders[bus] = self._decoder(bus, protocols)
         self._decode(bus, self._waiting.pop(bus))
 
-    def _decoder(self, bus: str, protocol: BusProtocol) -> Decoder:
+    def _stated(self, bus: str) -> int | None:
+        """Return the rate of a bus that somebody stated; what is assumed is none."""
+        return self._options.bauds.get(bus, self._options.baud)
+
+    def _decoder(self, bus: str, protocols: Sequence[BusProtocol]) -> Decoder | MixedDecoder:
         models, told = self._options.models, self.paces[bus]
         if self._live:  # they were named for all buses, which may speak different protocols
-            known = {m.model for m in protocol.models}
+            known = {m.model for p in protocols for m in p.models}
             models = {servo: model for servo, model in models.items() if model in known}
-        return Decoder(
-            protocol,
+        return decoder_of(
+            protocols,
             baud=told.baud,
             models=models,
             latency_ns=told.latency_ns,
@@ -318,40 +331,17 @@ class Pipeline:
         if first is not None and sum(len(c.data) for c in first) < ENOUGH:
             first += chunks
         decoder = self._decoders[bus]
-        self._deliver(bus, decoder, decoder.feed(*chunks))
+        self._deliver(bus, parts_of(decoder, decoder.feed(*chunks)))
 
-    def _deliver(self, bus: str, decoder: Decoder, batch: Batch) -> None:
-        if not batch.data and not batch.remarks and not batch.anomalies:
+    def _deliver(self, bus: str, parts: Sequence[Part]) -> None:
+        if not any(b.data or b.remarks or b.anomalies for _, b in parts):
             return
-        self.summary.add(bus, decoder.protocol, batch)
+        for protocol, batch in parts:
+            self.summary.add(bus, protocol, batch)
         totals = self.summary.buses[bus]
         if totals.bytes >= ENOUGH and totals.bytes_in_frames > CLEAR * totals.bytes:
             self._first.pop(bus, None)  # it speaks what was named
-        self._each(lambda sink: sink.write(bus, decoder.protocol, batch))
-
-
-def _act(act: Callable[[Sink], None], sink: Sink) -> None:
-    """Do something with a sink; what nobody has foreseen is its failure, not that of the others.
-
-    Raises:
-        OutputError: it failed.
-        BrokenPipeError: nobody reads what it writes.
-    """
-    try:
-        act(sink)
-    except (OutputError, BrokenPipeError):
-        raise
-    except Exception as error:
-        what = f"{type(error).__name__}: {error}"[:200]
-        raise OutputError(f"{type(sink).__name__} failed ({what}); it is left as it is") from error
-
-
-def _close(sink: Sink) -> None:
-    sink.close()
-
-
-def _raw(sink: Sink, *, bus: str, chunks: Sequence[Chunk]) -> None:
-    sink.raw(bus, chunks)
+        self._each(functools.partial(written, bus=bus, parts=parts))
 
 
 __all__ = ["AFTER_NS", "AUTO", "FIRST_LOOK", "UNDECIDED_MOST", "Options", "Pipeline"]

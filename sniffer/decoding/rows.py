@@ -34,7 +34,7 @@ from sniffer.ground.model import (
 from sniffer.protocols.base import BusProtocol, view
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from sniffer.ground.registers import Register
 
@@ -83,6 +83,7 @@ class GapRow:
     reason: str
     detail: dict[str, Any]
     clock: str
+    protocol: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +99,7 @@ class TransactionRow:
     outcome: str
     response_time_ns: int | None
     uncertainty_ns: int | None
+    protocol: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +120,7 @@ class SampleRow:
     name: str | list[str] | None
     part: str | None
     offset: int
+    protocol: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,17 +139,22 @@ class AnomalyRow:
     means: str = ""
     causes: str = ""
     remedy: str = ""
+    protocol: str | None = None
 
 
 Row = FrameRow | GapRow | TransactionRow | SampleRow | AnomalyRow
 
 
 def as_dict(row: Row) -> dict[str, Any]:
-    """Return a row as the JSON lines have it: ``type`` first, keys in order."""
+    """Return a row as the JSON lines have it: ``type`` first, keys in order.
+
+    Rows other than frames tell their protocol where two share the wire, and only there.
+    """
     out: dict[str, Any] = {"type": row.type}
     for f in dataclasses.fields(row):
         value = getattr(row, f.name)
-        out[f.name] = value
+        if value is not None or f.name != "protocol":
+            out[f.name] = value
     return out
 
 
@@ -250,6 +258,7 @@ def _samples(batch: Batch, protocol: BusProtocol, bus: str) -> Iterator[tuple[in
                 r.names(raw) if part == WHOLE else None,
                 PARTS[part] or None,
                 start,
+                _beside(protocol, batch),
             ),
         )
 
@@ -282,11 +291,17 @@ def _transactions(
                 OUTCOMES[outcome],
                 took if took >= 0 else None,
                 spread if took >= 0 and spread >= 0 else None,
+                _beside(protocol, batch),
             ),
         )
 
 
-def anomaly_row(anomaly: Anomaly, bus: str) -> AnomalyRow:
+def _beside(protocol: BusProtocol, batch: Batch) -> str | None:
+    """Return the protocol's name where another one is on the wire."""
+    return protocol.name if batch.is_shared else None
+
+
+def anomaly_row(anomaly: Anomaly, bus: str, protocol: str | None = None) -> AnomalyRow:
     """Return an anomaly with what the catalogue knows about its code."""
     known = CATALOGUE[anomaly.code]
     return AnomalyRow(
@@ -301,26 +316,37 @@ def anomaly_row(anomaly: Anomaly, bus: str) -> AnomalyRow:
         known.means,
         known.causes,
         anomaly.remedy or known.remedy,
+        protocol,
     )
 
 
 def rows(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Iterator[Row]:
     """Yield everything a batch says, in wire order: a frame, its samples, its transaction."""
-    edges = value_ranges(batch.values, len(batch.frames))
-    clock = Clock(batch.clock).name.lower()
+    return rows_of([(protocol, batch)], bus)
+
+
+def rows_of(parts: Iterable[tuple[BusProtocol, Batch]], bus: str = "bus0") -> Iterator[Row]:
+    """Yield everything that several protocols say in one pass, in wire order."""
     found: list[tuple[int, int, Row]] = []
-    for i, start in enumerate((batch.frames.start + batch.base).tolist()):
-        row = frame_row(batch, protocol, bus, i, range(edges[i], edges[i + 1]))
-        found.append((start, 0, row))
-    for g in batch.gaps:
-        raw = batch.data[g.start : g.start + g.length].hex()
-        at = batch.base + g.start
-        gap = GapRow(bus, g.t_ns, at, g.length, raw, g.reason, dict(g.detail), clock)
-        found.append((at, 0, gap))
-    found += [(at, 1, s) for at, s in _samples(batch, protocol, bus)]
-    found += [(at, 2, t) for at, t in _transactions(batch, protocol, bus)]
-    for a in batch.anomalies:
-        found.append((a.known_at, 3, anomaly_row(a, bus)))
+    for protocol, batch in parts:
+        found += _found(batch, protocol, bus)
     found.sort(key=lambda e: e[:2])
     for _, _, one in found:
         yield one
+
+
+def _found(batch: Batch, protocol: BusProtocol, bus: str) -> Iterator[tuple[int, int, Row]]:
+    """Yield rows, each with its place in the stream and among those of the same place."""
+    edges = value_ranges(batch.values, len(batch.frames))
+    clock, beside = Clock(batch.clock).name.lower(), _beside(protocol, batch)
+    for i, start in enumerate((batch.frames.start + batch.base).tolist()):
+        yield start, 0, frame_row(batch, protocol, bus, i, range(edges[i], edges[i + 1]))
+    for g in batch.gaps:
+        raw = batch.data[g.start : g.start + g.length].hex()
+        at = batch.base + g.start
+        detail = dict(g.detail)
+        yield at, 0, GapRow(bus, g.t_ns, at, g.length, raw, g.reason, detail, clock, beside)
+    yield from ((at, 1, s) for at, s in _samples(batch, protocol, bus))
+    yield from ((at, 2, t) for at, t in _transactions(batch, protocol, bus))
+    for a in batch.anomalies:
+        yield a.known_at, 3, anomaly_row(a, bus, beside)

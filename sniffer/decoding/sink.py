@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
+from sniffer.ground.model import Batch, OutputError
+from sniffer.protocols.base import BusProtocol
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from sniffer.decoding.pacing import Pace
-    from sniffer.ground.model import Batch, Chunk
-    from sniffer.protocols.base import BusProtocol
+    from sniffer.ground.model import Chunk
+
+
+Part = tuple[BusProtocol, Batch]
+"""What one protocol said in a pass."""
 
 
 class Sink(Protocol):
@@ -29,9 +35,61 @@ class Sink(Protocol):
 
 
 @runtime_checkable
+class Together(Protocol):
+    """A sink that writes in wire order, also where two protocols share the wire.
+
+    Others are given what each of them says, one after the other, with ``Batch.is_shared``.
+    """
+
+    def write_together(self, bus: str, parts: Sequence[Part]) -> None:
+        """Take what one pass decided of each protocol, all of it of the same bytes."""
+        ...
+
+
+def bus_of(bus: str, protocol: BusProtocol, batch: Batch) -> str:
+    """Return what tells a bus's records apart by protocol, where it has two: ``bus0.lss``."""
+    return f"{bus}.{protocol.name}" if batch.is_shared else bus
+
+
+@runtime_checkable
 class Paced(Protocol):
     """A sink that wants to know by which rate and latency a bus is timed."""
 
     def pace(self, bus: str, told: Pace) -> None:
         """Take what a bus is timed by; called once, before its first record."""
         ...
+
+
+def act(what: Callable[[Sink], None], sink: Sink) -> None:
+    """Do something with a sink; what nobody has foreseen is its failure, not that of the others.
+
+    Raises:
+        OutputError: it failed.
+        BrokenPipeError: nobody reads what it writes.
+    """
+    try:
+        what(sink)
+    except (OutputError, BrokenPipeError):
+        raise
+    except Exception as error:
+        why = f"{type(error).__name__}: {error}"[:200]
+        raise OutputError(f"{type(sink).__name__} failed ({why}); it is left as it is") from error
+
+
+def taken(sink: Sink, *, bus: str, chunks: Sequence[Chunk]) -> None:
+    """Hand chunks to a sink."""
+    sink.raw(bus, chunks)
+
+
+def written(sink: Sink, *, bus: str, parts: Sequence[Part]) -> None:
+    """Hand to a sink what one pass decided."""
+    if len(parts) > 1 and isinstance(sink, Together):
+        sink.write_together(bus, parts)
+        return
+    for protocol, batch in parts:
+        sink.write(bus, protocol, batch)
+
+
+def closed(sink: Sink) -> None:
+    """Close a sink."""
+    sink.close()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.decoding.names import AND
 from sniffer.ground.model import (
     I64,
     KINDS,
@@ -100,6 +101,8 @@ class BusTotals:
 
     protocol: str
     usual_model: str = ""
+    parts: dict[str, BusTotals] = field(default_factory=dict)
+    """The same of each protocol by name, where two share the wire."""
     bytes: int = 0
     bytes_in_frames: int = 0
     kinds: Counter[str] = field(default_factory=Counter)
@@ -123,12 +126,12 @@ class BusTotals:
     clock: str = "none"
     t_first_ns: int | None = None
     t_last_ns: int | None = None
-    _ops: dict[int, str] = field(default_factory=dict)
+    _ops: dict[tuple[str, int], str] = field(default_factory=dict)
 
     def add(self, protocol: BusProtocol, batch: Batch) -> None:
         """Count a batch in."""
         f, t = batch.frames, batch.transactions
-        self.bytes += len(batch.data)
+        self.bytes += accounted(batch)
         self.clock = batch.clock.name.lower()
         self.samples += int(batch.values.accepted.sum())
         for g in batch.gaps:
@@ -163,7 +166,8 @@ class BusTotals:
         found, counts = np.unique(key, return_counts=True)
         for k, n in zip(found.tolist(), counts.tolist(), strict=True):
             op = int(ops[k >> 20])
-            name = self._ops.get(op) or self._ops.setdefault(op, protocol.op_name(op))
+            known = protocol.name, op
+            name = self._ops.get(known) or self._ops.setdefault(known, protocol.op_name(op))
             self.by_command[(k >> 1 & 0x7FFFF) - 2, name, KINDS[k & 1]] += n
 
     def _count_times(self, batch: Batch) -> None:
@@ -189,6 +193,13 @@ class BusTotals:
         return (self.t_last_ns - self.t_first_ns) / NS
 
 
+def accounted(batch: Batch) -> int:
+    """Return how many bytes a batch accounts for: all of its data, or its share of them."""
+    if not batch.is_shared:
+        return len(batch.data)
+    return int(batch.frames.length.sum()) + sum(g.length for g in batch.gaps)
+
+
 class Summary:
     """Totals of all buses of one decode."""
 
@@ -199,9 +210,13 @@ class Summary:
 
     def add(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Count a batch in."""
-        if bus not in self.buses:
-            self.buses[bus] = BusTotals(protocol.name, protocol.models[0].model)
-        self.buses[bus].add(protocol, batch)
+        usual = protocol.models[0].model
+        totals = self.buses.setdefault(bus, BusTotals(protocol.name, usual))
+        totals.add(protocol, batch)
+        if batch.is_shared:
+            part = totals.parts.setdefault(protocol.name, BusTotals(protocol.name, usual))
+            part.add(protocol, batch)
+            totals.protocol = AND.join(sorted(totals.parts))
 
     def worst(self) -> Severity | None:
         """Return the highest severity met."""
@@ -248,6 +263,7 @@ def _figures(q: Quantiles) -> dict[str, Any]:
 
 
 def _totals(b: BusTotals, told: Pace | None) -> dict[str, Any]:
+    apart = not b.parts  # an id is that of another servo in each protocol
     out: dict[str, Any] = {
         "protocol": b.protocol,
         "bytes": b.bytes,
@@ -265,14 +281,19 @@ def _totals(b: BusTotals, told: Pace | None) -> dict[str, Any]:
         "codes_by_servo": {
             code: {str(servo): n for servo, n in servos.most_common()}
             for code, servos in b.by_servo.items()
+            if apart
         },
         "severities": {s.name.lower(): n for s, n in b.severities.items()},
         "clock": b.clock,
         **({"looks_like": b.looks_like} if b.looks_like else {}),
         **_timing(told),
-        "response_times_ns": {str(servo): _figures(q) for servo, q in sorted(b.times.items())},
+        "response_times_ns": {
+            str(servo): _figures(q) for servo, q in sorted(b.times.items()) if apart
+        },
     }
-    if b.models:
+    if b.parts:
+        out["protocols"] = {name: _totals(part, None) for name, part in sorted(b.parts.items())}
+    elif b.models:
         out["models"] = {
             str(servo): {"model": model, "scale": PROVENANCES[grounds]}
             for servo, (model, grounds) in sorted(b.models.items())

@@ -109,6 +109,9 @@ def _unclaimed_behind(frames: Frames, block: Block, decided: int, blank: bytes) 
     following = np.append(frames.start[1:], decided)
     if len(block.barriers):
         following = np.minimum(following, block.limit(end - 1))
+    if block.foreign is not None:
+        row = np.searchsorted(block.foreign, end)
+        following = np.minimum(following, np.append(block.foreign, block.n)[row])
     torn: Mask = following > end
     if not torn.any():
         return torn

@@ -23,16 +23,30 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
 
 
-class Diagnostics:
-    """Runs all rules over batch after batch of one bus."""
+class WireRules:
+    """What concerns the wire, whoever speaks on it: clocks, directions, what the tap met."""
 
-    def __init__(self, protocol: BusProtocol) -> None:
+    def __init__(self) -> None:
+        self._capture = CaptureRules()
+        self._tap = TapRules()
+
+    def judge(self, batch: Batch) -> list[Anomaly]:
+        """Return what is wrong."""
+        return [*self._capture.judge(batch), *self._tap.judge(batch)]
+
+
+class Diagnostics:
+    """Runs all rules over batch after batch of one bus.
+
+    ``is_alone``: no other protocol is on the wire, so that what concerns the wire is told here.
+    """
+
+    def __init__(self, protocol: BusProtocol, *, is_alone: bool = True) -> None:
         self._protocol = protocol
         self._pairing = PairingRules(protocol)
         self._device = DeviceRules(protocol)
         self._models = ModelRules(protocol)
-        self._capture = CaptureRules()
-        self._tap = TapRules()
+        self._wire = WireRules() if is_alone else None
         self._doubled = DoubledAnswers(protocol)
         self._hearing = Hearing()
 
@@ -44,8 +58,7 @@ class Diagnostics:
             *self._pairing.judge(batch),
             *self._device.judge(batch, () if meaning is None else meaning.resets),
             *(self._models.judge(batch, meaning) if meaning is not None else ()),
-            *self._capture.judge(batch),
-            *self._tap.judge(batch),
+            *(self._wire.judge(batch) if self._wire is not None else ()),
         ]
         unsure = {a.evidence[-1] for a in found if a.code == "ambiguous-response"}
         if unsure:  # what repeats another request is no fault where it may be that one's

@@ -40,6 +40,7 @@ class Hearing:
         self._servos: set[int] = set()
         self._told = False
         self._wires: set[int] = set()
+        self._broken = -1  # where the bytes before the batch end, if they are a broken frame
 
     def judge(self, batch: Batch, found: list[Anomaly]) -> list[Anomaly]:
         """Return the anomalies without those that follow from hearing one side only."""
@@ -59,6 +60,12 @@ class Hearing:
                 out += self._unanswered(a)
             else:
                 out.append(a)
+        if batch.data:
+            whole = batch.base + len(batch.data)
+            last = batch.gaps[-1] if batch.gaps else None
+            broken = last is not None and last.reason != "noise"
+            ends = batch.base + last.start + last.length if last is not None and broken else -1
+            self._broken = whole if ends == whole else -1
         self._hears_requests |= asked < NEVER_NS
         if answered < NEVER_NS:
             self._hears_answers = True
@@ -83,7 +90,8 @@ class Hearing:
     def _unasked(self, batch: Batch, a: Anomaly) -> Iterable[Anomaly]:
         """Judge an answer before the first request."""
         start = a.evidence[0][0] - batch.base
-        if any(g.start + g.length == start and g.reason != "noise" for g in batch.gaps):
+        torn = any(g.start + g.length == start and g.reason != "noise" for g in batch.gaps)
+        if torn or a.evidence[0][0] == self._broken:
             return (a,)  # its request is there, but damaged
         self._answers += 1
         who = -1 if a.servo_id is None else a.servo_id

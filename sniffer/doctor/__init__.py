@@ -33,7 +33,7 @@ __all__ = [
 
 def diagnose(heard: Listened) -> list[Finding]:
     """Return the verdicts, from the plug to the times."""
-    found = understand(heard.chunks, heard.protocol)
+    found = understand(heard.chunks, heard.protocol, heard.line_baud)
     return [
         *about_adapter(heard),
         *about_bytes(heard, found),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from sniffer.decoding.detect import WORTH_TELLING
+from sniffer.decoding.names import AND
 from sniffer.doctor.records import Finding, Level, Listened, Trial
 from sniffer.doctor.understanding import FEW, GOOD, POOR, Understanding, usual_bauds
 from sniffer.ground.model import MarkKind
@@ -89,10 +91,11 @@ def about_line(heard: Listened, found: Understanding) -> Iterator[Finding]:
 def _protocol(heard: Listened, found: Understanding) -> Finding:
     scores = {name: round(share, 4) for name, share in found.scores.items()}
     numbers = {"protocol": found.protocol, "share": round(found.share, 4), "scores": scores}
+    ranked = sorted(found.scores, key=lambda name: -found.scores[name])
+    least = 0.0 if found.protocol is None else WORTH_TELLING
+    rest = [name for name in ranked if name not in (found.protocol or "").split(AND)][:2]
     others = ", ".join(
-        f"{name} {percent(share)}"
-        for name, share in sorted(found.scores.items(), key=lambda e: -e[1])
-        if name != found.protocol
+        f"{name} {percent(found.scores[name])}" for name in rest if found.scores[name] >= least
     )
     best = max(found.scores, key=lambda name: found.scores[name])
     if found.protocol is None:
@@ -100,7 +103,8 @@ def _protocol(heard: Listened, found: Understanding) -> Finding:
         advice = "the baud may be wrong (see there), or it is none of the protocols known here"
         level = Level.NOTE if found.size < FEW else Level.BAD
         return Finding(level, "protocol", text, advice, numbers=numbers)
-    text = f"{found.protocol} explains {percent(found.share)} of the bytes ({others})"
+    text = f"{found.protocol} explains {percent(found.share)} of the bytes"
+    text += f" ({others})" if others else ""
     if found.share >= GOOD:
         return Finding(Level.OK, "protocol", text, numbers=numbers)
     if best != found.protocol and found.scores[best] >= GOOD:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.mixed import decoder_of, parts_of
+from sniffer.decoding.names import protocols_named
 from sniffer.doctor.adapter import TIMER_MS
 from sniffer.doctor.line import percent
 from sniffer.doctor.records import Finding, Level, Listened
@@ -53,11 +54,12 @@ def about_reads(heard: Listened, found: Understanding) -> Iterator[Finding]:
 
 def _pairs(heard: Listened, protocol: str) -> _Pairs:
     """Decode what was heard; look up in which read each request ended and its reply began."""
-    decoder = Decoder(protocol, baud=heard.baud, latency_ns=heard.latency_ns)
+    decoder = decoder_of(protocols_named(protocol), baud=heard.baud, latency_ns=heard.latency_ns)
     ends = np.cumsum([len(chunk.data) for chunk in heard.chunks])
     count = merged = 0
     response, uncertainty = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
-    for batch in (decoder.feed(*heard.chunks), decoder.close()):
+    told = (decoder.feed(*heard.chunks), decoder.close())
+    for batch in (batch for each in told for _, batch in parts_of(decoder, each)):
         f, t = batch.frames, batch.transactions
         rows = np.flatnonzero((t.outcome == OK) & (t.request >= 0) & (t.response >= 0))
         asked = batch.base + f.end[t.request[rows]] - 1

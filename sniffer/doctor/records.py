@@ -123,6 +123,11 @@ class Listened:
         """Bytes heard."""
         return sum(len(chunk.data) for chunk in self.chunks)
 
+    @property
+    def line_baud(self) -> int | None:
+        """The rate that the line was heard at; None where there is no line."""
+        return self.baud if self.has_line else None
+
     def named(self, found: str | None) -> str:
         """Return how a command names what is spoken; ``found`` is what the bytes are."""
         return self.protocol if found is None or is_file(self.protocol) else found

@@ -6,16 +6,15 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
-from sniffer.decoding.decoder import Decoder
-from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
+from sniffer.decoding.detect import Scores, UndecidedError
+from sniffer.decoding.names import joined, protocols_named
 from sniffer.decoding.pipeline import AUTO
-from sniffer.ground.model import Chunk
-from sniffer.protocols import PROTOCOLS, protocol_named
+from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from sniffer.protocols.base import BusProtocol
+    from sniffer.ground.model import Chunk
 
 GOOD: Final = 0.9
 """Share of bytes in frames that hold from which on protocol and baud are right."""
@@ -42,39 +41,33 @@ class Understanding:
         return self.protocol is not None and self.share >= GOOD and self.size >= FEW
 
 
-def understand(chunks: Sequence[Chunk], protocol: str = AUTO) -> Understanding:
-    """Return which protocol the bytes are, and how much of them it explains."""
-    taken: list[Chunk] = []
-    size = 0
-    for chunk in chunks:
-        if size >= ENOUGH:
-            break
-        taken.append(Chunk(chunk.data, chunk.t_ns, chunk.clock))
-        size += len(chunk.data)
-    if not size:
+def understand(
+    chunks: Sequence[Chunk], protocol: str = AUTO, baud: int | None = None
+) -> Understanding:
+    """Return which protocol the bytes are, and how much of them it explains.
+
+    ``baud`` is the rate they were heard at, where the line has one.
+    """
+    scores = Scores(chunks, baud)
+    if not scores.size:
         return Understanding(0, None, 0.0)
-    scores = {p.name: _framed(taken, p) / size for p in PROTOCOLS.candidates()}
-    if protocol == AUTO:
-        try:
-            protocol = detect(taken).protocol
-        except UndecidedError:
-            return Understanding(size, None, max(scores.values()), scores)
-    named = protocol_named(protocol)
-    if named.name not in scores:
-        scores[named.name] = _framed(taken, named) / size
-    return Understanding(size, named.name, scores[named.name], scores)
-
-
-def _framed(chunks: Sequence[Chunk], protocol: BusProtocol) -> int:
-    decoder = Decoder(protocol)
-    return sum(int(b.frames.length.sum()) for b in (decoder.feed(*chunks), decoder.close()))
+    if protocol != AUTO:
+        named = protocols_named(protocol)
+        scores = Scores(chunks, baud, named)
+        share = scores.share_of(joined(named))
+        return Understanding(scores.size, joined(named), share, scores.shares)
+    try:
+        found = scores.best()
+    except UndecidedError:
+        return Understanding(scores.size, None, max(scores.shares.values()), scores.shares)
+    return Understanding(scores.size, found.protocol, found.share, scores.shares)
 
 
 def usual_bauds(protocol: str, but: int) -> tuple[int, ...]:
     """Return the bauds to try, the likeliest first, without the one that was tried."""
     if protocol != AUTO:
-        known = protocol_named(protocol)
-        likely = dict.fromkeys((known.baud, *reversed(known.bauds)))
+        named = protocols_named(protocol)
+        likely = dict.fromkeys(b for p in named for b in (p.baud, *reversed(p.bauds)))
     else:
         candidates = PROTOCOLS.candidates()
         every = Counter(b for p in candidates for b in p.bauds)

@@ -23,12 +23,15 @@ class Block:
     """Bytes of one pass. ``barriers`` are sorted offsets inside it; ``final`` makes its end one.
 
     ``notes`` is where a protocol's framing may leave what describing would work out once more.
+    ``foreign`` are sorted offsets at which frames of another protocol on the wire begin; None where
+    there is but one.
     """
 
     data: U8
     barriers: I64
     final: bool
     notes: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    foreign: I64 | None = None
 
     @property
     def n(self) -> int:

@@ -357,6 +357,8 @@ class Batch:
     models: Mapping[int, tuple[str, int]] = field(default_factory=dict)
     """Of servos met here whose model is not just assumed: its name, and on what grounds it is taken
     (``PROFILE``: it was named, ``OBSERVED``: the wire showed it), as the batch ends."""
+    is_shared: bool = False
+    """Another protocol is on the wire: what else ``data`` holds is in its batch of this pass."""
 
     @property
     def samples(self) -> Samples:

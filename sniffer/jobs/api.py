@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from sniffer.decoding.pipeline import AUTO, Options, Pipeline
-from sniffer.decoding.rows import Row, rows
+from sniffer.decoding.rows import Row, rows, rows_of
 from sniffer.ground.limits import BAUDS, whole
 from sniffer.ground.model import Batch, Chunk, DamagedInputError
 from sniffer.ground.registers import RegisterMap
@@ -16,22 +16,27 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from sniffer.decoding.sink import Part
     from sniffer.decoding.summary import Summary
     from sniffer.protocols.base import BusProtocol
 
 
 class _Keep:
-    """A sink that keeps the batches."""
+    """A sink that keeps the batches, pass by pass."""
 
     def __init__(self) -> None:
-        self.batches: list[tuple[str, BusProtocol, Batch]] = []
+        self.passes: list[tuple[str, Sequence[Part]]] = []
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Keep a batch."""
-        self.batches.append((bus, protocol, batch))
+        self.passes.append((bus, [(protocol, batch)]))
+
+    def write_together(self, bus: str, parts: Sequence[Part]) -> None:
+        """Keep the batches of several protocols."""
+        self.passes.append((bus, parts))
 
     def close(self) -> None:
         """Do nothing."""
@@ -40,22 +45,24 @@ class _Keep:
 class Capture:
     """A decoded capture in memory; iterate it for rows in wire order.
 
+    ``batches`` are (bus, protocol, batch), two of the same bytes where two protocols share a wire.
     ``damage`` says what broke the input off, None where it was read to its end.
     """
 
     def __init__(
         self,
-        batches: list[tuple[str, BusProtocol, Batch]],
+        passes: Sequence[tuple[str, Sequence[Part]]],
         summary: Summary,
         damage: str | None = None,
     ) -> None:
-        self.batches = batches
+        self.batches = [(bus, *part) for bus, parts in passes for part in parts]
         self.summary = summary
         self.damage = damage
+        self._passes = passes
 
     def __iter__(self) -> Iterator[Row]:
-        for bus, protocol, batch in self.batches:
-            yield from rows(batch, protocol, bus)
+        for bus, parts in self._passes:
+            yield from rows_of(parts, bus)
 
     def samples(self) -> Any:
         """Return all samples as an arrow table (``.to_pandas()`` makes a data frame)."""
@@ -110,6 +117,7 @@ def decode(
     Args:
         source: a path, ``"-"`` for standard input, or the content of a file.
         protocol: a name of ``PROTOCOLS``, a file that defines one (``*.py``), the protocol itself,
+            two of them that share a wire (``"mightyzap+rs30x"``),
             or ``"auto"``.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         baud: bits per second; the protocol's default where None.
@@ -140,4 +148,4 @@ def decode(
     except DamagedInputError as error:
         damage = str(error)
     pipeline.close()
-    return Capture(keep.batches, pipeline.summary, damage)
+    return Capture(keep.passes, pipeline.summary, damage)

@@ -7,11 +7,12 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.detect import detect
+from sniffer.decoding.mixed import decoder_of, parts_of
+from sniffer.decoding.names import protocols_named
 from sniffer.decoding.pipeline import AUTO
-from sniffer.ground.model import OUTCOMES, WHOLE, Batch, Chunk, InputError, SnifferError
-from sniffer.protocols import PROTOCOLS, protocol_named
+from sniffer.ground.model import OUTCOMES, WHOLE, Batch, Chunk, Gap, InputError, SnifferError
+from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import BusProtocol, view
 from sniffer.protocols.tables import known_models, owner_of, with_tables
 
@@ -66,13 +67,13 @@ def explain_bytes(
             known = ", ".join(known_models(tables))
             raise SnifferError(f"no model {model[:40]!r}: one of {known}")
         protocol = owner or _told(before + data)
-    chosen = with_tables(protocol_named(protocol), tables)
-    decoder = Decoder(chosen, models={None: model} if model else None)
-    decoder_parts = [decoder.feed(Chunk(before + data)), decoder.close()]
-    out = [f"{chosen.title}, {len(data)} bytes"]
+    chosen = [with_tables(p, tables) for p in protocols_named(protocol)]
+    decoder = decoder_of(chosen, models={None: model} if model else None)
+    out = [f"{' and '.join(p.title for p in chosen)}, {len(data)} bytes"]
     held = True
-    for batch in decoder_parts:
-        for at, lines, good in _pieces(batch, chosen):
+    for told in (decoder.feed(Chunk(before + data)), decoder.close()):
+        pieces = [each for p, batch in parts_of(decoder, told) for each in _pieces(batch, p)]
+        for at, lines, good in sorted(pieces, key=lambda piece: piece[0]):
             if at >= len(before):
                 held = held and good
                 out += ["", *lines]
@@ -87,15 +88,33 @@ def _told(data: bytes) -> str:
 
 
 def _likely(data: bytes) -> str:
-    """Take the protocol that sees a damaged frame in the bytes, or else a torn one."""
+    """Take the protocol that sees the longest damaged frame in the bytes, or else a torn one.
+
+    What a frame's beginning belongs to, who knows less of it takes for noise before a shorter one.
+
+    Raises:
+        InputError: none does, or two do alike.
+    """
     seen = {p.name: p.explain(data, 0) for p in PROTOCOLS.candidates()}
-    for name, gaps in seen.items():
-        if any(g.reason == "damaged" and "checksum_expected" in g.detail for g in gaps):
-            return name
-    for name, gaps in seen.items():
-        if gaps and gaps[0].reason == "truncated" and "fields" in gaps[0].detail:
-            return name
-    raise InputError("cannot tell the protocol of these bytes: name it with --protocol")
+    damaged = {name: sum(g.length for g in gaps if _sums(g)) for name, gaps in seen.items()}
+    torn = {name: gaps[0].length for name, gaps in seen.items() if gaps and _begins(gaps[0])}
+    for sizes in (damaged, torn):
+        most = max(sizes.values(), default=0)
+        best = [name for name, size in sizes.items() if size == most > 0]
+        if len(best) == 1:
+            return best[0]
+        if best:
+            break
+    alike = f" ({' and '.join(best)} would explain them alike)" if best else ""
+    raise InputError(f"cannot tell the protocol of these bytes{alike}: name it with --protocol")
+
+
+def _sums(gap: Gap) -> bool:
+    return gap.reason == "damaged" and "checksum_expected" in gap.detail
+
+
+def _begins(gap: Gap) -> bool:
+    return gap.reason == "truncated" and "fields" in gap.detail
 
 
 def _pieces(batch: Batch, protocol: BusProtocol) -> Iterator[tuple[int, list[str], bool]]:

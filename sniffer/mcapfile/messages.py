@@ -7,16 +7,20 @@ were on the wire by the best estimate.
 
 from __future__ import annotations
 
+import copy
 import json
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
 
+from sniffer.decoding.sink import bus_of
 from sniffer.ground.model import I64, NS, OK, Clock, Severity
 from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.encoder import U16, Blob, Encoder, Heads, Loose
+from sniffer.mcapfile.fields import FIRST_VALUE, state_field
 from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds, joined, runs
 from sniffer.mcapfile.raw import HeldChunks
 from sniffer.messages.log_pb2 import Log
@@ -31,24 +35,8 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import Anomaly as Found
     from sniffer.ground.model import Batch, Chunk
-    from sniffer.ground.registers import Register
     from sniffer.mcapfile.queue import Queue
     from sniffer.protocols.base import BusProtocol
-
-UNITS: Final[Mapping[str, str]] = {
-    "mm": "mm",
-    "deg": "deg",
-    "deg/s": "deg_per_s",
-    "us/s": "us_per_s",
-    "V": "v",
-    "mA": "ma",
-    "degC": "degc",
-    "us": "us",
-    "ms": "ms",
-    "s": "s",
-    "%": "percent",
-}
-"""How a register table's unit ends the name of a field."""
 
 LEVELS: Final = {
     Severity.NOTE: Log.Level.INFO,
@@ -60,20 +48,6 @@ SEVERITIES: Final = {
     Severity.WARN: Anomaly.Severity.WARN,
     Severity.ERROR: Anomaly.Severity.ERROR,
 }
-
-
-FIRST_VALUE: Final = 10
-"""Number of the first field of a ServoState that is a register's: a table may name its quantities
-like one of those before."""
-
-
-def state_field(register: Register) -> str | None:
-    """Return the field of ServoState that holds a register, None for a mere setting."""
-    if not register.quantity:
-        return None
-    if not register.unit:
-        return register.quantity
-    return f"{register.quantity}_{UNITS.get(register.unit, register.unit)}"
 
 
 class BusWriter:
@@ -115,7 +89,7 @@ class BusWriter:
         self._times: dict[int, tuple[int, int]] = {}
         self._published = 0
         self._arrivals = Arrivals(start)
-        self._offset = start
+        self._begin = self._offset = start
         self._seconds = Seconds()
         self._clock = Clock.NONE
         self._frames = Encoder(Frame)
@@ -123,6 +97,8 @@ class BusWriter:
         self._states = Encoder(ServoState)
         self._fields: list[str] = []
         self._field_of = np.empty(0, np.int64)
+        self._root = name
+        self._beside: dict[str, BusWriter] = {}
 
     def raw(self, chunks: Sequence[Chunk]) -> None:
         """Take chunks as they came."""
@@ -131,10 +107,28 @@ class BusWriter:
 
     def write(self, protocol: BusProtocol, batch: Batch) -> None:
         """Take what a pass decided."""
+        self.held += len(batch.data) + 1
+        if batch.is_shared:
+            root = bus_of(self.name, protocol, batch)
+            self._of(protocol, root).write(protocol, replace(batch, is_shared=False))
+            return
         if self.protocol is None:
             self._start(protocol)
         self._batches.append(batch)
-        self.held += len(batch.data) + 1
+
+    @property
+    def is_known(self) -> bool:
+        """Whether anything was decoded of this bus."""
+        return self.protocol is not None or bool(self._beside)
+
+    def _of(self, protocol: BusProtocol, root: str) -> BusWriter:
+        """Return what writes one of the protocols that share the wire, under topics of its own."""
+        writer = self._beside.get(protocol.name)
+        if writer is None:
+            writer = BusWriter(self.name, self._baud, self._begin, self._queue, self._open)
+            writer._root, writer._arrivals = root, copy.deepcopy(self._arrivals)
+            self._beside[protocol.name] = writer
+        return writer
 
     def heard(self) -> HeldChunks | None:
         """Return the chunks that were taken, ready to be encoded."""
@@ -142,12 +136,14 @@ class BusWriter:
         if not chunks:
             return None
         self.held = sum(len(b.data) + 1 for b in self._batches)
+        self.held += sum(writer.held for writer in self._beside.values())
         timed = np.array([c.t_ns is not None for c in chunks])
         t = np.array([c.t_ns or 0 for c in chunks], np.int64)
         log = np.maximum.accumulate(np.where(timed, np.maximum(t, self.newest), self.newest))
         length = np.array([len(c.data) for c in chunks], np.int64)
         end = self._offset + np.cumsum(length)
-        self._arrivals.add(end, log, timed)
+        for writer in (self, *self._beside.values()):
+            writer._arrivals.add(end, log, timed)
         self._offset = int(end[-1])
         self.newest = int(log[-1])
         if self.oldest is None:
@@ -165,6 +161,10 @@ class BusWriter:
             self._write_batch(joined(run))
         if batches or final:
             self._write_stats(final=final)
+        for writer in self._beside.values():
+            writer.encode(final=final)
+        if self._beside:
+            self.decoded = min(writer.decoded for writer in self._beside.values())
 
     def _write_batch(self, batch: Batch) -> None:
         self._clock = batch.clock
@@ -354,7 +354,7 @@ class BusWriter:
             metadata = {"bus": self.name, **facts}
             if self.protocol is not None:
                 metadata["protocol"] = self.protocol.name
-            full = f"/{self.name.strip('/')}/{topic}"
+            full = f"/{self._root.strip('/')}/{topic}"
             channel = self._channels[topic] = self._open(full, message, metadata)
         return channel
 

@@ -22,6 +22,7 @@ import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
+from sniffer.decoding.names import joined
 from sniffer.ground.cutting import cut
 from sniffer.ground.files import is_lost, writing
 from sniffer.ground.limits import BAUDS, number_in
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from sniffer.decoding.sink import Part
     from sniffer.ground.model import Batch
     from sniffer.mcapfile.sink import McapSink
     from sniffer.protocols.base import BusProtocol
@@ -111,7 +113,7 @@ class RotatingMcap:
         self._flush_ns = flush_ns
         self._now = now
         self._buses: dict[str, _Bus] = {}
-        self._protocols: dict[str, BusProtocol] = {}
+        self._protocols: dict[str, list[BusProtocol]] = {}
         self._files: list[tuple[Path, tuple[int, int]]] = []
         self._deleted: list[Path] = []
         self._part = self._finished = self._carried = 0
@@ -167,9 +169,13 @@ class RotatingMcap:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Take what one pass decided; the chunks it was decoded from were taken before."""
+        self.write_together(bus, [(protocol, batch)])
+
+    def write_together(self, bus: str, parts: Sequence[Part]) -> None:
+        """Take what several protocols said in one pass."""
         self._check()
-        self._protocols[bus] = protocol
-        self._sink.write(bus, protocol, batch)
+        self._protocols[bus] = [protocol for protocol, _ in parts]
+        self._sink.write_together(bus, parts)
 
     def turn(self, decided: Mapping[str, int]) -> None:
         """Learn up to which offset each bus is decoded; here a new file may begin.
@@ -277,7 +283,7 @@ class RotatingMcap:
         facts = {**self._session, "part": str(self._part + 1)}
         if self._files:
             facts["previous"] = self._files[-1][0].name
-        facts.update((f"protocol.{bus}", p.name) for bus, p in self._protocols.items())
+        facts.update((f"protocol.{bus}", joined(p)) for bus, p in self._protocols.items())
         was_there = path.exists()
         try:
             sink = McapSink(
@@ -307,9 +313,9 @@ class RotatingMcap:
     def _byte_ns(self, bus: str) -> int:
         """Return how long a byte of a bus takes, 0 where nobody knows."""
         baud = self._session.get(f"baud.{bus}", self._session.get("baud", ""))
-        rate, protocol = number_in(baud, *BAUDS), self._protocols.get(bus)
-        if rate is None and protocol is not None:
-            rate = protocol.baud
+        rate, protocols = number_in(baud, *BAUDS), self._protocols.get(bus)
+        if rate is None and protocols:
+            rate = protocols[0].baud
         return 0 if rate is None else byte_time_ns(rate)
 
     def _numbered(self, number: int) -> Path:

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Final
 from mcap.records import Attachment
 
 from sniffer import __version__
+from sniffer.decoding.names import joined
 from sniffer.ground.limits import BAUDS, number_in
 from sniffer.ground.model import NS, OutputError
 from sniffer.ground.registers import schema_path
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from sniffer.decoding.sink import Part
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
@@ -132,11 +134,16 @@ class McapSink:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Take what a pass decided."""
+        self.write_together(bus, [(protocol, batch)])
+
+    def write_together(self, bus: str, parts: Sequence[Part]) -> None:
+        """Take what several protocols said in one pass; each has topics of its own."""
         with self._guard():
             writer = self._bus(bus)
-            if writer.protocol is None:
-                self._introduce(bus, protocol)
-            writer.write(protocol, batch)
+            if not writer.is_known:
+                self._introduce(bus, [protocol for protocol, _ in parts])
+            for protocol, batch in parts:
+                writer.write(protocol, batch)
             self._wait()
             self._settle(again=False)
 
@@ -201,14 +208,15 @@ class McapSink:
             )
         return writer
 
-    def _introduce(self, bus: str, protocol: BusProtocol) -> None:
+    def _introduce(self, bus: str, protocols: Sequence[BusProtocol]) -> None:
         """Tell what a bus speaks, and attach the tables it is read by."""
-        baud = self._session.get(f"baud.{bus}", self._session.get("baud", str(protocol.baud)))
-        told = {"bus": bus, "protocol": protocol.name, "baud": baud}
-        if plugin := PROTOCOLS.origin(protocol.name):
-            told["plugin"] = plugin
+        usual = str(protocols[0].baud)
+        baud = self._session.get(f"baud.{bus}", self._session.get("baud", usual))
+        told = {"bus": bus, "protocol": joined(protocols), "baud": baud}
+        if plugins := [p for p in map(PROTOCOLS.origin, (p.name for p in protocols)) if p]:
+            told["plugin"] = ", ".join(plugins)
         self._file.metadata(f"{BUS}.{bus}", told)
-        for table in protocol.models:
+        for table in (table for protocol in protocols for table in protocol.models):
             if table.text:
                 name = f"{TABLES}{table.model}.toml"
                 self._attach(name, "application/toml", table.text.encode())

@@ -18,6 +18,7 @@ import numpy as np
 
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.detect import UndecidedError, detect
+from sniffer.decoding.names import protocols_named
 from sniffer.decoding.pipeline import AUTO
 from sniffer.ground.model import (
     NOT_EXPECTED,
@@ -30,7 +31,6 @@ from sniffer.ground.model import (
 )
 from sniffer.ground.timing import LATENCY_NS
 from sniffer.merge.merger import Merger
-from sniffer.protocols import protocol_named
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -115,11 +115,13 @@ class _Wires:
 
     def _protocol(self) -> BusProtocol | None:
         if self._named != AUTO:
-            return protocol_named(self._named)
+            named = protocols_named(self._named)
+            return named[0] if len(named) == 1 else None
         asked = [chunk for chunk in self._window if chunk.direction == Direction.TX]
         for chunks in (self._window, asked):  # what is mixed may be told from one wire only
             try:
-                return protocol_named(detect(chunks).protocol)
+                found = protocols_named(detect(chunks, self._baud).protocol)
+                return found[0] if len(found) == 1 else None  # two cannot be merged
             except UndecidedError:
                 continue
         return None

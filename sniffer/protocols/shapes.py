@@ -53,7 +53,7 @@ def by_shape(
     #
     #     number      0       1       2       3             4
     #     bytes       00 04   10 02   20 03   D0 07 10 00   00 05
-    #     keys        138245  138245  138245  144392        138245
+    #     keys        35389445 35389445 35389445 (one shape), then 36962312, 35389445
     #     groups      [0 1 2 4] [3]                            parts of equal keys
     #     per_part    1       1       1       2             1  registers in each
     #     first       0       1       2       3             5  place of a part's first value

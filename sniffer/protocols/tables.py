@@ -6,6 +6,7 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from sniffer.ground.model import SnifferError
+from sniffer.ground.wording import one_line
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -40,7 +41,10 @@ def with_tables(protocol: BusProtocol, tables: Iterable[RegisterMap]) -> BusProt
                 f"{protocol.name} has a model {table.model}: name the one in your table otherwise"
             )
         known.add(table.model)
-    more: BusProtocol = extended(mine)
+    try:
+        more: BusProtocol = extended(mine)
+    except (TypeError, ValueError) as error:  # of one written elsewhere
+        raise SnifferError(one_line(f"{mine[0].model}: {protocol.name}: {error}")) from error
     return more
 
 

@@ -17,7 +17,7 @@ from sniffer.simulation.talk import (
     RESPONSE,
     US,
     Bus,
-    Exchange,
+    Delivery,
     Message,
     Servo,
     TrueFrame,
@@ -79,7 +79,7 @@ class Wire:
                 servo.power_on()
                 self._sagging.remove(servo)
 
-    def exchange(self, exchange: Exchange) -> Generator[TrueFrame, None, bool]:
+    def exchange(self, exchange: Delivery) -> Generator[TrueFrame, None, bool]:
         """Say a request and what comes back; return whether the controller is content."""
         request, mischief = exchange.request, self._mischief
         who = exchange.to[0] if len(exchange.to) == 1 else NOBODY
@@ -105,7 +105,7 @@ class Wire:
             self.free_ns = max(self.free_ns, asked_ns + exchange.patience_ns)
         return heard
 
-    def complaint(self, exchange: Exchange) -> Iterator[TrueFrame]:
+    def complaint(self, exchange: Delivery) -> Iterator[TrueFrame]:
         """Say what a servo answers to a broken request, which is on the line already."""
         asked_ns = self.free_ns
         self.pass_time(asked_ns)
@@ -133,7 +133,7 @@ class Wire:
             values,
         )
 
-    def _act(self, exchange: Exchange) -> Answers:
+    def _act(self, exchange: Delivery) -> Answers:
         """Let the servos obey; return the answers, those of twins under their id's complement."""
         out: Answers = {}
         bus, now_ns, act = self._bus, self.free_ns, exchange.act
@@ -147,7 +147,7 @@ class Wire:
                             out.setdefault(key, []).append(answer)
         return out
 
-    def _chorus(self, exchange: Exchange, answers: Answers) -> Generator[TrueFrame, None, bool]:
+    def _chorus(self, exchange: Delivery, answers: Answers) -> Generator[TrueFrame, None, bool]:
         """Let each servo answer behind the other."""
         heard = False
         for servo_id in exchange.to:
@@ -156,13 +156,13 @@ class Wire:
                 heard = heard or good
         return heard
 
-    def _turnaround(self, exchange: Exchange) -> int:
+    def _turnaround(self, exchange: Delivery) -> int:
         if self._packed:
             return self._bit_ns
         return exchange.turnaround_ns + self._rng.randrange(JITTER_NS)
 
     def _answers(
-        self, exchange: Exchange, who: int, answers: Answers, asked_ns: int
+        self, exchange: Delivery, who: int, answers: Answers, asked_ns: int
     ) -> Generator[TrueFrame, None, bool]:
         mischief = self._mischief
         due = asked_ns + self._turnaround(exchange)

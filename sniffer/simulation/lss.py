@@ -26,7 +26,7 @@ from sniffer.simulation.talk import (
     US,
     Ask,
     Bus,
-    Exchange,
+    Delivery,
     Heard,
     Message,
     Servo,
@@ -309,7 +309,7 @@ class LssBus(Bus):
         """Return where a servo is to be now, in its own parts of a degree."""
         return self.servos[servo_id].place(self.goal(servo_id))
 
-    def heard(self, frame: Heard, request: Message) -> Exchange:
+    def heard(self, frame: Heard, request: Message) -> Delivery:
         """Obey any line that the page explains; a query to all is answered by one after another."""
         everyone = frame.servo_id == BROADCAST
         here = (i for i, servo in self.servos.items() if not servo.deaf)
@@ -318,18 +318,18 @@ class LssBus(Bus):
             return unheeded(request)
         word = WORDS[request.op]
         if not word.is_query:
-            return Exchange(request, to, lambda s: _obey(s, request))
+            return Delivery(request, to, lambda s: _obey(s, request))
         selector = max(frame.address, 0)
         to = tuple(i for i in to if _asked(self.servos[i], word.name, selector) is not None)
         if not to:
             return unheeded(request)
-        return Exchange(
+        return Delivery(
             request, to, lambda s: _answer(s, word.name, selector), TURNAROUND_NS, chorus=everyone
         )
 
-    def _ask(self, servo_id: int, word: str) -> Exchange:
+    def _ask(self, servo_id: int, word: str) -> Delivery:
         request = Message(_command(servo_id, word, None, ()), servo_id, word)
-        return Exchange(
+        return Delivery(
             request,
             (servo_id,),
             lambda servo: _answer(servo, word, 0),
@@ -343,14 +343,14 @@ class LssBus(Bus):
         word: str,
         value: int | None = None,
         modifiers: Mapping[str, int] = MappingProxyType({}),
-    ) -> Exchange:
+    ) -> Delivery:
         model = self.servos[servo_id].model
         values = stated(servo_id, WORDS[word].registers[model], value)
         for modifier, number in modifiers.items():
             values += stated(servo_id, MODIFIERS[modifier].registers[model], number)
         built = _command(servo_id, word, value, tuple(modifiers.items()))
         request = Message(built, servo_id, word, values)
-        return Exchange(request, (servo_id,), lambda servo: servo.obey(word, values))
+        return Delivery(request, (servo_id,), lambda servo: servo.obey(word, values))
 
 
 def _asked(servo: LssServo, word: str, selector: int) -> int | None:

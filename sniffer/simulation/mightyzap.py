@@ -31,7 +31,7 @@ from sniffer.simulation.talk import (
     Ask,
     Broken,
     Bus,
-    Exchange,
+    Delivery,
     Heard,
     Message,
     Talk,
@@ -108,7 +108,7 @@ class MightyZapBus(Bus):
         def act(servo: MightyZapServo) -> None:
             servo.store(register.name, goals[servo.servo_id])
 
-        yield Exchange(request, tuple(self.servos), act)
+        yield Delivery(request, tuple(self.servos), act)
 
     def _speed(self, servo_id: int) -> str:
         """Return the name that a model has for the speed of its moves."""
@@ -135,7 +135,7 @@ class MightyZapBus(Bus):
         elif cycle % 50 == 47:
             yield self._load(servo_id, "goal_position", "force_limit", "goal_current")
 
-    def heard(self, frame: Heard, request: Message) -> Exchange:
+    def heard(self, frame: Heard, request: Message) -> Delivery:
         """Obey any command; all servos obey the ids 0 and 254, and none answers the latter.
 
         Echo and Load Data are for the servo of that very id, also where it is 0.
@@ -148,9 +148,9 @@ class MightyZapBus(Bus):
         if act is None or not to:
             return unheeded(request)
         if frame.servo_id == BROADCAST:
-            return Exchange(request, tuple(to), silently(act))
+            return Delivery(request, tuple(to), silently(act))
         delay = self.servos[to[0]].memory.raw.get("return_delay_time", 0) * US
-        return Exchange(request, tuple(to), act, delay, chorus=everyone)
+        return Delivery(request, tuple(to), act, delay, chorus=everyone)
 
     def damaged(self, data: bytes, at: int) -> Broken | None:
         """Let whom a packet seems to be for complain if its checksum is wrong.
@@ -164,14 +164,14 @@ class MightyZapBus(Bus):
             return None
         return Broken(end, self._refusal(servo_id, reads=code == LOAD))
 
-    def _refusal(self, servo_id: int, *, reads: bool) -> Exchange:
+    def _refusal(self, servo_id: int, *, reads: bool) -> Delivery:
         def act(servo: MightyZapServo) -> Message | None:
             asked = 1 if reads else 2
             told = servo.memory.raw["feedback_return_mode"] >= asked
             return servo.answer("", error="checksum") if told else None
 
         delay = self.servos[servo_id].memory.raw.get("return_delay_time", 0) * US
-        return Exchange(Message(b"", servo_id, ""), (servo_id,), act, delay)
+        return Delivery(Message(b"", servo_id, ""), (servo_id,), act, delay)
 
     @staticmethod
     def _obedience(
@@ -201,14 +201,14 @@ class MightyZapBus(Bus):
                 return lambda s: s.store_own(frame.address, targets)
         return None
 
-    def _exchange(self, request: Message, act: Callable[[Any], Message | None]) -> Exchange:
+    def _exchange(self, request: Message, act: Callable[[Any], Message | None]) -> Delivery:
         memory = self.servos[request.servo_id].memory
         answered = request.op in READS or memory.raw["feedback_return_mode"] == 2
         patience = PATIENCE_NS if answered else 0
         delay = memory.raw.get("return_delay_time", 0) * US
-        return Exchange(request, (request.servo_id,), act, delay, patience)
+        return Delivery(request, (request.servo_id,), act, delay, patience)
 
-    def _load(self, servo_id: int, first: str, *last: str) -> Exchange:
+    def _load(self, servo_id: int, first: str, *last: str) -> Delivery:
         """Read from one register to another: to the first of ``last`` that the model has."""
         memory = self.servos[servo_id].memory
         a, z = memory.register(first), memory.register(next(filter(memory.has, last)))
@@ -216,10 +216,10 @@ class MightyZapBus(Bus):
         request = command(servo_id, LOAD, address=a.address, length=length)
         return self._exchange(request, lambda s: s.load(a.address, length))
 
-    def _store(self, servo_id: int, name: str, raw: int) -> Exchange:
+    def _store(self, servo_id: int, name: str, raw: int) -> Delivery:
         return self._write(servo_id, STORE, name, raw)
 
-    def _write(self, servo_id: int, code: int, name: str, raw: int) -> Exchange:
+    def _write(self, servo_id: int, code: int, name: str, raw: int) -> Delivery:
         register = self.servos[servo_id].memory.register(name)
         value = (servo_id, name, raw)
         data = pack(register.type, raw)

@@ -38,7 +38,7 @@ from sniffer.simulation.talk import (
     US,
     Ask,
     Bus,
-    Exchange,
+    Delivery,
     Heard,
     Message,
     Servo,
@@ -236,7 +236,7 @@ class Rs30xBus(Bus):
         length = 1 + len(servos[0][1])
         built = request(LONG, flag_byte(), address, length, len(servos), joined(length, servos))
         values = tuple((i, name, raw) for i, v in goals.items() for name, raw in v.items())
-        yield Exchange(
+        yield Delivery(
             Message(built, LONG, OPS[LONG_WRITE], values),
             tuple(self.servos),
             lambda s: s.take(goals[s.servo_id]),
@@ -260,7 +260,7 @@ class Rs30xBus(Bus):
             reply = self.rng.choice((0, ASKS_ACK))
             yield self._write(servo_id, {"max_torque": torque}, reply)
 
-    def heard(self, frame: Heard, request: Message) -> Exchange:
+    def heard(self, frame: Heard, request: Message) -> Delivery:
         """Obey any packet; none answers one to all, or one that resets."""
         long, everyone = frame.op == LONG_WRITE, frame.servo_id == EVERYONE
         to = [i for i in self.servos if long or everyone or i == frame.servo_id]
@@ -268,8 +268,8 @@ class Rs30xBus(Bus):
         if act is None or not to:
             return unheeded(request)
         if long or everyone:
-            return Exchange(request, tuple(to), silently(act))
-        return Exchange(request, tuple(to), act, self._delay(to[0]))
+            return Delivery(request, tuple(to), silently(act))
+        return Delivery(request, tuple(to), act, self._delay(to[0]))
 
     @staticmethod
     def _obedience(frame: Heard, request: Message) -> Callable[[Rs30xServo], Message | None] | None:
@@ -311,7 +311,7 @@ class Rs30xBus(Bus):
         n = self.servos[servo_id].memory.raw["return_delay"]
         return DELAY_NS + n * DELAY_STEP_NS
 
-    def _read(self, servo_id: int, reply: int, address: int = 0, length: int = 0) -> Exchange:
+    def _read(self, servo_id: int, reply: int, address: int = 0, length: int = 0) -> Delivery:
         asked = REPLIES[reply]
         count = 0 if reply == ASKS_ADDRESS else 1
         message = Message(
@@ -321,7 +321,7 @@ class Rs30xBus(Bus):
             address, length = asked.address, asked.length
         return self._exchange(message, lambda s: s.give(address, length), PATIENCE_NS)
 
-    def _write(self, servo_id: int, values: Mapping[str, int], reply: int) -> Exchange:
+    def _write(self, servo_id: int, values: Mapping[str, int], reply: int) -> Delivery:
         address, length = self._span(values)
         built = request(servo_id, flag_byte(reply), address, length, 1, self._data(values))
         told = tuple((servo_id, name, raw) for name, raw in values.items())
@@ -335,9 +335,9 @@ class Rs30xBus(Bus):
 
     def _exchange(
         self, message: Message, act: Callable[[Any], Message | None], patience_ns: int
-    ) -> Exchange:
+    ) -> Delivery:
         delay = self._delay(message.servo_id)
-        return Exchange(message, (message.servo_id,), act, delay, patience_ns)
+        return Delivery(message, (message.servo_id,), act, delay, patience_ns)
 
 
 def _answer(frame: Heard, op: str) -> Callable[[Rs30xServo], Message | None]:

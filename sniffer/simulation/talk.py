@@ -1,6 +1,6 @@
 """What a simulated bus is made of: messages, exchanges, servos with registers, a controller's loop.
 
-A bus is a generator of steps: it yields an ``Exchange`` or a ``Wait`` and is sent whether a good
+A bus is a generator of steps: it yields an ``Delivery`` or a ``Wait`` and is sent whether a good
 answer came. It knows no line, no baud rate and no faults: ``buses.simulate`` puts it on a wire.
 """
 
@@ -133,7 +133,7 @@ class Servo:
         return self.rig.voltage_at(self.joint)
 
 
-class Exchange(NamedTuple):
+class Delivery(NamedTuple):
     """A request, who obeys it, and what each of them does and answers.
 
     ``act`` is called for every servo that hears the request; only where ``to`` is one servo does
@@ -153,12 +153,12 @@ class Broken(NamedTuple):
     """A broken frame that a servo complains of: where it ends, and what the servo does."""
 
     end: int
-    exchange: Exchange
+    exchange: Delivery
 
 
-def unheeded(request: Message) -> Exchange:
+def unheeded(request: Message) -> Delivery:
     """Return the exchange of a request that no servo acts on."""
-    return Exchange(request, (), lambda servo: None)
+    return Delivery(request, (), lambda servo: None)
 
 
 def silently(act: Callable[[Any], Message | None]) -> Callable[[Any], None]:
@@ -176,8 +176,8 @@ class Wait(NamedTuple):
     until_ns: int
 
 
-Talk = Generator[Exchange | Wait, bool, None]
-Ask = Generator[Exchange | Wait, bool, bool]
+Talk = Generator[Delivery | Wait, bool, None]
+Ask = Generator[Delivery | Wait, bool, bool]
 
 
 class Bus(abc.ABC):
@@ -282,7 +282,7 @@ class Bus(abc.ABC):
         yield from ()
 
     @abc.abstractmethod
-    def heard(self, frame: Heard, request: Message) -> Exchange:
+    def heard(self, frame: Heard, request: Message) -> Delivery:
         """Return what the servos do about a request that another controller sent.
 
         ``request.values`` are those that the frame states, whole ones.

@@ -27,7 +27,7 @@ from sniffer.simulation.talk import (
     US,
     Ask,
     Bus,
-    Exchange,
+    Delivery,
     Heard,
     Message,
     Servo,
@@ -214,7 +214,7 @@ class WckBus(Bus):
             if servo_id > FIVE_BITS:
                 yield self._move_10bit(servo_id)
 
-    def _sync(self, near: Sequence[int]) -> Exchange:
+    def _sync(self, near: Sequence[int]) -> Delivery:
         count = max(near) + 1
         targets = [127] * count
         for servo_id in near:
@@ -230,7 +230,7 @@ class WckBus(Bus):
         def act(servo: WckServo) -> None:
             servo.move(targets[servo.servo_id] / TOP)
 
-        return Exchange(Message(built, ALL, "sync_position_move", values), tuple(near), act)
+        return Delivery(Message(built, ALL, "sync_position_move", values), tuple(near), act)
 
     def poll(self, servo_id: int, cycle: int) -> Ask:
         """Read load and position; beyond five bits, the position only."""
@@ -262,7 +262,7 @@ class WckBus(Bus):
                 "runtime_speed_set", servo_id, runtime_speed=speed, runtime_acceleration=60
             )
 
-    def heard(self, frame: Heard, request: Message) -> Exchange:
+    def heard(self, frame: Heard, request: Message) -> Delivery:
         """Obey any command of the manual; a break is answered by the lowest id."""
         op = request.op
         if frame.flags & UNKNOWN or op not in INDEX:  # packets for the controller among them
@@ -281,7 +281,7 @@ class WckBus(Bus):
                 return None
             return servo.answer(op, echo={**fields, "id": servo.servo_id})
 
-        return Exchange(request, tuple(to), act, self._delay(op), chorus=everyone)
+        return Delivery(request, tuple(to), act, self._delay(op), chorus=everyone)
 
     def _delay(self, op: str) -> int:
         if OPS[INDEX[op]].slow and not op.startswith("runtime"):
@@ -296,7 +296,7 @@ class WckBus(Bus):
         values: Mapping[str, int],
         act: Callable[[WckServo], None] = lambda servo: None,
         echo: Mapping[str, int] = MappingProxyType({}),
-    ) -> Exchange:
+    ) -> Delivery:
         known, delay = OPS[INDEX[op]], self._delay(op)
         patience = EEPROM_PATIENCE_NS if delay == EEPROM_NS else PATIENCE_NS
 
@@ -306,19 +306,19 @@ class WckBus(Bus):
 
         told = tuple((servo_id, name, raw) for name, raw in values.items())
         request = Message(_command(op, _items(fields)), servo_id, op, told)
-        return Exchange(request, (servo_id,), obey, delay, patience if known.reply else 0)
+        return Delivery(request, (servo_id,), obey, delay, patience if known.reply else 0)
 
-    def _plain(self, op: str, servo_id: int) -> Exchange:
+    def _plain(self, op: str, servo_id: int) -> Delivery:
         """Return a command that says nothing but what it asks for."""
         return self._exchange(op, servo_id, {"data1": {"id": servo_id}, "data2": {}}, {})
 
-    def _set(self, op: str, servo_id: int, **values: int) -> Exchange:
+    def _set(self, op: str, servo_id: int, **values: int) -> Delivery:
         fields = {"data1": {"id": servo_id}, "data2": {}, **values}
         return self._exchange(
             op, servo_id, fields, values, lambda servo: servo.memory.raw.update(values)
         )
 
-    def _move(self, servo_id: int) -> Exchange:
+    def _move(self, servo_id: int) -> Delivery:
         target = round(self.goal(servo_id) * TOP)
         values = {"torque_level": TORQUE, "goal_position": target}
         fields = {
@@ -329,7 +329,7 @@ class WckBus(Bus):
             "position_move", servo_id, fields, values, lambda servo: servo.move(target / TOP)
         )
 
-    def _move_10bit(self, servo_id: int) -> Exchange:
+    def _move_10bit(self, servo_id: int) -> Delivery:
         target = round(self.goal(servo_id) * TOP_10BIT)
         halves = {f"target_{name}": byte for name, byte in split(target).items()}
         fields = {"data1": {}, "data2": {}, "id": servo_id, "torque_10bit": 200, **halves}
@@ -342,11 +342,11 @@ class WckBus(Bus):
             lambda servo: servo.move(target / TOP_10BIT),
         )
 
-    def _read_10bit(self, servo_id: int) -> Exchange:
+    def _read_10bit(self, servo_id: int) -> Delivery:
         fields = {"data1": {}, "data2": {}, "id": servo_id}
         return self._exchange("position_read_10bit", servo_id, fields, {})
 
-    def _passive(self, servo_id: int) -> Exchange:
+    def _passive(self, servo_id: int) -> Delivery:
         fields = {"data1": {"id": servo_id}, "data2": {}}
 
         def act(servo: WckServo) -> None:

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from sniffer.decoding.rows import as_dict, rows
+from sniffer.decoding.rows import as_dict, rows_of
 from sniffer.decoding.summary import Summary
 from sniffer.ground.files import open_text, writing
 
@@ -38,8 +38,13 @@ class JsonlSink:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Write the batch's records."""
-        self._summary.add(bus, protocol, batch)
-        lines = [_encode(as_dict(row)) for row in rows(batch, protocol, bus)]
+        self.write_together(bus, [(protocol, batch)])
+
+    def write_together(self, bus: str, parts: Sequence[tuple[BusProtocol, Batch]]) -> None:
+        """Write what several protocols said in one pass, in wire order."""
+        for protocol, batch in parts:
+            self._summary.add(bus, protocol, batch)
+        lines = [_encode(as_dict(row)) for row in rows_of(parts, bus)]
         if lines:
             with self._guard():
                 self._file.write("\n".join(lines) + "\n")

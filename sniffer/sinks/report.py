@@ -50,10 +50,23 @@ def print_summary(summary: Summary, console: Console) -> None:
         for nth, (name, bus) in enumerate(summary.buses.items()):
             if nth:
                 console.print()
-            _print_bus(name, bus, summary.paces.get(name), console)
+            if bus.parts:
+                _print_shared(name, bus, console)
+            for part, each in enumerate(bus.parts.values() or (bus,)):
+                if part:
+                    console.print()
+                _print_bus(name, each, summary.paces.get(name), console)
     # tables are padded to their width: nobody wants that in a file
     lines = printed.get().replace(GLUE, " ").splitlines()
     console.file.write("".join(_PADDING.sub(r"\1", line) + "\n" for line in lines))
+
+
+def _print_shared(name: str, b: BusTotals, console: Console) -> None:
+    """Say what those who share a wire have in common."""
+    console.print(Text(short(plain(f"{name}: {b.protocol}, {counted(b.bytes, 'byte')}"))))
+    if b.looks_like:
+        console.print(f"  this looks like {b.looks_like}: decode it with --protocol {b.looks_like}")
+    console.print()
 
 
 def _print_bus(name: str, b: BusTotals, told: Pace | None, console: Console) -> None:

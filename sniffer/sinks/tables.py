@@ -41,6 +41,7 @@ SAMPLES = pa.schema(
         pa.field("scale", _NAME, metadata={"about": "observed, profile or assumed"}),
         pa.field("part", _NAME),
         pa.field("offset", pa.int64(), metadata={"about": "first byte of the frame"}),
+        pa.field("protocol", _NAME),
     ]
 )
 """Columns of the samples table."""
@@ -60,6 +61,7 @@ FRAMES = pa.schema(
         pa.field("data_length", pa.int32()),
         pa.field("status", pa.int16()),
         pa.field("flags", pa.uint8()),
+        pa.field("protocol", _NAME),
     ]
 )
 """Columns of the frames table."""
@@ -103,6 +105,7 @@ def samples_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
             _names(v.provenance, PROVENANCES),
             _names(v.part, PARTS),
             pa.array(batch.frames.start[v.row] + batch.base),
+            _same(protocol.name, len(v)),
         ],
         schema=SAMPLES,
     )
@@ -127,6 +130,7 @@ def frames_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
             pa.array(f.data_length.astype(np.int32)),
             _absent(f.status, f.status < 0),
             pa.array(f.flags),
+            _same(protocol.name, len(f)),
         ],
         schema=FRAMES,
     )

@@ -26,7 +26,7 @@ from sniffer.ground.wording import plain
 from sniffer.sinks.report import print_summary
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from sniffer.ground.registers import Register
     from sniffer.protocols.base import BusProtocol
@@ -103,15 +103,14 @@ class TextSink:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Write a line for each frame and gap of the batch, in wire order."""
-        self._summary.add(bus, protocol, batch)
+        self.write_together(bus, [(protocol, batch)])
+
+    def write_together(self, bus: str, parts: Sequence[tuple[BusProtocol, Batch]]) -> None:
+        """Do that for what several protocols said in one pass; each line tells whose it is."""
         lines: list[tuple[int, str]] = []
-        verdicts = _verdicts(batch)
-        edges = value_ranges(batch.values, len(batch.frames))
-        for i, start in enumerate(batch.frames.start.tolist()):
-            lines.append((start, self._frame(bus, protocol, batch, i, edges, verdicts[i])))
-        for g in batch.gaps:
-            raw = batch.data[g.start : g.start + g.length]
-            lines.append((g.start, self._gap(bus, batch, g.t_ns, g.reason, raw, g.detail)))
+        for protocol, batch in parts:
+            self._summary.add(bus, protocol, batch)
+            lines += self._lines(bus, protocol, batch)
         lines.sort(key=lambda e: e[0])
         if not lines:
             return
@@ -124,6 +123,15 @@ class TextSink:
             )
         self._bus = bus
         self._stream.write("\n".join(text for _, text in lines) + "\n")
+
+    def _lines(self, bus: str, protocol: BusProtocol, batch: Batch) -> Iterator[tuple[int, str]]:
+        verdicts = _verdicts(batch)
+        edges = value_ranges(batch.values, len(batch.frames))
+        for i, start in enumerate(batch.frames.start.tolist()):
+            yield start, self._frame(bus, protocol, batch, i, edges, verdicts[i])
+        for g in batch.gaps:
+            raw = batch.data[g.start : g.start + g.length]
+            yield g.start, self._gap(bus, batch, g.t_ns, g.reason, raw, g.detail)
 
     def close(self) -> None:
         """Write the summary."""
@@ -151,7 +159,7 @@ class TextSink:
             str(servo) if servo >= 0 else "-",
             "<" if response else ">",
             protocol.op_name(int(f.op[i])),
-            self._values(protocol, batch, i, values),
+            f"{protocol.name}: " * batch.is_shared + self._values(protocol, batch, i, values),
             word,
         )
         start = int(f.start[i])

@@ -6,13 +6,13 @@ import contextlib
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
+from sniffer.decoding.names import joined, protocols_named
 from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import Direction, SnifferError
 from sniffer.ground.timing import LATENCY_NS
 from sniffer.merge.merger import Merger
 from sniffer.ports import PortOptions, open_port
-from sniffer.protocols import protocol_named
 from sniffer.tap.reader import BREATH_NS, Anchor, Listener
 from sniffer.tap.tap import PortSpec, Tap
 
@@ -139,9 +139,10 @@ def _baud(spec: PortSpec, options: Options) -> int | None:
 
 
 def _spoken(spec: PortSpec, options: Options) -> BusProtocol | None:
-    """Return what was said to be spoken at a port."""
+    """Return what was said to be spoken at a port; None for two protocols, which are not merged."""
     named = spec.protocol or options.protocol
-    return None if named == AUTO else options.spoken(named)
+    spoken = () if named == AUTO else options.all_spoken(named)
+    return spoken[0] if len(spoken) == 1 else None
 
 
 def _has_a_rate(tap: Tap, options: Options) -> bool:
@@ -175,7 +176,7 @@ def _facts(taps: Sequence[Tap], options: Options, anchor: Anchor, pair: bool) ->
             facts[f"baud.{bus}"] = str(tap.port.baud)
         facts[f"latency_ns.{bus}"] = str(options.latencies[bus])
         if (name := tap.spec.protocol) is not None and name != AUTO:
-            facts[f"protocol.{bus}"] = protocol_named(name).name
+            facts[f"protocol.{bus}"] = joined(protocols_named(name))
         if pair:
             facts[f"pair.{bus}"] = "two taps, merged by time and by cause and effect"
         facts[place] = tap.spec.port

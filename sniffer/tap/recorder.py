@@ -294,7 +294,7 @@ class Recorder:
 
     def _tell_mergers(self) -> None:
         for bus, merger in self._mergers.items():
-            if merger.protocol is None:
+            if merger.protocol is None:  # of two that share a wire: by time only
                 merger.protocol = self.pipeline.protocol_of(bus)
 
     def _end(self) -> None:

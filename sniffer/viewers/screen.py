@@ -15,6 +15,7 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING, Any, Final, Self, TextIO, cast
 
+from sniffer.decoding.sink import written
 from sniffer.ground.wording import one_line
 from sniffer.sinks.text import TextSink
 from sniffer.viewers.board.board import Board
@@ -25,6 +26,7 @@ from sniffer.viewers.terminal import TerminalPicture
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from sniffer.decoding.sink import Part
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
     from sniffer.tap.status import Status
@@ -116,8 +118,15 @@ class Screen:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Hand a batch over."""
-        records = len(batch.frames) + len(batch.values) + len(batch.gaps) + len(batch.anomalies)
-        self._put((bus, protocol, batch), records, len(batch.data), len(batch.frames))
+        self.write_together(bus, [(protocol, batch)])
+
+    def write_together(self, bus: str, parts: Sequence[Part]) -> None:
+        """Hand over what several protocols said in one pass."""
+        records = frames = 0
+        for _, b in parts:
+            records += len(b.frames) + len(b.values) + len(b.gaps) + len(b.anomalies)
+            frames += len(b.frames)
+        self._put((bus, None, parts), records, len(parts[0][1].data), frames)
 
     def say(self, message: str) -> None:
         """Show a line for the user, above the board where there is one."""
@@ -236,7 +245,10 @@ class Screen:
                 self._bytes -= size
             for sink in (self._board, self._log):
                 if sink is not None:
-                    sink.write(*item) if len(item) == 3 else sink.raw(*item)
+                    if len(item) == 3:
+                        written(sink, bus=item[0], parts=item[2])
+                    else:
+                        sink.raw(*item)
             if self._log is not None:
                 self._out.flush()
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.decoding.sink import bus_of
 from sniffer.decoding.summary import FIGURES, Quantiles
 from sniffer.ground.files import open_binary
 from sniffer.ground.model import I64, OK, RESPONSE, WHOLE, Clock, OutputError
@@ -104,7 +105,8 @@ class RerunSink:
         """Take chunks; Rerun has no use for them."""
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
-        """Take what one pass decided."""
+        """Take what one pass decided; a protocol that shares its wire has entities of its own."""
+        bus = bus_of(bus, protocol, batch)
         self._clock(batch)
         self._samples(bus, protocol, batch)
         self._alarms(bus, protocol, batch)

@@ -6,11 +6,13 @@ out, so a picture takes a few milliseconds.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from rich.segment import Segment
 from rich.style import Style
 
+from sniffer.decoding.sink import bus_of
 from sniffer.ground.model import NS
 from sniffer.viewers.board.cells import ServoCells
 from sniffer.viewers.board.picture import Picture
@@ -74,6 +76,8 @@ class Board:
         self.left_out = 0
         self.newest_ns = 0
         self._bytes: dict[str, Sliding] = {}
+        self._lanes: dict[str, dict[str, str]] = {}  # bus -> the names and protocols that share it
+        self._wires: dict[str, str] = {}
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Count bytes for the load of the bus."""
@@ -86,6 +90,10 @@ class Board:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Remember what one pass decided."""
+        wire, bus = bus, bus_of(bus, protocol, batch)
+        if bus != wire:
+            self._lanes.setdefault(wire, {})[bus] = protocol.name
+            self._wires[bus] = wire
         tally = self.buses.get(bus)
         if tally is None or tally.protocol is not protocol:
             tally = self.buses[bus] = BusTally(protocol)
@@ -107,11 +115,21 @@ class Board:
         More than 100 % is no load: bytes of a longer time came at once (a pseudo-terminal, a reader
         that was held up), or the line is faster than the rate says.
         """
-        heard = self._bytes.get(bus.bus)
+        heard = self._bytes.get(self._wires.get(bus.bus, bus.bus))
         if heard is None or bus.state != "listening" or not bus.baud:
             return 0.0
         sums, seconds = heard.until(end_ns)
         return 100 * BITS * int(sums[0]) / bus.baud / seconds
+
+    def apart(self, status: Status) -> Status:
+        """Return the state with a bus for each protocol, where several share a wire."""
+        if not self._lanes:
+            return status
+        buses: list[BusStatus] = []
+        for b in status.buses:
+            lanes = self._lanes.get(b.bus, {b.bus: b.protocol})
+            buses += (replace(b, bus=name, protocol=spoken) for name, spoken in lanes.items())
+        return replace(status, buses=tuple(buses))
 
     def rows(self, bus: str, status: Status) -> ServoCells | None:
         """Return the servos of a bus as cells; None before anything is decoded."""
@@ -120,4 +138,4 @@ class Board:
 
     def render(self, status: Status, width: int, height: int) -> BoardLines:
         """Return the picture: at most ``height`` lines of at most ``width`` cells."""
-        return BoardLines(Picture(self, status, width, height).lines(), width)
+        return BoardLines(Picture(self, self.apart(status), width, height).lines(), width)

@@ -29,7 +29,8 @@ def line(status: Status, board: Board) -> str:
     Blanks and ``=`` in a bus's name stand as ``_``.
     """
     end_ns = board.end_ns(status)
-    tallies = [board.buses[b.bus] for b in status.buses if b.bus in board.buses]
+    spoken = (b.bus for b in board.apart(status).buses)
+    tallies = [board.buses[bus] for bus in spoken if bus in board.buses]
     rates = [tally.frame_rate.until(end_ns) for tally in tallies]
     levels = board.troubles.severities
     errors = [b.line_errors for b in status.buses if b.line_errors is not None]

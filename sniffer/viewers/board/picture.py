@@ -202,7 +202,7 @@ class Picture:
             return [*out, (f"{size(bus.bytes):>8} read", "dim")]
         return [
             *out,
-            (f"{size(tally.end):>8} ", ""),
+            (f"{size(tally.size):>8} ", ""),
             (f"{size(tally.in_gaps)} in gaps", "doubt" if tally.in_gaps else "dim"),
         ]
 
@@ -219,7 +219,7 @@ class Picture:
         if tally is None:
             return [(f"{counted(bus.bytes, 'byte')} read, none decoded yet", "dim")]
         out: Line = [
-            (f"{counted(tally.end, 'byte')} = {tally.in_frames} in frames + ", ""),
+            (f"{counted(tally.size, 'byte')} = {tally.in_frames} in frames + ", ""),
             (f"{tally.in_gaps} in gaps", "doubt" if tally.in_gaps else ""),
         ]
         if tally.left_out:

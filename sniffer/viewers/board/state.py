@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.decoding.summary import Bounds
+from sniffer.decoding.summary import Bounds, accounted
 from sniffer.ground.model import (
     DAMAGED,
     I16,
@@ -187,7 +187,7 @@ class BusTally:
         self.end = batch.base + len(batch.data)
         in_gaps = sum(g.length for g in batch.gaps)
         self.in_gaps += in_gaps
-        self.in_frames += len(batch.data) - in_gaps
+        self.in_frames += accounted(batch) - in_gaps
         self.gaps += len(batch.gaps)
         f = batch.frames
         if len(f):
@@ -202,6 +202,11 @@ class BusTally:
                 row = self._row[a.servo_id & 255]
                 if row >= 0:
                     self.servos.trouble_ns[row] = max(int(self.servos.trouble_ns[row]), a.t_ns)
+
+    @property
+    def size(self) -> int:
+        """Bytes that are accounted for."""
+        return self.in_frames + self.in_gaps + self.left_out
 
     def times(self, end_ns: int) -> tuple[list[Bounds | None], list[Bounds | None]]:
         """Return each servo's reply times lately, p50 and p99; None: there are none."""

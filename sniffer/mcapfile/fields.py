@@ -1,0 +1,39 @@
+"""Which field of ServoState holds a register."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.ground.registers import Register
+
+UNITS: Final[Mapping[str, str]] = {
+    "mm": "mm",
+    "deg": "deg",
+    "deg/s": "deg_per_s",
+    "us/s": "us_per_s",
+    "V": "v",
+    "mA": "ma",
+    "degC": "degc",
+    "us": "us",
+    "ms": "ms",
+    "s": "s",
+    "%": "percent",
+}
+"""How a register table's unit ends the name of a field."""
+
+
+FIRST_VALUE: Final = 10
+"""Number of the first field of a ServoState that is a register's: a table may name its quantities
+like one of those before."""
+
+
+def state_field(register: Register) -> str | None:
+    """Return the field of ServoState that holds a register, None for a mere setting."""
+    if not register.quantity:
+        return None
+    if not register.unit:
+        return register.quantity
+    return f"{register.quantity}_{UNITS.get(register.unit, register.unit)}"

@@ -1,0 +1,363 @@
+"""The arrangements: what a bus makes of labelled exchanges. The kit arranges, not the author.
+
+Each function takes an exchange and what others there are, and yields cases with their truth. What
+no protocol could tell in principle is left out here (bits flipped where no checksum covers them);
+what a protocol leaves undecided, its author declares and counts.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sniffer.ground.model import (
+    MANY,
+    MISMATCHED,
+    NEVER,
+    NO_ALT,
+    NO_RESPONSE,
+    NOT_EXPECTED,
+    OK,
+    RESPONSE,
+    UNSOLICITED,
+)
+from sniffer.testing.case import TORN, Case
+from sniffer.testing.facts import plain
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.testing.facts import Known
+    from sniffer.testing.talk import Exchange
+
+FEW: Final = 2
+"""Other exchanges that each one is arranged with, unless all are asked for."""
+
+EVERY: Final = 10_000
+
+
+class Others:
+    """Chooses what an exchange is arranged with: always the same, spread over all there are.
+
+    Only such as nothing else could be taken for: what is hard about an exchange is then its own.
+    """
+
+    def __init__(self, protocol: BusProtocol, known: Sequence[Known], *, thorough: bool) -> None:
+        self.protocol = protocol
+        self.known = [k for k in known if k.is_plain]
+        self.few = EVERY if thorough else FEW
+        self._turn = 0
+
+    def some(self, fits: Callable[[Known], bool]) -> list[Known]:
+        """Return a few that fit, other ones each time."""
+        found = [k for k in self.known if fits(k)]
+        if len(found) <= self.few:
+            return found
+        self._turn += 1
+        first = self._turn * self.few % len(found)
+        return (found + found)[first : first + self.few]
+
+    def places(self, n: int, most: int) -> list[int]:
+        """Return places 0..n-1: all of them, or ``most`` that are spread over them."""
+        if n <= most or self.few == EVERY:
+            return list(range(n))
+        return sorted({k * (n - 1) // (most - 1) for k in range(most)})
+
+
+def answered(k: Known, others: Others) -> Iterator[Case]:
+    """Said and answered."""
+    del others
+    yield plain(k.exchange)
+
+
+def lost(k: Known, others: Others) -> Iterator[Case]:
+    """Said once, twice, three times, and answered at last or never."""
+    del others
+    e = k.exchange
+    for name, times, is_answered in _LOST:
+        if not k.answers and (is_answered or times == 1):
+            continue
+        case = Case(name, (e,) * times)
+        for _ in range(times - is_answered):
+            case.unanswered(e, case.ask(e))
+        if is_answered:
+            case.exchange(e)
+        yield case
+
+
+_LOST: Final = (
+    ("lost", 1, False),
+    ("repeated", 2, True),
+    ("repeated twice", 3, True),
+    ("repeated, lost", 2, False),
+)
+
+
+def lost_then_another(k: Known, others: Others) -> Iterator[Case]:
+    """Lost, then another request to the same servo."""
+    if not k.answers:
+        return
+    e = k.exchange
+    for o in others.some(lambda o: o.servo_id == k.servo_id and o.exchange.request != e.request):
+        case = Case("lost, then another", (e, o.exchange))
+        case.unanswered(e, case.ask(e))
+        case.exchange(o.exchange)
+        yield case
+
+
+def asked_twice(k: Known, others: Others) -> Iterator[Case]:
+    """Said and answered, and all of it once more."""
+    del others
+    case = Case("asked twice", (k.exchange, k.exchange), valued=True)
+    case.exchange(k.exchange)
+    case.exchange(k.exchange)
+    yield case
+
+
+def answered_twice(k: Known, others: Others) -> Iterator[Case]:
+    """One request, and its answer twice."""
+    del others
+    if not k.answers:
+        return
+    e = k.exchange
+    case = Case("answered twice", (e,))
+    at = case.exchange(e)
+    for raw in e.replies:
+        if not k.stands_alone:
+            case.noise(raw)
+        elif k.request.reply == MANY:
+            case.pair(at, case.frame(raw, RESPONSE, e.name), OK)
+        else:
+            case.pair(-1, case.frame(raw, RESPONSE), UNSOLICITED)
+    yield case
+
+
+def another_servos(k: Known, others: Others) -> Iterator[Case]:
+    """The answer of another servo, then the right one."""
+    if not k.asks_one:
+        return
+
+    def alike(o: Known) -> bool:
+        same = o.exchange.name == k.exchange.name and len(o.exchange.data) == len(k.exchange.data)
+        return o.asks_one and same and o.answers[0].servo_id != k.answers[0].servo_id
+
+    yield from _misfits("answer from another id", k, others.some(alike))
+
+
+def another_commands(k: Known, others: Others) -> Iterator[Case]:
+    """The answer to another command, by the servo that was asked; then the right one."""
+    if not k.asks_one:
+        return
+    tokens = {-1, k.request.token}
+
+    def unlike(o: Known) -> bool:
+        same = o.servo_id == k.servo_id and o.answers and o.stands_alone
+        return bool(same) and o.answers[0].token not in tokens and len(o.answers) == 1
+
+    yield from _misfits("answer to another command", k, others.some(unlike))
+
+
+def _misfits(name: str, k: Known, some: Sequence[Known]) -> Iterator[Case]:
+    for o in some:
+        case = Case(name, (k.exchange, o.exchange))
+        case.pair(case.ask(k.exchange), case.frame(o.exchange.replies[0], RESPONSE), MISMATCHED)
+        yield case
+        case = Case(name, (k.exchange, o.exchange))
+        at = case.ask(k.exchange)
+        case.pair(-1, case.frame(o.exchange.replies[0], RESPONSE), UNSOLICITED)
+        case.answer(k.exchange, at)
+        yield case
+
+
+def in_flight(k: Known, others: Others) -> Iterator[Case]:
+    """Two servos asked at once, answering in both orders."""
+    if not k.asks_one:
+        return
+    reach = others.protocol.reach - len(k.exchange.data)
+
+    def beside(o: Known) -> bool:
+        return o.asks_one and o.servo_id != k.servo_id and len(o.exchange.data) <= reach
+
+    for o in others.some(beside):
+        for first, second in ((k, o), (o, k)):
+            case = Case("two in flight", (k.exchange, o.exchange))
+            asked = {id(x): case.ask(x.exchange) for x in (k, o)}
+            for x in (first, second):
+                case.answer(x.exchange, asked[id(x)])
+            yield case
+
+
+def late(k: Known, others: Others) -> Iterator[Case]:
+    """Answered behind a silence in which nothing can still be waited for."""
+    del others
+    if not k.answers:
+        return
+    e = k.exchange
+    case = Case("answer late", (e,))
+    case.pair(case.ask(e), -1, NO_RESPONSE, NOT_EXPECTED)
+    for raw in e.replies:
+        case.silence()
+        case.stray(raw, stands_alone=k.stands_alone)
+    yield case
+
+
+def stray_byte(k: Known, others: Others) -> Iterator[Case]:
+    """A byte of nothing at the turn of the bus."""
+    del others
+    if k.stands_alone:
+        case = Case("a stray byte", (k.exchange,))
+        at = case.ask(k.exchange)
+        case.noise(b"\0")
+        case.answer(k.exchange, at)
+        yield case
+
+
+def cut(k: Known, others: Others) -> Iterator[Case]:
+    """The answer cut anywhere; a silence or the next request behind it."""
+    if not k.answers:
+        return
+    e, raw = k.exchange, k.exchange.replies[0]
+    for n in others.places(len(raw), 4)[1:]:
+        for o in others.some(_is_healthy)[:1]:
+            for silent in (True, False):
+                case = Case("answer cut", (e, o.exchange))
+                case.pair(case.ask(e), -1, *TORN)
+                case.noise(raw[:n])
+                if silent:
+                    case.silence()
+                case.exchange(o.exchange)
+                yield case
+
+
+def damaged(k: Known, others: Others) -> Iterator[Case]:
+    """One bit of the answer flipped anywhere; then the next exchange."""
+    if not k.answers:
+        return
+    e, raw = k.exchange, k.exchange.replies[0]
+    for broken in _flipped(others, raw):
+        for o in others.some(_is_healthy)[:1]:
+            case = Case("answer damaged", (e, o.exchange))
+            at = case.ask(e)
+            case.noise(broken)
+            if k.request.reply == MANY and len(e.replies) > 1:
+                for other in e.replies[1:]:
+                    case.pair(at, case.frame(other, RESPONSE, e.name), OK)
+            else:
+                case.pair(at, -1, *TORN)
+                for other in e.replies[1:]:
+                    case.stray(other, stands_alone=k.stands_alone)
+            case.exchange(o.exchange)
+            yield case
+
+
+def request_damaged(k: Known, others: Others) -> Iterator[Case]:
+    """One bit of the request flipped anywhere: whoever answers all the same is not asked."""
+    e = k.exchange
+    for broken in _flipped(others, e.request):
+        for o in others.some(_is_healthy)[:1]:
+            case = Case("request damaged", (e, o.exchange))
+            case.noise(broken)
+            for raw in e.replies:
+                case.stray(raw, stands_alone=k.stands_alone)
+            case.exchange(o.exchange)
+            yield case
+
+
+def silence_inside(k: Known, others: Others) -> Iterator[Case]:
+    """A silence at every boundary of request and answers: nothing leads across it."""
+    e = k.exchange
+    frames = (e.request, *e.replies)
+    for at in others.places(len(e.data), 24)[1:]:
+        case = Case("silence inside", (e,))
+        begin, asked, torn, answers = 0, -1, False, 0
+        for n, raw in enumerate(frames):
+            inside = begin < at < begin + len(raw)
+            behind = at <= begin
+            if n == 0 and not inside:
+                asked = case.ask(e)
+            elif inside:
+                torn = torn or (n == 1 and asked >= 0)
+                case.noise(raw)
+                case.silences.append(at)
+            elif asked >= 0 and not behind:
+                answers += 1
+                case.pair(asked, case.frame(raw, RESPONSE, e.name), OK)
+            else:
+                case.stray(raw, stands_alone=k.stands_alone)
+            begin += len(raw)
+            if begin == at:
+                case.silence()
+        if asked >= 0 and not answers:
+            if torn:
+                case.pair(asked, -1, *TORN)
+            else:
+                case.unanswered(e, asked)
+        yield case
+
+
+def _is_healthy(k: Known) -> bool:
+    """Whether an exchange is one that shows that what was before it is over."""
+    return bool(k.answers) and k.request.reply != NEVER and k.request.alt_id == NO_ALT
+
+
+def _flipped(others: Others, raw: bytes) -> Iterator[bytes]:
+    """Yield a frame with one bit wrong where its first byte or its checksum tells that."""
+    told = others.protocol.checksum_of(raw)
+    if told is None:
+        return
+    checksum, covered, sent = told
+    first = raw.find(covered)
+    for at in others.places(len(raw), 4) if first >= 0 else [0]:
+        bit = 1 << (at % 7)
+        inside = first <= at < first + len(covered)
+        if not inside or checksum(_flip(covered, at - first, bit)) != sent:
+            yield _flip(raw, at, bit)
+
+
+def _flip(raw: bytes, at: int, bit: int) -> bytes:
+    return raw[:at] + bytes([raw[at] ^ bit]) + raw[at + 1 :]
+
+
+def scene_of(exchanges: Sequence[Exchange]) -> Case:
+    """Return exchanges in their order, all answered."""
+    case = Case(SCENE, tuple(exchanges), valued=True)
+    for e in exchanges:
+        case.exchange(e)
+    return case
+
+
+ARRANGEMENTS: Final = (
+    answered,
+    lost,
+    lost_then_another,
+    asked_twice,
+    answered_twice,
+    another_servos,
+    another_commands,
+    in_flight,
+    late,
+    stray_byte,
+    cut,
+    damaged,
+    request_damaged,
+    silence_inside,
+)
+
+SCENE: Final = "scene"
+
+NAMES: Final = (
+    "answered",
+    *(name for name, _, _ in _LOST),
+    "lost, then another",
+    "asked twice",
+    "answered twice",
+    "answer from another id",
+    "answer to another command",
+    "two in flight",
+    "answer late",
+    "a stray byte",
+    "answer cut",
+    "answer damaged",
+    "request damaged",
+    "silence inside",
+)

@@ -1,0 +1,88 @@
+"""Labelled talk of the protocols, for the conformance kit; labels come from manuals and tables.
+
+One module a protocol, with ``TALK``. What a span of registers says is worked out here from the
+table as it stands in its file, not by what the decoder makes of it.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from sniffer.ground.registers import schema_path
+from sniffer.testing import Exchange, Label
+from tests.vectors import vectors
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+ROOT: Final = Path(__file__).parents[2]
+
+
+class Row(NamedTuple):
+    """One register of a table with addresses."""
+
+    name: str
+    address: int
+    width: int
+    signed: bool
+
+
+@cache
+def table(model: str) -> tuple[Row, ...]:
+    """Return a table's registers in the order of their addresses; of a plug-in by its path."""
+    path = ROOT / model if "/" in model else schema_path("registers", f"{model}.toml")
+    text = path.read_text(encoding="utf-8")
+    out = []
+    for entry in tomllib.loads(text)["register"]:
+        kind: str = entry.get("type", "u8")
+        width = {"8": 1, "1": 2, "3": 4}[kind[1]]
+        out.append(Row(entry["name"], int(entry["address"]), width, kind[0] == "i"))
+    return tuple(sorted(out, key=lambda r: r.address))
+
+
+def stated(model: str, address: int, data: bytes, servo: int | None = None) -> dict[Label, int]:
+    """Return the raw values of a span of bytes; of half a register, the half."""
+    out: dict[Label, int] = {}
+    for r in table(model):
+        first, last = max(r.address, address), min(r.address + r.width, address + len(data))
+        if first < last:
+            part = data[first - address : last - address]
+            raw = int.from_bytes(part, "little", signed=r.signed and len(part) == r.width)
+            out[r.name if servo is None else (servo, r.name)] = raw
+    return out
+
+
+def halves(model: str) -> Iterator[tuple[int, int]]:
+    """Yield spans (address, length) that begin and end inside the registers of two bytes."""
+    wide = [r.address for r in table(model) if r.width == 2]
+    for one, following in zip(wide, [*wide[1:], None], strict=True):
+        yield one + 1, 1 if following is None else following - one
+    yield wide[0], 1
+
+
+def blocks(model: str) -> Iterator[tuple[int, int]]:
+    """Yield spans that hold all registers whole, each as long as registers follow closely."""
+    begin = end = table(model)[0].address
+    for r in table(model):
+        if r.address - end > 16:
+            yield begin, end - begin
+            begin = r.address
+        end = r.address + r.width
+    yield begin, end - begin
+
+
+def of_vectors(protocol: str) -> list[Exchange]:
+    """Return the manuals' example frames as exchanges: requests, and answers behind theirs."""
+    out = []
+    good = [v for v in vectors(protocol) if v.verdict == "good"]
+    answered = {v.after for v in good if v.kind == "response"}
+    for v in good:
+        if v.kind == "response" and v.after:
+            out.append(Exchange(v.op, v.after, (v.data,)))
+        elif v.kind == "request" and v.data not in answered and not v.after:
+            out.append(Exchange(v.op, v.data, None))
+    return list({e.data: e for e in out}.values())
