@@ -27,7 +27,7 @@ from sniffer.simulation.talk import (
     Ask,
     Bus,
     Delivery,
-    Heard,
+    HeardFrame,
     Message,
     Servo,
     Talk,
@@ -309,7 +309,7 @@ class LssBus(Bus):
         """Return where a servo is to be now, in its own parts of a degree."""
         return self.servos[servo_id].place(self.goal(servo_id))
 
-    def heard(self, frame: Heard, request: Message) -> Delivery:
+    def heard(self, frame: HeardFrame, request: Message) -> Delivery:
         """Obey any line that the page explains; a query to all is answered by one after another."""
         everyone = frame.servo_id == BROADCAST
         here = (i for i, servo in self.servos.items() if not servo.deaf)

@@ -32,7 +32,7 @@ from sniffer.simulation.talk import (
     Broken,
     Bus,
     Delivery,
-    Heard,
+    HeardFrame,
     Message,
     Talk,
     by_model,
@@ -135,7 +135,7 @@ class MightyZapBus(Bus):
         elif cycle % 50 == 47:
             yield self._load(servo_id, "goal_position", "force_limit", "goal_current")
 
-    def heard(self, frame: Heard, request: Message) -> Delivery:
+    def heard(self, frame: HeardFrame, request: Message) -> Delivery:
         """Obey any command; all servos obey the ids 0 and 254, and none answers the latter.
 
         Echo and Load Data are for the servo of that very id, also where it is 0.
@@ -175,7 +175,7 @@ class MightyZapBus(Bus):
 
     @staticmethod
     def _obedience(
-        frame: Heard, request: Message
+        frame: HeardFrame, request: Message
     ) -> Callable[[MightyZapServo], Message | None] | None:
         """Return what a servo does about a command, None if it makes nothing of it."""
         if frame.flags & MALFORMED:

@@ -17,7 +17,7 @@ from sniffer.protocols import protocol_named
 from sniffer.protocols.base import State
 from sniffer.simulation.buses import mischief, put_up
 from sniffer.simulation.line import NOBODY, Wire
-from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, USUAL, Heard, Message, TrueFrame
+from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, USUAL, HeardFrame, Message, TrueFrame
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -149,7 +149,7 @@ class Responder:
         block = Block(np.frombuffer(data, np.uint8), _NO_BARRIERS, True)
         frames = protocol.describe(block, spans if behind else spans.take([1]))
         row = len(frames) - 1
-        heard = Heard.of(frames, row, data)
+        heard = HeardFrame.of(frames, row, data)
         self._before = raw if heard.kind == ASKS else b""
         v = protocol.values(block, frames, np.array([row]), self._state)
         columns = (c.tolist() for c in (v.servo_id, v.register, v.raw, v.part))

@@ -39,7 +39,7 @@ from sniffer.simulation.talk import (
     Ask,
     Bus,
     Delivery,
-    Heard,
+    HeardFrame,
     Message,
     Servo,
     Talk,
@@ -260,7 +260,7 @@ class Rs30xBus(Bus):
             reply = self.rng.choice((0, ASKS_ACK))
             yield self._write(servo_id, {"max_torque": torque}, reply)
 
-    def heard(self, frame: Heard, request: Message) -> Delivery:
+    def heard(self, frame: HeardFrame, request: Message) -> Delivery:
         """Obey any packet; none answers one to all, or one that resets."""
         long, everyone = frame.op == LONG_WRITE, frame.servo_id == EVERYONE
         to = [i for i in self.servos if long or everyone or i == frame.servo_id]
@@ -272,7 +272,9 @@ class Rs30xBus(Bus):
         return Delivery(request, tuple(to), act, self._delay(to[0]))
 
     @staticmethod
-    def _obedience(frame: Heard, request: Message) -> Callable[[Rs30xServo], Message | None] | None:
+    def _obedience(
+        frame: HeardFrame, request: Message
+    ) -> Callable[[Rs30xServo], Message | None] | None:
         """Return what a servo does about a packet, None if it does not know it."""
         if frame.flags & (MALFORMED | UNKNOWN):
             return None
@@ -340,7 +342,7 @@ class Rs30xBus(Bus):
         return Delivery(message, (message.servo_id,), act, delay, patience_ns)
 
 
-def _answer(frame: Heard, op: str) -> Callable[[Rs30xServo], Message | None]:
+def _answer(frame: HeardFrame, op: str) -> Callable[[Rs30xServo], Message | None]:
     """Return what a servo says to the reply bits of a short packet."""
     if frame.token == ACK_TOKEN:
         return lambda s: s.acknowledge(op)

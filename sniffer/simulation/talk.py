@@ -64,7 +64,7 @@ class Message(NamedTuple):
     values: tuple[Value, ...] = ()
 
 
-class Heard(NamedTuple):
+class HeardFrame(NamedTuple):
     """A frame that a servo hears, in plain numbers; the names are those of ``Frames``."""
 
     raw: bytes
@@ -282,7 +282,7 @@ class Bus(abc.ABC):
         yield from ()
 
     @abc.abstractmethod
-    def heard(self, frame: Heard, request: Message) -> Delivery:
+    def heard(self, frame: HeardFrame, request: Message) -> Delivery:
         """Return what the servos do about a request that another controller sent.
 
         ``request.values`` are those that the frame states, whole ones.

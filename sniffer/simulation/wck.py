@@ -28,7 +28,7 @@ from sniffer.simulation.talk import (
     Ask,
     Bus,
     Delivery,
-    Heard,
+    HeardFrame,
     Message,
     Servo,
     Talk,
@@ -262,7 +262,7 @@ class WckBus(Bus):
                 "runtime_speed_set", servo_id, runtime_speed=speed, runtime_acceleration=60
             )
 
-    def heard(self, frame: Heard, request: Message) -> Delivery:
+    def heard(self, frame: HeardFrame, request: Message) -> Delivery:
         """Obey any command of the manual; a break is answered by the lowest id."""
         op = request.op
         if frame.flags & UNKNOWN or op not in INDEX:  # packets for the controller among them

@@ -166,17 +166,18 @@ class FamilyColumns:
         flags[might] |= UNUSUAL
         held = (what & ADDRESSED > 0) * np.int64(self.width)
         address = np.where(held, column(data, params, self.width or 1), -1)
-        reads = what & READS > 0
+        lists = (what & FITS > 0) & self.lists[code]
+        brings_none = (what & READS > 0) | lists
         status = np.where(request, np.int16(-1), code)  # a plain -1 would wrap to 255
         if self._error_width:
             told = ~request & (count > 0)
             status = np.where(told, column(data, params, 1), -1).astype(np.int16)
             held += told
             flags[~request & ~told] = MALFORMED
-        data_length = np.where(reads, 0, count - held)
+        data_length = np.where(brings_none, 0, count - held)
         token = np.where(request, 0, data_length)
         if length is not None and seen & READS:
-            np.copyto(token, length, where=reads)
+            np.copyto(token, length, where=what & READS > 0)
         if self._answer.any():
             token += np.where(what & FITS, self._answer[code], 0)
         # an error needs no data: a response of an error byte alone answers any read
@@ -194,11 +195,11 @@ class FamilyColumns:
             option = column(data, params[rows] + self._option[code[rows]], 1)
             rows = rows[((bits == 0) | (option & bits > 0)) & (alt[rows] == NO_ALT)]
             alt[rows] = self._new[code[rows]]
-        if seen & TARGETS and (lists := (what & FITS > 0) & self.lists[code]).any():
+        if lists.any():
             token[lists] = LISTED
             asked_of = asked_by(block, spans, request, self.longest)
             listed(self, body, code, servo_id, lists, asked_of, data_length, address, token)
-        wire = end - start - self.plan.tail_at - self.plan.sum_width
+        as_sent, wire = data is block.data, end - start - self.plan.tail_at - self.plan.sum_width
         return Frames.blank(len(start)).having(
             start=start,
             length=end - start,
@@ -207,7 +208,7 @@ class FamilyColumns:
             op=np.where(request, code.astype(np.int64), -1),
             address=address,
             data_start=start + self.plan.tail_at + held,
-            data_length=data_length if wire is count else np.where(reads, 0, wire - held),
+            data_length=data_length if as_sent else np.where(brings_none, 0, wire - held),
             status=status,
             reply=reply,
             token=token,

@@ -34,7 +34,6 @@ class Readings:
     def __init__(self, columns: FamilyColumns) -> None:
         self._columns = columns
         self._shapes = Addressed(columns.family.models, first=0)
-        self._lists = columns.lists
         self._joint = bool(columns.together.any())
         self._several = np.array(
             [
@@ -56,9 +55,6 @@ class Readings:
         address = frames.address[rows]
         if columns.family.doubt:
             address = np.where(~asked & (frames.flags[rows] & UNUSUAL > 0), -1, address)
-        lists = asked & self._lists[op & 255]
-        if lists.any():
-            address = np.where(lists, -1, address)
         parts = Parts(rows, frames.servo_id[rows], address, length, at, asked)
         several = asked & self._several[op & 255]
         if several.any():

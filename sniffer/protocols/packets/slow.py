@@ -137,8 +137,8 @@ class Slow:
             out.address = fields.address
             out.data_start, out.data = out.data_start + width, out.data[width:]
         if "targets" in fields:
-            if not any("data" in t for t in fields.targets) and not _brings(command):
-                out.token = LISTED
+            if not _brings(command):
+                out.token, out.data = LISTED, b""
         elif "length" in fields and "data" not in fields:
             out.token, out.data = fields.length, b""
         elif "address" in fields and "data" in fields:
@@ -195,7 +195,7 @@ class Slow:
         known = frame.op in self.family.commands and not frame.flags & (MALFORMED | UNKNOWN)
         if frame.kind == REQUEST and known and _brings(self.family.commands[frame.op]):
             return [(t.servo_id, t.address, t.data) for t in self._targets(frame)]
-        if frame.address < 0 or (frame.kind == REQUEST and frame.token == LISTED):
+        if frame.address < 0:
             return []
         params = self._params(frame)
         packet = self.family.packet.parse(frame.raw).body.value
