@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
+from sniffer.ground.gaps import REASONS, Gaps
 from sniffer.ground.model import (
     I64,
     KINDS,
@@ -16,6 +18,7 @@ from sniffer.ground.model import (
     OK,
     OUTCOMES,
     PROVENANCES,
+    U8,
     Anomaly,
     Batch,
     Severity,
@@ -130,15 +133,10 @@ class BusTotals:
         self.bytes += len(batch.data)
         self.clock = batch.clock.name.lower()
         self.samples += int(batch.values.accepted.sum())
-        for g in batch.gaps:
-            self.gaps[g.reason] += 1
-            self.bytes_in_gaps += g.length
-        for a in batch.anomalies:
-            self.codes[a.code] += 1
-            self.severities[a.severity] += 1
-            self.first.setdefault(a.code, a)
-            if a.servo_id is not None:
-                self.by_servo.setdefault(a.code, Counter())[a.servo_id] += 1
+        if len(batch.gaps):
+            self._count_gaps(batch)
+        if len(batch.anomalies):
+            self._count_anomalies(Anomalies.of(batch.anomalies))
         if not len(f):
             return
         self.models.update(batch.models)
@@ -154,6 +152,24 @@ class BusTotals:
             self.outcomes[outcome] += n
         self._count_commands(protocol, batch)
         self._count_times(batch)
+
+    def _count_gaps(self, batch: Batch) -> None:
+        gaps = Gaps.of(batch.gaps)
+        self.bytes_in_gaps += int(gaps.length.sum())
+        for kind, _, n in _in_order(gaps.kind):
+            self.gaps[REASONS[kind]] += n
+
+    def _count_anomalies(self, found: Anomalies) -> None:
+        for number, first, n in _in_order(found.code):
+            code = CODES[number]
+            self.codes[code] += n
+            self.severities[SEVERITY[number]] += n
+            if code not in self.first:
+                self.first[code] = found[first]
+        blamed = np.flatnonzero(found.servo_id >= 0)
+        who = found.servo_id[blamed]
+        for key, _, n in _in_order(found.code[blamed] << 32 | who):
+            self.by_servo.setdefault(CODES[key >> 32], Counter())[key & 0xFFFFFFFF] += n
 
     def _count_commands(self, protocol: BusProtocol, batch: Batch) -> None:
         f = batch.frames
@@ -186,6 +202,14 @@ class BusTotals:
         if self.clock == "none" or self.t_first_ns is None or self.t_last_ns is None:
             return None
         return (self.t_last_ns - self.t_first_ns) / NS
+
+
+def _in_order(numbers: I64 | U8) -> list[tuple[int, int, int]]:
+    """Return each number met, in the order of its first row, with that row and how often."""
+    found, first, times = np.unique(numbers, return_index=True, return_counts=True)
+    order = np.argsort(first)
+    columns = (found[order].tolist(), first[order].tolist(), times[order].tolist())
+    return list(zip(*columns, strict=True))
 
 
 class Summary:

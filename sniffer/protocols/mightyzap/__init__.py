@@ -10,6 +10,7 @@ from sniffer.ground.model import I16, I64, MALFORMED, REQUEST, Frames, Gap, Mask
 from sniffer.ground.registers import bit_names
 from sniffer.protocols.base import FieldSpan, FrameView, joined, no_clues
 from sniffer.protocols.dissection import leaves
+from sniffer.protocols.explaining import by_size
 from sniffer.protocols.mightyzap import block, slow
 from sniffer.protocols.mightyzap.block import PLAN
 from sniffer.protocols.mightyzap.grammar import (
@@ -27,6 +28,10 @@ from sniffer.protocols.mightyzap.grammar import (
 
 if TYPE_CHECKING:
     from sniffer.ground.checksums import Checksum
+    from sniffer.protocols.explaining import Runs, Torn
+
+NO_ID: Final = 0xFF
+"""No servo has it: of a run of header bytes, the last three are the header."""
 
 WINDOW_NS: Final = 10_000_000
 """Return delay is at most 255 us (user manual v1.02, Data Map 0x05); the vendor's guide asks
@@ -109,6 +114,10 @@ class MightyZap:
         """Look for headers: what follows one is a damaged or a truncated packet, the rest noise."""
         del awaited  # headers tell
         return block.explain(run, start)
+
+    def survey(self, runs: Runs) -> Torn:
+        """Tell the same of all runs of a pass at once."""
+        return by_size(runs, PLAN, NO_ID)
 
     def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:
         """Return the packet's fields, the factors split by their command's grammar."""
