@@ -76,6 +76,8 @@ class Scaling:
             self._by_mode[i, list(table)] = list(table.values())
             self._by_mode[i, UNSEEN] = unseen_scale(registers[i])
             self._limit[i, list(table)] = [scale_limit(registers[i], mode) for mode in table]
+        # The scale of each register as long as nobody has seen a mode.
+        self._unseen = np.where(self._mode_of != "", self._by_mode[:, UNSEEN], self._scale)
         # What there is to do for a register, as bits: one look-up tells it for all values.
         self._traits = np.zeros(len(registers), np.uint8)
         for i, r in enumerate(registers):
@@ -85,6 +87,7 @@ class Scaling:
                 | MODED * (r.scale_by is not None)
                 | EVENT * bool(self._changes.traits[i])
             )
+        self._one_scale = not ((self._traits & SIGNED > 0) & (self._traits & MODED > 0)).any()
 
     def decode(self, block: Block, paired: Paired, base: int = 0) -> Meaning:
         """Return every value the frames state, scaled; ``base`` is the block's offset.
@@ -120,7 +123,9 @@ class Scaling:
             is_eventful = True
         if is_eventful:
             self._changes.keep(staged)
-        value = v.raw * self._scale[v.register]
+        plain = bool(present & MODED) and not (changes or weighed.anew) and self._is_modeless()
+        scale = self._unseen if plain else self._scale
+        value: F64 = np.multiply(v.raw, scale[v.register], dtype=np.float64)
         if present & SIGNED:
             mine = np.flatnonzero(traits & SIGNED)
             raw, bit = v.raw[mine], self._sign_bit[v.register[mine]]
@@ -129,12 +134,15 @@ class Scaling:
             value[mine] = signed * self._scale[v.register[mine]]
         takes = accepted[v.row]
         misfits: list[Misfit] = []
-        if changes or weighed.anew or present & MODED:
+        if plain:
+            known = (origin == OBSERVED) & (traits & MODED > 0)
+            origin = np.where(known, np.uint8(ASSUMED), origin)
+        elif changes or weighed.anew or present & MODED:
             moved = [c for c in changes if c.what != FEEDBACK]
             misfits = self._apply_modes(v, traits, takes, moved, weighed.anew, value, origin)
         if present & SPECIAL:
             mine = np.flatnonzero(traits & SPECIAL)
-            for i in np.unique(v.register[mine]).tolist():
+            for i in np.flatnonzero(np.bincount(v.register[mine])).tolist():
                 own = mine[v.register[mine] == i]
                 value[own[np.isin(v.raw[own], self._special[i])]] = np.nan
         if v.part.any():
@@ -196,6 +204,13 @@ class Scaling:
         mine = np.flatnonzero(traits & MODED)
         lowest = self._limit[:, sorted(modes)].min(axis=1, initial=np.inf)
         return bool((v.raw[mine] > lowest[v.register[mine]]).any())
+
+    def _is_modeless(self) -> bool:
+        """Whether no mode is in force, so that one look-up scales all values."""
+        modes, seen = self.state.modes.values(), self.state.seen.values()
+        return self._one_scale and all(
+            bool((m < 0).all()) and not s.any() for m, s in zip(modes, seen, strict=True)
+        )
 
     def _apply_modes(
         self,

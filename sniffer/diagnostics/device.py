@@ -100,13 +100,15 @@ class DeviceRules:
 
     def _ranges(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
         """Report what was written out of range each time, what was measured when it begins."""
+        if not self._any_outside:
+            out = (v.raw < self._low[v.register]) | (v.raw > self._high[v.register])
+            if not out.any():
+                return
         mine = np.flatnonzero(self._has_range[v.register] & (v.part == WHOLE))
         if not len(mine):
             return
         register, raw = v.register[mine], v.raw[mine]
         outside = (raw < self._low[register]) | (raw > self._high[register])
-        if not outside.any() and not self._any_outside:
-            return
         for i, codes in self._special.items():
             outside &= ~((register == i) & np.isin(raw, codes))
         written = batch.frames.kind[v.row[mine]] == REQUEST
@@ -158,7 +160,10 @@ class DeviceRules:
     def _bus_changes(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
         if not self._effects:
             return
-        told = self._has_effect[v.register] & v.accepted & (v.part == WHOLE)
+        told = self._has_effect[v.register]
+        if not told.any():
+            return
+        told &= v.accepted & (v.part == WHOLE)
         told &= batch.frames.kind[v.row] == REQUEST
         for i in np.flatnonzero(told).tolist():
             r = self._effects[int(v.register[i])]

@@ -162,6 +162,9 @@ class CaptureRules:
                 )
         if batch.clock == Clock.READ:
             return  # the recorder's own clock never steps; a read that came late looks like it
+        if batch.clock == Clock.NONE:
+            self._last = int(f.t_end[-1])
+            return  # counted from the bytes
         before = f.t_end[0] if self._last is None else self._last
         step = np.diff(f.t_end, prepend=before)
         for i in np.flatnonzero(step < -f.uncertainty - 1_000_000).tolist():
@@ -173,7 +176,7 @@ class CaptureRules:
     def _echoes(self, batch: Batch) -> Iterator[Anomaly]:
         """Report once that the requests of this bus are echoed."""
         f = batch.frames
-        if self._echo_told or not (f.flags & ECHO).any():
+        if self._echo_told or not f.flags.any() or not (f.flags & ECHO).any():
             return
         self._echo_told = True
         i = int(np.flatnonzero(f.flags & ECHO)[0])
