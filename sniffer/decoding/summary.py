@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
+from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps
 from sniffer.ground.model import (
     I64,
@@ -173,13 +174,14 @@ class BusTotals:
 
     def _count_commands(self, protocol: BusProtocol, batch: Batch) -> None:
         f = batch.frames
-        ops, which = np.unique(f.op, return_inverse=True)
-        key = (which.astype(np.int64) << 20) | ((f.servo_id.astype(np.int64) + 2) << 1) | f.kind
-        found, counts = np.unique(key, return_counts=True)
+        ops, which, _ = distinct(f.op)
+        ids = int(f.servo_id.max()) + 2
+        found, _, counts = distinct((which * ids + f.servo_id + 1) << 1 | f.kind)
         for k, n in zip(found.tolist(), counts.tolist(), strict=True):
-            op = int(ops[k >> 20])
+            who = (k >> 1) % ids - 1
+            op = int(ops[(k >> 1) // ids])
             name = self._ops.get(op) or self._ops.setdefault(op, protocol.op_name(op))
-            self.by_command[(k >> 1 & 0x7FFFF) - 2, name, KINDS[k & 1]] += n
+            self.by_command[who, name, KINDS[k & 1]] += n
 
     def _count_times(self, batch: Batch) -> None:
         f, t = batch.frames, batch.transactions
@@ -192,7 +194,7 @@ class BusTotals:
         servo = f.servo_id[t.response[known]]
         took = t.response_time_ns[known]
         spread = t.uncertainty_ns[known]
-        for who in np.unique(servo).tolist():
+        for who in distinct(servo)[0].tolist():
             mine = servo == who
             self.times.setdefault(who, Quantiles()).add(took[mine], spread[mine])
 
@@ -206,7 +208,9 @@ class BusTotals:
 
 def _in_order(numbers: I64 | U8) -> list[tuple[int, int, int]]:
     """Return each number met, in the order of its first row, with that row and how often."""
-    found, first, times = np.unique(numbers, return_index=True, return_counts=True)
+    found, which, times = distinct(numbers)
+    first = np.full(len(found), len(which))
+    np.minimum.at(first, which, np.arange(len(which)))
     order = np.argsort(first)
     columns = (found[order].tolist(), first[order].tolist(), times[order].tolist())
     return list(zip(*columns, strict=True))
