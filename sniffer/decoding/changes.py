@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnostics.learned import Change
+from sniffer.ground.columns import columns_of
 from sniffer.ground.model import (
     I64,
     OK,
@@ -24,7 +25,7 @@ from sniffer.ground.model import (
 )
 
 if TYPE_CHECKING:
-    from sniffer.protocols.base import BusProtocol, State, Values
+    from sniffer.protocols.base import BusProtocol, Values
 
 SET, FEEDBACK, RENUMBER, RESET, RELEASE = range(5)
 """A mode register was set, a return mode became known, a servo has a new id, or its defaults (and,
@@ -46,15 +47,11 @@ def new_id(change: Change) -> int:
 class Changes:
     """Finds the changes of a pass; remembers what is staged and waits for its execution."""
 
-    def __init__(self, protocol: BusProtocol, state: State) -> None:
+    def __init__(self, protocol: BusProtocol) -> None:
         self._protocol = protocol
-        registers = protocol.registers
-        self._what = np.full(len(registers), -1, np.int64)
-        for i, r in enumerate(registers):
-            if r.name in state.modes:
-                self._what[i] = SET
-            elif r.effect in ("feedback", "servo_id"):
-                self._what[i] = FEEDBACK if r.effect == "feedback" else RENUMBER
+        known = columns_of(protocol.registers)
+        effects = [known.selects_mode, known.effect == "feedback", known.effect == "servo_id"]
+        self._what = np.select(effects, [SET, FEEDBACK, RENUMBER], -1)
         self.traits = self._what >= 0
         self._staged: list[Change] = []
 

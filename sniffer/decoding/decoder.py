@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from sniffer.decoding.holes import mark_tail, stretches
+from sniffer.decoding.holes import mark_tail
 from sniffer.decoding.pairing import Expectations, Pairing
 from sniffer.decoding.values import Scaling
 from sniffer.diagnostics import Diagnostics
 from sniffer.ground.framing import Block
+from sniffer.ground.gaps import IDLE_TAIL, TRUNCATED, Gaps
 from sniffer.ground.limits import (
     BAUDS,
     DURATION_MOST_NS,
@@ -41,6 +42,7 @@ from sniffer.ground.model import (
     Cut,
     Frames,
     Gap,
+    Mask,
     Remark,
     Samples,
     SnifferError,
@@ -50,6 +52,7 @@ from sniffer.ground.model import (
 from sniffer.ground.remarks import Remarks
 from sniffer.ground.timing import Stamps, byte_time_ns
 from sniffer.protocols import protocol_named
+from sniffer.protocols.explaining import Surveyor, pieces
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -273,7 +276,7 @@ class Decoder:
         gaps = self._remarks.explain(gaps, self._base)
         return tuple(Gap(*g[:-1], t) for g, t in zip(gaps, times.tolist(), strict=True))
 
-    def tell(self, met: Met, cut: int, gaps: tuple[Gap, ...], *, open_from: int | None) -> Batch:
+    def tell(self, met: Met, cut: int, gaps: Sequence[Gap], *, open_from: int | None) -> Batch:
         """Return what the bytes before a cut say, and go on behind it.
 
         Args:
@@ -369,27 +372,71 @@ class Decoder:
         edge = max(last, int(block.barriers[-1]) if len(block.barriers) else 0)
         return edge + (decided - edge) // GAP_MAX * GAP_MAX, len(frames)
 
-    def _gaps(self, data: bytes, frames: Frames, cut: int, block: Block) -> tuple[Gap, ...]:
+    def _gaps(self, data: bytes, frames: Frames, cut: int, block: Block) -> Sequence[Gap]:
         """Explain the bytes no frame claims, in pieces counted from where each run begins."""
         edges_from = np.concatenate([[0], frames.end])
         edges_to = np.concatenate([frames.start, [cut]])
         holes = np.flatnonzero(edges_to > edges_from)
         if not len(holes):
             return ()
-        waits = frames.end[(frames.kind == REQUEST) & (frames.reply != NEVER)]
-        asked = set(waits[np.isin(waits, edges_from[holes])].tolist())
-        asked.add(self._asked_until - self._base)
-        asked -= {b - self._base for b in self._barriers}
+        runs = _runs(edges_from[holes], edges_to[holes], block)
+        before = holes[holes > 0] - 1
+        asks = (frames.kind[before] == REQUEST) & (frames.reply[before] != NEVER)
+        asked = frames.end[before[asks]]
+        if not holes[0] and self._asked_until == self._base:
+            asked = np.append(asked, 0)
+        if self._barriers:
+            asked = asked[~np.isin(asked, np.array(self._barriers, np.int64) - self._base)]
+        awaited = np.zeros(len(runs.start), bool)
+        awaited[np.searchsorted(runs.start, asked)] = True
+
+        def explain(i: int) -> list[Gap]:
+            s, e = int(runs.start[i]), int(runs.end[i])
+            return self.protocol.explain(data[s:e], s, awaited=bool(awaited[i]))
+
+        if isinstance(self.protocol, Surveyor) and not self._remarks.doubts:
+            found = pieces(self.protocol, block.data, runs.start, runs.end)
+            last = np.append(found.run[1:] != found.run[:-1], True)
+            tail = last & runs.closed[found.run] & (found.kind == TRUNCATED)
+            kind = np.where(tail, np.uint8(IDLE_TAIL), found.kind)
+            times = self._stamps.at(found.end + self._base)
+            size = found.end - found.start
+            return Gaps(found.start, size, kind, found.servo_id, times, found.run, explain)
         out: list[Gap] = []
-        for a, b in zip(edges_from[holes].tolist(), edges_to[holes].tolist(), strict=True):
-            for c, d, closed in stretches(a, b, block):
-                for s in range(c, d, GAP_MAX):
-                    e = min(d, s + GAP_MAX)
-                    pieces = self.protocol.explain(data[s:e], s, awaited=s == a and a in asked)
-                    if closed and e == d:
-                        mark_tail(pieces)
-                    out += pieces
-        return self.dated(out)
+        for i, closed in enumerate(runs.closed.tolist()):
+            told = explain(i)
+            if closed:
+                mark_tail(told)
+            out += told
+        return Gaps.of(self.dated(out))
+
+
+class _Runs(NamedTuple):
+    """Unclaimed bytes to explain in one go; ``closed``: a silence (or the end) follows."""
+
+    start: I64
+    end: I64
+    closed: Mask
+
+
+def _runs(start: I64, end: I64, block: Block) -> _Runs:
+    """Cut holes between frames at silences, and what is long into pieces, from where it begins."""
+    closed = np.zeros(len(start), bool)
+    if len(block.barriers):
+        inside = block.barriers[np.searchsorted(start, block.barriers) != 0]
+        hole = np.searchsorted(start, inside) - 1  # the hole that begins before it
+        inside = inside[inside < end[hole]]
+        start, end = np.sort(np.append(start, inside)), np.sort(np.append(end, inside))
+        closed = np.isin(end, block.barriers)
+    if block.final:
+        closed = closed | (end == block.n)
+    many = -(-(end - start) // GAP_MAX)
+    if (many > 1).any():
+        of = np.repeat(np.arange(len(start)), many)
+        start = start[of] + (np.arange(len(of)) - np.repeat(np.cumsum(many) - many, many)) * GAP_MAX
+        closed = closed[of] & (end[of] - start <= GAP_MAX)
+        end = np.minimum(end[of], start + GAP_MAX)
+    return _Runs(start, end, closed)
 
 
 def _empty(base: int, clock: Clock, remarks: tuple[Remark, ...]) -> Batch:

@@ -301,10 +301,13 @@ def _told_by(frames: Frames, answer: I64, requests: Frames, asked: I64, own: Mas
     if not len(answer):
         return frames
     op, address, servo_id = frames.op.copy(), frames.address.copy(), frames.servo_id
-    op[answer] = np.where(own[answer], op[answer], requests.op[asked])
-    address[answer] = np.where(
-        own[answer] | (address[answer] >= 0), address[answer], requests.address[asked]
-    )
+    kept = own[answer]
+    some, of = (answer[~kept], asked[~kept]) if kept.any() else (answer, asked)
+    op[some] = requests.op[of]
+    states = address[some] >= 0
+    if states.any():
+        some, of = some[~states], of[~states]
+    address[some] = requests.address[of]
     # A bare answer names nobody: it is that of the servo asked.
     bare = servo_id[answer] < 0
     if bare.any():
@@ -355,18 +358,35 @@ class Expectations:
     ) -> None:
         row: I64 = transactions.request[part]
         kind = transactions.outcome[part]
+        mode: I64 | None = None
+        if (frames.reply == IF_ALL).any():
+            mode = self._proved(frames, transactions, part, row, kind)
+        alone = np.flatnonzero((kind == NO_RESPONSE) & (row >= 0))
+        if not len(alone):
+            return
+        asked = row[alone]
+        reply = frames.reply[asked]
+        known = self._mode[frames.servo_id[asked] & 255] if mode is None else mode[alone]
+        expected = (reply >= MUST) | ((reply == IF_READ) & (known != 0))
+        expected |= (reply == IF_ALL) & (known == 2)
+        verdict = np.where(torn[part][alone], DAMAGED, NO_RESPONSE)
+        outcome[part][alone] = np.where(expected, verdict, NOT_EXPECTED)
+
+    def _proved(
+        self, frames: Frames, transactions: Transactions, part: slice, row: I64, kind: U8
+    ) -> I64:
+        """Return each row's mode, by what is known and what answers to writes prove on the way."""
         asked = row >= 0
         row = np.where(asked, row, 0)
-        reply = np.where(asked, frames.reply[row], NEVER)
         servo = frames.servo_id[row] & 255
-        mode = self._mode[servo]
+        mode: I64 = self._mode[servo]
         # Among several open requests the answer may be another's: right behind its own it is not.
         behind = row + 1
         echo = frames.flags & ECHO > 0
         if echo.any():
             behind += np.append(echo, False)[behind]
         proof = asked & (kind == OK) & (transactions.response[part] == behind)
-        answered = np.flatnonzero(proof & (reply == IF_ALL) & (mode != 2))
+        answered = np.flatnonzero(proof & (frames.reply[row] == IF_ALL) & (mode != 2))
         if len(answered):
             # whoever answers a write once answers them all: later rows of that servo expect it
             who, first = np.unique(servo[answered], return_index=True)
@@ -374,8 +394,4 @@ class Expectations:
             since[who] = answered[first]
             mode = np.where(np.arange(len(row)) > since[servo], 2, mode)
             self._mode[who] = 2
-        alone = asked & (kind == NO_RESPONSE)
-        expected = (reply >= MUST) | ((reply == IF_READ) & (mode != 0))
-        expected |= (reply == IF_ALL) & (mode == 2)
-        verdict = np.where(expected, np.where(torn[part], DAMAGED, NO_RESPONSE), NOT_EXPECTED)
-        outcome[part] = np.where(alone, verdict, kind)
+        return mode

@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from sniffer.decoding.names import AND
+from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
+from sniffer.ground.distinct import distinct
+from sniffer.ground.gaps import REASONS, Gaps
 from sniffer.ground.model import (
     I64,
     KINDS,
@@ -17,6 +20,7 @@ from sniffer.ground.model import (
     OK,
     OUTCOMES,
     PROVENANCES,
+    U8,
     Anomaly,
     Batch,
     Severity,
@@ -134,15 +138,10 @@ class BusTotals:
         self.bytes += accounted(batch)
         self.clock = batch.clock.name.lower()
         self.samples += int(batch.values.accepted.sum())
-        for g in batch.gaps:
-            self.gaps[g.reason] += 1
-            self.bytes_in_gaps += g.length
-        for a in batch.anomalies:
-            self.codes[a.code] += 1
-            self.severities[a.severity] += 1
-            self.first.setdefault(a.code, a)
-            if a.servo_id is not None:
-                self.by_servo.setdefault(a.code, Counter())[a.servo_id] += 1
+        if len(batch.gaps):
+            self._count_gaps(batch)
+        if len(batch.anomalies):
+            self._count_anomalies(Anomalies.of(batch.anomalies))
         if not len(f):
             return
         self.models.update(batch.models)
@@ -159,16 +158,35 @@ class BusTotals:
         self._count_commands(protocol, batch)
         self._count_times(batch)
 
+    def _count_gaps(self, batch: Batch) -> None:
+        gaps = Gaps.of(batch.gaps)
+        self.bytes_in_gaps += int(gaps.length.sum())
+        for kind, _, n in _in_order(gaps.kind):
+            self.gaps[REASONS[kind]] += n
+
+    def _count_anomalies(self, found: Anomalies) -> None:
+        for number, first, n in _in_order(found.code):
+            code = CODES[number]
+            self.codes[code] += n
+            self.severities[SEVERITY[number]] += n
+            if code not in self.first:
+                self.first[code] = found[first]
+        blamed = np.flatnonzero(found.servo_id >= 0)
+        who = found.servo_id[blamed]
+        for key, _, n in _in_order(found.code[blamed] << 32 | who):
+            self.by_servo.setdefault(CODES[key >> 32], Counter())[key & 0xFFFFFFFF] += n
+
     def _count_commands(self, protocol: BusProtocol, batch: Batch) -> None:
         f = batch.frames
-        ops, which = np.unique(f.op, return_inverse=True)
-        key = (which.astype(np.int64) << 20) | ((f.servo_id.astype(np.int64) + 2) << 1) | f.kind
-        found, counts = np.unique(key, return_counts=True)
+        ops, which, _ = distinct(f.op)
+        ids = int(f.servo_id.max()) + 2
+        found, _, counts = distinct((which * ids + f.servo_id + 1) << 1 | f.kind)
         for k, n in zip(found.tolist(), counts.tolist(), strict=True):
-            op = int(ops[k >> 20])
+            who = (k >> 1) % ids - 1
+            op = int(ops[(k >> 1) // ids])
             known = protocol.name, op
             name = self._ops.get(known) or self._ops.setdefault(known, protocol.op_name(op))
-            self.by_command[(k >> 1 & 0x7FFFF) - 2, name, KINDS[k & 1]] += n
+            self.by_command[who, name, KINDS[k & 1]] += n
 
     def _count_times(self, batch: Batch) -> None:
         f, t = batch.frames, batch.transactions
@@ -181,7 +199,7 @@ class BusTotals:
         servo = f.servo_id[t.response[known]]
         took = t.response_time_ns[known]
         spread = t.uncertainty_ns[known]
-        for who in np.unique(servo).tolist():
+        for who in distinct(servo)[0].tolist():
             mine = servo == who
             self.times.setdefault(who, Quantiles()).add(took[mine], spread[mine])
 
@@ -197,7 +215,17 @@ def accounted(batch: Batch) -> int:
     """Return how many bytes a batch accounts for: all of its data, or its share of them."""
     if not batch.is_shared:
         return len(batch.data)
-    return int(batch.frames.length.sum()) + sum(g.length for g in batch.gaps)
+    return int(batch.frames.length.sum() + Gaps.of(batch.gaps).length.sum())
+
+
+def _in_order(numbers: I64 | U8) -> list[tuple[int, int, int]]:
+    """Return each number met, in the order of its first row, with that row and how often."""
+    found, which, times = distinct(numbers)
+    first = np.full(len(found), len(which))
+    np.minimum.at(first, which, np.arange(len(which)))
+    order = np.argsort(first)
+    columns = (found[order].tolist(), first[order].tolist(), times[order].tolist())
+    return list(zip(*columns, strict=True))
 
 
 class Summary:

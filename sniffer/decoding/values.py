@@ -16,6 +16,7 @@ from sniffer.decoding.changes import EVERY, FEEDBACK, RESET, SET, Changes, new_i
 from sniffer.decoding.weighing import Weighing
 from sniffer.diagnostics.evidence import loose_counts
 from sniffer.diagnostics.learned import FeedbackWrite, Meaning, ScaleMisfit
+from sniffer.ground.columns import UNSEEN, columns_of
 from sniffer.ground.model import (
     ASSUMED,
     ECHO,
@@ -34,7 +35,6 @@ from sniffer.ground.model import (
     Samples,
     Transactions,
 )
-from sniffer.ground.registers import scale_limit, unseen_scale
 from sniffer.protocols.base import BusProtocol, State, Turn, Values
 
 if TYPE_CHECKING:
@@ -48,8 +48,6 @@ if TYPE_CHECKING:
 SIGNED, SPECIAL, MODED, EVENT = 1, 2, 4, 8
 CHANGES = RESETS | RELEASES | STAGED
 PROVENANCE = (ASSUMED, PROFILE, OBSERVED)
-UNSEEN = 256
-"""Column of the scales for a mode nobody has seen yet."""
 
 
 class Scaling:
@@ -60,31 +58,17 @@ class Scaling:
     ) -> None:
         self.protocol = protocol
         self.state = State(protocol, models)
-        self._changes = Changes(protocol, self.state)
+        self._changes = Changes(protocol)
         self._weighing = Weighing(protocol, self.state)
-        registers = protocol.registers
-        self._scale = np.array([r.scale for r in registers])
-        self._role = np.array([r.role for r in registers], np.uint8)
-        self._sign_bit = np.array([r.sign_bit or 0 for r in registers])
-        self._special = {i: list(r.special) for i, r in enumerate(registers) if r.special}
-        self._moded = {i: r.scale_by for i, r in enumerate(registers) if r.scale_by is not None}
-        self._mode_of = np.array([r.scale_by[0] if r.scale_by else "" for r in registers])
-        # Scale by register and mode, and the highest value that fits it.
-        self._by_mode = np.full((len(registers), UNSEEN + 1), np.nan)
-        self._limit = np.full((len(registers), UNSEEN + 1), np.inf)
-        for i, (_, table) in self._moded.items():
-            self._by_mode[i, list(table)] = list(table.values())
-            self._by_mode[i, UNSEEN] = unseen_scale(registers[i])
-            self._limit[i, list(table)] = [scale_limit(registers[i], mode) for mode in table]
+        self._known = known = columns_of(protocol.registers)
         # What there is to do for a register, as bits: one look-up tells it for all values.
-        self._traits = np.zeros(len(registers), np.uint8)
-        for i, r in enumerate(registers):
-            self._traits[i] = (
-                SIGNED * (r.sign_bit is not None)
-                | SPECIAL * bool(r.special)
-                | MODED * (r.scale_by is not None)
-                | EVENT * bool(self._changes.traits[i])
-            )
+        self._traits: U8 = (
+            SIGNED * known.is_signed
+            | SPECIAL * known.is_special
+            | MODED * known.is_moded
+            | EVENT * self._changes.traits
+        ).astype(np.uint8)
+        self._one_scale = not (known.is_signed & known.is_moded).any()
 
     def decode(self, block: Block, paired: Paired, base: int = 0) -> Meaning:
         """Return every value the frames state, scaled; ``base`` is the block's offset.
@@ -142,31 +126,36 @@ class Scaling:
         # Every value gets its register's own scale; what is otherwise is then put right for those
         # few that have the trait. A branch per register would touch each array once per register
         # instead.
-        value = v.raw * self._scale[v.register]
+        plain = bool(present & MODED) and not (changes or weighed.anew) and self._is_modeless()
+        scale = self._known.unseen if plain else self._known.scale
+        value: F64 = np.multiply(v.raw, scale[v.register], dtype=np.float64)
         if present & SIGNED:
             mine = np.flatnonzero(traits & SIGNED)
-            raw, bit = v.raw[mine], self._sign_bit[v.register[mine]]
+            raw, bit = v.raw[mine], self._known.sign_bit[v.register[mine]]
             magnitude = raw & ((1 << bit) - 1)
             signed = np.where(raw >> bit & 1, magnitude, -magnitude)
             # a scale that turns the sign makes zero -0.0
-            value[mine] = signed * self._scale[v.register[mine]] + 0.0
+            value[mine] = signed * self._known.scale[v.register[mine]] + 0.0
         takes = accepted[v.row]
         misfits: list[ScaleMisfit] = []
-        if changes or weighed.anew or present & MODED:
+        if plain:
+            known = (origin == OBSERVED) & (traits & MODED > 0)
+            origin = np.where(known, np.uint8(ASSUMED), origin)
+        elif changes or weighed.anew or present & MODED:
             moved = [c for c in changes if c.what != FEEDBACK]
             misfits = self._apply_modes(v, traits, takes, moved, weighed.anew, value, origin)
         if present & SPECIAL:
             mine = np.flatnonzero(traits & SPECIAL)
-            for i in np.unique(v.register[mine]).tolist():
+            for i in np.flatnonzero(np.bincount(v.register[mine])).tolist():
                 own = mine[v.register[mine] == i]
-                value[own[np.isin(v.raw[own], self._special[i])]] = np.nan
+                value[own[np.isin(v.raw[own], self._known.special[i])]] = np.nan
         if v.part.any():
             value[v.part != WHOLE] = np.nan
         samples = Samples(
             t_ns=frames.t_end[v.row],
             servo_id=v.servo_id,
             register=v.register,
-            role=self._role[v.register],
+            role=self._known.role[v.register],
             raw=v.raw,
             value=value,
             provenance=origin,
@@ -217,8 +206,15 @@ class Scaling:
         modes |= {int(m) for known in self.state.modes.values() for m in np.unique(known)}
         modes.discard(-1)
         mine = np.flatnonzero(traits & MODED)
-        lowest = self._limit[:, sorted(modes)].min(axis=1, initial=np.inf)
+        lowest = self._known.limit[:, sorted(modes)].min(axis=1, initial=np.inf)
         return bool((v.raw[mine] > lowest[v.register[mine]]).any())
+
+    def _is_modeless(self) -> bool:
+        """Whether no mode is in force, so that one look-up scales all values."""
+        modes, seen = self.state.modes.values(), self.state.seen.values()
+        return self._one_scale and all(
+            bool((m < 0).all()) and not s.any() for m, s in zip(modes, seen, strict=True)
+        )
 
     def _apply_modes(
         self,
@@ -258,7 +254,7 @@ class Scaling:
         mine = np.flatnonzero(traits & MODED)
         servo = (v.servo_id[mine] & 255).astype(np.int64)
         register, raw = v.register[mine], v.raw[mine]
-        name_of = self._mode_of[register] if len(state.modes) > 1 else None
+        name_of = self._known.mode_of[register] if len(state.modes) > 1 else None
         column = np.full(len(mine), UNSEEN)
         seen = np.zeros(len(mine), bool)
         sound = takes[mine] & (v.part[mine] == WHOLE)
@@ -277,7 +273,7 @@ class Scaling:
                 mode = known[who]
                 column[own] = np.where(mode < 0, UNSEEN, mode & 255)
                 seen[own] = state.seen[name][who]
-                over = sound[own] & (raw[own] > self._limit[register[own], column[own]])
+                over = sound[own] & (raw[own] > self._known.limit[register[own], column[own]])
                 while over.any():
                     # From the first value that cannot be, the mode of its servo is not believed.
                     first = int(np.argmax(over))
@@ -295,7 +291,7 @@ class Scaling:
                     gone = own[first:][who[first:] == one]
                     column[gone], seen[gone] = UNSEEN, False
                     over &= who != one
-        value[mine] = raw * self._by_mode[register, column]
+        value[mine] = raw * self._known.by_mode[register, column]
         origin = provenance[mine]
         provenance[mine] = np.where(seen, OBSERVED, np.where(origin == OBSERVED, ASSUMED, origin))
         return sorted(misfits)

@@ -1,7 +1,8 @@
 """What is wrong on the bus: one small rule a function, over the columns of a batch.
 
 Rules return anomalies in any order; they are sorted by the last of their evidence: only then they
-are known. What a rule remembers across batches does not depend on how the stream was cut.
+are known. Those of which a bad line has many come in columns (``found.Anomalies``). What a rule
+remembers across batches does not depend on how the stream was cut.
 """
 
 from __future__ import annotations
@@ -9,13 +10,16 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sniffer.diagnostics.answers import PairingRules
 from sniffer.diagnostics.device import DeviceRules
 from sniffer.diagnostics.doubled import DoubledAnswers
+from sniffer.diagnostics.found import Anomalies
 from sniffer.diagnostics.hearing import Hearing
 from sniffer.diagnostics.models import ModelRules
 from sniffer.diagnostics.rules import CaptureRules, gap_anomalies, protocol_anomalies
-from sniffer.diagnostics.tap import TapRules, without_our_fault
+from sniffer.diagnostics.tap import TORN_OFF, TapRules, without_our_fault
 
 if TYPE_CHECKING:
     from sniffer.diagnostics.learned import Meaning
@@ -52,24 +56,30 @@ class Diagnostics:
 
     def judge(self, batch: Batch, meaning: Meaning | None = None) -> Batch:
         """Return the batch with its anomalies; ``meaning``: what was learned about the servos."""
-        found: list[Anomaly] = [
-            *gap_anomalies(batch),
-            *protocol_anomalies(batch, self._protocol),
-            *self._pairing.judge(batch),
+        few = [
             *self._device.judge(batch, () if meaning is None else meaning.resets),
             *(self._models.judge(batch, meaning) if meaning is not None else ()),
             *(self._wire.judge(batch) if self._wire is not None else ()),
         ]
-        unsure = {a.evidence[-1] for a in found if a.code == "ambiguous-response"}
-        if unsure:  # what repeats another request is no fault where it may be that one's
-            found = [a for a in found if a.code != "echo-mismatch" or a.evidence[0] not in unsure]
+        found = Anomalies.joined(
+            [
+                gap_anomalies(batch),
+                Anomalies.of([*protocol_anomalies(batch, self._protocol)]),
+                *self._pairing.judge(batch),
+                Anomalies.of(few),
+            ]
+        )
+        found = _without_repeats(found)
         found = self._doubled.judge(batch, found)
-        found = without_our_fault(batch, found, self._protocol.tail_ns)
+        if batch.cut is not None or any(r.kind in TORN_OFF for r in batch.remarks):
+            tail_ns = self._protocol.tail_ns
+            found = Anomalies.of(without_our_fault(batch, list(found), tail_ns))
         found = self._hearing.judge(batch, found)
+        if not len(found):
+            return batch
         # What was held back stands where it was let go, however the stream was cut.
-        told_at = self._hearing.told_at
-        found.sort(key=lambda a: (max(a.known_at, told_at.get(id(a), 0)), a.t_ns, a.code))
-        return replace(batch, anomalies=tuple(found))
+        order = np.lexsort((found.code, found.t_ns, found.told_at))
+        return replace(batch, anomalies=found.take(order))
 
     def finish(self, batch: Batch) -> Batch:
         """Return the last batch with what was held back until the end."""
@@ -79,3 +89,14 @@ class Diagnostics:
         ends = [a for a in batch.anomalies if a.code == "capture-end"]
         found = [a for a in batch.anomalies if a.code != "capture-end"]
         return replace(batch, anomalies=(*found, *held, *ends))
+
+
+def _without_repeats(found: Anomalies) -> Anomalies:
+    """Leave out that an answer differs from its request, where it may be that to another one."""
+    unsure = found.rows("ambiguous-response")
+    differs = found.rows("echo-mismatch") if len(unsure) else unsure
+    if not len(differs):
+        return found
+    answers = {found[i].evidence[-1] for i in unsure.tolist()}
+    gone = [i for i in differs.tolist() if found[i].evidence[0] in answers]
+    return found.take(np.delete(np.arange(len(found)), gone))

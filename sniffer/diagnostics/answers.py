@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.diagnostics.ambiguous import Ambiguity, Missed, Open, Span
+from sniffer.diagnostics.found import NUMBER, Anomalies
 from sniffer.diagnostics.rules import anomaly
 from sniffer.ground.model import (
     ANY_ID,
@@ -17,65 +18,58 @@ from sniffer.ground.model import (
     NO_RESPONSE,
     NOT_EXPECTED,
     OK,
+    OUTCOMES,
     UNSOLICITED,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
-    from sniffer.ground.model import I64, Anomaly, Batch, Frames, Mask
+    from sniffer.ground.model import I64, U8, Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
-
-Span = tuple[int, int]
 
 LATE_SPAN_NS: Final = 3_000_000_000
 """An unasked answer this long after an unanswered request is still taken for its answer: the
 longest time-out met in clients (wCK's original library waits 3 s)."""
 
-
-class _Row(NamedTuple):
-    """One transaction that went wrong, as plain numbers; spans are absolute."""
-
-    at: int  # its row
-    request: int
-    response: int
-    outcome: int
-    op: int
-    servo_id: int
-    asked: Span
-    answered: Span
-    t_ns: int
-
-
-@dataclass(frozen=True, slots=True)
-class _Open:
-    """A request nobody answered in time: its answer may still come, late."""
-
-    servo_id: int
-    token: int
-    t_ns: int
-    op: str
-    span: Span
-    raw: bytes
+_CODE: Final = np.array(
+    [
+        NUMBER[
+            {
+                NO_RESPONSE: "no-response",
+                DAMAGED: "damaged-response",
+                MISMATCHED: "mismatched-response",
+                UNSOLICITED: "unsolicited-response",
+            }.get(outcome, "late-response")
+        ]
+        for outcome in range(len(OUTCOMES))
+    ]
+)
+"""What each outcome is called; one that is well is only looked at where it is late."""
 
 
-class _Answered(NamedTuple):
-    """Requests that were answered, in wire order, as rows of ``asking``, and their answers."""
+class _Wrong(NamedTuple):
+    """Transactions that went wrong, in columns; places are absolute."""
 
-    base: int
-    asking: Frames
+    at: I64  # their rows
+    request: I64
+    response: I64
+    outcome: U8
+    op: I64
+    servo_id: I64
     asked: I64
-    answer: I64
+    asked_length: I64
+    answered: I64
+    answered_length: I64
+    t_ns: I64
 
-    @property
-    def start(self) -> I64:
-        """Where each begins, absolute."""
-        return self.asking.start[self.asked] + self.base
+    def span(self, i: int) -> Span:
+        """Return where a request stands."""
+        return int(self.asked[i]), int(self.asked_length[i])
 
-    def span(self, k: int) -> Span:
-        """Return the span of one, absolute."""
-        q = int(self.asked[k])
-        return int(self.asking.start[q]) + self.base, int(self.asking.length[q])
+    def answer(self, i: int) -> Span:
+        """Return where an answer stands."""
+        return int(self.answered[i]), int(self.answered_length[i])
 
 
 class PairingRules:
@@ -83,126 +77,121 @@ class PairingRules:
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._protocol = protocol
-        self._open: deque[_Open] = deque(maxlen=DEPTH)
+        self._open: deque[Open] = deque(maxlen=DEPTH)
         self._last: tuple[int, Span] | None = None
-        self._answers: Mask = np.empty(0, bool)  # which frames of the batch answer a request
         self._names: dict[int, str] = {}
-        self._tail = b""  # before the batch: requests of it that are answered later begin there
-        self._most = max(protocol.reach, 0) + protocol.longest
+        self._ambiguity = Ambiguity(protocol)
 
-    def judge(self, batch: Batch) -> Iterator[Anomaly]:
+    def judge(self, batch: Batch) -> Sequence[Anomalies]:
         """Report the transactions that went wrong, and answers beyond their window."""
-        yield from self._judge(batch)
-        data = batch.data if len(batch.data) >= self._most else self._tail + batch.data
-        self._tail = data[-self._most :]
+        found = self._judge(batch) if len(batch.transactions) else ()
+        self._ambiguity.forget(batch)
+        return found
 
-    def _judge(self, batch: Batch) -> Iterator[Anomaly]:
+    def _judge(self, batch: Batch) -> Sequence[Anomalies]:
         t = batch.transactions
-        if not len(t):
-            return
         late = self._late(batch)
         wrong = (t.outcome != OK) & (t.outcome != NOT_EXPECTED)
         if len(late):
             wrong[late] = True
         answered = t.response[t.outcome == OK]
         wrong_rows = np.flatnonzero(wrong)
+        out = []
+        # Before the batch's own: telling these may put some of those out.
+        before = [o for o in self._open if self._may_be_open(o, batch.base)]
+        missed = Missed(before, *self._places(before), np.empty(0, np.int64), _nothing)
         if len(wrong_rows):
-            self._answers = np.zeros(len(batch.frames), bool)
-            self._answers[answered] = True
-        missed: list[_Open] = [o for o in self._open if self._may_be_open(o, batch.base)]
-        for row in self._rows(batch, wrong_rows) if len(wrong_rows) else ():
-            yield self._one(batch, row)
-            if row.outcome in (NO_RESPONSE, DAMAGED):
-                missed.append(self._open[-1])
+            rows = self._rows(batch, wrong_rows)
+            mine = np.flatnonzero((rows.outcome == NO_RESPONSE) | (rows.outcome == DAMAGED))
+            missed = self._missed(batch, before, rows, mine)
+            out.append(self._told(batch, rows, mine, missed, answered))
         if len(answered):
             self._last = self._answer(batch, int(answered.max()))
-            yield from self._unsure(batch, missed)
+            out.append(Anomalies.of([*self._ambiguity.judge(batch, missed)]))
+        return out
 
-    def _may_be_open(self, still: _Open, offset: int) -> bool:
-        return offset - sum(still.span) <= self._protocol.reach
-
-    def _unsure(self, batch: Batch, missed: Sequence[_Open]) -> Iterator[Anomaly]:
-        """Report answers that a request without one may have had as well as the one that got it.
-
-        That is a later one to the same servo that asked for something else of the same length; or,
-        where answers name nobody, one that stands before the same answer in one unbroken row.
-        """
-        if not missed:
-            return
-        t = batch.transactions
-        rows = np.flatnonzero((t.outcome == OK) & (t.request != -1))
-        asking, at = batch.asking(t.request[rows])
-        order = np.argsort(asking.start[at], kind="stable")
-        told: set[int] = set()
-        later = _Answered(batch.base, asking, at[order], t.response[rows][order])
-        pairs = self._in_a_row if self._protocol.ordered else self._alike
-        for still, k in pairs(batch, missed, later, told):
-            q, r = int(later.asked[k]), int(later.answer[k])
-            if r not in told and not self._given_up(still, asking.take(slice(q, q + 1))):
-                told.add(r)
-                yield self._either(batch, r, still, later.span(k))
-
-    def _in_a_row(
-        self, batch: Batch, missed: Sequence[_Open], later: _Answered, told: set[int]
-    ) -> Iterator[tuple[_Open, int]]:
-        """Yield each missed request with those that stand behind it without a gap."""
-        start = later.start
-        end = np.array([sum(still.span) for still in missed])
-        first = np.searchsorted(start, end)
-        at = np.minimum(first, len(start) - 1)
-        for i in np.flatnonzero((first < len(start)) & (start[at] == end)).tolist():
-            still, until = missed[i], int(end[i])
-            for k in range(int(first[i]), min(int(first[i]) + DEPTH, len(start))):
-                if start[k] != until or int(later.answer[k]) in told:
-                    break
-                if not self._differs(batch, still, later, k):
-                    break
-                until = sum(later.span(k))
-                yield still, k
-
-    def _alike(
-        self, batch: Batch, missed: Sequence[_Open], later: _Answered, _told: set[int]
-    ) -> Iterator[tuple[_Open, int]]:
-        """Yield each missed request with the later ones whose answer would fit it too."""
-        reach = self._protocol.reach
-        end = np.array([sum(still.span) for still in missed])
-        first = np.searchsorted(later.start, end)
-        last = np.searchsorted(later.start, end + max(reach, 0), "right")
-        many = np.minimum(last - first, DEPTH)
-        of = np.repeat(np.arange(len(missed)), many)
-        k = np.arange(len(of)) - np.repeat(np.cumsum(many) - many, many) + first[of]
-        who = np.array([still.servo_id for still in missed])
-        token = np.array([still.token for still in missed])
-        asked = later.asked[k]
-        fits = (later.asking.servo_id[asked] == who[of]) & (later.asking.token[asked] == token[of])
-        fits &= batch.frames.start[later.answer[k]] + batch.base - end[of] <= reach
-        for i, place in zip(of[fits].tolist(), k[fits].tolist(), strict=True):
-            if self._differs(batch, missed[i], later, place):
-                yield missed[i], place
-
-    def _differs(self, batch: Batch, still: _Open, later: _Answered, k: int) -> bool:
-        """Tell whether a later request asked for something else."""
-        start, length = later.span(k)
-        start -= batch.base
-        data = batch.data
-        if start < 0:
-            start, data = start + len(self._tail), self._tail
-        return data[start : start + length] != still.raw
-
-    def _given_up(self, still: _Open, asked: Frames) -> bool:
-        """Tell whether the controller waited out the earlier request before it sent another."""
-        pause = int(asked.t_start[0]) - still.t_ns - max(int(asked.uncertainty[0]), 0)
-        return pause > int(self._protocol.window_ns(asked)[0])
-
-    def _either(self, batch: Batch, r: int, still: _Open, asked: Span) -> Anomaly:
-        who, span = self._answer(batch, r)
-        f = batch.frames
-        op = self._op(int(f.op[r]))
-        text = (
-            f"one answer to two requests: taken for that to the later one ({op}); it may be that "
-            f"to the earlier one ({still.op}), and what it says then stands under a wrong name"
+    @staticmethod
+    def _places(still: Sequence[Open]) -> tuple[I64, I64, I64]:
+        """Return end, servo and token of requests."""
+        return (
+            np.array([sum(s.span) for s in still], np.int64),
+            np.array([s.servo_id for s in still], np.int64),
+            np.array([s.token for s in still], np.int64),
         )
-        return anomaly("ambiguous-response", int(f.t_end[r]), who, text, still.span, asked, span)
+
+    def _missed(self, batch: Batch, before: Sequence[Open], rows: _Wrong, mine: I64) -> Missed:
+        """Put the requests of a batch that nobody answered behind those of before."""
+        f, row = batch.frames, rows.request[mine]
+        who = np.where(f.alt_id[row] == ANY_ID, -1, rows.servo_id[mine])
+        end, servo_id, token = self._places(before)
+
+        def make(k: int) -> Open:
+            i, q = int(mine[k]), int(row[k])
+            start = int(f.start[q])
+            raw = batch.data[start : start + int(f.length[q])]
+            op = self._op(int(rows.op[i]))
+            return Open(int(who[k]), int(f.token[q]), int(f.t_end[q]), op, rows.span(i), raw)
+
+        return Missed(
+            before,
+            np.concatenate([end, (rows.asked + rows.asked_length)[mine]]),
+            np.concatenate([servo_id, who]),
+            np.concatenate([token, f.token[row]]),
+            row,
+            make,
+        )
+
+    def _told(
+        self, batch: Batch, rows: _Wrong, mine: I64, missed: Missed, answered: I64
+    ) -> Anomalies:
+        """Return what went wrong, in columns; remember the requests that stay open."""
+        code = _CODE[rows.outcome]
+        who = rows.servo_id.copy()
+        late = rows.outcome == OK
+        who[late] = batch.frames.servo_id[rows.response[late]]
+        both = (rows.outcome == MISMATCHED) | late
+        known_at = np.where(both, np.maximum(rows.asked, rows.answered), rows.asked)
+        at, length = rows.asked.copy(), rows.asked_length.copy()
+        unasked = np.flatnonzero(rows.outcome == UNSOLICITED)
+        at[unasked], length[unasked] = rows.answered[unasked], rows.answered_length[unasked]
+        known_at[unasked] = rows.answered[unasked]
+        twice: dict[int, Span] = {}
+        after: dict[int, tuple[Open, int]] = {}
+        if len(unasked):
+            twice = self._twice(batch, rows, unasked, answered)
+            for i, span in twice.items():
+                code[i] = NUMBER["duplicate-response"]
+                at[i], length[i] = span
+            others = unasked[batch.frames.uncertainty[rows.response[unasked]] >= 0]
+            after = self._after(
+                batch, rows, [i for i in others.tolist() if i not in twice], mine, missed
+            )
+            code[list(after)] = NUMBER["late-response"]
+        else:
+            self._remember(missed, 0, len(mine))
+
+        def make(i: int) -> Anomaly:
+            op, servo, t_ns = self._op(int(rows.op[i])), int(rows.servo_id[i]), int(rows.t_ns[i])
+            name = f"servo {servo}" if servo >= 0 else "no servo"
+            match rows.outcome[i]:
+                case outcome if outcome == NO_RESPONSE:
+                    text = f"{name} did not answer {op}"
+                    return anomaly("no-response", t_ns, servo, text, rows.span(i))
+                case outcome if outcome == DAMAGED:
+                    text = f"torn bytes where {name} should answer {op}"
+                    return anomaly("damaged-response", t_ns, servo, text, rows.span(i))
+                case outcome if outcome == MISMATCHED:
+                    text, spans = self._misfit(batch, rows, i, op), (rows.span(i), rows.answer(i))
+                    return anomaly("mismatched-response", t_ns, servo, text, *spans)
+                case outcome if outcome == UNSOLICITED:
+                    return _unasked(servo, t_ns, rows.answer(i), twice.get(i), after.get(i))
+                case _:
+                    return self._too_late(batch, rows, i, name, op)
+
+        return Anomalies(code, rows.t_ns, who, at, length, known_at, make)
+
+    def _may_be_open(self, still: Open, offset: int) -> bool:
+        return offset - sum(still.span) <= self._protocol.reach
 
     def _late(self, batch: Batch) -> I64:
         """Return the rows answered beyond their window, by more than the clock is unsure."""
@@ -224,30 +213,24 @@ class PairingRules:
         took[waits] = np.minimum(took[waits], free)
         return known[took > window]
 
-    def _rows(self, batch: Batch, rows: I64) -> Iterator[_Row]:
+    def _rows(self, batch: Batch, rows: I64) -> _Wrong:
         f, t = batch.frames, batch.transactions
         q, r = t.request[rows], t.response[rows]
-        last = np.where(r >= 0, r, q)
         asked = batch.asked(np.where(q == -1, r, q))
-        op, who = asked.op, asked.servo_id
         start = f.start + batch.base
-        columns = (
+        return _Wrong(
             rows,
             q,
             r,
             t.outcome[rows],
-            op,
-            who,
+            asked.op,
+            asked.servo_id.astype(np.int64),
             asked.start + batch.base,
             asked.length,
             start[r],
             f.length[r],
-            f.t_end[last],
+            f.t_end[np.where(r >= 0, r, q)],
         )
-        for at, one, two, outcome, op, who, s1, n1, s2, n2, t_ns in zip(
-            *(c.tolist() for c in columns), strict=True
-        ):
-            yield _Row(at, one, two, outcome, op, who, (s1, n1), (s2, n2), t_ns)
 
     def _op(self, op: int) -> str:
         name = self._names.get(op)
@@ -255,79 +238,77 @@ class PairingRules:
             name = self._names[op] = self._protocol.op_name(op)
         return name
 
-    def _one(self, batch: Batch, row: _Row) -> Anomaly:
-        op, who = self._op(row.op), row.servo_id
-        name = f"servo {who}" if who >= 0 else "no servo"
-        match row.outcome:
-            case outcome if outcome in (NO_RESPONSE, DAMAGED):
-                self._remember(batch, row, op)
-                if outcome == NO_RESPONSE:
-                    text = f"{name} did not answer {op}"
-                    return anomaly("no-response", row.t_ns, who, text, row.asked)
-                text = f"torn bytes where {name} should answer {op}"
-                return anomaly("damaged-response", row.t_ns, who, text, row.asked)
-            case outcome if outcome == MISMATCHED:
-                text = self._misfit(batch, row, op)
-                return anomaly("mismatched-response", row.t_ns, who, text, row.asked, row.answered)
-            case outcome if outcome == UNSOLICITED:
-                return self._unasked(batch, row)
-            case _:
-                return self._too_late(batch, row, name, op)
-
-    def _too_late(self, batch: Batch, row: _Row, name: str, op: str) -> Anomaly:
-        f, t = batch.frames, batch.transactions
-        took, spread = int(t.response_time_ns[row.at]) / 1e6, int(t.uncertainty_ns[row.at]) / 1e6
-        asked = batch.asked(np.array([row.request]))
+    def _too_late(self, batch: Batch, rows: _Wrong, i: int, name: str, op: str) -> Anomaly:
+        t, row = batch.transactions, int(rows.at[i])
+        took, spread = int(t.response_time_ns[row]) / 1e6, int(t.uncertainty_ns[row]) / 1e6
+        asked = batch.asked(rows.request[i : i + 1])
         window = int(self._protocol.window_ns(asked)[0]) / 1e6
         text = (
             f"{name} answered {op} after {took:.2f} ms (± {spread:.2f}); "
             f"expected within {window:.2f} ms"
         )
-        who = int(f.servo_id[row.response])
-        return anomaly("late-response", row.t_ns, who, text, row.asked, row.answered)
+        who = int(batch.frames.servo_id[rows.response[i]])
+        spans = rows.span(i), rows.answer(i)
+        return anomaly("late-response", int(rows.t_ns[i]), who, text, *spans)
 
-    def _remember(self, batch: Batch, row: _Row, op: str) -> None:
-        f, q = batch.frames, row.request
-        who = -1 if f.alt_id[q] == ANY_ID else row.servo_id
-        raw = batch.data[int(f.start[q]) : int(f.start[q] + f.length[q])]
-        open_ = _Open(who, int(f.token[q]), int(f.t_end[q]), op, row.asked, raw)
-        self._open.append(open_)
+    def _remember(self, missed: Missed, first: int, until: int) -> None:
+        """Take the batch's own requests from one to another among those that stay open."""
+        self._open.extend(missed.make(k) for k in range(max(first, until - DEPTH), until))
 
     def _answer(self, batch: Batch, r: int) -> tuple[int, Span]:
         f = batch.frames
         return int(f.servo_id[r]), (batch.base + int(f.start[r]), int(f.length[r]))
 
-    def _misfit(self, batch: Batch, row: _Row, op: str) -> str:
-        f = batch.frames
-        asked, got = row.servo_id, int(f.servo_id[row.response])
+    def _misfit(self, batch: Batch, rows: _Wrong, i: int, op: str) -> str:
+        f, r = batch.frames, int(rows.response[i])
+        asked, got = int(rows.servo_id[i]), int(f.servo_id[r])
         if asked != got:
             return f"servo {asked} was asked ({op}), servo {got} answered"
-        start, length = row.answered
+        start, length = rows.answer(i)
         raw = batch.data[start - batch.base : start - batch.base + length]
         return (
             f"the answer of servo {got} does not fit {op}: "
-            f"{int(f.data_length[row.response])} data bytes, {raw[:32].hex(' ').upper()}"
+            f"{int(f.data_length[r])} data bytes, {raw[:32].hex(' ').upper()}"
         )
 
-    def _unasked(self, batch: Batch, row: _Row) -> Anomaly:
-        f = batch.frames
-        who, r = row.servo_id, row.response
-        last = self._last
-        if r and self._answers[r - 1]:
-            last = self._answer(batch, r - 1)
-        if last is not None and last[0] == who and sum(last[1]) == row.answered[0]:
-            text = f"servo {who} answered twice in a row"
-            return anomaly("duplicate-response", row.t_ns, who, text, last[1], row.answered)
-        if int(f.uncertainty[r]) >= 0 and (found := self._late_for(batch, r)) is not None:
-            still, took = found
-            self._open.remove(still)
-            text = f"servo {who} answered {still.op} only after {took / 1e6:.2f} ms"
-            return anomaly("late-response", row.t_ns, who, text, row.answered, still.span)
-        name = f"servo {who}" if who >= 0 else "a servo"
-        text = f"{name} answered, but nothing was asked"
-        return anomaly("unsolicited-response", row.t_ns, who, text, row.answered)
+    def _twice(self, batch: Batch, rows: _Wrong, unasked: I64, answered: I64) -> dict[int, Span]:
+        """Return which answers stand right behind one of the same servo, and where that is."""
+        f, r = batch.frames, rows.response[unasked]
+        answers = np.zeros(len(f), bool)
+        answers[answered] = True
+        before = np.maximum(r - 1, 0)
+        again = (r > 0) & answers[before] & (f.servo_id[before] == f.servo_id[r])
+        again &= f.end[before] == f.start[r]
+        out = {}
+        if not r[0] and self._last is not None:
+            who, span = self._last
+            if who == f.servo_id[0] and sum(span) == rows.answered[unasked[0]]:
+                out[int(unasked[0])] = span
+        for i, k in zip(unasked[again].tolist(), before[again].tolist(), strict=True):
+            out[i] = self._answer(batch, k)[1]
+        return out
 
-    def _late_for(self, batch: Batch, r: int) -> tuple[_Open, int] | None:
+    def _after(
+        self, batch: Batch, rows: _Wrong, unasked: Sequence[int], mine: I64, missed: Missed
+    ) -> dict[int, tuple[Open, int]]:
+        """Return which answers come late, to which request, and after how many ns.
+
+        Each looks at the requests that stood open before it, and takes one of them away.
+        """
+        out: dict[int, tuple[Open, int]] = {}
+        known = 0
+        for i in unasked:
+            until = int(np.searchsorted(mine, i))
+            self._remember(missed, known, until)
+            known = until
+            found = self._late_for(batch, int(rows.response[i]))
+            if found is not None:
+                out[i] = found
+                self._open.remove(found[0])
+        self._remember(missed, known, len(mine))
+        return out
+
+    def _late_for(self, batch: Batch, r: int) -> tuple[Open, int] | None:
         """Return the latest request that this may be the late answer to, and how late it is."""
         f = batch.frames
         who, token = int(f.servo_id[r]), int(f.token[r])
@@ -337,3 +318,23 @@ class PairingRules:
             if fits and 0 < took <= LATE_SPAN_NS:
                 return still, took
         return None
+
+
+def _nothing(row: int) -> Open:
+    raise IndexError(row)
+
+
+def _unasked(
+    who: int, t_ns: int, span: Span, twice: Span | None, after: tuple[Open, int] | None
+) -> Anomaly:
+    """Tell of an answer that nothing asked for: a second one, a late one, or neither."""
+    if twice is not None:
+        text = f"servo {who} answered twice in a row"
+        return anomaly("duplicate-response", t_ns, who, text, twice, span)
+    if after is not None:
+        still, took = after
+        text = f"servo {who} answered {still.op} only after {took / 1e6:.2f} ms"
+        return anomaly("late-response", t_ns, who, text, span, still.span)
+    name = f"servo {who}" if who >= 0 else "a servo"
+    text = f"{name} answered, but nothing was asked"
+    return anomaly("unsolicited-response", t_ns, who, text, span)

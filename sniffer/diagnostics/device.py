@@ -9,6 +9,7 @@ import numpy as np
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.diagnostics.edges import Edges
 from sniffer.diagnostics.rules import anomaly
+from sniffer.ground.columns import columns_of
 from sniffer.ground.model import REQUEST, WHOLE, Anomaly, Batch, Samples
 
 if TYPE_CHECKING:
@@ -34,23 +35,14 @@ class DeviceRules:
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._protocol = protocol
-        registers = protocol.registers
-        n = len(registers)
+        self._known = known = columns_of(protocol.registers)
         self._status = [Edges(256) for _ in range(STATUS_BITS)]
         self._reported = 0  # bits any servo has set so far
         bits = np.array([1 << bit for bit in range(STATUS_BITS)], np.int16)
         self._refusal = protocol.refused(bits).tolist()
-        self._outside = Edges(256 * n)
-        self._low = np.array([r.range[0] if r.range else -(2**62) for r in registers])
-        self._high = np.array([r.range[1] if r.range else 2**62 for r in registers])
-        self._has_range = np.array([r.range is not None for r in registers], bool)
+        self._outside = Edges(256 * len(known.low))
         self._any_outside = False
-        self._special = {i: list(r.special) for i, r in enumerate(registers) if r.special}
-        self._alarms = {
-            i: (r, [Edges(256) for _ in r.alarms]) for i, r in enumerate(registers) if r.alarms
-        }
-        self._effects = {i: r for i, r in enumerate(registers) if r.effect in ("servo_id", "baud")}
-        self._has_effect = np.isin(np.arange(n), list(self._effects))
+        self._alarms = {i: (r, [Edges(256) for _ in r.alarms]) for i, r in known.alarms.items()}
 
     def judge(self, batch: Batch, resets: Sequence[Change] = ()) -> Iterator[Anomaly]:
         """Report what began, what ended, and what a servo was told about the bus.
@@ -100,19 +92,21 @@ class DeviceRules:
 
     def _ranges(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
         """Report what was written out of range each time, what was measured when it begins."""
-        mine = np.flatnonzero(self._has_range[v.register] & (v.part == WHOLE))
+        if not self._any_outside:
+            out = (v.raw < self._known.low[v.register]) | (v.raw > self._known.high[v.register])
+            if not out.any():
+                return
+        mine = np.flatnonzero(self._known.has_range[v.register] & (v.part == WHOLE))
         if not len(mine):
             return
         register, raw = v.register[mine], v.raw[mine]
-        outside = (raw < self._low[register]) | (raw > self._high[register])
-        if not outside.any() and not self._any_outside:
-            return
-        for i, codes in self._special.items():
+        outside = (raw < self._known.low[register]) | (raw > self._known.high[register])
+        for i, codes in self._known.special.items():
             outside &= ~((register == i) & np.isin(raw, codes))
         written = batch.frames.kind[v.row[mine]] == REQUEST
         rise = outside & written
         measured = np.flatnonzero(~written)
-        key = (v.servo_id[mine[measured]] & 255).astype(np.int64) * len(self._low)
+        key = (v.servo_id[mine[measured]] & 255).astype(np.int64) * len(self._known.low)
         rise[measured] = self._outside.feed(key + register[measured], outside[measured])[0]
         self._any_outside |= bool(outside.any())
         rise = mine[rise]
@@ -156,12 +150,15 @@ class DeviceRules:
                 yield anomaly("id-changed", t_ns, c.named, text, self._at(batch, c.row))
 
     def _bus_changes(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
-        if not self._effects:
+        if not self._known.effects:
             return
-        told = self._has_effect[v.register] & v.accepted & (v.part == WHOLE)
+        told = self._known.has_effect[v.register]
+        if not told.any():
+            return
+        told &= v.accepted & (v.part == WHOLE)
         told &= batch.frames.kind[v.row] == REQUEST
         for i in np.flatnonzero(told).tolist():
-            r = self._effects[int(v.register[i])]
+            r = self._known.effects[int(v.register[i])]
             who, raw, at = int(v.servo_id[i]), int(v.raw[i]), self._at(batch, int(v.row[i]))
             if r.effect == "servo_id":
                 if raw != who:

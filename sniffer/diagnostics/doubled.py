@@ -7,10 +7,11 @@ bytes behind an answer: once it is noise, time and again behind one servo's answ
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.diagnostics.found import Anomalies
 from sniffer.diagnostics.rules import anomaly
 from sniffer.ground.framing import Block
 from sniffer.ground.model import OK, RESPONSE
@@ -48,12 +49,12 @@ class DoubledAnswers:
         self._twins: dict[int, int] = {}  # servo -> offset from which on it is known to be two
         self._last: _Exchange | None = None
 
-    def judge(self, batch: Batch, found: list[Anomaly]) -> list[Anomaly]:
+    def judge(self, batch: Batch, found: Anomalies) -> Anomalies:
         """Return the anomalies with noise that is a second answer called so."""
-        twice = [a for a in found if a.code == "duplicate-response" and a.servo_id is not None]
-        for a in sorted(twice, key=lambda a: a.known_at):
-            assert a.servo_id is not None
-            self._twins.setdefault(a.servo_id, a.known_at)
+        twice = found.rows("duplicate-response")
+        for i in twice[np.argsort(found.known_at[twice], kind="stable")].tolist():
+            if found.servo_id[i] >= 0:
+                self._twins.setdefault(int(found.servo_id[i]), int(found.known_at[i]))
         t, f = batch.transactions, batch.frames
         rows = np.flatnonzero((t.outcome == OK) & (t.response >= 0) & (t.request != -1))
         answers = t.response[rows]
@@ -61,28 +62,8 @@ class DoubledAnswers:
             rows = rows[np.argsort(answers)]
             answers = t.response[rows]
         who = f.servo_id[answers] & 255
-        stray = {a.evidence[0]: i for i, a in enumerate(found) if a.code == "noise"}
-        behind: list[tuple[_Exchange, int, int]] = []
-        if stray:
-            size = f.length[answers]
-            ends = f.start[answers] + size + batch.base
-            begins = np.array([at for at, _ in stray])
-            near = np.flatnonzero(np.isin(ends, begins))
-            lengths = dict(stray.keys())
-            places = {
-                end: k
-                for k, end, n in zip(near.tolist(), ends[near].tolist(), size[near], strict=True)
-                if _may_be(lengths[end], n)
-            }
-            numbers = self._count[who] + _ranks(who) if places else self._count
-            for at, length in sorted(stray):
-                k, last = places.get(at), self._last
-                if k is not None:
-                    last = _exchange(batch, int(rows[k]), int(numbers[k]))
-                elif last is None or not last.end == at == batch.base:
-                    continue
-                if _may_be(length, last.end - last.start):
-                    behind.append((last, at, length))
+        stray = found.rows("noise")
+        behind = self._behind(batch, found, stray, rows, answers, who) if len(stray) else []
         if len(rows):
             self._count += np.bincount(who, minlength=len(self._count))
             self._last = _exchange(batch, int(rows[-1]), int(self._count[who[-1]]) - 1)
@@ -90,9 +71,12 @@ class DoubledAnswers:
             self._last = None
         if not behind:
             return found
-        out = list(found)
-        for (answer, at, length), many in zip(behind, self._answers(batch, behind), strict=True):
-            if not many:
+        spans = [(answer, int(found.at[i]), int(found.length[i])) for answer, i in behind]
+        gone: list[int] = []
+        new: list[Anomaly] = []
+        many = self._answers(batch, spans)
+        for (answer, i), (_, at, length), more in zip(behind, spans, many, strict=True):
+            if not more:
                 continue
             servo = answer.servo_id
             before = self._twice.get(servo, [])
@@ -101,12 +85,39 @@ class DoubledAnswers:
             if len(often) < OFTEN and self._twins.get(servo, at) >= at:
                 continue
             self._twins.setdefault(servo, at)
-            i = stray[at, length]
             shown = batch.data[at - batch.base : at - batch.base + length].hex(" ").upper()
-            times = "twice" if many == 1 else f"{many + 1} times"
+            times = "twice" if more == 1 else f"{more + 1} times"
             text = f"servo {servo} answered {times}: {shown} stands right behind its answer"
             span = answer.start, answer.end - answer.start
-            out[i] = anomaly("duplicate-response", out[i].t_ns, servo, text, span, (at, length))
+            gone.append(i)
+            t_ns = int(found.t_ns[i])
+            new.append(anomaly("duplicate-response", t_ns, servo, text, span, (at, length)))
+        kept = np.delete(np.arange(len(found)), gone)
+        order = np.argsort(np.concatenate([kept, np.array(gone, np.int64)]), kind="stable")
+        return Anomalies.joined([found.take(kept), Anomalies.of(new)]).take(order)
+
+    def _behind(
+        self, batch: Batch, found: Anomalies, stray: I64, rows: I64, answers: I64, who: I16
+    ) -> list[tuple[_Exchange, int]]:
+        """Return the rows of noise that may be answers, with the exchange each stands behind."""
+        stray = stray[np.argsort(found.at[stray], kind="stable")]
+        f = batch.frames
+        size = f.length[answers]
+        ends = f.start[answers] + size + batch.base
+        at, length = found.at[stray], found.length[stray]
+        out: list[tuple[_Exchange, int]] = []
+        last = self._last
+        # Where the noise begins the batch, the last answer of the one before stands before it.
+        edge = last is not None and last.end == at[0] == batch.base
+        if last is not None and edge and _may_be(int(length[0]), last.end - last.start):
+            out.append((last, int(stray[0])))
+        place = np.minimum(np.searchsorted(ends, at), len(ends) - 1)
+        if len(ends):
+            near = (ends[place] == at) & _may_be(length, size[place])
+            if near.any():
+                numbers = self._count[who] + _ranks(who)
+                for i, k in zip(stray[near].tolist(), place[near].tolist(), strict=True):
+                    out.append((_exchange(batch, int(rows[k]), int(numbers[k])), i))
         return out
 
     def _answers(self, batch: Batch, behind: list[tuple[_Exchange, int, int]]) -> list[int]:
@@ -140,9 +151,9 @@ class DoubledAnswers:
         return whole
 
 
-def _may_be(length: int, size: int) -> bool:
-    """Tell whether so many bytes may be answers of one size."""
-    return length % size == 0 and length // size <= MOST
+def _may_be(length: Any, size: Any) -> Any:
+    """Tell whether so many bytes may be answers of one size; of numbers or columns."""
+    return (length % size == 0) & (length // size <= MOST)
 
 
 def _exchange(batch: Batch, row: int, number: int) -> _Exchange:

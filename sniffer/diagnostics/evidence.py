@@ -52,7 +52,8 @@ class Evidence:
         self._top = np.zeros(256, np.int64)
         self._lead = np.zeros(256, np.int64)
         self._stale: set[int] = set()
-        self._decide(np.arange(256))
+        if state.chosen.any():  # else every servo is the default, as the state has it
+            self._decide(np.arange(256))
 
     def is_news(self, servo: int, clue: Clue, *, to_all: bool) -> bool:
         """Whether a clue has not been counted yet for a servo, or for one of them all."""

@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnostics.found import NUMBER, Anomalies
 from sniffer.diagnostics.rules import anomaly
+from sniffer.ground.gaps import BLANK, NOISE, Gaps
 from sniffer.ground.model import NEVER_NS, REQUEST, RESPONSE, Anomaly, Direction
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Sequence
 
     from sniffer.ground.model import Batch
 
@@ -34,45 +36,45 @@ class Hearing:
         self._hears_requests = self._hears_answers = False
         self._answers = 0  # without a request so far
         self._held: list[Anomaly] = []
-        self.told_at: dict[int, int] = {}
-        """Of anomalies (by identity) that the last batch let go: where in the stream it was."""
         self._count = 0  # requests that should have been answered, none so far
         self._servos: set[int] = set()
         self._told = False
         self._wires: set[int] = set()
         self._broken = -1  # where the bytes before the batch end, if they are a broken frame
 
-    def judge(self, batch: Batch, found: list[Anomaly]) -> list[Anomaly]:
+    def judge(self, batch: Batch, found: Anomalies) -> Anomalies:
         """Return the anomalies without those that follow from hearing one side only."""
-        self.told_at = {}
         if self._hears_requests and self._hears_answers:
             return found
         f = batch.frames
         self._wires.update(np.unique(f.direction).tolist())
         asked = self._first(batch, REQUEST, heard=self._hears_requests)
         answered = self._first(batch, RESPONSE, heard=self._hears_answers)
-        out: list[Anomaly] = []
-        for a in sorted(found, key=lambda a: a.evidence[0]):
-            start = a.evidence[0][0]
-            if a.code == "unsolicited-response" and start < asked:
-                out += self._unasked(batch, a)
-            elif a.code == "no-response" and start < answered:
-                out += self._unanswered(a)
-            else:
-                out.append(a)
+        found = found.take(np.lexsort((found.length, found.at)))
+        stray = (found.code == NUMBER["unsolicited-response"]) & (found.at < asked)
+        early = (found.code == NUMBER["no-response"]) & (found.at < answered)
+        here = stray | early
+        place, told = [np.flatnonzero(~here)], [found.take(np.flatnonzero(~here))]
+        for i in np.flatnonzero(here).tolist():
+            a = found[i]
+            new = self._unasked(batch, a) if stray[i] else self._unanswered(a)
+            place.append(np.full(len(new), i))
+            told.append(Anomalies.of(new))
         if batch.data:
-            whole = batch.base + len(batch.data)
-            last = batch.gaps[-1] if batch.gaps else None
-            broken = last is not None and last.reason != "noise"
-            ends = batch.base + last.start + last.length if last is not None and broken else -1
-            self._broken = whole if ends == whole else -1
+            gaps, whole = Gaps.of(batch.gaps), len(batch.data)
+            ends = len(gaps) > 0 and gaps.start[-1] + gaps.length[-1] == whole
+            broken = ends and gaps.kind[-1] not in (NOISE, BLANK)
+            self._broken = batch.base + whole if broken else -1
         self._hears_requests |= asked < NEVER_NS
         if answered < NEVER_NS:
             self._hears_answers = True
-            held = self.finish()
-            self.told_at = {id(a): answered for a in held}
-            out += held
-        return out
+            held = Anomalies.of(self.finish())
+            place.append(np.full(len(held), len(found)))
+            if len(held):
+                held.told_at = np.maximum(held.known_at, answered)
+            told.append(held)
+        order = np.argsort(np.concatenate(place), kind="stable")
+        return Anomalies.joined(told).take(order)
 
     def finish(self) -> list[Anomaly]:
         """Return what is held back: nothing more will tell."""
@@ -87,10 +89,12 @@ class Hearing:
             return -1
         return batch.base + int(batch.frames.start[rows[0]]) if len(rows) else NEVER_NS
 
-    def _unasked(self, batch: Batch, a: Anomaly) -> Iterable[Anomaly]:
+    def _unasked(self, batch: Batch, a: Anomaly) -> Sequence[Anomaly]:
         """Judge an answer before the first request."""
         start = a.evidence[0][0] - batch.base
-        torn = any(g.start + g.length == start and g.reason != "noise" for g in batch.gaps)
+        gaps = Gaps.of(batch.gaps)
+        before = gaps.kind[gaps.start + gaps.length == start]
+        torn = ((before != NOISE) & (before != BLANK)).any()
         if torn or a.evidence[0][0] == self._broken:
             return (a,)  # its request is there, but damaged
         self._answers += 1
@@ -106,7 +110,7 @@ class Hearing:
         )
         return (anomaly("no-request-heard", a.t_ns, -1, text, *a.evidence),)
 
-    def _unanswered(self, a: Anomaly) -> Iterable[Anomaly]:
+    def _unanswered(self, a: Anomaly) -> Sequence[Anomaly]:
         """Judge an unanswered request before the first answer."""
         self._count += 1
         if a.servo_id is not None:

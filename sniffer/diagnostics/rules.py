@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.diagnostics.found import CODES, NONE, NUMBER, Anomalies
+from sniffer.ground import gaps
 from sniffer.ground.model import (
     ECHO,
     ECHO_DIFFERS,
@@ -40,24 +42,43 @@ def _hex(value: Any) -> str:
     return f"{value:02X}" if isinstance(value, int) else str(value)
 
 
-def gap_anomalies(batch: Batch) -> Iterator[Anomaly]:
-    """Report every run of bytes that no frame claims, with the numbers of its explanation."""
-    for gap in batch.gaps:
-        if gap.detail.get("blank"):
-            continue
-        code, text = _gap_text(batch, gap)
-        fields = gap.detail.get("fields", {})
-        who = fields.get("servo_id", -1) if isinstance(fields, dict) else -1
-        yield anomaly(
-            code,
-            gap.t_ns,
-            who if isinstance(who, int) else -1,
-            text,
-            (batch.base + gap.start, gap.length),
+_GAP_CODES: Final = np.array(
+    [
+        NUMBER[code]
+        for code in (
+            "noise",
+            "noise",
+            "bad-checksum",
+            "damaged-frame",
+            "truncated-frame",
+            "idle-tail",
         )
+    ]
+)
+"""The code of each kind of gap."""
 
 
-def _gap_text(batch: Batch, gap: Gap) -> tuple[str, str]:
+def gap_anomalies(batch: Batch) -> Anomalies:
+    """Report every run of bytes that no frame claims, with the numbers of its explanation."""
+    if not len(batch.gaps):
+        return NONE
+    found = gaps.Gaps.of(batch.gaps)
+    rows = np.flatnonzero(found.kind != gaps.BLANK)
+    at = batch.base + found.start[rows]
+    code = _GAP_CODES[found.kind[rows]]
+    if not batch.base and len(rows) and not at[0] and found.kind[rows[0]] == gaps.NOISE:
+        code[0] = NUMBER["capture-start"]
+
+    def make(i: int) -> Anomaly:
+        gap = found[int(rows[i])]
+        span = batch.base + gap.start, gap.length
+        who = int(found.servo_id[rows[i]])
+        return anomaly(CODES[code[i]], gap.t_ns, who, _gap_text(batch, gap), span)
+
+    return Anomalies(code, found.t_ns[rows], found.servo_id[rows], at, found.length[rows], at, make)
+
+
+def _gap_text(batch: Batch, gap: Gap) -> str:
     d = gap.detail
     run = batch.data[gap.start : gap.start + gap.length]
     shown = run[:24].hex(" ").upper() + (" ..." if len(run) > 24 else "")
@@ -65,21 +86,20 @@ def _gap_text(batch: Batch, gap: Gap) -> tuple[str, str]:
         shown += f" (the UART told {d['line_errors']} line errors here)"
     if gap.reason == "damaged":
         if "checksum_expected" in d:
-            return "bad-checksum", (
+            return (
                 f"checksum should be {_hex(d['checksum_expected'])} but is "
                 f"{_hex(d['checksum_got'])} in {shown}"
             )
         why = ", ".join(f"{k} {v}" for k, v in d.items() if k not in ("fields", "line_errors"))
-        return "damaged-frame", f"not a whole frame ({why}): {shown}"
+        return f"not a whole frame ({why}): {shown}"
     if gap.reason in ("truncated", "idle_tail"):
-        code = "truncated-frame" if gap.reason == "truncated" else "idle-tail"
         need = f" of {d['need']}" if "need" in d else ""
         how = "then the next one begins" if gap.reason == "truncated" else "then nothing more"
-        return code, f"{d.get('have', gap.length)}{need} bytes of a frame, {how}: {shown}"
+        return f"{d.get('have', gap.length)}{need} bytes of a frame, {how}: {shown}"
     if batch.base + gap.start == 0:
-        return "capture-start", f"{gap.length} bytes before the first frame: {shown}"
+        return f"{gap.length} bytes before the first frame: {shown}"
     plural = "byte" if gap.length == 1 else "bytes"
-    return "noise", f"{gap.length} {plural} that no frame claims: {shown}"
+    return f"{gap.length} {plural} that no frame claims: {shown}"
 
 
 def protocol_anomalies(batch: Batch, protocol: BusProtocol) -> Iterator[Anomaly]:
@@ -142,6 +162,9 @@ class CaptureRules:
                 )
         if batch.clock == Clock.READ:
             return  # the recorder's own clock never steps; a read that came late looks like it
+        if batch.clock == Clock.NONE:
+            self._last = int(f.t_end[-1])
+            return  # counted from the bytes
         before = f.t_end[0] if self._last is None else self._last
         step = np.diff(f.t_end, prepend=before)
         for i in np.flatnonzero(step < -f.uncertainty - 1_000_000).tolist():
@@ -153,7 +176,7 @@ class CaptureRules:
     def _echoes(self, batch: Batch) -> Iterator[Anomaly]:
         """Report once that the requests of this bus are echoed."""
         f = batch.frames
-        if self._echo_told or not (f.flags & ECHO).any():
+        if self._echo_told or not f.flags.any() or not (f.flags & ECHO).any():
             return
         self._echo_told = True
         i = int(np.flatnonzero(f.flags & ECHO)[0])

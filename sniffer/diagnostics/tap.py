@@ -139,6 +139,10 @@ _OPEN: Final = frozenset(
 """Codes that say no more than that the tap was stopped, where they stand at its very end."""
 
 
+TORN_OFF: Final = frozenset({MarkKind.SKIPPED, MarkKind.LOST})
+"""Kinds of remarks behind which anomalies are the tap's fault."""
+
+
 def without_our_fault(batch: Batch, found: list[Anomaly], tail_ns: int) -> list[Anomaly]:
     """Return the anomalies of a batch without those that only the tap is to blame for.
 

@@ -53,8 +53,16 @@ class Checksum:
         """Tell where ``block[first:at]`` sums to ``block[at]``; a header precedes ``first``."""
         if not len(first):
             return np.zeros(0, bool)
-        run = self.fold.accumulate(block, dtype=np.uint8)
-        folded = self.undo(run[at - 1], run[first - 1])
+        length = at - first
+        if length.min() > 0 and int(length.sum()) <= len(block):
+            # Edges in turn: every other stretch is one of ours, the rest lies between two of them.
+            edges = np.empty(2 * len(first), np.int64)
+            edges[::2], edges[1::2] = first, at
+            folded = self.fold.reduceat(block, edges, dtype=np.uint8)[::2]
+        else:
+            # Where candidates overlap time and again, one running sum is less than all of theirs.
+            run = self.fold.accumulate(block, dtype=np.uint8)
+            folded = self.undo(run[at - 1], run[first - 1])
         # an empty run (first == at) folds to zero, which the subtraction gives as well
         return np.asarray(self.seal(folded) == block[at])
 

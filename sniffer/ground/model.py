@@ -1,8 +1,8 @@
 """The records every floor of the house speaks of.
 
 Records that are many (frames, transactions, samples) are *columns*: one frozen dataclass of numpy
-arrays a kind, one row a record. Records that are rare (gaps, anomalies) are named tuples: on a bad
-line they are not so rare, and a frozen dataclass takes four times as long to make.
+arrays a kind, one row a record. Gaps and anomalies are named tuples, made when somebody looks at
+them (``gaps.Lazy``): on a bad line they are not so rare.
 Times are integer nanoseconds (Unix, or counted from the first byte where the input has no clock).
 Offsets inside a batch count from ``Batch.data[0]``; ``Batch.base`` makes them absolute.
 """
@@ -343,10 +343,10 @@ class Batch:
     data: bytes
     clock: Clock
     frames: Frames
-    gaps: tuple[Gap, ...]
+    gaps: Sequence[Gap]
     transactions: Transactions
     values: Samples
-    anomalies: tuple[Anomaly, ...] = ()
+    anomalies: Sequence[Anomaly] = ()
     remarks: tuple[Remark, ...] = ()
     cut: Cut | None = None
     """Set where the capture ends with this batch and nobody knows of a silence behind it."""

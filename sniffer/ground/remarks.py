@@ -45,9 +45,14 @@ class Remarks:
         self._waiting = [r for r in self._waiting if r.end > offset]
         return due
 
+    @property
+    def doubts(self) -> list[Remark]:
+        """What waits and says that bytes may not be what was on the line."""
+        return [r for r in self._waiting if r.kind in LINE_ERRORS]
+
     def explain(self, gaps: list[Gap], base: int) -> list[Gap]:
         """Add to the gaps how many line errors the UART told in their bytes."""
-        doubts = [r for r in self._waiting if r.kind in LINE_ERRORS]
+        doubts = self.doubts
         if not doubts:
             return gaps
         return [_doubted(g, base, doubts) for g in gaps]

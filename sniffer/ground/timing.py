@@ -242,6 +242,16 @@ class Stamps:
         if not len(frames):
             return frames
         start, end = frames.start + base, frames.end + base
+        if not self._stamped and not self._direction.any():
+            # Nominal times from the first byte on follow each other without a pause.
+            first = int(self._t[-1]) - int(self._end[-1]) * self.byte_ns
+            return replace(
+                frames,
+                t_end=first + end * self.byte_ns,
+                t_start=first + start * self.byte_ns,
+                uncertainty=np.full(len(frames), -1, np.int64),
+                direction=np.zeros(len(frames), np.uint8),
+            )
         k = np.searchsorted(self._end, end, "left")
         behind = self._end[k] - end
         t_end = self._t[k] - behind * self.byte_ns

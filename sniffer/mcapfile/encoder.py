@@ -18,6 +18,7 @@ import numpy.typing as npt
 from google.protobuf.descriptor import FieldDescriptor
 from mcap.opcode import Opcode
 
+from sniffer.ground.distinct import distinct
 from sniffer.mcapfile.varints import narrow, spelled, varint, wide_rows
 
 if TYPE_CHECKING:
@@ -374,23 +375,22 @@ class Encoder:
 
 def _alike(*columns: I64) -> Iterator[I64]:
     """Yield the rows of each combination of values that occurs."""
-    key = np.zeros(len(columns[0]), np.int64)
-    span = 1
+    key, span = np.zeros(len(columns[0]), np.int64), 1
     for column in columns:
         low = int(column.min())
         size = int(column.max()) - low + 1
         if size > 1 << 31:
-            column = np.unique(column, return_inverse=True)[1]
+            column = distinct(column)[1]
             low, size = 0, int(column.max()) + 1
         if span * size > 1 << 62:
-            key = np.unique(key, return_inverse=True)[1]
+            key = distinct(key)[1]
             span = int(key.max()) + 1
         key = key * size + (column - low)
         span *= size
     if span == 1:
         yield np.arange(len(key))
         return
-    _, which, count = np.unique(key, return_inverse=True, return_counts=True)
+    _, which, count = distinct(key)
     small = which.astype(np.uint16) if len(count) < 1 << 16 else which  # radix sort below 64 Ki
     order = np.argsort(small, kind="stable")
     end = 0

@@ -17,6 +17,7 @@ import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from sniffer.decoding.sink import bus_of
+from sniffer.ground.distinct import distinct
 from sniffer.ground.model import I64, NS, OK, Clock, Severity
 from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.encoder import U16, Blob, Encoder, Heads, Loose
@@ -265,14 +266,14 @@ class BusWriter:
         paired = t.outcome == OK
         took[t.response[paired]] = t.response_time_ns[paired]
         optional: dict[str, tuple[Any, Any]] = {"response_time_ns": (took[row], took[row] >= 0)}
-        for i in np.unique(field).tolist():
+        for i in distinct(field)[0].tolist():
             which = np.flatnonzero(field == i)
             there, column = np.zeros(len(row), bool), np.zeros(len(row))
             there[message[which]] = True
             column[message[which]] = value[which]
             optional[self._fields[i]] = (column, there)
         channel, sequence = np.empty(len(row), np.uint16), np.empty(len(row), np.uint32)
-        for number in np.unique(servo).tolist():
+        for number in distinct(servo)[0].tolist():
             which = np.flatnonzero(servo == number)
             who = str(number) if number >= 0 else "unknown"
             channel[which] = self._channel(f"servo/{who}/state", ServoState, servo_id=who)

@@ -74,11 +74,14 @@ def by_shape(
     register, raw = np.empty(total, np.int16), np.empty(total, np.int64)
     part = np.zeros(total, np.uint8)
     loose = np.zeros(total, bool) if any(e.loose for plan in plans for e in plan) else None
+    filled = [g for g, plan in zip(groups, plans, strict=True) if plan]
+    alone = len(filled) == 1
     for group, plan in zip(groups, plans, strict=True):
         at, out = parts.at[group], first[group]
         read = {}
         for k, entry in enumerate(plan):
-            here = out + k
+            # Where all values are of one shape of n, a register is every n-th of them.
+            here = slice(k, None, len(plan)) if alone else out + k
             raw[here] = read[entry.at, entry.type] = _column(data, entry.type, at + entry.at)
             register[here] = entry.register
             if entry.part != WHOLE:

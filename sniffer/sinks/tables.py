@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
+from sniffer.ground.distinct import distinct
 from sniffer.ground.files import beside, open_binary, writing
 from sniffer.ground.model import KINDS, PARTS, PROVENANCES, ROLES, Batch, Chunk, OutputError
 from sniffer.protocols.base import BusProtocol
@@ -74,9 +75,9 @@ def _names(index: Any, names: Sequence[str]) -> Any:
 
 def _told(index: Any, names: Sequence[str]) -> Any:
     """Return names where several numbers may have one name: models share register names."""
-    unique = list(dict.fromkeys(names))
-    number = np.array([unique.index(name) for name in names], np.int32)
-    return _names(number[index], unique)
+    place = {name: i for i, name in enumerate(dict.fromkeys(names))}
+    number = np.array([place[name] for name in names], np.int32)
+    return _names(number.take(index), list(place))
 
 
 def _same(name: str, n: int) -> Any:
@@ -114,7 +115,7 @@ def samples_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
 def frames_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
     """Return a batch's frames as an arrow table with the columns of ``FRAMES``."""
     f = batch.frames
-    ops, which = np.unique(f.op, return_inverse=True)
+    ops, which, _ = distinct(f.op)
     return pa.Table.from_arrays(
         [
             pa.array(f.t_end),

@@ -12,11 +12,13 @@ from sniffer.ground.registers import bit_names
 from sniffer.protocols.base import FieldSpan
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.packets.declare import bare, field_named, flag_bits, named, numbers
+from sniffer.protocols.packets.survey import survey
 
 if TYPE_CHECKING:
     from sniffer.ground.checksums import Sum
     from sniffer.protocols.base import FrameView
     from sniffer.protocols.dissection import Leaf
+    from sniffer.protocols.explaining import Runs, Torn
     from sniffer.protocols.packets.columns import FamilyColumns
 
 
@@ -196,6 +198,10 @@ class Words:
             read = self._as_read(run[at : stop - plan.sum_width])
             add(stop, "damaged", {**detail, **read})
         return out
+
+    def survey(self, runs: Runs) -> Torn:
+        """Tell the same of all runs of a pass at once."""
+        return survey(runs, self.plan, self._size, self._least, np.array(self._total))
 
     def _as_read(self, raw: bytes) -> dict[str, Any]:
         """Return the fields of a packet that does not hold, without its checksum."""

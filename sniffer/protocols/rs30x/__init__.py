@@ -12,7 +12,7 @@ from sniffer.ground.model import MALFORMED, REQUEST
 from sniffer.ground.registers import numbered
 from sniffer.protocols.base import FieldSpan, joined, no_clues
 from sniffer.protocols.dissection import leaves
-from sniffer.protocols.rs30x import block, slow
+from sniffer.protocols.rs30x import block, damage, slow
 from sniffer.protocols.rs30x.block import PLAN
 from sniffer.protocols.rs30x.grammar import (
     ACK,
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import FrameView
     from sniffer.protocols.dissection import Leaf
+    from sniffer.protocols.explaining import Runs, Torn
 
 WINDOW_NS: Final = 100_000 + 255 * 50_000
 """A reply begins 100 us + 50 us * n behind its request; n is the return delay, one byte, and seldom
@@ -129,6 +130,10 @@ class Rs30x:
         """Look for headers: what follows one is a damaged or a truncated packet, the rest noise."""
         del awaited  # headers tell
         return block.explain(run, start)
+
+    def survey(self, runs: Runs) -> Torn:
+        """Tell the same of all runs of a pass at once."""
+        return damage.survey(runs)
 
     def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:
         """Return the packet's fields, the data of a long packet servo by servo."""

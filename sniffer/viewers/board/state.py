@@ -31,7 +31,7 @@ from sniffer.ground.model import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from sniffer.ground.model import Chunk
     from sniffer.protocols.base import BusProtocol
@@ -355,7 +355,7 @@ class Troubles:
         self.severities: Counter[Severity] = Counter()
         self._held: dict[Any, Trouble] = {}
 
-    def add(self, bus: str, anomalies: tuple[Anomaly, ...]) -> None:
+    def add(self, bus: str, anomalies: Iterable[Anomaly]) -> None:
         """Take anomalies of a bus."""
         for a in anomalies:
             self.severities[a.severity] += 1

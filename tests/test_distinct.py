@@ -1,0 +1,20 @@
+"""Distinct numbers are found alike, however they are found."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sniffer.ground.distinct import distinct
+
+NUMBERS = st.lists(st.integers(-3, 40)) | st.lists(st.integers(-(2**62), 2**62))
+
+
+@given(NUMBERS)
+def test_distinct_numbers_are_those_that_sorting_finds(numbers: list[int]) -> None:
+    column = np.array(numbers, np.int64)
+    found, which, times = distinct(column)
+    assert found.tolist() == sorted(set(numbers))
+    assert found[which].tolist() == numbers
+    assert times.tolist() == [numbers.count(n) for n in sorted(set(numbers))]
