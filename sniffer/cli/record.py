@@ -9,7 +9,7 @@ from typing import Literal
 
 import click
 
-from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times
+from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times, topics
 from sniffer.cli.options import (
     SHARED,
     Finite,
@@ -73,6 +73,11 @@ from sniffer.tap.taps import PortSpec
     "repeated. Without it: sniffer-DATE-TIME.mcap.",
 )  # fmt: skip
 @with_force
+@click.option(
+    "--topics", callback=topics, metavar="TOPIC,...",
+    help="Write only these beside the raw bytes: raw (nothing else), frames, transactions, state, "
+    "gaps, anomalies, log, stats.  [default: all]",
+)  # fmt: skip
 @click.option("--durable", is_flag=True, help="Wait for the disk after each round, 50 ms.")
 @click.option(
     "--rotate", multiple=True, callback=sizes_and_times, metavar="SIZE|TIME",
@@ -107,6 +112,7 @@ def record(
     shared: bool,
     outputs: tuple[Path, ...],
     force: bool,
+    topics: tuple[str, ...] | None,
     durable: bool,
     rotate: dict[str, int],
     keep: int | None,
@@ -143,7 +149,7 @@ def record(
     options = pipeline_options(protocol, baud, chosen, latency)
     stops = Stops(duration, max_size, frames, idle, until)
     paths = outputs or (Path(f"sniffer-{datetime.datetime.now():%Y%m%d-%H%M%S}.mcap"),)
-    files = recording.Files(paths, rotate, keep, durable=durable, force=force)
+    files = recording.Files(paths, rotate, keep, topics=topics, durable=durable, force=force)
     recording.check_files(files)
     show = recording.Shown(
         None if quiet else LOG if log else usual_mode(sys.stderr),

@@ -26,7 +26,7 @@ from sniffer.ground.files import files_of, refuse_occupied
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
 from sniffer.mcapfile.rotation import RotatingMcap
 from sniffer.sinks import suffix_known
-from sniffer.tap.recorder import Recorder, Wishes
+from sniffer.tap.recorder import DECODE_S, UNSEEN_S, Recorder, Wishes
 from sniffer.tap.stops import Stops
 from sniffer.viewers.board.board import Board
 from sniffer.viewers.screen import LOG, Screen
@@ -58,12 +58,14 @@ class Shown:
 class Files:
     """What is said about the files.
 
-    ``rotate`` are the limits of a file by unit: ``bytes``, ``ns``.
+    ``rotate`` are the limits of a file by unit: ``bytes``, ``ns``; ``topics`` what the recording
+    has beside the raw bytes, None for everything.
     """
 
     paths: Sequence[Path]
     rotate: Mapping[str, int]
     keep: int | None
+    topics: Sequence[str] | None
     durable: bool
     force: bool
 
@@ -92,6 +94,8 @@ def check_files(files: Files) -> None:
         raise click.UsageError("one .mcap is enough: give -o only one of them")
     if (files.rotate or files.keep) and files.recording is None:
         raise click.UsageError("--rotate and --keep are about a recording: -o x.mcap")
+    if files.topics is not None and files.recording is None:
+        raise click.UsageError("--topics is about a recording: -o x.mcap")
     if files.keep and not files.rotate:
         raise click.UsageError("--keep goes with --rotate")
     for path in files.paths:
@@ -112,6 +116,7 @@ def open_files(files: Files, facts: Mapping[str, str]) -> tuple[RotatingMcap | N
             rotate_ns=files.rotate.get("ns"),
             keep=files.keep,
             durable=files.durable,
+            topics=files.topics,
             overwrite=files.force,
         )
     try:
@@ -226,6 +231,9 @@ def run_recording(
     wishes = wishes or Wishes()
     beside: list[Callable[[Recorder], None]] = [tell.look]
     pipeline = Pipeline(tapping.options, sinks, on_detection=tell.found, live=True)
+    # who follows a recording, or ends it by what it says, waits no longer than eyes do
+    is_followed = mode is not None or list(sinks) != [file] or stops.frames or stops.until
+    is_cut = file is not None and file.rotates
     recorder = Recorder(
         tapping.listener,
         tapping.taps,
@@ -237,6 +245,7 @@ def run_recording(
         wishes=wishes,
         on_round=lambda recorder: _all(beside, recorder),
         latency_ns=max(tapping.options.latencies.values(), default=0),
+        decode_s=DECODE_S if is_followed or is_cut else UNSEEN_S,
     )
     beside.append(functools.partial(_has_outputs, sinks))
     if file is not None:
