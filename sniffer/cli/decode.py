@@ -13,7 +13,6 @@ from sniffer.cli.options import decoding, examples, pipeline_options, printed, w
 from sniffer.cli.session import Standard, open_outputs, run_source, session_facts, tell_lost
 from sniffer.decoding.sink import Sink
 from sniffer.ground.model import Severity
-from sniffer.sinks.jsonl import JsonlSink
 from sniffer.sources import open_source
 
 
@@ -93,6 +92,8 @@ def _printer(output_format: str) -> Sink:
     if output_format == "jsonl":
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(encoding="utf-8", newline="\n")  # whatever the terminal speaks
+        from sniffer.sinks.jsonl import JsonlSink
+
         return JsonlSink(sys.stdout)
     from sniffer.sinks.text import TextSink
 

@@ -18,7 +18,7 @@ from rich.text import Text
 
 from sniffer.cli.amounts import port_spec
 from sniffer.cli.options import FALLBACK_BAUD, SHARED, Finite, Whole, examples, printed
-from sniffer.cli.session import say
+from sniffer.cli.streams import say
 from sniffer.decoding.pipeline import AUTO
 from sniffer.doctor import (
     Finding,

@@ -10,23 +10,19 @@ import sys
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TextIO
-
-import click
 
 from sniffer import __version__
+from sniffer.cli.streams import say, silence_stdout
 from sniffer.decoding.detect import Detection, UndecidedError
 from sniffer.decoding.pacing import ASSUMED, Pace
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.decoding.sink import Paced, Sink
 from sniffer.ground.files import files_of, is_lost, occupied, probe, refuse_occupied
 from sniffer.ground.model import Batch, Chunk, DamagedInputError, InputError, OutputError
-from sniffer.ground.wording import one_line
-from sniffer.merge.wires import MIXED, in_order
 from sniffer.messages import TOOL
 from sniffer.protocols.base import BusProtocol
 from sniffer.sinks import open_sink, suffix_known
-from sniffer.sources import Source
+from sniffer.sources import MIXED, Source
 
 
 class Standard:
@@ -76,24 +72,6 @@ class Standard:
             silence_stdout()
             why = error.strerror or error
             raise OutputError(f"standard output: cannot be written ({why})") from None
-
-
-def silence_stdout() -> None:
-    """Let nothing complain about an output that is gone when the interpreter flushes at its end."""
-    silence(sys.stdout)
-
-
-def silence(stream: TextIO) -> None:
-    """Let what is written to a stream go nowhere."""
-    devnull = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(devnull, stream.fileno())
-    os.close(devnull)
-
-
-def say(message: str) -> None:
-    """Talk to the user: one line on standard error; where that cannot be written, nobody hears."""
-    with contextlib.suppress(OSError):
-        click.echo(f"sniffer: {one_line(message)}", err=True)
 
 
 def session_facts(
@@ -235,6 +213,8 @@ def merged(
     """Return the groups of a source; lines of two taps that their host mixed are merged."""
     if source.format not in MIXED:
         return groups
+    from sniffer.merge.wires import in_order  # few inputs need it
+
     return in_order(groups, options, (lambda message: None) if quiet else say)
 
 

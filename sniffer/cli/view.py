@@ -8,7 +8,8 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import Whole, decoding, examples, pipeline_options, with_force
-from sniffer.cli.session import open_outputs, run_source, say, session_facts, tell_lost
+from sniffer.cli.session import open_outputs, run_source, session_facts, tell_lost
+from sniffer.cli.streams import say
 from sniffer.sources import open_source
 
 

@@ -8,8 +8,8 @@ from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.decoding.rows import Row, rows
 from sniffer.ground.limits import BAUDS, whole
 from sniffer.ground.model import Batch, Chunk, DamagedInputError
-from sniffer.merge.wires import MIXED, in_order
-from sniffer.sources import open_source
+from sniffer.merge.wires import in_order
+from sniffer.sources import MIXED, open_source
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
