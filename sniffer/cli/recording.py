@@ -24,6 +24,7 @@ from sniffer.decoding.pipeline import Pipeline
 from sniffer.decoding.sink import Sink
 from sniffer.ground.files import files_of, refuse_occupied
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
+from sniffer.ground.needs import need_rerun
 from sniffer.mcapfile.rotation import RotatingMcap
 from sniffer.sinks import suffix_known
 from sniffer.tap.recorder import DECODE_S, UNSEEN_S, Recorder, Wishes
@@ -136,6 +137,7 @@ def live_view(
     """Open the viewer that was asked for."""
     if show.view is None:
         return None
+    need_rerun()
     from sniffer.viewers.companion.parent import LiveView
 
     return LiveView(

@@ -17,6 +17,7 @@ from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
 from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.decoding.sink import Sink
 from sniffer.ground.model import Chunk
+from sniffer.ground.needs import need_rerun
 from sniffer.jobs.replay import Window, paced, peek, steps, timed, within
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
@@ -80,6 +81,8 @@ def replay(
         raise click.UsageError("--loop needs a file: standard input can be read only once")
     if redecode and in_rerun:
         raise click.UsageError("--redecode compares, --rerun shows: choose one")
+    if in_rerun:
+        need_rerun()
     if redecode:
         from sniffer.jobs.compare import compare
 

@@ -10,6 +10,7 @@ import click
 from sniffer.cli.options import Whole, decoding, examples, pipeline_options, with_force
 from sniffer.cli.session import open_outputs, run_source, session_facts, tell_lost
 from sniffer.cli.streams import say
+from sniffer.ground.needs import need_rerun
 from sniffer.sources import open_source
 
 
@@ -51,6 +52,7 @@ def view(
         raise click.UsageError("-o writes a file, --web serves one: choose one")
     if port is not None and not web:
         raise click.UsageError("--port goes with --web")
+    need_rerun()
     options = pipeline_options(protocol, baud, models, latency)
     source = open_source(file, input_format)
     if output is None and not web:
