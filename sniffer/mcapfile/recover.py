@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 class Recovered:
     """What was recovered; ``why`` says what is wrong where the readable part ends.
 
-    ``derived`` counts the records that were made anew from raw bytes at the end, for which the
-    recorder had no time.
+    ``messages`` counts all that the file has now, ``derived`` those among them that were made anew
+    from raw bytes at the end: the recorder had no time for them.
     """
 
     path: Path
@@ -41,7 +41,7 @@ class Recovered:
 
     def __str__(self) -> str:
         """Say it in a sentence."""
-        kept = f"{self.path}: {self.messages} messages kept"
+        kept = f"{self.path}: {self.messages - self.derived} messages kept"
         if self.derived:
             kept += f", {self.derived} made anew from its last bytes"
         if not self.why:
@@ -104,6 +104,7 @@ def recover(path: Path, out: Path) -> Recovered:
             if file is None:
                 raise InputError(f"{path}: nothing of it can be read ({why})")
             derived = tail.derive(path) if why and ours and tail is not None else 0
+            messages += derived
             if end:
                 file.metadata(END, end)
             if why:
