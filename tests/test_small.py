@@ -97,7 +97,9 @@ def test_a_rerun_that_has_changed_is_told_with_the_one_that_is_known(
     pin = f"rerun-sdk=={needs.KNOWN_RERUN}.*"
     fake = SimpleNamespace(__version__="0.99.0", RecordingStream=object)
     monkeypatch.setattr("sniffer.ground.needs.importlib.import_module", lambda name: fake)
-    with pytest.raises(OutputError, match="the Rerun SDK 0.99.0 has no rerun.SeriesLines") as told:
+    with pytest.raises(
+        OutputError, match=r"the Rerun SDK 0\.99\.0 has no rerun\.SeriesLines"
+    ) as told:
         needs.need_rerun()
     assert pin in str(told.value)
 

@@ -31,7 +31,7 @@ RECOVERED: Final = "servo_sniffer.recovered"
 
 BULK: Final = ("frames", "transactions")
 """Topics that a live recording does not index: nobody plots them, and with ``raw``, of which the
-same is true, the index would be four times the raw bytes of a busy bus."""
+same is true, the index would be thrice the raw bytes of a busy bus and more."""
 
 SHOWN: Final = ("state", "gaps", "anomalies", "log", "stats")
 """Topics that viewers look up message by message."""
