@@ -9,6 +9,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 PYTEST := $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
+# protoc 26: what it generates runs with protobuf 5, 6 and 7; later ones ask for their own version.
+PROTOC := build/protoc
+PROTOC_TOOLS := grpcio-tools==1.64.* "setuptools<81"
+PROTOC_PYTHON ?= $(PYTHON)
 PROTOS := $(sort $(shell find schemas/messages -name '*.proto' 2>/dev/null))
 
 # What decodes, without a process or a port; and the part of it that is done in a minute.
@@ -63,9 +67,14 @@ fuzz: $(VENV)/.dev ## the laws, with thousands of examples each, and lists of ed
 	HYPOTHESIS_PROFILE=long $(PYTEST) -m "hypothesis or walks_a_list" $(PYTEST_ARGS)
 
 # Files in schemas/messages import each other as "sniffer/messages/<name>.proto".
-schemas: $(VENV)/.dev ## regenerate sniffer/messages from schemas/messages
-	$(BIN)/python -m grpc_tools.protoc -Isniffer/messages=schemas/messages \
+schemas: $(PROTOC)/.done ## regenerate sniffer/messages from schemas/messages (Python 3.11 or 3.12)
+	$(PROTOC)/bin/python -m grpc_tools.protoc -Isniffer/messages=schemas/messages \
 		--python_out=. --pyi_out=. $(PROTOS)
+
+$(PROTOC)/.done: Makefile
+	$(PROTOC_PYTHON) -m venv $(PROTOC)
+	$(PROTOC)/bin/python -m pip --disable-pip-version-check install --quiet $(PROTOC_TOOLS)
+	@touch $@
 
 captures: $(VENV)/.dev ## regenerate sample_captures; read the diff before committing it
 	$(BIN)/python -m sniffer.simulation.captures sample_captures

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 import sniffer
+from sniffer.cli import cli
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -185,8 +186,9 @@ def test_libraries_that_load_slowly_are_loaded_when_they_are_needed() -> None:
         for name in sniffer.__all__
         if hasattr(value := getattr(sniffer, name), "__module__")
     }
-    files = loaded_with("sniffer", "sniffer.__main__", "sniffer.cli", *rooms)
-    assert {Path("decoding/decoder.py"), Path("cli/decode.py"), Path("sinks/jsonl.py")} <= files
+    commands = {c.callback.__module__ for c in cli.commands.values() if c.callback is not None}
+    files = loaded_with("sniffer", "sniffer.__main__", "sniffer.cli", *commands, *rooms)
+    assert {Path("decoding/decoder.py"), Path("cli/decode.py"), Path("cli/session.py")} <= files
     for file in files:
         drawn = {m.split(".")[0] for m in imports(file, lazy=False, typing=False)} & {*LAZY}
         assert not drawn, f"{file} imports {drawn} before it is needed"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from sniffer.cli import COMMANDS, cli
 from sniffer.sinks import SINKS
 from tests.commands import (
     COMMAND,
@@ -272,3 +273,18 @@ def test_characters_the_terminal_lacks_are_no_reason_to_stop(tmp_path: Path) -> 
     ran = sniffer("decode", path, "--format", "jsonl", env=ascii_only)
     assert ran.status == 0
     assert conserved(ran.out) == path.read_bytes()
+
+
+def test_the_list_of_commands_says_what_each_command_says_of_itself() -> None:
+    assert {name: cli.commands[name].get_short_help_str(200) for name in COMMANDS} == COMMANDS
+    assert sorted(cli.commands) == sorted(COMMANDS)
+
+
+def test_help_loads_no_command_and_nothing_that_reckons() -> None:
+    code = (
+        "import sys; from sniffer.cli import run; run(['--help']); "
+        "print([m for m in ('numpy', 'construct', 'rich', 'sniffer.cli.decode') "
+        "if m in sys.modules])"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.splitlines()[-1] == "[]"

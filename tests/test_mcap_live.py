@@ -19,6 +19,7 @@ from sniffer.mcapfile.held import MOST, Arrivals
 from sniffer.mcapfile.index import PIECE, ChunkIndexes, ChunkNote, as_bytes
 from sniffer.mcapfile.sink import McapSink
 from sniffer.mcapfile.source import chunks, session
+from sniffer.messages import SHOWN
 from sniffer.messages.recording_pb2 import RawChunk
 from tests.recordings import START_NS, heads, messages, talk
 from tests.test_mcap import RERUN, rerun
@@ -79,6 +80,37 @@ def test_raw_bytes_are_in_the_file_with_each_flush_and_the_rest_follows(
     assert len(times) > 100
     if RERUN is not None:
         assert "PROBLEM" not in rerun("check", "--full", str(path))
+
+
+def test_a_live_recording_indexes_what_viewers_look_up_and_readers_find_all_of_it(
+    tmp_path: Path,
+) -> None:
+    path, sent = tmp_path / "run.mcap", talk("mightyzap", 2.0)
+    live(path, sent, flush_ns=0).close()
+    indexed: set[str] = set()
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        for chunk in summary.chunk_indexes:
+            topics = {summary.channels[c].topic for c in chunk.message_index_offsets}
+            indexed |= {topic.rpartition("/")[2] for topic in topics}
+        counts = summary.statistics.channel_message_counts
+        for channel in summary.channels.values():
+            rows = list(reader.iter_messages(topics=[channel.topic]))
+            assert len(rows) == counts[channel.id], channel.topic
+            assert [m.log_time for _, _, m in rows] == sorted(m.log_time for _, _, m in rows)
+    assert indexed == set(SHOWN)
+
+
+def test_topics_that_were_not_asked_for_are_not_written(tmp_path: Path) -> None:
+    path, sent = tmp_path / "run.mcap", talk("mightyzap", 1.0)
+    live(path, sent, flush_ns=0, topics=["state"]).close()
+    topics = {topic.rpartition("/")[2] for topic in messages(path)}
+    assert topics == {"raw", "state"}
+    assert session(path)["topics"] == "raw,state"
+    assert list(chunks(path)) == sent
 
 
 def test_log_times_of_frames_are_those_of_their_bytes_although_they_are_written_later(

@@ -26,6 +26,7 @@ from tests.recorder import (
     said_by,
     say_slowly,
 )
+from tests.recordings import messages
 from tests.terminals import EVERY_BYTE, LINUX_ONLY, Terminal
 
 if TYPE_CHECKING:
@@ -59,6 +60,19 @@ def test_what_is_said_is_recorded_and_decoded_as_it_will_be_again(
     assert_true_to_itself(run.path)
     assert facts(run.path)["protocol.bus0"] == protocol
     assert {(c.clock, c.bus) for c in chunks(run.path)} == {(Clock.READ, "bus0")}
+
+
+def test_the_raw_bytes_alone_are_recorded_where_nothing_else_is_asked_for(
+    tmp_path: Path, line: Terminal
+) -> None:
+    told = ("{}=mightyzap@57600", "--topics", "raw")
+    with Recorder(tmp_path, *told, lines=[line]) as run:
+        say_slowly(line, TALK, 40)
+        ran = run.stop()
+    assert ran.status == 0
+    assert "bytes recorded, 420 frames" in ran.err, "it is told what was heard all the same"
+    assert raw(run.path) == {"bus0": TALK}
+    assert set(messages(run.path)) == {"/bus0/raw"}
 
 
 def test_the_protocol_is_told_from_the_bytes(tmp_path: Path, line: Terminal) -> None:
@@ -293,6 +307,8 @@ def test_the_files_of_a_row_do_not_mix_with_another_one(
         (("-o", "no/x.mcap"), "there is no folder "),
         (("-o", "x.jsonl", "-o", "x.jsonl"), "x.jsonl would be written twice"),
         (("-o", "x.mcap", "--keep", "3"), "--keep goes with --rotate"),
+        (("-o", "x.mcap", "--topics", "raw,sate"), "'sate' is no topic: one of raw, frames,"),
+        (("-o", "x.jsonl", "--topics", "raw"), "--topics is about a recording"),
         (("-o", "x.jsonl", "--rotate", "1MB"), "--rotate and --keep are about a recording"),
         (("-o", "x.mcap", "--log", "--quiet"), "--log prints, --quiet does not: choose one"),
         (("-o", "x.mcap", "--rerun", "--rerun-web"), "choose one of --rerun, --rerun-web"),

@@ -142,7 +142,7 @@ def ask(file: RotatingMcap, number: int) -> None:
 
 
 LIMITS: dict[str, dict[str, Any]] = {
-    "size": {"rotate_bytes": 150_000},
+    "size": {"rotate_bytes": 160_000},
     "time": {"rotate_ns": 2 * NS // 5},
     "asked": {"each": ask},
 }
@@ -369,5 +369,6 @@ def test_a_part_that_was_cut_off_is_compared_as_far_as_it_goes(
     assert "cut recording" in said[0]
     assert recover(path, path).bytes_lost
     again = compare(path, Options(), say=pytest.fail)
-    assert again.equal, "raw bytes are written first: the last ones have no frames yet"
-    assert again.buses == report.buses
+    assert again.equal, "raw bytes are written first: the frames of the last ones are made anew"
+    before = {it.bus: it.same for it in report.buses}
+    assert all(it.same >= before[it.bus] for it in again.buses)

@@ -9,38 +9,85 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import importlib
 import io
 import os
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, MutableMapping, Sequence
 from typing import Any, Final, TextIO
 
 import click
 
 from sniffer import __version__
-from sniffer.cli.decode import decode
-from sniffer.cli.doctor import doctor
-from sniffer.cli.explain import explain
-from sniffer.cli.known import protocols, registers
-from sniffer.cli.ports import ports
-from sniffer.cli.record import record
-from sniffer.cli.recover import recover
-from sniffer.cli.replay import replay
-from sniffer.cli.session import say, silence, silence_stdout
-from sniffer.cli.simulate import simulate
 from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED, MISTAKE
-from sniffer.cli.view import view
-from sniffer.ground.model import DamagedInputError, SnifferError
-from sniffer.protocols import PluginError, PluginWarning
+from sniffer.cli.streams import say, silence, silence_stdout
+from sniffer.ground.loading import Loading, PluginWarning
 
 DEBUG: Final = "SNIFFER_DEBUG"
 """Set to anything, it has what nobody has foreseen shown with its traceback."""
 
 
+COMMANDS: Final = {
+    "record": "Listen to ports and record what is said.",
+    "decode": "Decode a capture, a dump, a log or a recording.",
+    "view": "Show a recording or a capture in Rerun.",
+    "replay": "Play a recording or a capture again.",
+    "recover": "Repair a recording that was cut off.",
+    "explain": "Draw one frame byte by byte.",
+    "ports": "List the serial ports.",
+    "doctor": "Check whether a port is fit to record from.",
+    "simulate": "Play a bus without hardware.",
+    "protocols": "List the protocols with their models and baud rates.",
+    "registers": "Show the register table of a model.",
+}
+"""What each command does: loading all of them to say so would take ten times as long."""
+
+_HOMES: Final = {"protocols": "known", "registers": "known"}
+"""The files of commands that have none of their own name."""
+
+
+class _Shelf(MutableMapping[str, click.Command]):
+    """The commands by name, each loaded when it is taken."""
+
+    def __init__(self) -> None:
+        self._loaded: dict[str, click.Command] = {}
+
+    def __getitem__(self, name: str) -> click.Command:
+        if name not in COMMANDS:
+            raise KeyError(name)
+        if name not in self._loaded:
+            with Loading():
+                module = importlib.import_module(f"sniffer.cli.{_HOMES.get(name, name)}")
+            self._loaded[name] = getattr(module, name)
+        return self._loaded[name]
+
+    def __setitem__(self, name: str, command: click.Command) -> None:
+        raise TypeError("a command is a line in COMMANDS and a file")
+
+    def __delitem__(self, name: str) -> None:
+        raise TypeError("a command is a line in COMMANDS and a file")
+
+    def __contains__(self, name: object) -> bool:
+        return name in COMMANDS
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+
 class _Commands(click.Group):
-    """Keeps Ctrl-C and closed pipes from click, which has answers of its own to them."""
+    """Keeps Ctrl-C and closed pipes from click, which has answers of its own to them.
+
+    And loads no command but the one that is called.
+    """
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(sorted(COMMANDS.items()))
 
     def invoke(self, ctx: click.Context) -> object:
         try:
@@ -61,19 +108,13 @@ class _NobodyListensError(Exception):
 
 @click.group(
     cls=_Commands,
+    commands=_Shelf(),
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog="Begin with: sniffer decode FILE. Each command says more with --help.",
 )
 @click.version_option(__version__, prog_name="sniffer")
 def cli() -> None:
     """Listen in on robot-servo buses: decode, check, record and plot what is said there."""
-
-
-for _command in (
-    *(record, decode, view, replay, recover, explain),
-    *(ports, doctor, simulate, protocols, registers),
-):
-    cli.add_command(_command)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -96,12 +137,6 @@ def _run(arguments: Sequence[str]) -> int:
         return _tell(_with_help(error), MISTAKE)
     except (_InterruptedError, click.Abort, KeyboardInterrupt):
         return _tell("interrupted", INTERRUPTED)
-    except DamagedInputError as error:
-        return _tell(str(error), DAMAGED)
-    except SnifferError as error:
-        if isinstance(error, PluginError):
-            _debug()
-        return _tell(str(error), MISTAKE)
     except (_NobodyListensError, BrokenPipeError):
         silence_stdout()
         return DONE
@@ -113,8 +148,7 @@ def _run(arguments: Sequence[str]) -> int:
         silence_stdout()
         return _tell(f"standard output: cannot be written ({why})", MISTAKE)
     except Exception as error:
-        _debug()
-        return _last_resort(error)
+        return _failed(error)
     finally:
         _end_stderr()
     return status if isinstance(status, int) else DONE
@@ -142,6 +176,19 @@ def _with_help(error: click.ClickException) -> str:
         return told
     ctx = error.ctx if isinstance(error, click.UsageError) else None
     return f"{told.rstrip('.')}: see `{ctx.command_path if ctx else 'sniffer'} --help`"
+
+
+def _failed(error: Exception) -> int:
+    """Tell what became of a command."""
+    from sniffer.ground.model import DamagedInputError, SnifferError
+    from sniffer.protocols.plugins import PluginError
+
+    if isinstance(error, PluginError):
+        _debug()
+    if isinstance(error, SnifferError):
+        return _tell(str(error), DAMAGED if isinstance(error, DamagedInputError) else MISTAKE)
+    _debug()
+    return _last_resort(error)
 
 
 def _last_resort(error: Exception) -> int:

@@ -14,6 +14,7 @@ from sniffer.decoding.names import AND, is_known, joined, protocols_named
 from sniffer.decoding.pipeline import AUTO
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS
+from sniffer.messages import TOPICS
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
 from sniffer.tap.tap import PortSpec
 
@@ -170,6 +171,19 @@ def port_specs(
                 same = "" if spec.port == other.port else f", as {other.port} too"
                 raise click.BadParameter(f"{spec.port} is named twice{same}")
     return specs
+
+
+def topics(
+    context: click.Context, parameter: click.Parameter, given: str | None
+) -> tuple[str, ...] | None:
+    """Read which topics a recording is to have."""
+    if given is None:
+        return None
+    names = tuple(name.strip() for name in given.split(","))
+    for name in names:
+        if name not in TOPICS:
+            raise click.BadParameter(f"{name!r} is no topic: one of {', '.join(TOPICS)}")
+    return names
 
 
 def _real(port: str) -> str:

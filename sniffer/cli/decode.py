@@ -15,7 +15,6 @@ from sniffer.decoding.sink import Sink
 from sniffer.ground.model import Severity
 from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.outputs import open_outputs, session_facts
-from sniffer.sinks.jsonl import JsonlSink
 from sniffer.sources import open_source
 
 
@@ -97,6 +96,8 @@ def _printer(output_format: str) -> Sink:
     if output_format == "jsonl":
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(encoding="utf-8", newline="\n")  # whatever the terminal speaks
+        from sniffer.sinks.jsonl import JsonlSink
+
         return JsonlSink(sys.stdout)
     from sniffer.sinks.text import TextSink
 

@@ -11,7 +11,7 @@ import click
 from rich.console import Console
 
 from sniffer import __version__
-from sniffer.cli.session import say
+from sniffer.cli.streams import say
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.model import Chunk, SnifferError
 from sniffer.messages import TOOL

@@ -25,7 +25,7 @@ from sniffer.cli.options import (
     examples,
     printed,
 )
-from sniffer.cli.session import say
+from sniffer.cli.streams import say
 from sniffer.decoding.names import protocols_named
 from sniffer.decoding.pipeline import AUTO
 from sniffer.doctor import (

@@ -12,7 +12,7 @@ import click
 from rich.console import Console
 
 from sniffer.cli.options import examples, printed
-from sniffer.cli.session import say
+from sniffer.cli.streams import say
 from sniffer.ports.listing import READY, REFUSED, PortInfo
 from sniffer.ports.listing import ports as listed
 

@@ -9,7 +9,7 @@ from typing import Final, Literal
 
 import click
 
-from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times
+from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times, topics
 from sniffer.cli.options import (
     SHARED,
     Finite,
@@ -84,6 +84,11 @@ WORD_S: Final = 0.5
     "repeated. Without it: sniffer-DATE-TIME.mcap.",
 )  # fmt: skip
 @with_force
+@click.option(
+    "--topics", callback=topics, metavar="TOPIC,...",
+    help="Write only these beside the raw bytes: raw (nothing else), frames, transactions, state, "
+    "gaps, anomalies, log, stats.  [default: all]",
+)  # fmt: skip
 @click.option("--durable", is_flag=True, help="Wait for the disk after each round, 50 ms.")
 @click.option(
     "--rotate", multiple=True, callback=sizes_and_times, metavar="SIZE|TIME",
@@ -119,6 +124,7 @@ def record(
     shared: bool,
     outputs: tuple[Path, ...],
     force: bool,
+    topics: tuple[str, ...] | None,
     durable: bool,
     rotate: dict[str, int],
     keep: int | None,
@@ -165,6 +171,8 @@ def record(
         raise click.UsageError("one .mcap is enough: give -o only one of them")
     if (rotate or keep) and not recordings:
         raise click.UsageError("--rotate and --keep are about a recording: -o x.mcap")
+    if topics is not None and not recordings:
+        raise click.UsageError("--topics is about a recording: -o x.mcap")
     # An address may take long to be connected to: until then a signal ends everything.
     wishes = Wishes(is_heard=not any("://" in spec.port for spec in ports))
     with signals(wishes):
@@ -176,6 +184,7 @@ def record(
                 rotate.get("bytes"),
                 rotate.get("ns"),
                 keep,
+                topics=topics,
                 durable=durable,
                 overwrite=force,
             ),

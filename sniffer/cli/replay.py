@@ -11,12 +11,14 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import Finite, decoding, examples, pipeline_options
-from sniffer.cli.session import Standard, merged, run_source, say
+from sniffer.cli.session import Standard, merged, run_source
+from sniffer.cli.streams import say
 from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
 from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.decoding.sink import Sink
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import Chunk
+from sniffer.ground.needs import need_rerun
 from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.replay import Window, paced, peek, steps, timed, within
 from sniffer.protocols.base import BusProtocol
@@ -82,6 +84,8 @@ def replay(
         raise click.UsageError("--loop needs a file: standard input can be read only once")
     if redecode and in_rerun:
         raise click.UsageError("--redecode compares, --rerun shows: choose one")
+    if in_rerun:
+        need_rerun()
     if redecode:
         from sniffer.jobs.compare import compare
 

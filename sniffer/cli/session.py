@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import signal
 import sys
 import threading
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TextIO
-
-import click
 
 from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED, MISTAKE
+from sniffer.cli.streams import say, silence_stdout
 from sniffer.decoding.detect import Detection, UndecidedError
 from sniffer.decoding.pacing import Pace
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.decoding.sink import Paced, Part, Sink, written
 from sniffer.ground.model import Batch, Chunk, DamagedInputError, InputError, OutputError
-from sniffer.ground.wording import one_line
 from sniffer.jobs.outputs import lost
-from sniffer.merge.wires import MIXED, in_order
+from sniffer.merge.wires import in_order
 from sniffer.protocols.base import BusProtocol
-from sniffer.sources import Source
+from sniffer.sources import MIXED, Source
 
 
 class Standard:
@@ -77,24 +73,6 @@ class Standard:
             silence_stdout()
             why = error.strerror or error
             raise OutputError(f"standard output: cannot be written ({why})") from None
-
-
-def silence_stdout() -> None:
-    """Let nothing complain about an output that is gone when the interpreter flushes at its end."""
-    silence(sys.stdout)
-
-
-def silence(stream: TextIO) -> None:
-    """Let what is written to a stream go nowhere."""
-    devnull = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(devnull, stream.fileno())
-    os.close(devnull)
-
-
-def say(message: str) -> None:
-    """Talk to the user: one line on standard error; where that cannot be written, nobody hears."""
-    with contextlib.suppress(OSError):
-        click.echo(f"sniffer: {one_line(message)}", err=True)
 
 
 def tell_lost(paths: Sequence[Path]) -> int:
@@ -154,6 +132,7 @@ def merged(
     """Return the groups of a source; lines of two taps that their host mixed are merged."""
     if source.format not in MIXED:
         return groups
+
     return in_order(groups, options, (lambda message: None) if quiet else say)
 
 

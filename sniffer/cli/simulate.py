@@ -16,7 +16,7 @@ import click
 from sniffer import __version__
 from sniffer.cli.amounts import Duration
 from sniffer.cli.options import ProtocolName, Whole, check_models, examples, models, with_force
-from sniffer.cli.session import say
+from sniffer.cli.streams import say
 from sniffer.ground.files import refuse_occupied
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS, OutputError, SnifferError

@@ -8,7 +8,9 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import Whole, decoding, examples, pipeline_options, with_force
-from sniffer.cli.session import run_source, say, tell_lost
+from sniffer.cli.session import run_source, tell_lost
+from sniffer.cli.streams import say
+from sniffer.ground.needs import need_rerun
 from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.outputs import open_outputs, session_facts
 from sniffer.sources import open_source
@@ -53,6 +55,7 @@ def view(
         raise click.UsageError("-o writes a file, --web serves one: choose one")
     if port is not None and not web:
         raise click.UsageError("--port goes with --web")
+    need_rerun()
     options = pipeline_options(protocol, baud, models, latency, tables)
     source = open_source(file, input_format)
     options = options.with_facts(source.facts(), source.tables)

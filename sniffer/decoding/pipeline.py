@@ -27,7 +27,7 @@ from sniffer.ground.model import Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.ground.timing import LATENCY_NS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from sniffer.decoding.decoder import Decoder
     from sniffer.decoding.mixed import MixedDecoder
@@ -55,6 +55,7 @@ class Pipeline:
         ahead: the first chunks of an input that is fed piece by piece: what they tell about rate
             and latency counts, not how they are grouped.
         live: more bytes may come for ever: a bus whose protocol cannot be told yet is waited for.
+        starts: offset of each bus's first byte, where that is not 0.
 
     Raises:
         UndecidedError: the protocol is to be found from the bytes and cannot be told.
@@ -69,6 +70,7 @@ class Pipeline:
         on_pace: Callable[[str, Pace], None] = lambda bus, told: None,
         ahead: Iterable[Chunk] = (),
         live: bool = False,
+        starts: Mapping[str, int] | None = None,
     ) -> None:
         if options.protocol != AUTO:
             options.all_spoken(options.protocol)
@@ -89,7 +91,7 @@ class Pipeline:
         self._waiting: dict[str, list[Chunk]] = {}
         self._look_at: dict[str, int] = {}
         self._first: dict[str, list[Chunk]] = {}
-        self._begin: dict[str, int] = {}
+        self._begin: dict[str, int] = dict(starts or {})
 
     def add(self, sink: Sink) -> None:
         """Take another sink; it gets what comes from now on."""

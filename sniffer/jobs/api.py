@@ -8,9 +8,10 @@ from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.decoding.rows import Row, rows, rows_of
 from sniffer.ground.limits import BAUDS, whole
 from sniffer.ground.model import Batch, Chunk, DamagedInputError
+from sniffer.ground.needs import need_pyarrow
 from sniffer.ground.registers import RegisterMap
-from sniffer.merge.wires import MIXED, in_order
-from sniffer.sources import open_source
+from sniffer.merge.wires import in_order
+from sniffer.sources import MIXED, open_source
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -66,12 +67,14 @@ class Capture:
 
     def samples(self) -> Any:
         """Return all samples as an arrow table (``.to_pandas()`` makes a data frame)."""
+        need_pyarrow()
         from sniffer.sinks import tables
 
         return self._table(tables.samples_table, tables.SAMPLES)
 
     def frames(self) -> Any:
         """Return all frames as an arrow table."""
+        need_pyarrow()
         from sniffer.sinks import tables
 
         return self._table(tables.frames_table, tables.FRAMES)
@@ -90,6 +93,7 @@ def records(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Iterator[
 
 def samples_table(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Any:
     """Return a batch's samples as an arrow table."""
+    need_pyarrow()
     from sniffer.sinks import tables
 
     return tables.samples_table(bus, protocol, batch)
@@ -97,6 +101,7 @@ def samples_table(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Any
 
 def frames_table(batch: Batch, protocol: BusProtocol, bus: str = "bus0") -> Any:
     """Return a batch's frames as an arrow table."""
+    need_pyarrow()
     from sniffer.sinks import tables
 
     return tables.frames_table(bus, protocol, batch)

@@ -14,13 +14,14 @@ from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.ground.files import files_of, refuse_occupied
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
+from sniffer.ground.needs import need_rerun
 from sniffer.jobs.outputs import lost, open_outputs, session_facts
 from sniffer.jobs.telling import Teller, result
 from sniffer.mcapfile.rotation import RotatingMcap
 from sniffer.protocols import PROTOCOLS
 from sniffer.sinks import suffix_known
 from sniffer.tap.listen import Listening, Tapping, listen
-from sniffer.tap.recorder import Recorder, Wishes
+from sniffer.tap.recorder import DECODE_S, UNSEEN_S, Recorder, Wishes
 from sniffer.tap.stops import Stops
 from sniffer.viewers.board.board import Board
 from sniffer.viewers.leaving import leaving
@@ -78,8 +79,9 @@ class Files:
     """Where a recording goes.
 
     ``recording`` is the MCAP file; the suffixes of ``others`` name their formats (.jsonl, .csv,
-    .parquet, .rrd). A new file is begun after ``rotate_bytes`` or ``rotate_ns``, and only the last
-    ``keep`` of them stay. ``durable``: each round waits for the disk. ``overwrite``: files that are
+    .parquet, .rrd). ``topics`` are what the recording has beside the raw bytes, None for everything
+    (names of ``sniffer.messages.TOPICS``). A new file is begun after ``rotate_bytes`` or
+    ``rotate_ns``, and only the last ``keep`` of them stay. ``durable``: each round waits for the disk. ``overwrite``: files that are
     there already are replaced.
     """
 
@@ -88,6 +90,7 @@ class Files:
     rotate_bytes: int | None = None
     rotate_ns: int | None = None
     keep: int | None = None
+    topics: Sequence[str] | None = None
     durable: bool = False
     overwrite: bool = False
 
@@ -125,6 +128,7 @@ def open_files(files: Files, facts: Mapping[str, str]) -> tuple[RotatingMcap | N
             rotate_ns=files.rotate_ns,
             keep=files.keep,
             durable=files.durable,
+            topics=files.topics,
             overwrite=files.overwrite,
         )
     try:
@@ -144,6 +148,7 @@ def live_view(
     """Open the viewer that was asked for."""
     if show.view is None:
         return None
+    need_rerun()
     from sniffer.viewers.companion.parent import LiveView
 
     return LiveView(
@@ -241,6 +246,9 @@ def run_recording(
     wishes = wishes or Wishes()
     beside: list[Callable[[Recorder], None]] = [tell.look]
     pipeline = Pipeline(tapping.options, sinks, on_detection=tell.found, live=True)
+    # who follows a recording, or ends it by what it says, waits no longer than eyes do
+    is_followed = mode is not None or list(sinks) != [file] or stops.frames or stops.until
+    is_cut = file is not None and file.rotates
     recorder = Recorder(
         tapping.listener,
         tapping.taps,
@@ -252,6 +260,7 @@ def run_recording(
         wishes=wishes,
         on_round=lambda recorder: _all(beside, recorder),
         latency_ns=max(tapping.options.latencies.values(), default=0),
+        decode_s=DECODE_S if is_followed or is_cut else UNSEEN_S,
     )
     beside.append(functools.partial(_has_outputs, sinks))
     if file is not None:

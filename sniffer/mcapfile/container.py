@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
+    import numpy.typing as npt
     from google.protobuf.descriptor import FileDescriptor
     from google.protobuf.message import Message
 
@@ -118,7 +119,10 @@ class Container:
         return number
 
     def channel(self, topic: str, message: type[Message], metadata: Mapping[str, str]) -> int:
-        """Open a channel for messages of one type; return its id."""
+        """Return the id of a topic's channel, opened where the file has none."""
+        for known in self._summary.channels.values():
+            if known.topic == topic:
+                return known.id
         schema = self.schema(message)
         number = max(self._summary.channels, default=0) + 1
         self._register(Channel(number, topic, "protobuf", dict(metadata), schema))
@@ -141,6 +145,10 @@ class Container:
         """Make a schema or channel known; the next chunk begins with it."""
         self.know(record)
         self._new.append(record)
+
+    def topics(self) -> dict[int, str]:
+        """Return the topic of each channel by its id."""
+        return {c.id: c.topic for c in self._summary.channels.values()}
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a metadata record."""
@@ -165,13 +173,18 @@ class Container:
             )
         )
 
-    def write(self, rows: Sorted) -> None:
-        """Write a chunk of messages, and before them the schemas and channels that are new."""
+    def write(self, rows: Sorted, *, indexed: bool = True) -> None:
+        """Write a chunk of messages, and before them the schemas and channels that are new.
+
+        ``indexed``: behind it stands where in it each message is, 16 bytes each. Viewers that look
+        messages up find only those; who reads whole chunks finds all.
+        """
         head = b"".join(map(as_bytes, self._new))
         data = b"".join((head, rows.data))
         packed = self._compress(data)
         at = rows.start + len(head)
-        self.chunk("zstd", packed, len(data), zlib.crc32(data), rows.log, rows.channel, at)
+        crc = zlib.crc32(data)
+        self.chunk("zstd", packed, len(data), crc, rows.log, rows.channel, at, indexed=indexed)
         self._new.clear()
 
     def chunk(
@@ -183,6 +196,8 @@ class Container:
         log: I64,
         channel: U16,
         at: I64,
+        *,
+        indexed: bool = True,
     ) -> None:
         """Write a chunk that is packed already; ``at`` is where in it each message stands."""
         times = log.astype(np.uint64)  # as the format has them, whatever a damaged one says
@@ -192,21 +207,16 @@ class Container:
         body += struct.pack("<Q", len(packed))
         head = struct.pack("<BQ", Opcode.CHUNK, len(body) + len(packed)) + body
         length = len(head) + len(packed)
-        order = np.argsort(channel, kind="stable")
         ids, counts = np.unique(channel, return_counts=True)
-        index = np.empty(len(order), _INDEX)
-        index["log"], index["at"] = times[order], at[order]
-        entries = index.tobytes()
-        parts, done = [head, packed], 0
-        for number, count in zip(ids.tolist(), counts.tolist(), strict=True):
-            n = 16 * count
-            parts.append(struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + n, number, n))
-            parts.append(entries[done : done + n])
-            done += n
+        parts = [head, packed]
+        if indexed:
+            parts += _message_indexes(ids, counts, times, channel, at)
         start = self.size
         self._put(b"".join(parts))
         self._summary.add(
-            ChunkNote(start, length, first, last, compression, len(packed), size, ids, counts)
+            ChunkNote(
+                start, length, first, last, compression, len(packed), size, ids, counts, indexed
+            )
         )
 
     def sync(self) -> None:
@@ -280,6 +290,21 @@ def _sync_folder(folder: Path) -> None:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
+
+
+def _message_indexes(
+    ids: U16, counts: I64, times: npt.NDArray[np.uint64], channel: U16, at: I64
+) -> Iterator[bytes]:
+    """Yield a message index record for each channel of a chunk."""
+    order = np.argsort(channel, kind="stable")
+    index = np.empty(len(order), _INDEX)
+    index["log"], index["at"] = times[order], at[order]
+    entries, done = index.tobytes(), 0
+    for number, count in zip(ids.tolist(), counts.tolist(), strict=True):
+        n = 16 * count
+        yield struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + n, number, n)
+        yield entries[done : done + n]
+        done += n
 
 
 def _descriptors(file: FileDescriptor) -> bytes:

@@ -56,7 +56,10 @@ def as_bytes(record: McapRecord) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class ChunkNote:
-    """What the index says of a chunk: ``channels`` and ``counts`` are those of its messages."""
+    """What the index says of a chunk: ``channels`` and ``counts`` are those of its messages.
+
+    ``indexed``: each channel has a message index behind the chunk.
+    """
 
     start: int
     length: int
@@ -67,6 +70,7 @@ class ChunkNote:
     size: int
     channels: U16
     counts: I64
+    indexed: bool = True
 
 
 class ChunkIndexes:
@@ -88,9 +92,10 @@ class ChunkIndexes:
             self._compressions.append(n.compression)
         kind = self._compressions.index(n.compression)
         numbers = (n.start, n.length, n.first, n.last, n.packed, n.size)
-        self._rows.append((*numbers, len(n.channels), kind))
-        self._channels.append(n.channels)
-        self._counts.append(n.counts)
+        shown = len(n.channels) if n.indexed else 0
+        self._rows.append((*numbers, shown, kind))
+        self._channels.append(n.channels[:shown])
+        self._counts.append(n.counts[:shown])
         if len(self._rows) == PIECE:
             data = b"".join((
                 np.diff(np.array(self._rows), axis=0, prepend=0).T.astype("<i8").tobytes(),
@@ -138,7 +143,8 @@ class ChunkIndexes:
             which = begin[mine][:, None] + np.arange(k)
             sizes = MESSAGE_INDEX + 16 * counts[which]
             at = (rows[mine, 0] + rows[mine, 1])[:, None] + np.cumsum(sizes, axis=1) - sizes
-            record["index"]["channel"], record["index"]["at"] = channels[which], at
+            if k:
+                record["index"]["channel"], record["index"]["at"] = channels[which], at
             record["indexes"] = sizes.sum(axis=1)
             for i, row in zip(mine.tolist(), record, strict=True):
                 out[i] = row.tobytes()

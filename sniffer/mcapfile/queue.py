@@ -10,9 +10,9 @@ import numpy as np
 from sniffer.mcapfile.encoder import LOG_AT, U16, Loose, MessageRows
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator, Sequence
 
-    from sniffer.ground.model import I64
+    from sniffer.ground.model import I64, Mask
 
 CHUNK: Final = 1 << 20
 """A chunk's messages, in bytes: larger ones compress no better, smaller ones worse."""
@@ -27,6 +27,18 @@ class Sorted:
     channel: U16
     start: I64
     end: I64
+
+    def only(self, rows: Mask) -> Sorted | None:
+        """Return some of the records, None where there are none."""
+        if rows.all():
+            return self
+        if not rows.any():
+            return None
+        spans = zip(self.start[rows].tolist(), self.end[rows].tolist(), strict=True)
+        data = b"".join([self.data[a:b] for a, b in spans])
+        widths = self.end[rows] - self.start[rows]
+        end = np.cumsum(widths)
+        return Sorted(memoryview(data), self.log[rows], self.channel[rows], end - widths, end)
 
     def pieces(self, size: int = CHUNK) -> Iterator[Sorted]:
         """Yield it in pieces of about ``size`` bytes."""
@@ -45,32 +57,57 @@ class Sorted:
             a = b
 
 
-class Queue:
-    """Message records that wait to be put in order."""
+@dataclass(frozen=True, slots=True)
+class _Lot:
+    """Records that were queued together; their ranks are the ``count`` ones from ``first`` on."""
 
-    def __init__(self) -> None:
-        self._parts: list[MessageRows | Loose] = []
+    topic: str
+    parts: tuple[MessageRows | Loose, ...]
+    first: int
+    count: int
+
+
+class Queue:
+    """Message records that wait to be written, in the order of their log times or as they came.
+
+    Args:
+        topics: what is taken, by the last part of a topic's name; None: everything.
+    """
+
+    def __init__(self, topics: Collection[str] | None = None) -> None:
+        self._lots: list[_Lot] = []
+        self._topics = topics
         self._ranks = 0
         self.size = 0
+
+    def wants(self, topic: str) -> bool:
+        """Tell whether records of a topic are taken: others need not be encoded."""
+        return self._topics is None or topic in self._topics
 
     def ranks(self, n: int) -> I64:
         """Return the ranks of the next ``n`` records: of one time, the first to come is first."""
         self._ranks += n
         return np.arange(self._ranks - n, self._ranks)
 
-    def add(self, *parts: MessageRows | Loose) -> None:
-        """Take records."""
-        for part in parts:
-            self._parts.append(part)
-            self.size += int(part.widths.sum())
+    def add(self, topic: str, *parts: MessageRows | Loose) -> None:
+        """Take records of one bus and topic; all that ``ranks`` returned in one call together."""
+        if parts:
+            count = sum(len(part.heads.rank) for part in parts)
+            first = min(int(part.heads.rank.min()) for part in parts)
+            self._lots.append(_Lot(topic, parts, first, count))
+            self.size += sum(int(part.widths.sum()) for part in parts)
 
     def take(self, until: int | None, floor: int) -> Sorted | None:
         """Return what is not later than ``until`` (None: all), no log time below ``floor``."""
-        parts = self._parts
-        self._parts, self.size = [], 0
+        lots, self._lots, self.size = self._lots, [], 0
+        if until is not None:
+            for lot in lots:
+                masks = [part.heads.log > until for part in lot.parts]
+                later = zip(lot.parts, masks, strict=True)
+                self.add(lot.topic, *(p.take(mask) for p, mask in later if mask.any()))
+        parts = [part for lot in lots for part in lot.parts]
         if until is not None:
             masks = [part.heads.log <= until for part in parts]
-            self.add(*(p.take(~m) for p, m in zip(parts, masks, strict=True) if not m.all()))
             parts = [p.take(m) for p, m in zip(parts, masks, strict=True) if m.any()]
         if not parts:
             return None
@@ -78,16 +115,51 @@ class Queue:
         channel = np.concatenate([p.heads.channel for p in parts])
         widths = np.concatenate([p.widths for p in parts])
         order = np.lexsort((np.concatenate([p.heads.rank for p in parts]), log))
-        log, channel, widths = np.maximum(log[order], floor), channel[order], widths[order]
-        end = np.cumsum(widths)
-        start = end - widths
-        at = np.empty(len(order), np.int64)
-        at[order] = start
-        out = bytearray(int(end[-1]))
-        begin = 0
-        for part in parts:
-            n = len(part.data)
-            part.place(out, at[begin : begin + n])
-            begin += n
-        np.ndarray((len(out) - LOG_AT - 7,), "<i8", out, LOG_AT, (1,))[start] = log
-        return Sorted(memoryview(out), log, channel, start, end)
+        where = np.empty(len(order), np.int64)
+        where[order] = np.arange(len(order))
+        return _laid(parts, where, np.maximum(log[order], floor), channel[order], widths[order])
+
+    def lots(self, topics: Sequence[str]) -> Sorted | None:
+        """Return what waits of some topics, lot by lot, nothing sorted: each is in order in itself.
+
+        Records of one kind side by side are also what packs best.
+        """
+        mine = sorted((x for x in self._lots if x.topic in topics), key=lambda x: x.topic)
+        if not mine:
+            return None
+        self._lots = [lot for lot in self._lots if lot.topic not in topics]
+        begin = np.cumsum([lot.count for lot in mine]) - [lot.count for lot in mine]
+        total = sum(lot.count for lot in mine)
+        log, channel = np.empty(total, np.int64), np.empty(total, np.uint16)
+        widths = np.empty(total, np.int64)
+        parts: list[MessageRows | Loose] = []
+        places: list[I64] = []
+        for lot, at in zip(mine, begin.tolist(), strict=True):
+            for part in lot.parts:
+                place = part.heads.rank + (at - lot.first)
+                log[place], channel[place] = part.heads.log, part.heads.channel
+                widths[place] = part.widths
+                self.size -= int(part.widths.sum())
+                parts.append(part)
+                places.append(place)
+        return _laid(parts, np.concatenate(places), log, channel, widths)
+
+
+def _laid(
+    parts: Sequence[MessageRows | Loose], where: I64, log: I64, channel: U16, widths: I64
+) -> Sorted:
+    """Write records side by side: row n of all parts joined goes to place ``where[n]``.
+
+    ``log``, ``channel`` and ``widths`` are by place.
+    """
+    end = np.cumsum(widths)
+    start = end - widths
+    at = start[where]
+    out = bytearray(int(end[-1]))
+    begin = 0
+    for part in parts:
+        n = len(part.data)
+        part.place(out, at[begin : begin + n])
+        begin += n
+    np.ndarray((len(out) - LOG_AT - 7,), "<i8", out, LOG_AT, (1,))[start] = log
+    return Sorted(memoryview(out), log, channel, start, end)

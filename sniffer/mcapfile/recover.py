@@ -8,6 +8,7 @@ import shutil
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from sniffer.ground.files import writing
@@ -16,7 +17,8 @@ from sniffer.mcapfile.container import Container
 from sniffer.mcapfile.ends import end_facts
 from sniffer.mcapfile.packed import BrokenError
 from sniffer.mcapfile.records import NotMcapError, Piece, Records
-from sniffer.messages import END, RECOVERED
+from sniffer.mcapfile.tail import Tail, kind_of
+from sniffer.messages import BULK, END, RECOVERED, TOOL
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -24,17 +26,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Recovered:
-    """What was recovered; ``why`` says what is wrong where the readable part ends."""
+    """What was recovered; ``why`` says what is wrong where the readable part ends.
+
+    ``messages`` counts all that the file has now, ``derived`` those among them that were made anew
+    from raw bytes at the end: the recorder had no time for them.
+    """
 
     path: Path
     messages: int
     bytes_kept: int
     bytes_lost: int
     why: str = ""
+    derived: int = 0
 
     def __str__(self) -> str:
         """Say it in a sentence."""
-        kept = f"{self.path}: {self.messages} messages kept"
+        kept = f"{self.path}: {self.messages - self.derived} messages kept"
+        if self.derived:
+            kept += f", {self.derived} made anew from its last bytes"
         if not self.why:
             return f"{kept}, nothing was lost"
         if not self.bytes_lost:
@@ -47,7 +56,9 @@ def recover(path: Path, out: Path) -> Recovered:
     """Write what can be read of ``path`` to ``out``, which may be the same file.
 
     Chunks are copied as they are, up to the first damage, and of one that breaks off the messages
-    that are whole; ``out``, or the file that it leads to as a link, is replaced at the end.
+    that are whole. What a recorder that was killed had no time to make of its last bytes is made of
+    them now, as far as its session asked for it. ``out``, or the file that it leads to as a link,
+    is replaced at the end.
 
     Raises:
         InputError: there is nothing to recover.
@@ -68,7 +79,8 @@ def recover(path: Path, out: Path) -> Recovered:
     target = out.resolve()
     temporary = target.with_name(f".{target.name[:200]}.{os.getpid()}.part")
     file: Container | None = None
-    messages, why = 0, ""
+    tail: Tail | None = None
+    messages, why, ours = 0, "", False
     with stream:
         end = end_facts(stream)  # it is kept also where it stands behind the damage
         records = Records(stream, attachments=True)
@@ -77,10 +89,11 @@ def recover(path: Path, out: Path) -> Recovered:
                 for record in records:
                     if isinstance(record, Header):
                         file = Container(temporary, record.library)
+                        tail, ours = Tail(file), record.library.startswith(TOOL)
                     elif isinstance(record, Metadata) and record.name == END:
                         continue
-                    elif file is not None:
-                        messages += _copy(record, records, file)
+                    elif file is not None and tail is not None:
+                        messages += _copy(record, records, file, tail)
             except NotMcapError as error:
                 raise InputError(
                     f"{path} is no recording ({error}): only an .mcap can be mended; "
@@ -90,6 +103,8 @@ def recover(path: Path, out: Path) -> Recovered:
                 why = str(error)
             if file is None:
                 raise InputError(f"{path}: nothing of it can be read ({why})")
+            derived = tail.derive(path) if why and ours and tail is not None else 0
+            messages += derived
             if end:
                 file.metadata(END, end)
             if why:
@@ -108,11 +123,14 @@ def recover(path: Path, out: Path) -> Recovered:
             with contextlib.suppress(FileNotFoundError):
                 temporary.unlink()
     lost = size - records.position if why else 0
-    return Recovered(out, messages, size - lost, lost, why)
+    return Recovered(out, messages, size - lost, lost, why, derived)
 
 
 def _copy(
-    record: Attachment | Metadata | Schema | Channel | Piece, records: Records, file: Container
+    record: Attachment | Metadata | Schema | Channel | Piece,
+    records: Records,
+    file: Container,
+    tail: Tail,
 ) -> int:
     """Copy a record; return how many messages it holds."""
     if isinstance(record, Metadata):
@@ -123,7 +141,12 @@ def _copy(
         file.know(*records.schemas.values(), *records.channels.values())
         p = record
         if len(p.at):
-            file.chunk(p.compression, p.packed, len(p.data), p.crc, p.log, p.channel, p.at)
+            topics = {kind_of(records.channels[c].topic) for c in np.unique(p.channel).tolist()}
+            indexed = p.indexed or not topics <= {"raw", *BULK}
+            file.chunk(
+                p.compression, p.packed, len(p.data), p.crc, p.log, p.channel, p.at, indexed=indexed
+            )
+            tail.look(p)
         return len(p.at)
     else:
         file.append(record)

@@ -31,7 +31,7 @@ from sniffer.ground.timing import byte_time_ns
 from sniffer.messages import OFFSET, TIME
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from sniffer.decoding.sink import Part
@@ -39,8 +39,9 @@ if TYPE_CHECKING:
     from sniffer.mcapfile.sink import McapSink
     from sniffer.protocols.base import BusProtocol
 
-FLUSH_NS: Final = 250_000_000
-"""How long decoded records wait to be written: twice as long saves less than a tenth more."""
+FLUSH_NS: Final = 1_000_000_000
+"""How long decoded records wait to be written: a killed recorder loses so many, and `recover` makes
+them again. What they cost beside many others is less, and twice as long saves little more."""
 
 STEP_NS: Final = 10_000_000
 """How long a file is ended in one go: the index of an hour takes some tenths of a second, in which
@@ -83,6 +84,7 @@ class RotatingMcap:
         durable: whether the disk is waited for with each flush, against a power failure.
         overwrite: whether files that are there may be replaced.
         flush_ns: how long what was decoded may wait to be written; raw bytes never wait.
+        topics: what is written beside the raw bytes, see ``McapSink``; None: everything.
         now: the time, for the limit.
 
     Raises:
@@ -101,6 +103,7 @@ class RotatingMcap:
         durable: bool = False,
         overwrite: bool = False,
         flush_ns: int = FLUSH_NS,
+        topics: Collection[str] | None = None,
         now: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self._base = path
@@ -111,6 +114,7 @@ class RotatingMcap:
         self._durable = durable
         self._overwrite = overwrite
         self._flush_ns = flush_ns
+        self._topics = topics
         self._now = now
         self._buses: dict[str, _Bus] = {}
         self._protocols: dict[str, list[BusProtocol]] = {}
@@ -129,6 +133,11 @@ class RotatingMcap:
         self.path = self._numbered(1) if numbered else path
         """The file that is being written."""
         self._sink = self._begin(self.path, {}, {})
+
+    @property
+    def rotates(self) -> bool:
+        """Tell whether new files begin by themselves."""
+        return self._rotate_bytes is not None or self._rotate_ns is not None
 
     @property
     def size(self) -> int:
@@ -293,6 +302,7 @@ class RotatingMcap:
                 overwrite=self._overwrite,
                 live=True,
                 durable=self._durable,
+                topics=self._topics,
                 starts=starts,
             )
             empty = sink.size

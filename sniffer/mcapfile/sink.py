@@ -8,9 +8,10 @@ The messages are declared in ``schemas/messages``; the register tables are attac
 estimate. Both never decrease within a topic, and count from the first byte where there is no clock.
 
 There are two ways to use it. A live recorder calls ``flush`` often: the raw bytes are in the file
-then, so a killed recorder loses no more than what came since; what was decoded of them follows
-within ``flush_ns``, because encoding a little costs nearly as much as encoding a lot. Its records
-stand behind raw bytes that came later, with their own log times.
+then, so a killed recorder loses no more than what came since. What was decoded of them follows
+after ``flush_ns``: encoding a little costs nearly as much as encoding a lot, and much of one kind
+side by side packs best. Its records stand behind raw bytes that came later, with their own log
+times. Behind chunks of ``BULK`` there is no message index, which would be larger than they are.
 
 Otherwise everything is written when the next call comes half of ``flush_ns`` after it was handed
 over, and ``log_time`` never decreases within the whole file. Input whose clock runs far ahead of
@@ -35,15 +36,16 @@ from sniffer.mcapfile.container import Container
 from sniffer.mcapfile.messages import BusWriter
 from sniffer.mcapfile.queue import Queue
 from sniffer.mcapfile.raw import RawEncoder
-from sniffer.messages import BUS, END, OFFSET, SESSION, TABLES, TOOL
+from sniffer.messages import BULK, BUS, END, OFFSET, SESSION, SHOWN, TABLES, TOOL, TOPICS
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from sniffer.decoding.sink import Part
     from sniffer.ground.model import Batch, Chunk
+    from sniffer.mcapfile.queue import Sorted
     from sniffer.protocols.base import BusProtocol
 
 LIBRARY: Final = f"{TOOL} {__version__}"
@@ -72,6 +74,7 @@ class McapSink:
         overwrite: whether a file that is there may be replaced.
         live: whether the caller flushes often, and nothing is written between.
         durable: whether the disk is waited for with each flush, against a power failure.
+        topics: which of ``TOPICS`` are written, None for all; ``raw`` always is.
         starts: stream offset of the first byte by bus, where that is not 0.
 
     Raises:
@@ -87,14 +90,17 @@ class McapSink:
         overwrite: bool = True,
         live: bool = False,
         durable: bool = False,
+        topics: Collection[str] | None = None,
         starts: Mapping[str, int] | None = None,
     ) -> None:
         begin = {f"{OFFSET}.{bus}": str(at) for bus, at in (starts or {}).items()}
+        if topics is not None:
+            begin["topics"] = ",".join(t for t in TOPICS if t == "raw" or t in topics)
         self._session = {_told(k): _told(v) for k, v in {**session, **begin}.items()}
         self._flush_ns = flush_ns
         self._live = live
         self._starts = dict(starts or {})
-        self._queue = Queue()
+        self._queue = Queue(topics if topics is None else {"raw", *topics})
         self._raw = RawEncoder()
         self._buses: dict[str, BusWriter] = {}
         self._attached: set[str] = set()
@@ -150,11 +156,11 @@ class McapSink:
     def flush(self) -> None:
         """Write what waits; of a live recording all raw bytes, and what was decoded when due."""
         with self._guard():
-            if not self._live or time.monotonic_ns() - self._encoded_at >= self._flush_ns:
-                self._encode()
+            if self._live:
+                self._flush_live()
             else:
-                self._encode_raw()
-            self._flush(None)
+                self._encode()
+                self._flush(None)
 
     def close(self) -> None:
         """Finish the file; after a failure it is left as it is."""
@@ -170,8 +176,11 @@ class McapSink:
             return
         if self._failure is None:
             with self._guard():
-                self._encode(final=True)
-                self._flush(None)
+                if self._live:
+                    self._flush_live(final=True)
+                else:
+                    self._encode(final=True)
+                    self._flush(None)
                 if end:
                     self._file.metadata(END, {_told(k): v for k, v in end.items()})
                 yield from self._file.finishing()
@@ -205,6 +214,7 @@ class McapSink:
                 self._starts.get(name, 0),
                 self._queue,
                 self._file.channel,
+                counted=not self._live,
             )
         return writer
 
@@ -216,10 +226,9 @@ class McapSink:
         if plugins := [p for p in map(PROTOCOLS.origin, (p.name for p in protocols)) if p]:
             told["plugin"] = ", ".join(plugins)
         self._file.metadata(f"{BUS}.{bus}", told)
-        for table in (table for protocol in protocols for table in protocol.models):
-            if table.text:
-                name = f"{TABLES}{table.model}.toml"
-                self._attach(name, "application/toml", table.text.encode())
+        for protocol in protocols:
+            for name, data in attached_tables(protocol):
+                self._attach(name, "application/toml", data)
 
     def _attach(self, name: str, media_type: str, data: bytes) -> None:
         if name not in self._attached:
@@ -248,7 +257,7 @@ class McapSink:
 
     def _encode_raw(self) -> None:
         parts = (bus.heard() for bus in self._buses.values())
-        self._queue.add(*self._raw.encode([part for part in parts if part is not None]))
+        self._queue.add("raw", *self._raw.encode([part for part in parts if part is not None]))
 
     def _encode(self, *, final: bool = False) -> None:
         self._encode_raw()
@@ -262,13 +271,32 @@ class McapSink:
     def _newest(self) -> int:
         return max((b.newest for b in self._buses.values()), default=0)
 
+    def _flush_live(self, *, final: bool = False) -> None:
+        """Write the raw bytes, in order of time; when it is due, the rest kind by kind."""
+        self._encode_raw()
+        self._write_all(self._queue.take(None, 0), indexed=False)
+        if final or time.monotonic_ns() - self._encoded_at >= self._flush_ns:
+            self._encode(final=final)
+            self._write_all(self._queue.lots(BULK), indexed=False)
+            self._write_all(self._queue.lots(SHOWN), indexed=True)
+        self._file.sync()
+
     def _flush(self, until: int | None) -> None:
-        rows = self._queue.take(until, 0 if self._live else self._file.last)
-        if rows is not None:
-            for piece in rows.pieces():
-                self._file.write(piece)
+        rows = self._queue.take(until, self._file.last)
+        self._write_all(rows, indexed=True)
         self._file.sync()
         self._since = time.monotonic_ns() if self._queue.size else None
+
+    def _write_all(self, rows: Sorted | None, *, indexed: bool) -> None:
+        for piece in () if rows is None else rows.pieces():
+            self._file.write(piece, indexed=indexed)
+
+
+def attached_tables(protocol: BusProtocol) -> Iterator[tuple[str, bytes]]:
+    """Yield the register tables of a protocol as they are attached: name and contents."""
+    for table in protocol.models:
+        if table.text:
+            yield f"{TABLES}{table.model}.toml", table.text.encode()
 
 
 def _told(text: str) -> str:

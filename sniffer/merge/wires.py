@@ -39,9 +39,6 @@ if TYPE_CHECKING:
     from sniffer.ground.model import Chunk
     from sniffer.protocols.base import BusProtocol
 
-MIXED: Final = frozenset({"candump"})
-"""Formats of inputs that name a wire and may be mixed; what this tool wrote has one order."""
-
 WINDOW: Final = 4096
 """Bytes that are looked at in one go: some hundred exchanges."""
 

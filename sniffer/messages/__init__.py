@@ -31,3 +31,13 @@ TABLES: Final = "registers/"
 
 RECOVERED: Final = "servo_sniffer.recovered"
 """Metadata record: the recorder did not finish the file; ``why`` says what was wrong with it."""
+
+BULK: Final = ("frames", "transactions")
+"""Topics that a live recording does not index: nobody plots them, and with ``raw``, of which the
+same is true, the index would be thrice the raw bytes of a busy bus and more."""
+
+SHOWN: Final = ("state", "gaps", "anomalies", "log", "stats")
+"""Topics that viewers look up message by message."""
+
+TOPICS: Final = ("raw", *BULK, *SHOWN)
+"""All of a bus, by the last part of their names."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from sniffer.ground.loading import PluginWarning
 from sniffer.ground.model import SnifferError
 from sniffer.protocols.plugins import PluginError
-from sniffer.protocols.registry import PluginWarning, Registry
+from sniffer.protocols.registry import Registry
 
 if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol

@@ -11,6 +11,7 @@ import warnings
 from collections.abc import ItemsView, Iterator, Mapping, ValuesView
 from typing import TYPE_CHECKING, Final
 
+from sniffer.ground.loading import PluginWarning
 from sniffer.protocols import plugins
 from sniffer.protocols.base import BusProtocol
 from sniffer.protocols.plugins import PluginError
@@ -21,10 +22,6 @@ if TYPE_CHECKING:
     from sniffer.protocols.plugins import Plugin
 
 _RESERVED: Final = ("auto",)
-
-
-class PluginWarning(UserWarning):
-    """A plug-in is left out; the message names it and says why."""
 
 
 class Registry(Mapping[str, BusProtocol]):

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import OutputError
+from sniffer.ground.needs import need_pyarrow, need_rerun
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -46,16 +47,23 @@ SINKS: Final[Mapping[str, Callable[[Path, Session], Sink]]] = MappingProxyType(
 )
 """Makers of outputs by suffix."""
 
+_NEEDS: Final = MappingProxyType(
+    {".csv": need_pyarrow, ".parquet": need_pyarrow, ".rrd": need_rerun}
+)
+"""What refuses an output whose library is not there."""
+
 
 def suffix_known(path: Path) -> str:
     """Return the path's suffix as ``SINKS`` has it.
 
     Raises:
-        OutputError: it has none of these.
+        OutputError: it has none of these, or the library that writes it is not installed.
     """
     suffix = path.suffix.lower()
     if suffix not in SINKS:
         raise OutputError(f"{path}: the suffix must be one of {', '.join(SINKS)}")
+    if suffix in _NEEDS:
+        _NEEDS[suffix]()
     return suffix
 
 

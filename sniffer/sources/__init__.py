@@ -71,6 +71,9 @@ SOURCES: Final[Mapping[str, Reader]] = MappingProxyType(
         "mcap": _read_mcap,
     }
 )
+
+MIXED: Final = frozenset({"candump"})
+"""Formats of inputs that name a wire and may be mixed; what this tool wrote has one order."""
 """Readers by the name of their format, as ``--input-format`` knows it."""
 
 _LABELS: Final[Mapping[str, str]] = {

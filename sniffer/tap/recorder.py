@@ -33,6 +33,9 @@ TICK_S: Final = 0.05
 DECODE_S: Final = (0.1, 0.5)
 """Time between two decoding passes, at least and at most, in seconds."""
 
+UNSEEN_S: Final = (0.5, 1.0)
+"""The same where nobody looks at what is decoded before it is in the file."""
+
 DUTY: Final = 0.05
 """Share of the time that decoding takes before the passes become rarer: a pass has a fixed cost,
 whatever it holds, so fewer of them for many busy buses are cheaper."""
@@ -128,6 +131,7 @@ class Recorder:
         on_round: is called once a round, with the recorder.
         latency_ns: by how much a stamp may lag behind its bytes, the greatest of all buses.
         backlog: bytes of a bus waiting to be decoded from which on they are only recorded.
+        decode_s: time between two decoding passes, at least and at most, in seconds.
     """
 
     def __init__(
@@ -144,6 +148,7 @@ class Recorder:
         on_round: Callable[[Recorder], None] = lambda recorder: None,
         latency_ns: int = 0,
         backlog: int = BACKLOG,
+        decode_s: tuple[float, float] = DECODE_S,
     ) -> None:
         self.taps = taps
         self.pipeline = pipeline
@@ -158,6 +163,7 @@ class Recorder:
         self._on_round = on_round
         self._latency_ns = latency_ns
         self._backlog = backlog
+        self._decode_s = decode_s
         self._waiting: dict[str, _Waiting] = {tap.spec.bus: _Waiting() for tap in taps}
         self._turns = deque(self._waiting)
         self._began_ns = anchor.now()
@@ -221,7 +227,8 @@ class Recorder:
                     self.wishes.rotate = False
                     self._file.rotate()
                 self._file.turn(self.pipeline.decided())
-            pause = min(max((time.monotonic() - began) / DUTY, DECODE_S[0]), DECODE_S[1])
+            least, most = self._decode_s
+            pause = min(max((time.monotonic() - began) / DUTY, least), most)
             # half a round early, so that rounds that come a little late are not missed
             self._decode_at = began + pause - TICK_S / 2 if done else 0.0
 

@@ -1,0 +1,30 @@
+"""The standard streams: one line for the user, and what is done where nobody reads any more."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from typing import TextIO
+
+import click
+
+from sniffer.ground.wording import one_line
+
+
+def silence_stdout() -> None:
+    """Let nothing complain about an output that is gone when the interpreter flushes at its end."""
+    silence(sys.stdout)
+
+
+def silence(stream: TextIO) -> None:
+    """Let what is written to a stream go nowhere."""
+    devnull = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(devnull, stream.fileno())
+    os.close(devnull)
+
+
+def say(message: str) -> None:
+    """Talk to the user: one line on standard error; where that cannot be written, nobody hears."""
+    with contextlib.suppress(OSError):
+        click.echo(f"sniffer: {one_line(message)}", err=True)

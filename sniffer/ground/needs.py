@@ -1,0 +1,52 @@
+"""Libraries that only plots and tables need: a tap does without, and says what it lacks."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Final
+
+from sniffer.ground.model import OutputError
+
+_RERUN: Final = {
+    "rerun": ("RecordingStream", "SeriesLines", "SeriesPoints", "StateChange", "TimeColumn"),
+    "rerun.blueprint": ("Blueprint", "StateTimelineView", "TimeAxis", "TimeSeriesView"),
+}
+"""What is drawn with, of what came last or moved: Rerun's API changes with every minor version."""
+
+KNOWN_RERUN: Final = "0.41"
+"""The version of Rerun that was tried."""
+
+
+def need_rerun() -> None:
+    """Do nothing where the Rerun SDK can draw.
+
+    Raises:
+        OutputError: it is not installed, or not as known here.
+    """
+    try:
+        modules = {name: importlib.import_module(name) for name in _RERUN}
+    except ImportError as error:
+        raise _missing("plots need the Rerun SDK", "rerun-sdk", error) from None
+    gone = [f"{m}.{n}" for m, names in _RERUN.items() for n in names if not hasattr(modules[m], n)]
+    if gone:
+        version = getattr(modules["rerun"], "__version__", "?")
+        raise OutputError(
+            f"the Rerun SDK {version} has no {gone[0]}: {KNOWN_RERUN} is known to do; "
+            f"`pip install 'rerun-sdk=={KNOWN_RERUN}.*'`"
+        )
+
+
+def need_pyarrow() -> None:
+    """Do nothing where tables can be made.
+
+    Raises:
+        OutputError: pyarrow is not installed.
+    """
+    try:
+        importlib.import_module("pyarrow")
+    except ImportError as error:
+        raise _missing("tables (.parquet, .csv) need pyarrow", "pyarrow", error) from None
+
+
+def _missing(what: str, package: str, error: ImportError) -> OutputError:
+    return OutputError(f"{what}, which cannot be loaded ({error}): `pip install {package}`")

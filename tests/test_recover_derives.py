@@ -1,0 +1,140 @@
+"""What a killed recorder had no time to make of its last bytes: ``recover`` makes it of them."""
+
+from __future__ import annotations
+
+import random
+from typing import TYPE_CHECKING, Any
+
+from bench.survives import KINDS, Victim, kill
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.model import DamagedInputError, InputError
+from sniffer.mcapfile import tail
+from sniffer.mcapfile.recover import recover
+from sniffer.mcapfile.sink import McapSink
+from sniffer.mcapfile.source import groups, session
+from tests.recordings import messages, talk
+from tests.terminals import LINUX_ONLY, PATIENCE_S
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pytest
+
+DERIVED = ("frames", "transactions", "state", "gaps", "anomalies", "log", "stats")
+
+
+def anew(path: Path, out: Path) -> Path:
+    """Decode the raw bytes of a recording, as far as it goes, into another one."""
+    facts = session(path)
+    bauds = {key: value for key, value in facts.items() if key.startswith("baud.")}
+    pipeline = Pipeline(Options().with_facts(facts), [McapSink(out, bauds)])
+    try:
+        for group in groups(path):
+            pipeline.feed(group)
+    except DamagedInputError:
+        pass
+    pipeline.close()
+    pipeline.finish()
+    return out
+
+
+def derived(path: Path) -> dict[str, list[bytes]]:
+    """Return what was made of the raw bytes: by topic the messages, in any order."""
+    found = messages(path)
+    return {
+        topic: sorted(bytes(m.SerializeToString(deterministic=True)) for m in rows)
+        for topic, rows in found.items()
+        if topic.rpartition("/")[2] in DERIVED
+    }
+
+
+def recorded(path: Path, **options: Any) -> list[int]:
+    """Record two buses live, all they say; return how long the file was after each round."""
+    sizes: list[int] = []
+    buses = {"b0": "mightyzap", "b1": "lss"}
+    facts = {f"protocol.{bus}": name for bus, name in buses.items()}
+    facts |= {f"baud.{bus}": "115200" for bus in buses}
+    sink = McapSink(path, {"tool": "test", **facts}, live=True, flush_ns=0, **options)
+    decoders = {bus: Decoder(name, baud=115200) for bus, name in buses.items()}
+    said = {bus: talk(name, 1.5, 3, bus=bus) for bus, name in buses.items()}
+    for n in range(0, max(map(len, said.values())), 25):
+        for bus, chunks in said.items():
+            sink.raw(bus, chunks[n : n + 25])
+        sink.flush()
+        for bus, chunks in said.items():
+            sink.write(bus, decoders[bus].protocol, decoders[bus].feed(*chunks[n : n + 25]))
+        sink.flush()
+        sizes.append(sink.size)
+    sink.close()
+    return sizes
+
+
+def test_a_file_cut_anywhere_has_all_records_of_its_bytes_again(tmp_path: Path) -> None:
+    whole = tmp_path / "whole.mcap"
+    sizes = recorded(whole)
+    data = whole.read_bytes()
+    rng = random.Random(5)
+    made = 0
+    for n in range(12):
+        path = tmp_path / f"cut{n}.mcap"
+        path.write_bytes(data[: rng.randrange(sizes[1], sizes[-1])])
+        report = recover(path, path)
+        made += report.derived
+        assert derived(path) == derived(anew(path, tmp_path / f"anew{n}.mcap")), n
+    assert made, "some of them had bytes of which nothing was made"
+
+
+def test_a_recording_too_long_to_be_held_gets_only_what_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = tmp_path / "whole.mcap"
+    sizes = recorded(whole)
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(whole.read_bytes()[: sizes[-2] - 1])
+    monkeypatch.setattr(tail, "HELD", 60_000)
+    assert recover(path, path).derived
+    wanted = derived(anew(path, tmp_path / "anew.mcap"))
+    assert derived(path) == wanted
+
+
+def test_what_a_recording_was_not_asked_for_is_not_made(tmp_path: Path) -> None:
+    whole = tmp_path / "whole.mcap"
+    recorded(whole, topics=["raw"])
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(whole.read_bytes()[:-5000])
+    assert recover(path, path).derived == 0
+    assert {topic.rpartition("/")[2] for topic in messages(path)} == {"raw"}
+
+
+def test_a_whole_recording_gets_nothing_more(tmp_path: Path) -> None:
+    whole = tmp_path / "whole.mcap"
+    recorded(whole)
+    before = derived(whole)
+    assert recover(whole, whole).derived == 0
+    assert derived(whole) == before
+
+
+@LINUX_ONLY
+def test_killed_in_full_flight_its_records_are_whole_after_recover(tmp_path: Path) -> None:
+    def ready(victim: Victim) -> bool:
+        try:
+            return any(map(messages_so_far, victim.files))
+        except InputError:  # a file that has only just been made
+            return False
+
+    (left,) = kill(tmp_path, KINDS[1:2], 7, ready, PATIENCE_S)
+    (path,) = left.files
+    report = recover(path, path)
+    assert report.why
+    found = derived(path)
+    assert found == derived(anew(path, tmp_path / "anew.mcap"))
+    assert len(found["/b0/frames"]) > 100
+
+
+def messages_so_far(path: Path) -> bool:
+    """Tell whether a file that is being written has some raw bytes."""
+    try:
+        return any(chunk.data for group in groups(path) for chunk in group)
+    except DamagedInputError:
+        return False
