@@ -185,7 +185,7 @@ class Twin(Dynamixel1):
 
     def __init__(self) -> None:
         super().__init__()
-        self.name, self.bauds = "twin", (*self.bauds, 500000)
+        self.name, self.bauds = "twin", (*self.bauds, 333333)
         self._described, self.describe = self.describe, self._unwritten
 
     def _unwritten(self, block: Block, spans: Spans) -> Frames:
@@ -210,7 +210,7 @@ class TestTwoThatExplainTheSameBytes:
         assert detect([Chunk(writes)]).protocol == "dynamixel1"
 
     def test_a_rate_that_was_stated_decides(self) -> None:
-        assert detect([Chunk(said(40))], 500000).protocol == "twin"
+        assert detect([Chunk(said(40))], 333333).protocol == "twin"
 
     def test_a_rate_that_both_can_have_decides_nothing(self) -> None:
         with pytest.raises(UndecidedError):
