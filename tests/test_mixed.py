@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.mixed import MixedDecoder
 from sniffer.decoding.names import protocols_named
-from sniffer.ground.model import Chunk, SnifferError
+from sniffer.ground.model import Chunk, Clock, SnifferError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation.buses import simulate
@@ -301,3 +301,22 @@ def test_rows_tell_their_protocol_only_where_there_are_two() -> None:
     for line in ran.out.splitlines()[:-1]:
         row = json.loads(line)
         assert ("protocol" in row) == (row["type"] == "frame")
+
+
+def test_bytes_that_another_protocol_holds_up_before_a_silence_may_be_a_torn_answer() -> None:
+    """An FF behind the answers, which may begin a wCK command, and only then the silence."""
+    asked = "FFFFFF0104F3030202 FFFFFF0104F2920175 FFFFFF0104F28C02"
+    behind = "7A FFFFFF020200FB FF", "FF64"
+    stamps = (307_549_065, 309_111_555, 769_705_723)
+    chunks = [
+        Chunk(bytes.fromhex(data), 1_700_000_000_000_000_000 + ns, Clock.READ)
+        for data, ns in zip((asked, *behind), stamps, strict=True)
+    ]
+    bytewise = [
+        [Chunk(c.data[i : i + 1], (c.t_ns or 0) - (len(c.data) - i - 1) * BYTE_NS, c.clock)]
+        for c in chunks
+        for i in range(len(c.data))
+    ]
+    names = ("mightyzap", "wck")
+    whole, again = (of_each(decoded(mixed(names), cut)) for cut in ([chunks], bytewise))
+    assert again == whole

@@ -151,7 +151,10 @@ class Pairing:
         That others have closed it does not count: torn bytes may still be its answer.
         """
         near = int(np.searchsorted(frames.start, decided - self._protocol.reach - self._longest))
-        last = int(block.barriers[-1]) if len(block.barriers) else 0
+        # A silence ends them, once it is known what the bytes before it are: where another protocol
+        # is on the wire, it may hold those up.
+        passed = block.barriers[block.barriers <= decided]
+        last = int(passed[-1]) if len(passed) else 0
         near = max(near, int(np.searchsorted(frames.start, last)))
         tail = frames.take(slice(near, None))
         asks = (tail.kind == REQUEST) & (tail.reply != NEVER) & (tail.flags & ECHO == 0)
