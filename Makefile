@@ -1,7 +1,7 @@
 # `make demo` and `make test` each work as the only command on a fresh clone: Python 3.11+ and pip do.
 
 PYTHON ?= python3
-JOBS ?= 2
+JOBS ?= 4
 PYTEST_ARGS ?=
 RIG_ARGS ?=
 

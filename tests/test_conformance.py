@@ -10,11 +10,13 @@ import pytest
 
 from sniffer.protocols import PROTOCOLS
 from sniffer.testing import Requirement, checks
+from tests.streams.members import NAMES, example
 
 if TYPE_CHECKING:
+    from sniffer.protocols.base import BusProtocol
     from sniffer.testing import Talk
 
-ROOT: Final = Path(__file__).parents[1]
+TALKS: Final = Path(__file__).parent / "talks"
 
 
 def talk_of(name: str) -> Talk:
@@ -23,14 +25,10 @@ def talk_of(name: str) -> Talk:
     return talk
 
 
-def protocols() -> dict[str, str]:
-    """Return what is built in, and the plug-ins that are shown and have a talk, by file."""
-    out = {name: name for name in PROTOCOLS.built_in}
-    for path in sorted(ROOT.glob("examples/protocols/*/sniffer_*.py")):
-        name = path.stem.removeprefix("sniffer_")
-        if (ROOT / "tests" / "talks" / f"{name}.py").is_file():
-            out[name] = str(path)
-    return out
+def protocols() -> dict[str, BusProtocol]:
+    """Return what is built in, and the examples that have a talk."""
+    shown = {n: example(n).PROTOCOL for n in NAMES if (TALKS / f"{n}.py").is_file()}
+    return {**PROTOCOLS, **shown}
 
 
 HELD: Final = [
