@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from sniffer.decoding.holes import mark_tail
+from sniffer.decoding.edges import LeftOpen
+from sniffer.decoding.holes import holes_of, mark_tail, surveyed
 from sniffer.decoding.pairing import Expectations, Pairing
 from sniffer.decoding.values import Scaling
 from sniffer.diagnostics import Diagnostics
 from sniffer.ground.framing import Block
-from sniffer.ground.gaps import IDLE_TAIL, TRUNCATED, Gaps
+from sniffer.ground.gaps import Gaps
 from sniffer.ground.limits import (
     BAUDS,
     DURATION_MOST_NS,
@@ -33,16 +34,12 @@ from sniffer.ground.model import (
     GAP_MAX,
     I64,
     NEVER,
-    OK,
     REQUEST,
-    RESPONSE,
     Batch,
     Chunk,
     Clock,
-    Cut,
     Frames,
     Gap,
-    Mask,
     Remark,
     Samples,
     SnifferError,
@@ -52,7 +49,7 @@ from sniffer.ground.model import (
 from sniffer.ground.remarks import Remarks
 from sniffer.ground.timing import Stamps, byte_time_ns
 from sniffer.protocols import protocol_named
-from sniffer.protocols.explaining import Surveyor, pieces
+from sniffer.protocols.explaining import Surveyor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -292,7 +289,9 @@ class Decoder:
         paired = self._pairing.pair(frames, whole, partner, block, decided, base)
         left = None
         if open_from is not None:
-            left = self._left_open(frames, partner, block, paired.transactions, open_from)
+            rows = self._pairing.open_rows(frames, partner, open_from, block)
+            open_now = LeftOpen(self.protocol, frames, rows, open_from, self._stamps.last_ns)
+            left = open_now.cut(paired.transactions, self._base, len(block.data))
         batch = Batch(
             base,
             bytes(self._buffer[:cut]),
@@ -316,36 +315,6 @@ class Decoder:
             self._asked_until = base + int(frames.end[-1]) if waits else -1
         self._stamps.forget(self._base)
         return batch
-
-    def _left_open(
-        self,
-        frames: Frames,
-        partner: I64,
-        block: Block,
-        transactions: Transactions,
-        decided: int,
-    ) -> Cut:
-        """Return what more bytes could still have changed, where the capture ends with a block.
-
-        A request whose time for an answer was over is not among it: by the clock; without one,
-        where the controller asked again after an answer, unless all answers behind that request
-        are to earlier ones: with several in flight those come first.
-        """
-        rows = self._pairing.open_rows(frames, partner, decided, block)
-        tail = frames.take(rows)
-        answer = frames.kind == RESPONSE
-        turns = np.flatnonzero(answer[:-1] & ~answer[1:])
-        t = transactions.take(transactions.response >= 0)
-        passed = np.where(t.outcome == OK, t.request, t.response)
-        may = rows > min(max(turns.tolist(), default=-1), max(passed.tolist(), default=-1))
-        waited = self._stamps.last_ns - tail.t_end - tail.uncertainty
-        may = np.where(tail.uncertainty >= 0, waited <= self.protocol.window_ns(tail), may)
-        first = min(frames.start[rows[may]].tolist(), default=len(block.data))
-        # What waits for the bytes behind it all, as wCK commands in a row do, may be over as well.
-        ends = frames.end[rows[~may]]
-        over = max(ends[ends <= first].tolist(), default=0)
-        asked = max(min(decided, first), over)
-        return Cut(self._base + asked, self._base + max(decided, over))
 
     def _records(self, block: Block, batch: Batch, paired: Paired) -> Batch:
         """Add what follows from the frames: transactions, values, anomalies."""
@@ -379,7 +348,7 @@ class Decoder:
         holes = np.flatnonzero(edges_to > edges_from)
         if not len(holes):
             return ()
-        runs = _runs(edges_from[holes], edges_to[holes], block)
+        runs = holes_of(edges_from[holes], edges_to[holes], block)
         before = holes[holes > 0] - 1
         asks = (frames.kind[before] == REQUEST) & (frames.reply[before] != NEVER)
         asked = frames.end[before[asks]]
@@ -395,10 +364,7 @@ class Decoder:
             return self.protocol.explain(data[s:e], s, awaited=bool(awaited[i]))
 
         if isinstance(self.protocol, Surveyor) and not self._remarks.doubts:
-            found = pieces(self.protocol, block.data, runs.start, runs.end)
-            last = np.append(found.run[1:] != found.run[:-1], True)
-            tail = last & runs.closed[found.run] & (found.kind == TRUNCATED)
-            kind = np.where(tail, np.uint8(IDLE_TAIL), found.kind)
+            found, kind = surveyed(self.protocol, block, runs)
             times = self._stamps.at(found.end + self._base)
             size = found.end - found.start
             return Gaps(found.start, size, kind, found.servo_id, times, found.run, explain)
@@ -409,34 +375,6 @@ class Decoder:
                 mark_tail(told)
             out += told
         return Gaps.of(self.dated(out))
-
-
-class _Runs(NamedTuple):
-    """Unclaimed bytes to explain in one go; ``closed``: a silence (or the end) follows."""
-
-    start: I64
-    end: I64
-    closed: Mask
-
-
-def _runs(start: I64, end: I64, block: Block) -> _Runs:
-    """Cut holes between frames at silences, and what is long into pieces, from where it begins."""
-    closed = np.zeros(len(start), bool)
-    if len(block.barriers):
-        inside = block.barriers[np.searchsorted(start, block.barriers) != 0]
-        hole = np.searchsorted(start, inside) - 1  # the hole that begins before it
-        inside = inside[inside < end[hole]]
-        start, end = np.sort(np.append(start, inside)), np.sort(np.append(end, inside))
-        closed = np.isin(end, block.barriers)
-    if block.final:
-        closed = closed | (end == block.n)
-    many = -(-(end - start) // GAP_MAX)
-    if (many > 1).any():
-        of = np.repeat(np.arange(len(start)), many)
-        start = start[of] + (np.arange(len(of)) - np.repeat(np.cumsum(many) - many, many)) * GAP_MAX
-        closed = closed[of] & (end[of] - start <= GAP_MAX)
-        end = np.minimum(end[of], start + GAP_MAX)
-    return _Runs(start, end, closed)
 
 
 def _empty(base: int, clock: Clock, remarks: tuple[Remark, ...]) -> Batch:

@@ -6,26 +6,20 @@ out, so a picture takes a few milliseconds.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from rich.segment import Segment
 from rich.style import Style
 
-from sniffer.decoding.sink import bus_of
-from sniffer.ground.model import NS
-from sniffer.viewers.board.cells import ServoCells
 from sniffer.viewers.board.picture import Picture
-from sniffer.viewers.board.state import LOAD_NS, BusTally, Sliding, Troubles, stamps
+from sniffer.viewers.board.remembered import Remembered
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rich.console import Console, ConsoleOptions, RenderResult
 
-    from sniffer.ground.model import Batch, Chunk
-    from sniffer.protocols.base import BusProtocol
-    from sniffer.tap.status import BusStatus, Status
+    from sniffer.tap.status import Status
     from sniffer.viewers.board.picture import Line
 
 STYLES: Final = {
@@ -45,9 +39,6 @@ STYLES: Final = {
 }
 """Green is in order, yellow is doubtful or long past, red is wrong now; dim is old or nothing."""
 
-BITS: Final = 10
-"""Bits of a byte on the line: start, eight, stop."""
-
 
 class BoardLines:
     """Lines of cells for rich: cut at a width, never wrapped."""
@@ -63,78 +54,8 @@ class BoardLines:
             yield Segment.line()
 
 
-class Board:
-    """A sink that remembers what is now, and shows it when it is asked to.
-
-    Not to be called from two threads. ``left_out`` is how many frames whoever calls it did not hand
-    on; the bytes left out are known from the batches themselves.
-    """
-
-    def __init__(self) -> None:
-        self.buses: dict[str, BusTally] = {}
-        self.troubles = Troubles()
-        self.left_out = 0
-        self.newest_ns = 0
-        self._bytes: dict[str, Sliding] = {}
-        self._lanes: dict[str, dict[str, str]] = {}  # bus -> the names and protocols that share it
-        self._wires: dict[str, str] = {}
-
-    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
-        """Count bytes for the load of the bus."""
-        t_ns, lengths = stamps(chunks)
-        if len(t_ns):
-            if bus not in self._bytes:
-                self._bytes[bus] = Sliding(NS // 10, LOAD_NS)
-            self._bytes[bus].add(t_ns, 0, lengths)
-            self.newest_ns = max(self.newest_ns, int(t_ns[-1]))
-
-    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
-        """Remember what one pass decided."""
-        wire, bus = bus, bus_of(bus, protocol, batch)
-        if bus != wire:
-            self._lanes.setdefault(wire, {})[bus] = protocol.name
-            self._wires[bus] = wire
-        tally = self.buses.get(bus)
-        if tally is None or tally.protocol is not protocol:
-            tally = self.buses[bus] = BusTally(protocol)
-        tally.add(batch)
-        self.troubles.add(bus, batch.anomalies)
-        if len(batch.frames):
-            self.newest_ns = max(self.newest_ns, int(batch.frames.t_end[-1]))
-
-    def close(self) -> None:
-        """Do nothing: what was is still shown."""
-
-    def end_ns(self, status: Status) -> int:
-        """Return until when the bytes have come here: what is on its way is not silence."""
-        return max(min(self.newest_ns, status.now_ns), status.now_ns - NS)
-
-    def load(self, bus: BusStatus, end_ns: int) -> float:
-        """Return how much of its time a line was busy lately, in percent.
-
-        More than 100 % is no load: bytes of a longer time came at once (a pseudo-terminal, a reader
-        that was held up), or the line is faster than the rate says.
-        """
-        heard = self._bytes.get(self._wires.get(bus.bus, bus.bus))
-        if heard is None or bus.state != "listening" or not bus.baud:
-            return 0.0
-        sums, seconds = heard.until(end_ns)
-        return 100 * BITS * int(sums[0]) / bus.baud / seconds
-
-    def apart(self, status: Status) -> Status:
-        """Return the state with a bus for each protocol, where several share a wire."""
-        if not self._lanes:
-            return status
-        buses: list[BusStatus] = []
-        for b in status.buses:
-            lanes = self._lanes.get(b.bus, {b.bus: b.protocol})
-            buses += (replace(b, bus=name, protocol=spoken) for name, spoken in lanes.items())
-        return replace(status, buses=tuple(buses))
-
-    def rows(self, bus: str, status: Status) -> ServoCells | None:
-        """Return the servos of a bus as cells; None before anything is decoded."""
-        tally = self.buses.get(bus)
-        return None if tally is None else ServoCells(tally, status.now_ns, self.end_ns(status))
+class Board(Remembered):
+    """A sink that remembers what is now, and shows it when it is asked to."""
 
     def render(self, status: Status, width: int, height: int) -> BoardLines:
         """Return the picture: at most ``height`` lines of at most ``width`` cells."""

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.tap.status import BusStatus, Status
-    from sniffer.viewers.board.board import Board
     from sniffer.viewers.board.cells import Column
+    from sniffer.viewers.board.remembered import Remembered
     from sniffer.viewers.board.state import Trouble
 
 Line = list[Cell]
@@ -60,7 +60,7 @@ class Picture:
     """
 
     def __init__(
-        self, board: Board, status: Status, width: int, height: int, hint: str = "Ctrl-C stops"
+        self, board: Remembered, status: Status, width: int, height: int, hint: str = "Ctrl-C stops"
     ) -> None:
         self._board = board
         self._status = status
