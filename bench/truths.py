@@ -21,12 +21,14 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from bench.lines import NAMES, WAIT_S
 from sniffer.decoding.decoder import Decoder
-from sniffer.ground.model import KINDS, REQUEST, Chunk
+from sniffer.ground.codes import KINDS, REQUEST
 from sniffer.mcapfile.source import groups, recorded, session
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+
+    from sniffer.ground.model import Chunk
 
 FAULTS: Final = ("drop-reply", "flip", "cut", "late", "noise", "duplicate-id:1%", "brownout")
 """Every kind, as often as the simulation has it where nobody says; two servos of one id, that

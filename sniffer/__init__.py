@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.decoder import Decoder
     from sniffer.decoding.pipeline import Options
     from sniffer.decoding.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
+    from sniffer.ground.codes import Kind, Outcome, Provenance, Reply, Role
     from sniffer.ground.model import (
         Anomaly,
         Batch,
@@ -51,11 +52,16 @@ __all__ = [
     "Gap",
     "GapRow",
     "InputError",
+    "Kind",
     "Listening",
     "Options",
+    "Outcome",
     "OutputError",
     "PortSpec",
+    "Provenance",
     "Recorded",
+    "Reply",
+    "Role",
     "SampleRow",
     "Samples",
     "Severity",
@@ -73,6 +79,7 @@ __all__ = [
 ]
 
 _ROOMS: Final = {
+    "ground.codes": ("Kind", "Outcome", "Provenance", "Reply", "Role"),
     "jobs.record": ("Files", "Recorded", "Shown", "record"),
     "tap.listen": ("Listening",),
     "tap.stops": ("Stops",),

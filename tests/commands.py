@@ -15,7 +15,8 @@ import pytest
 
 from sniffer.cli import run
 from sniffer.decoding.decoder import Decoder
-from sniffer.ground.model import RESPONSE, Chunk
+from sniffer.ground.codes import RESPONSE
+from sniffer.ground.model import Chunk
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ import pytest
 from rich.cells import cell_len
 
 from sniffer.decoding.decoder import Decoder
-from sniffer.ground.model import NO_RESPONSE, NS, Chunk, Clock
+from sniffer.ground.codes import NO_RESPONSE
+from sniffer.ground.model import NS, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES
 from sniffer.tap.status import BusStatus

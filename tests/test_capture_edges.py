@@ -11,7 +11,8 @@ import pytest
 
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.pipeline import Options, Pipeline
-from sniffer.ground.model import REQUEST, RESPONSE, Anomaly, Chunk, Clock, Direction
+from sniffer.ground.codes import REQUEST, RESPONSE
+from sniffer.ground.model import Anomaly, Chunk, Clock, Direction
 from sniffer.sources import open_source
 from tests.commands import records, sniffer, within
 from tests.streams.mightyzap import packet

@@ -13,7 +13,8 @@ import pytest
 import sniffer
 from sniffer.cli import run
 from sniffer.decoding.rows import as_dict
-from sniffer.ground.model import KINDS, OUTCOMES, PROVENANCES, ROLES, Severity
+from sniffer.ground.codes import KINDS, OUTCOMES, PROVENANCES, ROLES
+from sniffer.ground.model import Severity
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
 from tests.commands import damaged, log, records, talk, within

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pytest
 
-from sniffer.ground.model import NEVER, REQUEST, RESPONSE, UNUSUAL, Frames, SnifferError
+from sniffer.ground.codes import NEVER, REQUEST, RESPONSE
+from sniffer.ground.model import UNUSUAL, Frames, SnifferError
 from sniffer.protocols import PROTOCOLS
 from sniffer.testing import Exchange, Talk, check, checks
 from tests.streams.mightyzap import packet

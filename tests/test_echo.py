@@ -12,7 +12,8 @@ from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.echo import CONFIRMED
 from sniffer.decoding.reference import Reference
 from sniffer.decoding.rows import FrameRow, SampleRow, rows
-from sniffer.ground.model import OUTCOMES, Batch, Chunk, Clock
+from sniffer.ground.codes import OUTCOMES
+from sniffer.ground.model import Batch, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
 from tests.records import batches, records
 from tests.streams.mightyzap import packet as zap

@@ -31,8 +31,9 @@ from sniffer.decoding import pairing
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.reference import Reference
 from sniffer.ground.checksums import XOR8
+from sniffer.ground.codes import OK, OUTCOMES, REQUEST
 from sniffer.ground.framing import Block
-from sniffer.ground.model import MALFORMED, OK, OUTCOMES, REQUEST, UNUSUAL, Batch, Chunk
+from sniffer.ground.model import MALFORMED, UNUSUAL, Batch, Chunk
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols.base import view
 from sniffer.protocols.packets import MUST, Command, Member

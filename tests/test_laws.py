@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from sniffer.decoding import pairing
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.reference import Reference
-from sniffer.ground.model import NO_RESPONSE, OK, Chunk
+from sniffer.ground.codes import NO_RESPONSE, OK
+from sniffer.ground.model import Chunk
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
 from tests.records import batches, gaps, records

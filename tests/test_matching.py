@@ -10,17 +10,8 @@ import pytest
 from sniffer.decoding import matching
 from sniffer.decoding.matching import match, outcomes
 from sniffer.decoding.reference.pending import matched
-from sniffer.ground.model import (
-    ANY_ID,
-    MANY,
-    MUST,
-    NEVER,
-    NO_ALT,
-    REQUEST,
-    RESPONSE,
-    UNSOLICITED,
-    Frames,
-)
+from sniffer.ground.codes import MANY, MUST, NEVER, REQUEST, RESPONSE, UNSOLICITED
+from sniffer.ground.model import ANY_ID, NO_ALT, Frames
 from sniffer.protocols.base import SlowFrame
 
 if TYPE_CHECKING:

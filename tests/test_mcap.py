@@ -22,10 +22,10 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 
 from sniffer.decoding.decoder import Decoder
-from sniffer.ground import model
+from sniffer.ground import codes, model
+from sniffer.ground.codes import OK
 from sniffer.ground.model import (
     NS,
-    OK,
     Batch,
     Chunk,
     Clock,
@@ -376,8 +376,8 @@ def test_numbers_in_the_schemas_are_those_of_the_model() -> None:
     def names(enum: Any, prefix: str = "") -> dict[str, int]:
         return {k.removeprefix(prefix).lower(): v for k, v in enum.items()}
 
-    assert names(Transaction.Outcome) == {n: i for i, n in enumerate(model.OUTCOMES)}
-    assert names(Kind) == {n: i for i, n in enumerate(model.KINDS)}
+    assert names(Transaction.Outcome) == {n: i for i, n in enumerate(codes.OUTCOMES)}
+    assert names(Kind) == {n: i for i, n in enumerate(codes.KINDS)}
     assert names(Anomaly.Severity) == {s.name.lower(): s.value for s in model.Severity}
     assert names(ClockMessage, "CLOCK_") == {c.name.lower(): c.value for c in Clock}
     assert names(MarkMessage.Kind) == {"unknown": 0, **{k.name.lower(): k.value for k in MarkKind}}

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from sniffer.decoding.pipeline import Options
-from sniffer.ground.model import OK, Chunk, Clock, DamagedInputError, Direction, Mark, MarkKind
+from sniffer.ground.codes import OK
+from sniffer.ground.model import Chunk, Clock, DamagedInputError, Direction, Mark, MarkKind
 from sniffer.merge.wires import in_order
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES, Fault, simulate

@@ -11,7 +11,8 @@ import pytest
 import sniffer
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.clues import SURE, Clues
-from sniffer.ground.model import PROFILE, Chunk
+from sniffer.ground.codes import PROFILE
+from sniffer.ground.model import Chunk
 from sniffer.ground.registers import Identity, Register, RegisterMap
 from sniffer.protocols import PROTOCOLS
 from tests.commands import within

@@ -11,7 +11,8 @@ import pytest
 from sniffer.decoding.pacing import ASSUMED, ESTIMATED, STATED, Pace
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.decoding.summary import Bounds, Quantiles
-from sniffer.ground.model import NS, OK, Chunk, Clock
+from sniffer.ground.codes import OK
+from sniffer.ground.model import NS, Chunk, Clock
 from sniffer.simulation import faults as f
 from sniffer.simulation.buses import BUSES, simulate
 from sniffer.simulation.faults import Fault

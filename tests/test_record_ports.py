@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.ground.model import OK, Direction, MarkKind
+from sniffer.ground.codes import OK
+from sniffer.ground.model import Direction, MarkKind
 from sniffer.mcapfile.source import chunks
 from sniffer.ports.tty import TtyPort
 from sniffer.tap.listen import shared

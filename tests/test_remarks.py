@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.pipeline import Options, Pipeline
-from sniffer.ground.model import NS, OK, Batch, Chunk, Clock, Mark, MarkKind
+from sniffer.ground.codes import OK
+from sniffer.ground.model import NS, Batch, Chunk, Clock, Mark, MarkKind
 from tests.commands import talk
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from sniffer.decoding.decoder import Decoder
-from sniffer.ground.model import KINDS, NOT_EXPECTED, NS, OK, Chunk, Clock, SnifferError
+from sniffer.ground.codes import KINDS, NOT_EXPECTED, OK
+from sniffer.ground.model import NS, Chunk, Clock, SnifferError
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES, FAULTS, Fault, TrueFrame, simulate
 from sniffer.simulation.captures import CAPTURES, MANUALS, VECTORS, manual, write

@@ -11,7 +11,7 @@ import click
 from rich.console import Console
 
 from sniffer.cli.options import examples
-from sniffer.ground.model import ROLES
+from sniffer.ground.codes import ROLES
 from sniffer.ground.registers import Register, RegisterMap
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
 

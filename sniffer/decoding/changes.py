@@ -10,19 +10,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnostics.learned import Change
+from sniffer.ground.codes import OK, REQUEST, WHOLE
 from sniffer.ground.columns import columns_of
-from sniffer.ground.model import (
-    I64,
-    OK,
-    RELEASES,
-    REQUEST,
-    RESETS,
-    STAGED,
-    WHOLE,
-    Frames,
-    Mask,
-    Transactions,
-)
+from sniffer.ground.model import I64, RELEASES, RESETS, STAGED, Frames, Mask, Transactions
 
 if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol, Values

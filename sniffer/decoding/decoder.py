@@ -18,6 +18,7 @@ from sniffer.decoding.holes import holes_of, mark_tail, surveyed
 from sniffer.decoding.pairing import Expectations, Pairing
 from sniffer.decoding.values import Scaling
 from sniffer.diagnostics import Diagnostics
+from sniffer.ground.codes import NEVER, REQUEST
 from sniffer.ground.framing import Block
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.limits import (
@@ -33,8 +34,6 @@ from sniffer.ground.limits import (
 from sniffer.ground.model import (
     GAP_MAX,
     I64,
-    NEVER,
-    REQUEST,
     Batch,
     Chunk,
     Clock,

@@ -27,8 +27,9 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.ground.codes import RESPONSE
 from sniffer.ground.framing import Block
-from sniffer.ground.model import DEPTH, I64, RESPONSE, U8, Mask, Spans
+from sniffer.ground.model import DEPTH, I64, U8, Mask, Spans
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.ground.model import MANY, NEVER, REQUEST, RESPONSE
+from sniffer.ground.codes import MANY, NEVER, REQUEST, RESPONSE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from sniffer.ground.model import OK, RESPONSE, Cut
+from sniffer.ground.codes import OK, RESPONSE
+from sniffer.ground.model import Cut
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, Frames, Transactions

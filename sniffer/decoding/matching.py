@@ -25,21 +25,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.ground.codes import MANY, MISMATCHED, NEVER, OK, REQUEST, RESPONSE
 from sniffer.ground.framing import in_order
-from sniffer.ground.model import (
-    ANY_ID,
-    DEPTH,
-    I64,
-    MANY,
-    MISMATCHED,
-    NEVER,
-    NO_ALT,
-    OK,
-    REQUEST,
-    RESPONSE,
-    Frames,
-    Mask,
-)
+from sniffer.ground.model import ANY_ID, DEPTH, I64, NO_ALT, Frames, Mask
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.decoding.decoder import Decoder
+from sniffer.ground.codes import OK, RESPONSE
 from sniffer.ground.limits import chunks_of
-from sniffer.ground.model import I64, OK, RESPONSE, Chunk, Clock
+from sniffer.ground.model import I64, Chunk, Clock
 from sniffer.ground.timing import LATENCY_NS, TOLERANCE, byte_time_ns, clock_of
 
 if TYPE_CHECKING:

@@ -19,10 +19,8 @@ from sniffer.decoding.echo import Echoes
 from sniffer.decoding.matching import match, match_in_order, outcomes
 from sniffer.decoding.staging import StagedIds
 from sniffer.decoding.torn import TornAnswers
-from sniffer.ground.model import (
+from sniffer.ground.codes import (
     DAMAGED,
-    ECHO,
-    I64,
     IF_ALL,
     IF_READ,
     MANY,
@@ -33,12 +31,9 @@ from sniffer.ground.model import (
     OK,
     REQUEST,
     RESPONSE,
-    U8,
     UNSOLICITED,
-    Frames,
-    Mask,
-    Transactions,
 )
+from sniffer.ground.model import ECHO, I64, U8, Frames, Mask, Transactions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -13,18 +13,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 import numpy as np
 
 from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.ground.codes import KINDS, OUTCOMES, PARTS, PROVENANCES, ROLES, WHOLE
 from sniffer.ground.model import (
     ECHO,
     ECHO_DIFFERS,
-    KINDS,
     MALFORMED,
-    OUTCOMES,
-    PARTS,
-    PROVENANCES,
-    ROLES,
     UNKNOWN,
     UNUSUAL,
-    WHOLE,
     Anomaly,
     Batch,
     Clock,

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sniffer.ground.model import NO_ALT, RELEASES, REQUEST, STAGED
+from sniffer.ground.codes import REQUEST
+from sniffer.ground.model import NO_ALT, RELEASES, STAGED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,20 +11,10 @@ import numpy as np
 
 from sniffer.decoding.names import AND
 from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
+from sniffer.ground.codes import KINDS, OK, OUTCOMES, PROVENANCES
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps
-from sniffer.ground.model import (
-    I64,
-    KINDS,
-    NS,
-    OK,
-    OUTCOMES,
-    PROVENANCES,
-    U8,
-    Anomaly,
-    Batch,
-    Severity,
-)
+from sniffer.ground.model import I64, NS, U8, Anomaly, Batch, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sniffer.ground.model import ECHO, NEVER, REQUEST
+from sniffer.ground.codes import NEVER, REQUEST
+from sniffer.ground.model import ECHO
 
 if TYPE_CHECKING:
     from sniffer.ground.framing import Block

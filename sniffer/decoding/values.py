@@ -16,20 +16,16 @@ from sniffer.decoding.changes import EVERY, FEEDBACK, RESET, SET, Changes, new_i
 from sniffer.decoding.weighing import Weighing
 from sniffer.diagnostics.evidence import loose_counts
 from sniffer.diagnostics.learned import FeedbackWrite, Meaning, ScaleMisfit
+from sniffer.ground.codes import ASSUMED, OBSERVED, PROFILE, REQUEST, WHOLE
 from sniffer.ground.columns import UNSEEN, columns_of
 from sniffer.ground.model import (
-    ASSUMED,
     ECHO,
     F64,
     I64,
-    OBSERVED,
-    PROFILE,
     RELEASES,
-    REQUEST,
     RESETS,
     STAGED,
     U8,
-    WHOLE,
     Frames,
     Mask,
     Samples,

@@ -11,7 +11,7 @@ import numpy as np
 from sniffer.decoding.changes import new_id
 from sniffer.diagnostics.evidence import Evidence
 from sniffer.diagnostics.learned import Told, Weighed
-from sniffer.ground.model import REQUEST
+from sniffer.ground.codes import REQUEST
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from sniffer.diagnostics.rules import anomaly
-from sniffer.ground.model import DEPTH, OK
+from sniffer.ground.codes import OK
+from sniffer.ground.model import DEPTH
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

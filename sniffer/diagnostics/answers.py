@@ -10,10 +10,8 @@ import numpy as np
 from sniffer.diagnostics.ambiguous import Ambiguity, Missed, Open, Span
 from sniffer.diagnostics.found import NUMBER, Anomalies
 from sniffer.diagnostics.rules import anomaly
-from sniffer.ground.model import (
-    ANY_ID,
+from sniffer.ground.codes import (
     DAMAGED,
-    DEPTH,
     MISMATCHED,
     NO_RESPONSE,
     NOT_EXPECTED,
@@ -21,6 +19,7 @@ from sniffer.ground.model import (
     OUTCOMES,
     UNSOLICITED,
 )
+from sniffer.ground.model import ANY_ID, DEPTH
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

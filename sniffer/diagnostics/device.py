@@ -9,13 +9,14 @@ import numpy as np
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.diagnostics.edges import Edges
 from sniffer.diagnostics.rules import anomaly
+from sniffer.ground.codes import REQUEST, WHOLE
 from sniffer.ground.columns import columns_of
-from sniffer.ground.model import REQUEST, WHOLE, Anomaly, Batch, Samples
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sniffer.diagnostics.learned import Change
+    from sniffer.ground.model import Anomaly, Batch, Samples
     from sniffer.protocols.base import BusProtocol
 
 STATUS_BITS: Final = 15

@@ -13,8 +13,8 @@ import numpy as np
 
 from sniffer.diagnostics.found import Anomalies
 from sniffer.diagnostics.rules import anomaly
+from sniffer.ground.codes import OK, RESPONSE
 from sniffer.ground.framing import Block
-from sniffer.ground.model import OK, RESPONSE
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I16, I64, Anomaly, Batch

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.ground.clues import SURE
-from sniffer.ground.model import ASSUMED, OBSERVED, PROFILE
+from sniffer.ground.codes import ASSUMED, OBSERVED, PROFILE
 from sniffer.protocols.base import Turn
 
 if TYPE_CHECKING:

@@ -13,8 +13,9 @@ import numpy as np
 
 from sniffer.diagnostics.found import NUMBER, Anomalies
 from sniffer.diagnostics.rules import anomaly
+from sniffer.ground.codes import REQUEST, RESPONSE
 from sniffer.ground.gaps import BLANK, NOISE, Gaps
-from sniffer.ground.model import NEVER_NS, REQUEST, RESPONSE, Anomaly, Direction
+from sniffer.ground.model import NEVER_NS, Anomaly, Direction
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,11 +9,11 @@ import numpy as np
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.diagnostics.found import CODES, NONE, NUMBER, Anomalies
 from sniffer.ground import gaps
+from sniffer.ground.codes import RESPONSE
 from sniffer.ground.model import (
     ECHO,
     ECHO_DIFFERS,
     MALFORMED,
-    RESPONSE,
     UNKNOWN,
     UNUSUAL,
     Anomaly,

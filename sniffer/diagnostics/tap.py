@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.ground.model import NEVER, NS, REQUEST, Anomaly, MarkKind, Remark, Severity
+from sniffer.ground.codes import NEVER, REQUEST
+from sniffer.ground.model import NS, Anomaly, MarkKind, Remark, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

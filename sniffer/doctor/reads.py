@@ -12,7 +12,8 @@ from sniffer.decoding.names import protocols_named
 from sniffer.doctor.adapter import TIMER_MS
 from sniffer.doctor.line import percent
 from sniffer.doctor.records import Finding, Level, Listened
-from sniffer.ground.model import I64, OK, Clock
+from sniffer.ground.codes import OK
+from sniffer.ground.model import I64, Clock
 from sniffer.ground.timing import LATENCY_NS
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.ground.model import WHOLE
+from sniffer.ground.codes import WHOLE
 from sniffer.ground.registers import TYPES
 
 if TYPE_CHECKING:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sniffer.ground.model import I64, REQUEST, U8, Mask, Spans
+from sniffer.ground.codes import REQUEST
+from sniffer.ground.model import I64, U8, Mask, Spans
 
 if TYPE_CHECKING:
     from sniffer.ground.plan import Plan

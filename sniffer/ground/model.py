@@ -105,18 +105,6 @@ class Chunk:
     marks: tuple[Mark, ...] = ()
 
 
-REQUEST: Final = 0
-RESPONSE: Final = 1
-KINDS: Final = ("request", "response")
-
-# Frames.reply: is this request answered?
-NEVER: Final = 0
-OPTIONAL: Final = 1  # nobody can say
-IF_ALL: Final = 2  # only where the servo answers every command (a mode it can be put in)
-IF_READ: Final = 3  # unless the servo answers nothing
-MUST: Final = 4
-MANY: Final = 5  # every servo on the bus may answer, one after the other
-
 # Frames.alt_id: the second id that may answer a request
 NO_ALT: Final = -1
 ANY_ID: Final = -2
@@ -134,19 +122,6 @@ UNUSUAL: Final = 16  # legal, but not in the form the manual gives
 STAGED: Final = 32  # its values take effect with a later frame ...
 RELEASES: Final = 64  # ... this one
 ECHO: Final = 128  # an adapter's echo of the request before: judged as if it were not there
-
-OUTCOMES: Final = ("ok", "no_response", "not_expected", "mismatched", "unsolicited", "damaged")
-OK, NO_RESPONSE, NOT_EXPECTED, MISMATCHED, UNSOLICITED, DAMAGED = range(6)
-
-ROLES: Final = ("commanded", "measured", "config")
-COMMANDED, MEASURED, CONFIG = range(3)
-
-PROVENANCES: Final = ("assumed", "profile", "observed")
-ASSUMED, PROFILE, OBSERVED = range(3)
-
-# Samples.part: how much of the register the packet carried
-WHOLE: Final = 0
-PARTS: Final = ("", "low byte", "high byte", "part")
 
 _NAMES: Final[dict[Any, tuple[str, ...]]] = {}
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.ground.model import CONFIG
+from sniffer.ground.codes import CONFIG
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

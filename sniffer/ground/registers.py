@@ -13,7 +13,8 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from sniffer.ground.model import COMMANDED, CONFIG, MEASURED, ROLES, SnifferError
+from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED, ROLES
+from sniffer.ground.model import SnifferError
 from sniffer.ground.register import TYPES, Register, bit_names, scale_limit, unseen_scale
 
 if TYPE_CHECKING:

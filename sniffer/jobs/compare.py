@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sniffer.decoding.pipeline import Options, Pipeline
-from sniffer.ground.model import KINDS, DamagedInputError, InputError
+from sniffer.ground.codes import KINDS
+from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.mcapfile.source import recorded
 from sniffer.sources import open_source
 

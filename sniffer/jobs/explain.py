@@ -11,7 +11,8 @@ from sniffer.decoding.detect import detect
 from sniffer.decoding.mixed import decoder_of, parts_of
 from sniffer.decoding.names import protocols_named
 from sniffer.decoding.pipeline import AUTO
-from sniffer.ground.model import OUTCOMES, WHOLE, Batch, Chunk, Gap, InputError, SnifferError
+from sniffer.ground.codes import OUTCOMES, WHOLE
+from sniffer.ground.model import Batch, Chunk, Gap, InputError, SnifferError
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import BusProtocol, view
 from sniffer.protocols.tables import known_models, owner_of, with_tables

@@ -17,8 +17,9 @@ import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from sniffer.decoding.sink import bus_of
+from sniffer.ground.codes import OK
 from sniffer.ground.distinct import distinct
-from sniffer.ground.model import I64, NS, OK, Clock, Severity
+from sniffer.ground.model import I64, NS, Clock, Severity
 from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.encoder import U16, Blob, Encoder, Heads, Loose
 from sniffer.mcapfile.fields import FIRST_VALUE, state_field

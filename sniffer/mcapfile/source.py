@@ -15,9 +15,9 @@ import numpy as np
 from google.protobuf.message import DecodeError
 from mcap.records import Attachment, Header, Metadata
 
+from sniffer.ground.codes import KINDS
 from sniffer.ground.limits import OFFSET_END, is_mark, is_time, number_in
 from sniffer.ground.model import (
-    KINDS,
     Chunk,
     Clock,
     DamagedInputError,

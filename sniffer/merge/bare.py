@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.ground.codes import RESPONSE
 from sniffer.ground.framing import Block
-from sniffer.ground.model import ECHO_DIFFERS, RESPONSE
+from sniffer.ground.model import ECHO_DIFFERS
 from sniffer.merge.lanes import FITS, NEARLY
 
 if TYPE_CHECKING:

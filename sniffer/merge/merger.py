@@ -30,24 +30,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.ground.codes import IF_READ, MANY, MUST, NEVER, REQUEST, RESPONSE
 from sniffer.ground.framing import Block
-from sniffer.ground.model import (
-    I64,
-    IF_READ,
-    MANY,
-    MUST,
-    NEVER,
-    NEVER_NS,
-    REQUEST,
-    RESPONSE,
-    U8,
-    Chunk,
-    Direction,
-    Mark,
-    MarkKind,
-    Mask,
-    Spans,
-)
+from sniffer.ground.model import I64, NEVER_NS, U8, Chunk, Direction, Mark, MarkKind, Mask, Spans
 from sniffer.ground.timing import byte_time_ns
 from sniffer.merge.bare import BareAnswers
 from sniffer.merge.causal import (

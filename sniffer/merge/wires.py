@@ -20,15 +20,8 @@ from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.detect import UndecidedError, detect
 from sniffer.decoding.names import protocols_named
 from sniffer.decoding.pipeline import AUTO
-from sniffer.ground.model import (
-    NOT_EXPECTED,
-    OK,
-    Clock,
-    DamagedInputError,
-    Direction,
-    Mark,
-    MarkKind,
-)
+from sniffer.ground.codes import NOT_EXPECTED, OK
+from sniffer.ground.model import Clock, DamagedInputError, Direction, Mark, MarkKind
 from sniffer.ground.timing import LATENCY_NS
 from sniffer.merge.merger import Merger
 

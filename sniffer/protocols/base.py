@@ -12,7 +12,7 @@ from typing import Protocol as TypingProtocol
 
 import numpy as np
 
-from sniffer.ground.model import PROFILE
+from sniffer.ground.codes import PROFILE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.ground.clues import Clues
-from sniffer.ground.model import REQUEST, WHOLE
+from sniffer.ground.codes import REQUEST, WHOLE
 from sniffer.ground.registers import TYPES, Entry
 from sniffer.protocols.base import Sightings, Values
 

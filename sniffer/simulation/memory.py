@@ -6,7 +6,7 @@ import functools
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.model import WHOLE
+from sniffer.ground.codes import WHOLE
 from sniffer.ground.registers import TYPES, Register, RegisterMap
 
 if TYPE_CHECKING:

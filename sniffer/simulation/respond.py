@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from sniffer.ground.codes import REQUEST as ASKS
+from sniffer.ground.codes import WHOLE
 from sniffer.ground.framing import Block
-from sniffer.ground.model import REQUEST as ASKS
-from sniffer.ground.model import WHOLE, Spans
+from sniffer.ground.model import Spans
 from sniffer.protocols import protocol_named
 from sniffer.protocols.base import State
 from sniffer.simulation.buses import mischief, put_up

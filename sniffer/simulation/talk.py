@@ -12,7 +12,8 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple, Self
 
-from sniffer.ground.model import KINDS, NS
+from sniffer.ground.codes import KINDS
+from sniffer.ground.model import NS
 from sniffer.simulation.motion import Joint, Rig, trajectory
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from rich.text import Text
 from sniffer.decoding.pacing import ASSUMED, ESTIMATED
 from sniffer.decoding.summary import FIGURES
 from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.ground.model import OBSERVED
+from sniffer.ground.codes import OBSERVED
 from sniffer.ground.wording import plain, short
 
 if TYPE_CHECKING:

@@ -15,9 +15,10 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
+from sniffer.ground.codes import KINDS, PARTS, PROVENANCES, ROLES
 from sniffer.ground.distinct import distinct
 from sniffer.ground.files import beside, open_binary, writing
-from sniffer.ground.model import KINDS, PARTS, PROVENANCES, ROLES, Batch, Chunk, OutputError
+from sniffer.ground.model import Batch, Chunk, OutputError
 from sniffer.protocols.base import BusProtocol
 
 if TYPE_CHECKING:

@@ -10,18 +10,8 @@ from rich.style import Style
 
 from sniffer.decoding.rows import frame_row, value_ranges
 from sniffer.decoding.summary import Summary
-from sniffer.ground.model import (
-    NOT_EXPECTED,
-    NS,
-    OK,
-    OUTCOMES,
-    RESPONSE,
-    WHOLE,
-    Batch,
-    Chunk,
-    Clock,
-    Severity,
-)
+from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE, WHOLE
+from sniffer.ground.model import NS, Batch, Chunk, Clock, Severity
 from sniffer.ground.wording import plain
 from sniffer.sinks.report import print_summary
 

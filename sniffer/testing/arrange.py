@@ -9,17 +9,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.model import (
+from sniffer.ground.codes import (
     MANY,
     MISMATCHED,
     NEVER,
-    NO_ALT,
     NO_RESPONSE,
     NOT_EXPECTED,
     OK,
     RESPONSE,
     UNSOLICITED,
 )
+from sniffer.ground.model import NO_ALT
 from sniffer.testing.case import TORN, Case
 from sniffer.testing.facts import plain
 

@@ -6,7 +6,7 @@ import itertools
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sniffer.ground.model import (
+from sniffer.ground.codes import (
     DAMAGED,
     NO_RESPONSE,
     NOT_EXPECTED,

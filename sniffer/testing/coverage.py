@@ -8,16 +8,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.ground.model import (
-    MALFORMED,
-    PARTS,
-    RELEASES,
-    REQUEST,
-    RESETS,
-    STAGED,
-    UNKNOWN,
-    WHOLE,
-)
+from sniffer.ground.codes import PARTS, REQUEST, WHOLE
+from sniffer.ground.model import MALFORMED, RELEASES, RESETS, STAGED, UNKNOWN
 from sniffer.testing.facts import header_of
 
 if TYPE_CHECKING:

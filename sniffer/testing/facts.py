@@ -11,7 +11,8 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from sniffer.ground.model import MANY, NEVER, NO_ALT, REQUEST, RESPONSE, Frames
+from sniffer.ground.codes import MANY, NEVER, REQUEST, RESPONSE
+from sniffer.ground.model import NO_ALT, Frames
 from sniffer.testing.case import Case
 from sniffer.testing.truth import decoder_of, laid_out, wrong_of
 

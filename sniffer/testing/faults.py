@@ -13,23 +13,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from sniffer.ground.codes import MANY, MUST, NEVER, REQUEST, RESPONSE
 from sniffer.ground.framing import Block
-from sniffer.ground.model import (
-    ANY_ID,
-    I64,
-    MANY,
-    MUST,
-    NEVER,
-    NO_ALT,
-    RELEASES,
-    REQUEST,
-    RESETS,
-    RESPONSE,
-    STAGED,
-    Frames,
-    Mask,
-    Spans,
-)
+from sniffer.ground.model import ANY_ID, I64, NO_ALT, RELEASES, RESETS, STAGED, Frames, Mask, Spans
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence

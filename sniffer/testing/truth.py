@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.decoding.decoder import Decoder
-from sniffer.ground.model import KINDS, OUTCOMES, RESPONSE, Chunk, Clock
+from sniffer.ground.codes import KINDS, OUTCOMES, RESPONSE
+from sniffer.ground.model import Chunk, Clock
 from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:

@@ -14,9 +14,8 @@ from sniffer.decoding.echo import slow_echoes
 from sniffer.decoding.reference.pending import matched
 from sniffer.decoding.reference.values import SampleRow, SlowValues
 from sniffer.decoding.staging import slow_staged_ids
-from sniffer.ground.model import (
+from sniffer.ground.codes import (
     DAMAGED,
-    ECHO,
     IF_ALL,
     IF_READ,
     MANY,
@@ -26,9 +25,8 @@ from sniffer.ground.model import (
     OK,
     REQUEST,
     UNSOLICITED,
-    Chunk,
-    Clock,
 )
+from sniffer.ground.model import ECHO, Chunk, Clock
 from sniffer.ground.timing import byte_time_ns, clock_of
 
 if TYPE_CHECKING:

@@ -23,17 +23,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sniffer.ground.model import (
-    ANY_ID,
-    DEPTH,
-    MANY,
-    MISMATCHED,
-    NEVER,
-    NO_ALT,
-    OK,
-    REQUEST,
-    UNSOLICITED,
-)
+from sniffer.ground.codes import MANY, MISMATCHED, NEVER, OK, REQUEST, UNSOLICITED
+from sniffer.ground.model import ANY_ID, DEPTH, NO_ALT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

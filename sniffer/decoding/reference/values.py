@@ -12,7 +12,8 @@ import numpy as np
 
 from sniffer.diagnostics.evidence import Evidence, loose_counts
 from sniffer.ground.clues import Clues
-from sniffer.ground.model import ASSUMED, ECHO, OBSERVED, RELEASES, REQUEST, RESETS, STAGED, WHOLE
+from sniffer.ground.codes import ASSUMED, OBSERVED, REQUEST, WHOLE
+from sniffer.ground.model import ECHO, RELEASES, RESETS, STAGED
 from sniffer.ground.registers import scale_limit
 from sniffer.protocols.base import BusProtocol, SlowFrame, State
 

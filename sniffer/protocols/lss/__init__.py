@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.ground.model import I16, I64, REQUEST, Frames, Gap, Mask
+from sniffer.ground.codes import REQUEST
 from sniffer.protocols.base import FieldSpan, FrameView
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.lss import block, lines, slow
@@ -25,6 +25,7 @@ from sniffer.protocols.lss.grammar import (
 
 if TYPE_CHECKING:
     from sniffer.ground.checksums import Checksum
+    from sniffer.ground.model import I16, I64, Frames, Gap, Mask
     from sniffer.ground.registers import Register
 
 WINDOW_NS: Final = 100_000_000

@@ -9,17 +9,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.ground.clues import told_by_word
+from sniffer.ground.codes import IF_ALL, MANY, MUST, NEVER, REQUEST, RESPONSE
 from sniffer.ground.model import (
     ANY_ID,
     I64,
-    IF_ALL,
     MALFORMED,
-    MANY,
-    MUST,
-    NEVER,
     NO_ALT,
-    REQUEST,
-    RESPONSE,
     U8,
     UNKNOWN,
     UNUSUAL,

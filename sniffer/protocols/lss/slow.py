@@ -5,20 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from sniffer.ground.clues import told_by_word
-from sniffer.ground.model import (
-    ANY_ID,
-    IF_ALL,
-    MALFORMED,
-    MANY,
-    MUST,
-    NEVER,
-    NO_ALT,
-    REQUEST,
-    RESPONSE,
-    UNKNOWN,
-    UNUSUAL,
-    WHOLE,
-)
+from sniffer.ground.codes import IF_ALL, MANY, MUST, NEVER, REQUEST, RESPONSE, WHOLE
+from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL
 from sniffer.protocols.base import SlowFrame, State
 from sniffer.protocols.lss.grammar import (
     BROADCAST,

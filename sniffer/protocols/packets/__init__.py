@@ -11,17 +11,8 @@ Header, id, length, code, parameters, checksum: mightyZAP, Dynamixel, Feetech. F
 
 from __future__ import annotations
 
-from sniffer.ground.model import (
-    IF_ALL,
-    IF_READ,
-    MANY,
-    MUST,
-    NEVER,
-    OPTIONAL,
-    RELEASES,
-    RESETS,
-    STAGED,
-)
+from sniffer.ground.codes import IF_ALL, IF_READ, MANY, MUST, NEVER, OPTIONAL
+from sniffer.ground.model import RELEASES, RESETS, STAGED
 from sniffer.protocols.packets.declare import Command, PacketFamily, Stuffing
 from sniffer.protocols.packets.member import Member
 

@@ -12,21 +12,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from construct import Container
 
+from sniffer.ground.codes import IF_ALL, MANY, NEVER, OPTIONAL, REQUEST, RESPONSE
 from sniffer.ground.framing import frame_by_plan
-from sniffer.ground.model import (
-    ANY_ID,
-    IF_ALL,
-    MALFORMED,
-    MANY,
-    NEVER,
-    NO_ALT,
-    OPTIONAL,
-    REQUEST,
-    RESPONSE,
-    UNKNOWN,
-    UNUSUAL,
-    Frames,
-)
+from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL, Frames
 from sniffer.ground.plan import plan_of
 from sniffer.protocols.packets.listed import LISTED, Bytes, asked_by, column, listed, whole
 from sniffer.protocols.packets.walk import ROOM, shape_of

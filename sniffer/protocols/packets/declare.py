@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import construct as c
 
-from sniffer.ground.model import NEVER
+from sniffer.ground.codes import NEVER
 from sniffer.ground.registers import numbered
 
 if TYPE_CHECKING:

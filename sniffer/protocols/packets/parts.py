@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from sniffer.ground.codes import REQUEST
 from sniffer.ground.framing import Block
-from sniffer.ground.model import MALFORMED, REQUEST, UNKNOWN, UNUSUAL, Spans
+from sniffer.ground.model import MALFORMED, UNKNOWN, UNUSUAL, Spans
 from sniffer.protocols.packets.listed import LISTED, asked_by, steps
 from sniffer.protocols.shapes import Addressed, Parts
 

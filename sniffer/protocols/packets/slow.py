@@ -10,19 +10,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from construct import ConstructError
 
-from sniffer.ground.model import (
-    ANY_ID,
-    IF_ALL,
-    MALFORMED,
-    MANY,
-    NEVER,
-    NO_ALT,
-    OPTIONAL,
-    REQUEST,
-    RESPONSE,
-    UNKNOWN,
-    UNUSUAL,
-)
+from sniffer.ground.codes import IF_ALL, MANY, NEVER, OPTIONAL, REQUEST, RESPONSE
+from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL
 from sniffer.protocols.base import SlowFrame
 from sniffer.protocols.packets.declare import field_named, number_in, parsed
 from sniffer.protocols.shapes import slow_spans

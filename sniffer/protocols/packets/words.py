@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import construct as c
 import numpy as np
 
-from sniffer.ground.model import MALFORMED, REQUEST, Gap
+from sniffer.ground.codes import REQUEST
+from sniffer.ground.model import MALFORMED, Gap
 from sniffer.ground.registers import bit_names
 from sniffer.protocols.base import FieldSpan
 from sniffer.protocols.dissection import leaves

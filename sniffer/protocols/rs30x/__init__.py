@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from construct import ConstructError
 
-from sniffer.ground.model import MALFORMED, REQUEST
+from sniffer.ground.codes import REQUEST
+from sniffer.ground.model import MALFORMED
 from sniffer.ground.registers import numbered
 from sniffer.protocols.base import FieldSpan, joined, no_clues
 from sniffer.protocols.dissection import leaves

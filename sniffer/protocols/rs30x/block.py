@@ -8,18 +8,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.ground.checksums import XOR8
+from sniffer.ground.codes import IF_ALL, MUST, NEVER, REQUEST, RESPONSE
 from sniffer.ground.framing import Block, candidates, settle, undecided_from
 from sniffer.ground.model import (
     ANY_ID,
     I64,
-    IF_ALL,
     MALFORMED,
-    MUST,
-    NEVER,
     NO_ALT,
-    REQUEST,
     RESETS,
-    RESPONSE,
     U8,
     UNKNOWN,
     UNUSUAL,

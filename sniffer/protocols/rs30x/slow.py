@@ -7,19 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from construct import ConstructError
 
-from sniffer.ground.model import (
-    ANY_ID,
-    IF_ALL,
-    MALFORMED,
-    MUST,
-    NEVER,
-    NO_ALT,
-    REQUEST,
-    RESETS,
-    RESPONSE,
-    UNKNOWN,
-    UNUSUAL,
-)
+from sniffer.ground.codes import IF_ALL, MUST, NEVER, REQUEST, RESPONSE
+from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, RESETS, UNKNOWN, UNUSUAL
 from sniffer.protocols.base import SlowFrame, State
 from sniffer.protocols.rs30x.grammar import (
     ACK,

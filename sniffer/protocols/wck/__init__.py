@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from sniffer.ground.checksums import XOR7
-from sniffer.ground.model import I16, I64, NS, REQUEST, Frames, Gap, Mask
+from sniffer.ground.codes import REQUEST
+from sniffer.ground.model import I16, I64, NS, Frames, Gap, Mask
 from sniffer.protocols.base import FieldSpan, FrameView, joined, no_clues
 from sniffer.protocols.dissection import Leaf, leaves
 from sniffer.protocols.wck import block, controller, reading, slow

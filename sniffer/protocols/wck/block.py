@@ -12,18 +12,14 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from sniffer.ground.checksums import XOR7
+from sniffer.ground.codes import MUST, NEVER, OPTIONAL, REQUEST, RESPONSE
 from sniffer.ground.framing import Block, in_order, settle
 from sniffer.ground.model import (
     ANY_ID,
     DEPTH,
     ECHO_DIFFERS,
     I64,
-    MUST,
-    NEVER,
     NO_ALT,
-    OPTIONAL,
-    REQUEST,
-    RESPONSE,
     U8,
     UNKNOWN,
     UNUSUAL,

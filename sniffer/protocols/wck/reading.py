@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.ground.model import I64, REQUEST, RESPONSE, Frames, Mask
+from sniffer.ground.codes import REQUEST, RESPONSE
 from sniffer.protocols.base import State, Values
 from sniffer.protocols.wck.block import DATA1, DATA2, ID_BITS, PARAMS, SYNC
 from sniffer.protocols.wck.grammar import MASKS, OPS, REGISTERS, UNKNOWN_OP, Bits
 
 if TYPE_CHECKING:
     from sniffer.ground.framing import Block
+    from sniffer.ground.model import I64, Frames, Mask
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,20 +7,8 @@ from typing import Any
 
 from construct import ConstructError
 
-from sniffer.ground.model import (
-    ANY_ID,
-    DEPTH,
-    ECHO_DIFFERS,
-    MUST,
-    NEVER,
-    NO_ALT,
-    OPTIONAL,
-    REQUEST,
-    RESPONSE,
-    UNKNOWN,
-    UNUSUAL,
-    WHOLE,
-)
+from sniffer.ground.codes import MUST, NEVER, OPTIONAL, REQUEST, RESPONSE, WHOLE
+from sniffer.ground.model import ANY_ID, DEPTH, ECHO_DIFFERS, NO_ALT, UNKNOWN, UNUSUAL
 from sniffer.protocols.base import SlowFrame, State
 from sniffer.protocols.wck import controller
 from sniffer.protocols.wck.grammar import (

@@ -16,8 +16,9 @@ import numpy as np
 
 from sniffer.decoding.sink import bus_of
 from sniffer.decoding.summary import FIGURES, Quantiles
+from sniffer.ground.codes import OK, RESPONSE, WHOLE
 from sniffer.ground.files import open_binary
-from sniffer.ground.model import I64, OK, RESPONSE, WHOLE, Clock, OutputError
+from sniffer.ground.model import I64, Clock, OutputError
 from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Log, Strip
 from sniffer.sinks.rerun.layout import (
     ALARMS,

@@ -13,22 +13,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from sniffer.decoding.summary import Bounds, accounted
-from sniffer.ground.model import (
-    DAMAGED,
-    I16,
-    I64,
-    MISMATCHED,
-    NEVER,
-    NO_RESPONSE,
-    NS,
-    OK,
-    RESPONSE,
-    WHOLE,
-    Anomaly,
-    Batch,
-    Mask,
-    Severity,
-)
+from sniffer.ground.codes import DAMAGED, MISMATCHED, NEVER, NO_RESPONSE, OK, RESPONSE, WHOLE
+from sniffer.ground.model import I16, I64, NS, Anomaly, Batch, Mask, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
