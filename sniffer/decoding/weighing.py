@@ -26,7 +26,7 @@ SHOWN: Final = 6
 
 
 @dataclass(slots=True)
-class Outcome:
+class Verdicts:
     """What a pass turned: ``anew`` are the turns by which a servo is read by another table."""
 
     turns: list[Turn] = field(default_factory=list)
@@ -50,10 +50,10 @@ class Weighing:
         accepted: Mask,
         changes: Sequence[Change],
         base: int,
-    ) -> Outcome:
+    ) -> Verdicts:
         """Count clues and move what is known of servos; the state ends as the pass ends."""
         moves = [c for c in changes if new_id(c) >= 0]
-        out = Outcome()
+        out = Verdicts()
         if sightings is None and not moves:
             return out
         # What is walked, in order: (row, is it a move, number). The sightings of the example in
@@ -132,7 +132,7 @@ class Weighing:
             self._met[who] = (*self._met.get(who, ()), met)[-SHOWN:]
         return True
 
-    def _move(self, change: Change, out: Outcome) -> None:
+    def _move(self, change: Change, out: Verdicts) -> None:
         if not self._evidence.knows:
             return
         new = new_id(change)
@@ -140,7 +140,7 @@ class Weighing:
         self._met[new] = self._met.get(change.servo & 255, ())
         self._settle(change.row, change.row + 1, [new], out)
 
-    def _settle(self, row: int, since: int, servos: Sequence[int], out: Outcome) -> None:
+    def _settle(self, row: int, since: int, servos: Sequence[int], out: Verdicts) -> None:
         """Decide at ``row`` what holds ``since`` a row."""
         before = self._evidence.state.model.copy()
         turns, verdicts = self._evidence.settle(since, servos)

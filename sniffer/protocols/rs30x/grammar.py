@@ -104,7 +104,7 @@ REFUSALS: Final = 1 << 1 | 1 << 3 | NACK
 
 
 @dataclass(frozen=True, slots=True)
-class Reply:
+class ReturnForm:
     """What a reply nibble asks for; address and length are -1 where the packet gives them."""
 
     name: str
@@ -112,16 +112,16 @@ class Reply:
     length: int = -1
 
 
-REPLIES: Final[Mapping[int, Reply]] = MappingProxyType(
+REPLIES: Final[Mapping[int, ReturnForm]] = MappingProxyType(
     {
-        0x1: Reply("ack"),
-        0x3: Reply("return_0_29", 0, 30),
-        0x5: Reply("return_30_59", 30, 30),
-        0x7: Reply("return_20_29", 20, 10),
-        0x9: Reply("return_42_59", 42, 18),
-        0xB: Reply("return_30_41", 30, 12),
-        0xD: Reply("return_60_127", 60, 68),
-        0xF: Reply("return_address_length"),
+        0x1: ReturnForm("ack"),
+        0x3: ReturnForm("return_0_29", 0, 30),
+        0x5: ReturnForm("return_30_59", 30, 30),
+        0x7: ReturnForm("return_20_29", 20, 10),
+        0x9: ReturnForm("return_42_59", 42, 18),
+        0xB: ReturnForm("return_30_41", 30, 12),
+        0xD: ReturnForm("return_60_127", 60, 68),
+        0xF: ReturnForm("return_address_length"),
     }
 )
 """Flag bits 3 to 0; 0 asks for nothing, the others are not defined. D reads beyond the map's end at
