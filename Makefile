@@ -33,7 +33,7 @@ help: ## list the targets
 demo: $(VENV)/.run ## decode, record and plot a simulated bus; no hardware needed
 	$(BIN)/python -m sniffer.cli.demo
 
-test: $(VENV)/.dev ## run all tests, about 13 minutes on two cores (PYTEST_ARGS="-k mightyzap" for some)
+test: $(VENV)/.dev ## run all tests, about 12 minutes on two cores (PYTEST_ARGS="-k mightyzap" for some)
 	$(PYTEST) $(PYTEST_ARGS)
 
 test-quick: $(VENV)/.dev ## the decoding of all protocols against its vectors, in less than a minute

@@ -110,7 +110,7 @@ def recording(tmp_path: Path, capture: Path, plugged: Command) -> Path:
 def test_decode_finds_it_and_reads_its_table(capture: Path, env: dict[str, str]) -> None:
     ran = sniffer("decode", capture, "--format", "jsonl", env=env)
     assert ran.status == 0
-    assert ran.err.startswith(f"sniffer: bus0: {NAME} (sure: explains 100.0% of the bytes; ")
+    assert ran.err.startswith(f"sniffer: bus0: {NAME} (sure: explains 100.0% of the bytes)")
     assert conserved(ran.out) == capture.read_bytes()
     rows = records(ran.out)
     frames = [r for r in rows if r["type"] == "frame"]
