@@ -32,10 +32,6 @@ with Screen("board", lambda: status, stream=open("/dev/tty", "w")) as screen, le
 """
 
 
-AGAIN_S: Final = 10.0
-"""When a key is pressed once more: on a machine under full load one was seen to be lost."""
-
-
 class Shell:
     """A shell with a terminal of its own, in which jobs are stopped and go on."""
 
@@ -53,21 +49,6 @@ class Shell:
                     self.seen += os.read(self.master, 65536)
                 except OSError:  # it has ended
                     break
-        assert until(self.seen), self.seen[-3000:]
-        return self.seen
-
-    def press(self, key: bytes, until: Callable[[bytes], bool]) -> bytes:
-        """Press a key, as people do: once more where nothing comes of it for long."""
-        deadline = time.monotonic() + PATIENCE_S
-        while not until(self.seen) and time.monotonic() < deadline:
-            os.write(self.master, key)
-            again = time.monotonic() + AGAIN_S
-            while not until(self.seen) and time.monotonic() < again:
-                if select.select([self.master], [], [], 0.05)[0]:
-                    try:
-                        self.seen += os.read(self.master, 65536)
-                    except OSError:  # it has ended
-                        break
         assert until(self.seen), self.seen[-3000:]
         return self.seen
 
@@ -114,7 +95,8 @@ def test_a_board_in_the_background_leaves_the_terminal_to_the_shell(tmp_path: Pa
 def test_a_program_that_is_broken_off_by_its_key_gives_the_terminal_back(tmp_path: Path) -> None:
     with Shell(f"ulimit -c 0; set -m; {controlled(tmp_path)}; echo STATUS=$?") as shell:
         shell.read(lambda seen: b"Ctrl-C stops" in seen.partition(b"said before")[2])
-        seen = shell.press(b"\x1c", lambda seen: b"STATUS=131" in seen)
+        os.write(shell.master, b"\x1c")
+        seen = shell.read(lambda seen: b"STATUS=131" in seen)
     assert seen.rfind(b"\x1b[?1049l") > seen.rfind(b"\x1b[?1049h")
 
 
