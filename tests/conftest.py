@@ -28,9 +28,12 @@ settings.register_profile("ci", _SHARED, max_examples=25, derandomize=True)
 settings.register_profile("long", _SHARED, max_examples=3000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 
-# What a shell starts in the background ignores Ctrl-C, and so would every program under test.
+# What a shell starts in the background ignores Ctrl-C and Ctrl-\, and so would every program under
+# test.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGQUIT") and signal.getsignal(signal.SIGQUIT) == signal.SIG_IGN:
+    signal.signal(signal.SIGQUIT, signal.SIG_DFL)
 
 
 @pytest.hookimpl(optionalhook=True)
