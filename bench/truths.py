@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import json
 import signal
 import subprocess
@@ -183,9 +184,8 @@ def compared(run: Path, folder: Path, buses: Sequence[Bus]) -> Iterator[Compared
         # what came between opening a port and setting it up was thrown away, and is told of
         begin = int(facts.get(f"port.{bus.name}.dropped_at_open", "0"))
         told = [json.loads(x) for x in (folder / f"{bus.name}.jsonl").read_text().splitlines()]
-        said, whole, damaged, unasked = _truth(
-            told, begin, PROTOCOLS[bus.protocol].tail_ns - MARGIN_NS
-        )
+        open_ns = PROTOCOLS[bus.protocol].tail_ns - MARGIN_NS
+        said, whole, damaged, unasked = _truth(told, begin, open_ns, chunks[bus.name])
         faults = Counter(
             row["fault"] for row in told if row["type"] == "frame" and row["fault"] is not None
         )
@@ -204,13 +204,20 @@ def compared(run: Path, folder: Path, buses: Sequence[Bus]) -> Iterator[Compared
 
 
 def _truth(
-    told: Sequence[dict[str, Any]], begin: int, open_ns: int
+    told: Sequence[dict[str, Any]], begin: int, open_ns: int, chunks: Sequence[Chunk]
 ) -> tuple[bytes, list[Row], list[Place], list[Place]]:
     """Return what was said from ``begin`` on: the bytes, whole frames, places of all else.
 
     An answer that began later than a request stays open, because a busy machine kept the servos
-    waiting, is an answer to nothing.
+    waiting, is an answer to nothing. So it is where the bus alone was kept waiting: its own clock
+    stood still meanwhile, and the stamps tell.
     """
+    ends = list(itertools.accumulate(len(c.data) for c in chunks))
+    late = {
+        end
+        for end, c, behind in zip(ends, chunks, chunks[1:], strict=False)
+        if (behind.t_ns or 0) - (c.t_ns or 0) > open_ns
+    }
     said = b""
     whole, damaged, unasked = [], [], []
     has_asked, open_until = False, 0
@@ -220,7 +227,7 @@ def _truth(
         wire, at = bytes.fromhex(row["wire"]), row["offset"] - begin
         said += wire
         has_asked |= row["kind"] == KINDS[REQUEST] and at >= 0
-        belated = row["kind"] != KINDS[REQUEST] and row["t_start_ns"] > open_until
+        belated = row["kind"] != KINDS[REQUEST] and (row["t_start_ns"] > open_until or at in late)
         open_until = row["t_end_ns"] + open_ns
         if row["wire"] != row["hex"]:
             damaged.append((at, at + len(wire)))
