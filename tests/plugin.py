@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import sniffer
 from sniffer.protocols import PROTOCOLS
-from tests.commands import talk
+from tests.commands import Ran, talk, within
 
 if TYPE_CHECKING:
     import pytest
@@ -137,3 +138,20 @@ def as_file(path: Path) -> Path:
     file = path / "toy_protocol.py"
     file.write_text("from toycode import PROTOCOL as PROTOCOL\n", encoding="utf-8")
     return file
+
+
+Command = Callable[..., Ran]
+"""Runs a command within this process."""
+
+
+def runs(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, path: Path | None
+) -> Command:
+    """Return what runs a command that sees the plug-ins of a folder."""
+
+    def run(*arguments: str | Path) -> Ran:
+        with monkeypatch.context() as patch:
+            visible(patch, path)
+            return within(capsys, *arguments)
+
+    return run

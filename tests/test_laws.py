@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import TYPE_CHECKING
 
 import pytest
@@ -17,7 +16,7 @@ from sniffer.ground.model import Chunk
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
 from tests.records import batches, gaps, records
-from tests.streams import bursts, chunked, stream
+from tests.streams import bursts, chunked, recut, stream
 from tests.streams.mightyzap import packet as zap
 from tests.streams.rs30x import packet, returned
 
@@ -41,19 +40,6 @@ WINDOW: dict[str, tuple[Callable[[int], bytes], Callable[[int], bytes]]] = {
     ),
 }
 """What a controller asks and what comes back, of the protocols whose answers say whose they are."""
-
-
-def recut(data: st.DataObject, chunks: list[Chunk], name: str) -> list[Chunk]:
-    """Draw the same bytes in other chunks, each byte at its time."""
-    byte_ns = byte_time_ns(PROTOCOLS[name].baud)
-    out: list[Chunk] = []
-    for c in chunks:
-        assert c.t_ns is not None
-        cuts = data.draw(st.lists(st.integers(1, max(1, len(c.data) - 1)), max_size=6, unique=True))
-        edges = [0, *sorted(x for x in cuts if x < len(c.data)), len(c.data)]
-        for a, b in itertools.pairwise(edges):
-            out.append(Chunk(c.data[a:b], c.t_ns - (len(c.data) - b) * byte_ns, c.clock))
-    return out
 
 
 @EVERY
@@ -85,7 +71,7 @@ def test_any_recut_of_the_bytes_with_times_held_gives_equal_records(
     byte_ns = byte_time_ns(PROTOCOLS[name].baud)
     chunks = data.draw(chunked(s, byte_ns, PROTOCOLS[name].tail_ns))
     whole = batches(Decoder(name), [chunks])
-    again = batches(Decoder(name), [[c] for c in recut(data, chunks, name)])
+    again = batches(Decoder(name), [[c] for c in recut(data, chunks, byte_ns)])
     assert records(again) == records(whole)
     assert gaps(again) == gaps(whole)
 
@@ -98,10 +84,11 @@ def test_with_several_requests_in_flight_a_recut_and_the_reference_give_equal_re
 ) -> None:
     s = data.draw(bursts(name))
     protocol = PROTOCOLS[name]
-    chunks = data.draw(chunked(s, byte_time_ns(protocol.baud), protocol.tail_ns))
+    byte_ns = byte_time_ns(protocol.baud)
+    chunks = data.draw(chunked(s, byte_ns, protocol.tail_ns))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pairing, "CHAIN", chain)
-        parts = batches(Decoder(name), [[c] for c in recut(data, chunks, name)])
+        parts = batches(Decoder(name), [[c] for c in recut(data, chunks, byte_ns)])
     whole = records(batches(Decoder(name), [chunks]))
     again = records(parts)
     want = Reference(protocol).decode(chunks)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from collections import Counter
 from pathlib import Path
@@ -24,7 +23,7 @@ from tests import dynamixel
 from tests.commands import sniffer
 from tests.dynamixel import Dynamixel1, packet, said
 from tests.records import gaps, records
-from tests.streams import bursts, chunked, module, stream
+from tests.streams import bursts, chunked, module, recut, stream
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -90,18 +89,6 @@ def two(draw: st.DrawFn, names: Sequence[str]) -> bytes:
     return b"".join(draw(st.lists(part, max_size=6)))
 
 
-def recut(data: st.DataObject, chunks: list[Chunk]) -> list[Chunk]:
-    """Draw the same bytes in other chunks, each byte at its time."""
-    out: list[Chunk] = []
-    for c in chunks:
-        assert c.t_ns is not None
-        cuts = data.draw(st.lists(st.integers(1, max(1, len(c.data) - 1)), max_size=6, unique=True))
-        edges = [0, *sorted(x for x in cuts if x < len(c.data)), len(c.data)]
-        for a, b in itertools.pairwise(edges):
-            out.append(Chunk(c.data[a:b], c.t_ns - (len(c.data) - b) * BYTE_NS, c.clock))
-    return out
-
-
 @EVERY
 @given(data=st.data())
 def test_each_byte_is_claimed_once_by_one_of_them(
@@ -132,7 +119,7 @@ def test_any_recut_gives_equal_records_of_both(names: tuple[str, str], data: st.
     s = data.draw(two(names))
     chunks = data.draw(chunked(s, BYTE_NS, 100_000_000))
     whole = decoded(mixed(names), [chunks])
-    again = decoded(mixed(names), [[c] for c in recut(data, chunks)])
+    again = decoded(mixed(names), [[c] for c in recut(data, chunks, BYTE_NS)])
     assert of_each(again) == of_each(whole)
     for one, other in zip(zip(*again, strict=True), zip(*whole, strict=True), strict=True):
         assert gaps(one) == gaps(other)

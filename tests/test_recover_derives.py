@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from bench.survives import KINDS, Victim, kill
@@ -138,3 +139,21 @@ def messages_so_far(path: Path) -> bool:
         return any(chunk.data for group in groups(path) for chunk in group)
     except DamagedInputError:
         return False
+
+
+def test_of_two_protocols_on_one_wire_a_mended_recording_names_both(tmp_path: Path) -> None:
+    zap, lss = (talk(name, 1.5, 3, bus="b0") for name in ("mightyzap", "lss"))
+    behind_ns = (zap[-1].t_ns or 0) - (lss[0].t_ns or 0) + 1_000_000_000
+    said = [*zap, *(replace(c, t_ns=(c.t_ns or 0) + behind_ns) for c in lss)]
+    path = tmp_path / "cut.mcap"
+    sink = McapSink(path, {"tool": "test", "baud.b0": "115200"}, live=True)
+    sink.raw("b0", said)
+    sink.flush()
+    size = sink.size  # killed here: nothing was made of the bytes, and nobody said what they are
+    sink.close()
+    path.write_bytes(path.read_bytes()[:size])
+    assert recover(path, path).derived
+    assert session(path)["protocol.b0"] == "lss+mightyzap"
+    found = derived(path)
+    assert {topic.split("/")[1] for topic in found} == {"b0.lss", "b0.mightyzap"}
+    assert found == derived(anew(path, tmp_path / "anew.mcap"))

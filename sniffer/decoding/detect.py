@@ -85,13 +85,14 @@ class Detection:
         told = f"explains {self.share:.1%} of the bytes"
         if len(names) > 1:
             told = f"explain {self.share:.1%} of the bytes, {_shares(self.scores, names)}"
-        rest = [n for n in _ranked(self.scores) if n not in names]
+        rest = [n for n in ranked(self.scores) if n not in names]
         if rest and self.scores[rest[0]] >= WORTH_TELLING:
             told += f"; {_shares(self.scores, rest[:1])}"
         return f"{self.protocol} ({self.certainty}: {told})"
 
 
-def _ranked(scores: Mapping[str, float]) -> list[str]:
+def ranked(scores: Mapping[str, float]) -> list[str]:
+    """Return the candidates, the best first."""
     return sorted(scores, key=lambda name: -scores[name])
 
 
@@ -160,7 +161,7 @@ class Scores:
         if not self.size:
             raise UndecidedError("the input has no bytes: nothing to decode")
         weights = self._weights
-        first, *others = _ranked(weights)
+        first, *others = ranked(weights)
         share, second = self.shares[first], weights[others[0]] if others else 0.0
         both = self._beside(first, others)
         if both is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -49,16 +48,6 @@ def surveyed(protocol: Surveyor, block: Block, holes: Holes) -> tuple[Pieces, U8
     last = np.append(found.run[1:] != found.run[:-1], True)
     tail = last & holes.closed[found.run] & (found.kind == TRUNCATED)
     return found, np.where(tail, np.uint8(IDLE_TAIL), found.kind)
-
-
-def stretches(a: int, b: int, block: Block) -> list[tuple[int, int, bool]]:
-    """Cut ``a..b`` at silences; tell for each part whether a silence (or the end) follows it."""
-    if not len(block.barriers):
-        return [(a, b, block.final and b == block.n)]
-    inside = block.barriers[(block.barriers > a) & (block.barriers <= b)].tolist()
-    edges = [a, *(x for x in inside if x < b), b]
-    silent = {*inside, *([block.n] if block.final else [])}
-    return [(c, d, d in silent) for c, d in itertools.pairwise(edges)]
 
 
 def mark_tail(pieces: list[Gap]) -> None:

@@ -17,14 +17,14 @@ not spoken yet is not asked, unless nobody has.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.detect import Scores
 from sniffer.decoding.dividing import divide
-from sniffer.decoding.holes import mark_tail, stretches
+from sniffer.decoding.holes import holes_of, mark_tail
 from sniffer.decoding.names import joined
 from sniffer.decoding.pairing import CHAIN
 from sniffer.diagnostics import WireRules
@@ -214,21 +214,20 @@ class MixedDecoder:
         out: list[list[Gap]],
     ) -> None:
         """Add the explanation of some bytes to who makes most of them; the first wins a tie."""
-        block, (a, b) = mets[asked[0]].block, place
-        for c, d, closed in stretches(a, b, block):
-            for s in range(c, d, GAP_MAX):
-                e = min(d, s + GAP_MAX)
-                run = block.data[s:e].tobytes()
-                told = [
-                    self.protocols[k].explain(
-                        run, s, awaited=s == a and self._parts[k].awaits(mets[k], a)
-                    )
-                    for k in asked
-                ]
-                best = max(range(len(asked)), key=lambda i: _explained(told[i]))
-                if closed and e == d:
-                    mark_tail(told[best])
-                out[asked[best]] += told[best]
+        block = mets[asked[0]].block
+        runs = holes_of(np.array([place[0]]), np.array([place[1]]), block)
+        for s, e, closed in zip(*(column.tolist() for column in runs), strict=True):
+            run, is_first = block.data[s:e].tobytes(), s == place[0]
+            told = [
+                self.protocols[k].explain(
+                    run, s, awaited=is_first and self._parts[k].awaits(mets[k], s)
+                )
+                for k in asked
+            ]
+            best = max(range(len(asked)), key=lambda i: _explained(told[i]))
+            if closed:
+                mark_tail(told[best])
+            out[asked[best]] += told[best]
 
     def _judged(self, batches: list[Batch]) -> tuple[Batch, ...]:
         """Add what is wrong with the wire, where the one speaks whose bytes show it."""
@@ -249,25 +248,19 @@ class MixedDecoder:
         return tuple(batches)
 
 
-def decoder_of(
-    protocols: Sequence[BusProtocol],
-    *,
-    baud: int | None = None,
-    models: Mapping[int | None, str] | None = None,
-    latency_ns: int | None = None,
-    base: int = 0,
-    slowest: int | None = None,
-    doubtful: bool = False,
-) -> Decoder | MixedDecoder:
+class How(TypedDict, total=False):
+    """How a bus is decoded; see ``Decoder``."""
+
+    baud: int | None
+    models: Mapping[int | None, str] | None
+    latency_ns: int | None
+    base: int
+    slowest: int | None
+    doubtful: bool
+
+
+def decoder_of(protocols: Sequence[BusProtocol], **how: Unpack[How]) -> Decoder | MixedDecoder:
     """Return what decodes a bus on which one or several protocols are spoken."""
-    how: dict[str, Any] = {
-        "baud": baud,
-        "models": models,
-        "latency_ns": latency_ns,
-        "base": base,
-        "slowest": slowest,
-        "doubtful": doubtful,
-    }
     return Decoder(protocols[0], **how) if len(protocols) == 1 else MixedDecoder(protocols, **how)
 
 

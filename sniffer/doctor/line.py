@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sniffer.decoding.detect import WORTH_TELLING
+from sniffer.decoding.detect import WORTH_TELLING, ranked
 from sniffer.decoding.names import AND
 from sniffer.doctor.records import Finding, Level, Listened, Trial
 from sniffer.doctor.understanding import FEW, GOOD, POOR, Understanding, usual_bauds
@@ -91,9 +91,10 @@ def about_line(heard: Listened, found: Understanding) -> Iterator[Finding]:
 def _protocol(heard: Listened, found: Understanding) -> Finding:
     scores = {name: round(share, 4) for name, share in found.scores.items()}
     numbers = {"protocol": found.protocol, "share": round(found.share, 4), "scores": scores}
-    ranked = sorted(found.scores, key=lambda name: -found.scores[name])
     least = 0.0 if found.protocol is None else WORTH_TELLING
-    rest = [name for name in ranked if name not in (found.protocol or "").split(AND)][:2]
+    rest = [name for name in ranked(found.scores) if name not in (found.protocol or "").split(AND)][
+        :2
+    ]
     others = ", ".join(
         f"{name} {percent(found.scores[name])}" for name in rest if found.scores[name] >= least
     )

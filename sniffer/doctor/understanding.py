@@ -48,12 +48,11 @@ def understand(
 
     ``baud`` is the rate they were heard at, where the line has one.
     """
-    scores = Scores(chunks, baud)
+    named = () if protocol == AUTO else protocols_named(protocol)
+    scores = Scores(chunks, baud, named)
     if not scores.size:
         return Understanding(0, None, 0.0)
-    if protocol != AUTO:
-        named = protocols_named(protocol)
-        scores = Scores(chunks, baud, named)
+    if named:
         share = scores.share_of(joined(named))
         return Understanding(scores.size, joined(named), share, scores.shares)
     try:

@@ -6,6 +6,7 @@ looked at: a sink that writes tables counts them, and no more.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Final, TypeVar, overload
 
@@ -34,9 +35,9 @@ class Lazy(Sequence[T]):
         self._count = count
         self._made = made
 
+    @abstractmethod
     def _all(self) -> Iterable[T]:
         """Make the items."""
-        raise NotImplementedError
 
     def _one(self, i: int) -> T:
         """Make one item; it is not kept."""

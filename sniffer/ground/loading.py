@@ -1,4 +1,4 @@
-"""What Ctrl-C does while libraries are loaded, before there is anything to be kept."""
+"""While libraries and plug-ins are loaded: what Ctrl-C does then, and what is left out."""
 
 from __future__ import annotations
 

@@ -132,7 +132,9 @@ class BusWriter:
         """Return what writes one of the protocols that share the wire, under topics of its own."""
         writer = self._beside.get(protocol.name)
         if writer is None:
-            writer = BusWriter(self.name, self._baud, self._begin, self._queue, self._open)
+            writer = BusWriter(
+                self.name, self._baud, self._begin, self._queue, self._open, counted=self._counted
+            )
             writer._root, writer._arrivals = root, copy.deepcopy(self._arrivals)
             self._beside[protocol.name] = writer
         return writer

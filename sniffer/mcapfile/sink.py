@@ -220,15 +220,9 @@ class McapSink:
 
     def _introduce(self, bus: str, protocols: Sequence[BusProtocol]) -> None:
         """Tell what a bus speaks, and attach the tables it is read by."""
-        usual = str(protocols[0].baud)
-        baud = self._session.get(f"baud.{bus}", self._session.get("baud", usual))
-        told = {"bus": bus, "protocol": joined(protocols), "baud": baud}
-        if plugins := [p for p in map(PROTOCOLS.origin, (p.name for p in protocols)) if p]:
-            told["plugin"] = ", ".join(plugins)
-        self._file.metadata(f"{BUS}.{bus}", told)
-        for protocol in protocols:
-            for name, data in attached_tables(protocol):
-                self._attach(name, "application/toml", data)
+        self._file.metadata(f"{BUS}.{bus}", facts_of(bus, protocols, self._session))
+        for name, data in attached_tables(protocols):
+            self._attach(name, "application/toml", data)
 
     def _attach(self, name: str, media_type: str, data: bytes) -> None:
         if name not in self._attached:
@@ -292,9 +286,20 @@ class McapSink:
             self._file.write(piece, indexed=indexed)
 
 
-def attached_tables(protocol: BusProtocol) -> Iterator[tuple[str, bytes]]:
-    """Yield the register tables of a protocol as they are attached: name and contents."""
-    for table in protocol.models:
+def facts_of(
+    bus: str, protocols: Sequence[BusProtocol], session: Mapping[str, str]
+) -> dict[str, str]:
+    """Return what a recording says of a bus."""
+    baud = session.get(f"baud.{bus}", session.get("baud", str(protocols[0].baud)))
+    told = {"bus": bus, "protocol": joined(protocols), "baud": baud}
+    if plugins := [p for p in map(PROTOCOLS.origin, (p.name for p in protocols)) if p]:
+        told["plugin"] = ", ".join(plugins)
+    return told
+
+
+def attached_tables(protocols: Sequence[BusProtocol]) -> Iterator[tuple[str, bytes]]:
+    """Yield the register tables of protocols as they are attached: name and contents."""
+    for table in (table for protocol in protocols for table in protocol.models):
         if table.text:
             yield f"{TABLES}{table.model}.toml", table.text.encode()
 

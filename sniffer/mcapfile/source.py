@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 from google.protobuf.message import DecodeError
@@ -176,23 +176,14 @@ def session(source: Path | str | Stream) -> dict[str, str]:
         InputError: the file cannot be read, or is no MCAP.
     """
     facts: dict[str, str] = {}
-    with _opened(source) as (stream, name, _):
-        records = Records(stream)
-        try:
-            for record in records:
-                if isinstance(record, Metadata) and record.name == SESSION:
-                    for key, value in record.metadata.items():
-                        facts.setdefault(key, value)
-                elif isinstance(record, Metadata) and record.name.startswith(f"{BUS}."):
-                    told = dict(record.metadata)
-                    bus = told.pop("bus", "")
-                    facts.update((f"{key}.{bus}", value) for key, value in told.items())
-                if records.position > HEAD:
-                    break
-        except NotMcapError as error:
-            raise InputError(f"{name}: {error}") from None
-        except BrokenError:
-            pass  # what it says first is all that is asked for
+    for record in _head(source):
+        if isinstance(record, Metadata) and record.name == SESSION:
+            for key, value in record.metadata.items():
+                facts.setdefault(key, value)
+        elif isinstance(record, Metadata) and record.name.startswith(f"{BUS}."):
+            told = dict(record.metadata)
+            bus = told.pop("bus", "")
+            facts.update((f"{key}.{bus}", value) for key, value in told.items())
     return facts
 
 
@@ -205,20 +196,26 @@ def tables(source: Path | str | Stream) -> list[RegisterMap]:
         InputError: the file cannot be read, or is no MCAP.
     """
     out: list[RegisterMap] = []
+    for record in _head(source, attachments=True):
+        if isinstance(record, Attachment) and record.name.startswith(TABLES):
+            with contextlib.suppress(SnifferError, UnicodeDecodeError):
+                out.append(RegisterMap.from_text(record.data.decode(), record.name))
+    return out
+
+
+def _head(source: Path | str | Stream, *, attachments: bool = False) -> Iterator[Any]:
+    """Yield the records near a recording's beginning, as far as they are whole."""
     with _opened(source) as (stream, name, _):
-        records = Records(stream, attachments=True)
+        records = Records(stream, attachments=attachments)
         try:
             for record in records:
-                if isinstance(record, Attachment) and record.name.startswith(TABLES):
-                    with contextlib.suppress(SnifferError, UnicodeDecodeError):
-                        out.append(RegisterMap.from_text(record.data.decode(), record.name))
+                yield record
                 if records.position > HEAD:
                     break
         except NotMcapError as error:
             raise InputError(f"{name}: {error}") from None
         except BrokenError:
             pass  # what it says first is all that is asked for
-    return out
 
 
 @contextlib.contextmanager

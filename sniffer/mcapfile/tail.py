@@ -21,7 +21,7 @@ from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
 from sniffer.mcapfile.encoder import RECORD
 from sniffer.mcapfile.messages import BusWriter
 from sniffer.mcapfile.queue import Queue
-from sniffer.mcapfile.sink import attached_tables
+from sniffer.mcapfile.sink import attached_tables, facts_of
 from sniffer.mcapfile.source import groups, session
 from sniffer.messages import BULK, BUS, OFFSET, SHOWN, TOPICS
 from sniffer.messages.log_pb2 import Log
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Hashable, Sequence
     from pathlib import Path
 
+    from sniffer.decoding.sink import Part
     from sniffer.ground.model import Batch, Chunk, Mask
     from sniffer.mcapfile.container import Container
     from sniffer.mcapfile.queue import Sorted
@@ -155,12 +156,17 @@ class _Rest:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Write what of a batch is missing."""
-        writer = self._bus(bus)
+        self.write_together(bus, [(protocol, batch)])
+
+    def write_together(self, bus: str, parts: Sequence[Part]) -> None:
+        """Write what is missing of what several protocols said in one pass."""
+        writer, batch = self._bus(bus), parts[0][1]
         if batch.base + len(batch.data) <= self._done(bus):
             return
-        if writer.protocol is None and f"protocol.{bus}" not in self._facts:
-            self._introduce(bus, protocol)
-        writer.write(protocol, batch)
+        if not writer.is_known and f"protocol.{bus}" not in self._facts:
+            self._introduce(bus, [protocol for protocol, _ in parts])
+        for protocol, said in parts:
+            writer.write(protocol, said)
         if sum(b.held for b in self._buses.values()) > FULL // len(TOPICS):
             self._flush(final=False)
 
@@ -186,10 +192,9 @@ class _Rest:
         topics = self._file.topics()
         return max((at for c, (at, _) in self._passed.items() if _of(topics[c], bus)), default=-1)
 
-    def _introduce(self, bus: str, protocol: BusProtocol) -> None:
-        baud = self._facts.get(f"baud.{bus}", self._facts.get("baud", str(protocol.baud)))
-        self._file.metadata(f"{BUS}.{bus}", {"bus": bus, "protocol": protocol.name, "baud": baud})
-        for name, data in attached_tables(protocol):
+    def _introduce(self, bus: str, protocols: Sequence[BusProtocol]) -> None:
+        self._file.metadata(f"{BUS}.{bus}", facts_of(bus, protocols, self._facts))
+        for name, data in attached_tables(protocols):
             self._file.attach(Attachment(0, self._file.last, name, "application/toml", data))
 
     def _flush(self, *, final: bool) -> None:

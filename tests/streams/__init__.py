@@ -95,3 +95,15 @@ def chunked(draw: st.DrawFn, data: bytes, byte_ns: int, tail_ns: int) -> list[Ch
 
 
 OTHERS = ["lss", "mightyzap", "rs30x", "wck"]
+
+
+def recut(data: st.DataObject, chunks: list[Chunk], byte_ns: int) -> list[Chunk]:
+    """Draw the same bytes in other chunks, each byte at its time."""
+    out: list[Chunk] = []
+    for c in chunks:
+        assert c.t_ns is not None
+        cuts = data.draw(st.lists(st.integers(1, max(1, len(c.data) - 1)), max_size=6, unique=True))
+        edges = [0, *sorted(x for x in cuts if x < len(c.data)), len(c.data)]
+        for a, b in itertools.pairwise(edges):
+            out.append(Chunk(c.data[a:b], c.t_ns - (len(c.data) - b) * byte_ns, c.clock))
+    return out

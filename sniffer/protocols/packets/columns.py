@@ -16,7 +16,8 @@ from sniffer.ground.codes import IF_ALL, MANY, NEVER, OPTIONAL, REQUEST, RESPONS
 from sniffer.ground.framing import frame_by_plan
 from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL, Frames
 from sniffer.ground.plan import plan_of
-from sniffer.protocols.packets.listed import LISTED, Bytes, asked_by, column, listed, whole
+from sniffer.protocols.packets.declare import LISTED
+from sniffer.protocols.packets.listed import Bytes, asked_by, column, listed, whole
 from sniffer.protocols.packets.walk import ROOM, shape_of
 
 if TYPE_CHECKING:

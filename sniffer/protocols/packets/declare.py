@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import construct as c
 
@@ -28,6 +28,11 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import I64, U8
     from sniffer.ground.registers import RegisterMap
+
+
+LISTED: Final = 1 << 24
+"""Token of a request that lists whom it reads, and of those that it lists and that answer with as
+many bytes as it says: no length is as great."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,11 @@ A walk along targets takes one step a target for all rows at once:
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+from sniffer.protocols.packets.declare import LISTED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,10 +22,6 @@ if TYPE_CHECKING:
     from sniffer.ground.model import I64, U8, Mask, Spans
     from sniffer.protocols.packets.columns import FamilyColumns
     from sniffer.protocols.packets.walk import Place, Shape
-
-LISTED: Final = 1 << 24
-"""Token of a request that lists whom it reads, and of those that it lists and that answer with as
-many bytes as it says: no length is as great."""
 
 
 class Bytes(NamedTuple):

@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sniffer.ground.codes import REQUEST
 from sniffer.ground.framing import Block
 from sniffer.ground.model import MALFORMED, UNKNOWN, UNUSUAL, Spans
-from sniffer.protocols.packets.listed import LISTED, asked_by, steps
+from sniffer.protocols.packets.declare import LISTED
+from sniffer.protocols.packets.listed import Nth, asked_by, steps
 from sniffer.protocols.shapes import Addressed, Parts
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import I64, U8, Frames, Mask
+    from sniffer.ground.model import I64, Frames, Mask
     from sniffer.protocols.base import State, Values
     from sniffer.protocols.packets.columns import FamilyColumns
     from sniffer.protocols.packets.listed import Bytes
-
-
-class _Found(NamedTuple):
-    """The n-th servo's part in packets to several; ``of`` are places in the rows asked for."""
-
-    of: I64
-    servo_id: U8
-    address: I64
-    length: I64
-    at: I64
 
 
 class Readings:
@@ -72,22 +63,24 @@ class Readings:
             block = Block(body.data, block.barriers, block.final)
         return self._shapes.read(block, parts, state)
 
-    def _several_of(self, body: Bytes, op: I64, rows: I64, several: Mask) -> list[_Found]:
-        """Return the parts of commands that bring data for several servos."""
-        out: list[_Found] = []
+    def _several_of(self, body: Bytes, op: I64, rows: I64, several: Mask) -> list[Nth]:
+        """Return the parts of commands that bring data for several servos.
+
+        ``rows`` of what is returned are places in the rows asked for.
+        """
+        out: list[Nth] = []
         place = np.flatnonzero(several)
         for code in np.unique(op[place]).tolist():
             mine = place[op[place] == code]
-            for step in steps(body, rows[mine], self._columns.shapes[code]):
-                of = mine[np.searchsorted(rows[mine], step.rows)]
-                out.append(_Found(of, step.servo_id, step.address, step.length, step.at))
+            found = steps(body, rows[mine], self._columns.shapes[code])
+            out += [n._replace(rows=mine[np.searchsorted(rows[mine], n.rows)]) for n in found]
         return out
 
     def _joint_of(
         self, block: Block, frames: Frames, body: Bytes, at: I64, rows: I64, joint: Mask
-    ) -> list[_Found]:
-        """Return the parts of answers that hold what all have answered, one behind the other."""
-        out: list[_Found] = []
+    ) -> list[Nth]:
+        """Return the same of answers that hold what all have answered, one behind the other."""
+        out: list[Nth] = []
         place = np.flatnonzero(joint)
         if not len(place):
             return out
@@ -107,12 +100,12 @@ class Readings:
                 here, row = mine[hit], row[hit]
                 servo = body.data[pos[here]]
                 length = step.length[row]
-                out.append(_Found(place[here], servo, step.address[row], length, pos[here] + 1))
+                out.append(Nth(place[here], servo, step.address[row], length, pos[here] + 1))
                 pos[here] += 1 + length + between
         return out
 
 
-def _laid_out(parts: Parts, several: Mask, found: list[_Found]) -> Parts:
+def _laid_out(parts: Parts, several: Mask, found: list[Nth]) -> Parts:
     """Put the parts of several servos in place of the one that their packet had, in order.
 
     The n-th part of a packet was found by the n-th step: it goes n places behind the first.
@@ -120,15 +113,15 @@ def _laid_out(parts: Parts, several: Mask, found: list[_Found]) -> Parts:
     count = np.where(several, 0, 1)
     nth: list[I64] = []
     for part in found:
-        nth.append(count[part.of])
-        count[part.of] += 1
+        nth.append(count[part.rows])
+        count[part.rows] += 1
     first = np.cumsum(count) - count
     alone = np.flatnonzero(~several)
     of = np.zeros(int(count.sum()), np.int64)
     of[first[alone]] = alone
-    places = [first[part.of] + n for part, n in zip(found, nth, strict=True)]
+    places = [first[part.rows] + n for part, n in zip(found, nth, strict=True)]
     for part, place in zip(found, places, strict=True):
-        of[place] = part.of
+        of[place] = part.rows
     servo, address = parts.servo_id[of], parts.address[of]
     length, at = parts.length[of], parts.at[of]
     for part, place in zip(found, places, strict=True):

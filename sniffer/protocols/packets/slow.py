@@ -13,15 +13,12 @@ from construct import ConstructError
 from sniffer.ground.codes import IF_ALL, MANY, NEVER, OPTIONAL, REQUEST, RESPONSE
 from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL
 from sniffer.protocols.base import SlowFrame
-from sniffer.protocols.packets.declare import field_named, number_in, parsed
+from sniffer.protocols.packets.declare import LISTED, field_named, number_in, parsed
 from sniffer.protocols.shapes import slow_spans
 
 if TYPE_CHECKING:
     from sniffer.protocols.base import State
     from sniffer.protocols.packets.declare import Command, PacketFamily
-
-LISTED: Final = 1 << 24
-"""Token of a request that lists whom it reads, and of those that answer it as it says."""
 
 HEAD: Final = 16
 """More bytes than any member's packet has beside what its length counts."""
@@ -164,7 +161,7 @@ class Slow:
     def _targets(self, frame: SlowFrame) -> list[_Target]:
         """Return the servos that a command to several names."""
         command = self.family.commands[frame.op]
-        fields = command.params.parse(self._params(frame))
+        fields = command.params.parse(self._read(frame)[1])
         out = []
         for t in fields.targets:
             data = bytes(t.get("data", b""))
@@ -173,9 +170,11 @@ class Slow:
             out.append(_Target(t.servo_id, address, length, data))
         return out
 
-    def _params(self, frame: SlowFrame) -> bytes:
+    def _read(self, frame: SlowFrame) -> tuple[bytes, bytes]:
+        """Return the parameters as they are on the wire, and as they were meant."""
         packet = self.family.packet.parse(frame.raw).body.value
-        return self.family.plain(bytes(packet[self.family.tail]), packet.servo_id, packet.code)
+        wire = bytes(packet[self.family.tail])
+        return wire, self.family.plain(wire, packet.servo_id, packet.code)
 
     def parts(self, frame: SlowFrame) -> list[tuple[int, int, bytes]]:
         """Return (servo_id, address, bytes) of each servo's registers."""
@@ -186,9 +185,8 @@ class Slow:
             return [(t.servo_id, t.address, t.data) for t in self._targets(frame)]
         if frame.address < 0:
             return []
-        params = self._params(frame)
-        packet = self.family.packet.parse(frame.raw).body.value
-        held = len(packet[self.family.tail]) - len(frame.data)
+        wire, params = self._read(frame)
+        held = len(wire) - len(frame.data)
         if frame.kind == REQUEST:
             return [(frame.servo_id, frame.address, params[held:])]
         if self.family.doubt and frame.flags & UNUSUAL:

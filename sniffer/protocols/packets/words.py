@@ -17,6 +17,7 @@ from sniffer.protocols.packets.survey import survey
 
 if TYPE_CHECKING:
     from sniffer.ground.checksums import Sum
+    from sniffer.ground.model import I64
     from sniffer.protocols.base import FrameView
     from sniffer.protocols.dissection import Leaf
     from sniffer.protocols.explaining import Runs, Torn
@@ -35,7 +36,7 @@ class Words:
         tail = np.asarray(self.plan.tail({self._size: np.arange(family.most + 1)}))
         self._least = int(np.flatnonzero(tail >= 0)[0])
         # a packet's bytes by its length field
-        self._total: list[int] = (tail + self.plan.tail_at + self.plan.sum_width).tolist()
+        self._total: I64 = tail + self.plan.tail_at + self.plan.sum_width
 
     def op_name(self, op: int) -> str:
         """Return the command's name; a code no manual has is ``unknown_<hex>``."""
@@ -74,11 +75,12 @@ class Words:
         if command is None:
             return rest
         if row.flags & MALFORMED:
-            found = self._leading(row.op, params)
-            return {name: _worded(con, params[i]) for i, (name, con) in enumerate(found)} | rest
+            front = self._leading(row.op, params)
+            return {name: _worded(con, params[i]) for i, (name, con) in enumerate(front)} | rest
         out, servos = {}, []
-        brings = "data" in {leaf.path.rpartition(".")[2] for leaf in leaves(command.params, params)}
-        for leaf in leaves(command.params, params):
+        found = leaves(command.params, params)
+        brings = "data" in {leaf.path.rpartition(".")[2] for leaf in found}
+        for leaf in found:
             inside, _, name = leaf.path.rpartition(".")
             if not inside and isinstance(leaf.value, int | dict | str):
                 number = int.from_bytes(params[leaf.offset : leaf.offset + leaf.length], "little")
@@ -186,7 +188,7 @@ class Words:
                 add(stop, "damaged", {self._size: size, f"{self._size}_{bound}": limit})
                 continue
             following = run.find(head, at + len(head))
-            need = None if size is None else self._total[size]
+            need = None if size is None else int(self._total[size])
             stop = at + (need or 0)
             if need is None or stop > n or 0 <= following < stop - plan.sum_width:
                 end = following if following >= 0 else n
@@ -202,7 +204,7 @@ class Words:
 
     def survey(self, runs: Runs) -> Torn:
         """Tell the same of all runs of a pass at once."""
-        return survey(runs, self.plan, self._size, self._least, np.array(self._total))
+        return survey(runs, self.plan, self._size, self._least, self._total)
 
     def _as_read(self, raw: bytes) -> dict[str, Any]:
         """Return the fields of a packet that does not hold, without its checksum."""

@@ -43,7 +43,6 @@ from sniffer.protocols.rs30x.grammar import (
     LONG,
     LONG_WRITE,
     LOWEST_ID,
-    MODELS,
     MOST_DATA,
     NACK,
     NACK_BYTE,
@@ -66,14 +65,13 @@ from sniffer.protocols.rs30x.grammar import (
     op_of,
     status_names,
 )
-from sniffer.protocols.shapes import Addressed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from sniffer.protocols.base import State, Values
+    from sniffer.protocols.shapes import Addressed
 
-SHAPES: Final = Addressed(MODELS, first=0)
 PLAN: Final = plan_of(PACKET)
 RETURN_PLAN: Final = plan_of(RETURN)
 OVERHEAD: Final = PLAN.tail_at + 1
@@ -263,9 +261,7 @@ def states_itself(frames: Frames) -> Mask:
     return plain
 
 
-def values(
-    block: Block, frames: Frames, rows: I64, state: State, *, shapes: Addressed = SHAPES
-) -> Values:
+def values(block: Block, frames: Frames, rows: I64, state: State, *, shapes: Addressed) -> Values:
     """Read register values; LENGTH of a long packet counts a servo's id and bytes."""
     address = frames.address[rows].astype(np.int64)
     asked = frames.kind[rows] == REQUEST

@@ -26,7 +26,6 @@ from sniffer.protocols.rs30x.grammar import (
     ID_REGISTER,
     LONG,
     LONG_WRITE,
-    MODELS,
     NACK,
     NO_TOKEN,
     PACKET,
@@ -178,7 +177,7 @@ def _sets(frame: SlowFrame) -> bool:
 
 
 def values(
-    frame: SlowFrame, state: State, *, models: Sequence[RegisterMap] = MODELS
+    frame: SlowFrame, state: State, *, models: Sequence[RegisterMap]
 ) -> list[tuple[int, int, int, int]]:
     """Split what is written or returned by each servo's table, byte by byte."""
     return slow_spans(models, state, parts(frame))
