@@ -151,10 +151,28 @@ def test_a_stream_of_one_alone_decodes_as_it_does_alone(
     mine = [p[names.index(alone)] for p in parts]
     other = [p[1 - names.index(alone)] for p in parts]
     assert records(mine) == records(want)
-    if any(f[0] == 0 for f in records(want).frames):  # before the first frame nobody is known
+    # A torn frame may hold one of the other's: what the one leaves over is the other's to claim.
+    taken = [range(start, start + size) for start, size, *_ in records(other).frames]
+    left = {at for start, size, *_ in gaps(want) for at in range(start, start + size)}
+    assert all(left.issuperset(place) for place in taken)
+    # Before the first frame nobody is known.
+    if not taken and any(f[0] == 0 for f in records(want).frames):
         assert gaps(mine) == gaps(want)
         assert found(mine) == found(want)
         assert not any(len(b.frames) or b.gaps or b.anomalies for b in other)
+
+
+def test_a_torn_frame_that_holds_one_of_the_other_leaves_it_to_that() -> None:
+    """A silence cuts a mightyZAP answer: what is left of it reads as a wCK move and its reply."""
+    told = "FFFFFF0004F210 08F1 FF", "FFFF020A0802242400000002009F"
+    chunks = [
+        Chunk(bytes.fromhex(data), 1_700_000_000_000_000_000 + ns, Clock.READ)
+        for data, ns in zip(told, (2_000_000, 105_000_000), strict=True)
+    ]
+    zap, wck = zip(*decoded(mixed(("mightyzap", "wck")), [chunks]), strict=True)
+    assert [f[:2] for f in records(zap).frames] == [(0, 9)]
+    assert [f[:2] for f in records(wck).frames] == [(11, 4), (15, 2)]
+    assert sorted(g[:2] for g in gaps([*zap, *wck])) == [(9, 1), (10, 1), (17, 7)]
 
 
 @EVERY
