@@ -12,7 +12,8 @@ import io
 from pathlib import Path
 
 from sniffer.decoding.pipeline import Options, Pipeline
-from sniffer.diagnostics.catalogue import markdown
+from sniffer.diagnosis import causes, rules, weights
+from sniffer.diagnostics import catalogue
 from sniffer.sinks.jsonl import JsonlSink
 from sniffer.sources import open_source
 
@@ -20,6 +21,13 @@ ROOT = Path(__file__).parent.parent
 CAPTURES = ROOT / "sample_captures"
 FOLDER = Path(__file__).parent / "golden_decodes"
 FIRST = 60
+PAGES = {
+    "anomalies.md": catalogue.markdown,
+    "findings.md": rules.markdown,
+    "causes.md": causes.markdown,
+    "weighing.md": weights.markdown,
+}
+"""Pages of docs/ that are written from code, and what writes each."""
 
 
 def captures() -> list[Path]:
@@ -62,7 +70,8 @@ def main() -> None:
         old.unlink()
     for capture in captures():
         golden_path(capture).write_text(golden(capture), encoding="utf-8")
-    (ROOT / "docs" / "anomalies.md").write_text(markdown(), encoding="utf-8")
+    for page, write in PAGES.items():
+        (ROOT / "docs" / page).write_text(write(), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ FLOORS: Final = tuple(
 
 FACE: Final = "cli"
 
-CORE: Final = ("ground", "protocols", "diagnostics", "decoding", "merge")
+CORE: Final = ("ground", "protocols", "diagnostics", "decoding", "diagnosis", "merge")
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
 
 ONLY: Final[Mapping[str, tuple[str, ...]]] = {

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from sniffer.decoding.detect import detect
-from sniffer.diagnostics.catalogue import markdown
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
-from tests.golden import ROOT, captures, golden, golden_path, protocol_of
+from tests.golden import PAGES, ROOT, captures, golden, golden_path, protocol_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,5 +35,6 @@ def test_every_protocol_has_a_clean_and_a_damaged_capture_and_a_page(name: str) 
     assert (ROOT / "docs" / "protocols" / f"{name}.md").is_file()
 
 
-def test_the_page_of_anomalies_is_what_the_catalogue_says() -> None:
-    assert (ROOT / "docs" / "anomalies.md").read_text(encoding="utf-8") == markdown(), HINT
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_written_from_code_says_what_the_code_does(page: str) -> None:
+    assert (ROOT / "docs" / page).read_text(encoding="utf-8") == PAGES[page](), HINT

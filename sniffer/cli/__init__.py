@@ -32,6 +32,7 @@ DEBUG: Final = "SNIFFER_DEBUG"
 COMMANDS: Final = {
     "record": "Listen to ports and record what is said.",
     "decode": "Decode a capture, a dump, a log or a recording.",
+    "diagnose": "Name what is wrong with a bus, and why.",
     "view": "Show a recording or a capture in Rerun.",
     "replay": "Play a recording or a capture again.",
     "recover": "Repair a recording that was cut off.",

@@ -28,3 +28,8 @@ def one_line(message: str) -> str:
     """Return a message as one line of bounded length."""
     line = short(plain(" ".join(message.split())))
     return line if len(line) <= LINE else f"{line[: LINE - 1]}…"
+
+
+def and_(words: list[str]) -> str:
+    """Return words as a list that people read: ``a, b and c``."""
+    return ", ".join(words[:-1]) + " and " + words[-1] if len(words) > 1 else "".join(words)

@@ -1,0 +1,283 @@
+"""A bus as rules see it: tables of what its ledger remembers, and words for places and moments."""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.events import ANOMALY, REMARK, SETTING, Happenings
+from sniffer.diagnosis.ledger import BUCKET_NS, MILLI, Ledger
+from sniffer.diagnosis.model import Place
+from sniffer.diagnostics.found import CODES, NUMBER
+from sniffer.ground.model import NS, Clock
+from sniffer.ground.timing import LATENCY_NS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from sniffer.diagnosis.damage import Damage
+    from sniffer.ground.model import F64, I64, Mask
+    from sniffer.ground.register import Register
+    from sniffer.protocols.base import BusProtocol
+
+Table = dict[str, "I64"]
+
+QUIET_NS: Final = 2 * NS
+"""Moments closer than that are one episode."""
+
+
+class Series:
+    """One quantity of one servo over time, a row a bucket; numbers in its unit.
+
+    ``t`` is the last moment in the bucket, ``mean``, ``low``, ``high``, ``first`` and ``last`` are
+    what was stated in it, ``step`` the greatest change from one statement to the next, ``n`` how
+    many there were, ``at`` the byte of the first.
+    """
+
+    def __init__(self, register: Register, rows: Table) -> None:
+        self.register = register
+        self.bucket = rows["bucket"]
+        self.t, self.t_first, self.at, self.n = (
+            rows["t_last"],
+            rows["t_first"],
+            rows["at"],
+            rows["n"],
+        )
+        self.low, self.high, self.first, self.last, self.step = (
+            rows[name] / MILLI for name in ("low", "high", "first", "last", "step")
+        )
+        self.mean: F64 = rows["total"] / np.maximum(rows["n"], 1) / MILLI
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def unit(self) -> str:
+        """The unit of its numbers, empty where they are raw."""
+        return self.register.unit
+
+    def told(self, value: float) -> str:
+        """Return a number with the unit."""
+        return f"{value:.4g} {self.unit}".rstrip()
+
+    def as_of(self, t_ns: I64, column: F64) -> F64:
+        """Return what a column was at moments: that of the bucket before; NaN before the first."""
+        place = np.searchsorted(self.t, t_ns, "right") - 1
+        return np.where(place >= 0, column[np.maximum(place, 0)], np.nan)
+
+
+class Case:
+    """All that a rule may ask about one bus; nothing in here changes while it is judged."""
+
+    def __init__(self, ledger: Ledger) -> None:
+        self.ledger = ledger
+        self.bus = ledger.bus
+        self.protocol: BusProtocol = ledger.protocol
+
+    # ------------------------------------------------------------------- what is known of the whole
+
+    @property
+    def has_clock(self) -> bool:
+        """Whether times are measured: else they are counted from the bytes, and tell nothing."""
+        return self.ledger.clock != Clock.NONE
+
+    @property
+    def first_ns(self) -> int:
+        """When the first frame began."""
+        return self.ledger.first_ns or 0
+
+    @property
+    def last_ns(self) -> int:
+        """When the last frame ended."""
+        return self.ledger.last_ns
+
+    @property
+    def seconds(self) -> float:
+        """How long it was listened to."""
+        return max((self.last_ns - self.first_ns) / NS, 0.0)
+
+    @property
+    def baud(self) -> int:
+        """By which rate the bus is decoded."""
+        return self.ledger.pace.baud if self.ledger.pace is not None else self.protocol.baud
+
+    @property
+    def latency_ns(self) -> int:
+        """By how much a stamp may lag behind its bytes."""
+        told = None if self.ledger.pace is None else self.ledger.pace.latency_ns
+        return LATENCY_NS[self.ledger.clock] if told is None else told
+
+    # ----------------------------------------------------------------------------------- tables
+
+    @functools.cached_property
+    def traffic(self) -> Table:
+        """Frames by bucket and servo."""
+        return self.ledger.table("traffic")
+
+    @functools.cached_property
+    def answers(self) -> Table:
+        """What became of requests, by bucket and servo asked."""
+        return self.ledger.table("answers")
+
+    @functools.cached_property
+    def line(self) -> Table:
+        """Bytes, unclaimed bytes, gaps and the longest pause between requests, by bucket."""
+        return self.ledger.table("line")
+
+    @functools.cached_property
+    def alarms(self) -> Table:
+        """Anomalies by bucket, code and servo."""
+        return self.ledger.table("alarms")
+
+    @functools.cached_property
+    def writes(self) -> Table:
+        """What requests stated, by servo and register."""
+        return self.ledger.settings.written()
+
+    @functools.cached_property
+    def damage(self) -> Table:
+        """Damaged places by bucket, servo and turn (``damage.TURNS``)."""
+        return self.ledger.damages.counted()
+
+    @property
+    def damages(self) -> Sequence[Damage]:
+        """The first damaged places with their bytes."""
+        return self.ledger.damages.kept
+
+    @functools.cached_property
+    def happenings(self) -> Happenings:
+        """Events one by one: anomalies, settings, remarks."""
+        return self.ledger.happenings()
+
+    @functools.cached_property
+    def _values(self) -> Table:
+        return self.ledger.table("values")
+
+    # -------------------------------------------------------------------------------------- views
+
+    @functools.cached_property
+    def servos(self) -> tuple[int, ...]:
+        """Single servos that were asked or heard, in order."""
+        met = np.unique(self.traffic["servo_id"])
+        everyone = set(self.protocol.everyone)
+        return tuple(i for i in met.tolist() if i >= 0 and i not in everyone)
+
+    @functools.cached_property
+    def answering(self) -> tuple[int, ...]:
+        """Servos that answered at least once."""
+        ok = sums(self.answers, "servo_id", "ok")
+        return tuple(i for i in self.servos if ok.get(i, 0))
+
+    def total(self, column: str, servo_id: int | None = None) -> int:
+        """Return the sum of a column of ``answers``, of one servo or of all."""
+        rows = slice(None) if servo_id is None else self.answers["servo_id"] == servo_id
+        return int(self.answers[column][rows].sum())
+
+    @functools.cached_property
+    def _series(self) -> Mapping[tuple[int, str], Series]:
+        values = self._values
+        out: dict[tuple[int, str], Series] = {}
+        key = values["servo_id"] * len(self.protocol.registers) + values["register"]
+        order = np.argsort(key, kind="stable")
+        edges = np.flatnonzero(np.diff(key[order], prepend=-2, append=-2))
+        for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+            rows = order[a:b]
+            register = self.protocol.registers[int(values["register"][rows[0]])]
+            who = int(values["servo_id"][rows[0]]), register.quantity
+            series = Series(register, {name: column[rows] for name, column in values.items()})
+            if who not in out or len(series) > len(out[who]):
+                out[who] = series  # of registers that state one quantity, the one stated oftener
+        return out
+
+    def series(self, servo_id: int, quantity: str) -> Series | None:
+        """Return a quantity of a servo (``Register.quantity``) over time; None: never stated."""
+        return self._series.get((servo_id, quantity))
+
+    def measured_by(self, quantity: str) -> tuple[int, ...]:
+        """Return the servos of which a quantity was stated."""
+        return tuple(sorted(servo for servo, what in self._series if what == quantity))
+
+    def alarm_rows(self, *codes: str, servo_id: int | None = None) -> I64:
+        """Return the rows of ``alarms`` with one of some codes, of one servo or of all."""
+        mine = np.isin(self.alarms["code"], [NUMBER[code] for code in codes])
+        if servo_id is not None:
+            mine &= self.alarms["servo_id"] == servo_id
+        return np.flatnonzero(mine)
+
+    def count(self, *codes: str, servo_id: int | None = None) -> int:
+        """Return how many anomalies of some codes there are."""
+        return int(self.alarms["n"][self.alarm_rows(*codes, servo_id=servo_id)].sum())
+
+    def anomalies(self, *codes: str, servo_id: int | None = None) -> Happenings:
+        """Return anomalies of some codes one by one (of many, the first and the last thousand)."""
+        h = self.happenings
+        mine = (h.kind == ANOMALY) & np.isin(h.what, [NUMBER[code] for code in codes])
+        return h.take(self._of(h, mine, servo_id))
+
+    def settings(self, *quantities: str, servo_id: int | None = None) -> Happenings:
+        """Return changes of settings, of registers whose quantity, name or effect is among some."""
+        h = self.happenings
+        registers = [
+            i
+            for i, r in enumerate(self.protocol.registers)
+            if not quantities or {r.quantity, r.name, r.effect} & set(quantities)
+        ]
+        mine = (h.kind == SETTING) & np.isin(h.what, registers)
+        return h.take(self._of(h, mine, servo_id))
+
+    def remarks(self, *kinds: int) -> Happenings:
+        """Return what the tap remarked, of some ``MarkKind``; ``after`` is the count."""
+        h = self.happenings
+        return h.take((h.kind == REMARK) & np.isin(h.what, [int(k) for k in kinds]))
+
+    def _of(self, h: Happenings, mine: Mask, servo_id: int | None) -> Mask:
+        return mine if servo_id is None else mine & (h.servo_id == servo_id)
+
+    def places(self, h: Happenings, what: str, most: int = 3) -> tuple[Place, ...]:
+        """Return the first few of some events as places."""
+        rows = h.take(slice(0, most))
+        return tuple(
+            Place(at, length, t, what)
+            for at, length, t in zip(
+                rows.at.tolist(), rows.length.tolist(), rows.t_ns.tolist(), strict=True
+            )
+        )
+
+    def code(self, number: int) -> str:
+        """Return the name of an anomaly's code."""
+        return CODES[number]
+
+
+def sums(table: Table, by: str, column: str) -> dict[int, int]:
+    """Return the sum of a column for each number of another."""
+    keys, which = np.unique(table[by], return_inverse=True)
+    total = np.zeros(len(keys), np.int64)
+    np.add.at(total, which, table[column])
+    return dict(zip(keys.tolist(), total.tolist(), strict=True))
+
+
+def episodes(t_first: I64, t_last: I64, quiet_ns: int = QUIET_NS) -> tuple[tuple[int, int], ...]:
+    """Return stretches of time, in order, joined where they are close."""
+    order = np.argsort(t_first, kind="stable")
+    out: list[tuple[int, int]] = []
+    for a, b in zip(t_first[order].tolist(), t_last[order].tolist(), strict=True):
+        if out and a - out[-1][1] <= quiet_ns:
+            out[-1] = out[-1][0], max(out[-1][1], b)
+        else:
+            out.append((a, b))
+    return tuple(out)
+
+
+def runs(flag: Mask, t: I64, least_ns: int) -> list[tuple[int, int]]:
+    """Return the stretches of rows (first, behind the last) in which a flag holds for long."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flag.astype(np.int8), [0]])))
+    return [
+        (a, b)
+        for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        if t[b - 1] - t[a] >= least_ns
+    ]
+
+
+__all__ = ["BUCKET_NS", "Case", "Series", "episodes", "runs", "sums"]

@@ -1,0 +1,98 @@
+"""The sink that diagnoses: it keeps a ledger a bus, and judges what it has when asked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from sniffer.decoding.sink import bus_of
+from sniffer.diagnosis.case import Case
+from sniffer.diagnosis.incidents import incidents
+from sniffer.diagnosis.ledger import Ledger
+from sniffer.ground.model import NS, Clock
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.decoding.pacing import Pace
+    from sniffer.diagnosis.model import Incident
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
+
+
+class Diagnosis:
+    """Takes what a decode gives and says what is wrong with each bus, and why.
+
+    What it says does not depend on how the stream was cut, nor on how often it was asked before.
+    """
+
+    def __init__(self) -> None:
+        self._ledgers: dict[str, Ledger] = {}
+        self._paces: dict[str, Pace] = {}
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take chunks as they came: all that matters of them comes decoded."""
+
+    def pace(self, bus: str, told: Pace) -> None:
+        """Take what a bus is timed by."""
+        self._paces[bus] = told
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Take what one pass decided."""
+        name = bus_of(bus, protocol, batch)
+        ledger = self._ledgers.get(name)
+        if ledger is None:
+            ledger = self._ledgers[name] = Ledger(bus, protocol)
+            ledger.pace = self._paces.get(bus)
+        ledger.add(batch)
+
+    def close(self) -> None:
+        """Finish; the diagnosis can be asked for afterwards."""
+
+    def cases(self) -> list[Case]:
+        """Return each bus as the rules see it."""
+        return [Case(ledger) for ledger in self._ledgers.values()]
+
+    def incidents(self) -> tuple[Incident, ...]:
+        """Return the incidents of all buses so far, by bus and beginning."""
+        found = [incident for case in self.cases() for incident in incidents(case)]
+        return tuple(replace(incident, number=n) for n, incident in enumerate(found, 1))
+
+    def judged(self) -> list[dict[str, Any]]:
+        """Return on what each bus was judged, and how sure its times are."""
+        return [
+            {
+                "bus": case.bus,
+                "protocol": case.protocol.name,
+                "bytes": case.ledger.bytes,
+                "frames": case.ledger.frames,
+                "seconds": round(case.seconds, 3) if case.has_clock else None,
+                "servo_ids": list(case.servos),
+                "clock": Clock(case.ledger.clock).name.lower(),
+                "latency_ns": case.latency_ns if case.has_clock else None,
+            }
+            for case in self.cases()
+        ]
+
+    @property
+    def has_clock(self) -> bool:
+        """Whether the times of all buses are measured."""
+        return all(case.has_clock for case in self.cases())
+
+    def sentence(self) -> str:
+        """Return on what it was judged, in words."""
+        parts = []
+        for judged in self.judged():
+            servos = len(judged["servo_ids"])
+            good_ms = (judged["latency_ns"] or 0) / NS * 1e3
+            over = (
+                f"over {judged['seconds']:g} s, stamps good to {good_ms:g} ms"
+                if judged["seconds"] is not None
+                else "without a clock, so nothing was judged by time"
+            )
+            plural = "" if servos == 1 else "s"
+            parts.append(
+                f"{judged['bus']}: {judged['frames']} {judged['protocol']} frames of "
+                f"{servos} servo{plural} {over}"
+            )
+        return "; ".join(parts)

@@ -1,0 +1,79 @@
+"""Durations by key: how often each was met, in fixed memory, whatever the cut of the stream."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.decoding.summary import Bounds
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import I64
+
+PER_OCTAVE: Final = 16
+"""Durations are known to 4 %: no verdict here turns on less."""
+
+OCTAVES: Final = 44
+"""From 1 ns to 5 hours."""
+
+BINS: Final = PER_OCTAVE * OCTAVES
+
+KEYS: Final = 1024
+"""Keys that are told apart, the first ones met; a bus has some servos and some commands."""
+
+
+class Histograms:
+    """Counts of durations by key, each known within bounds, in ns."""
+
+    def __init__(self) -> None:
+        self._row: dict[int, int] = {}
+        self._low = np.zeros((0, BINS), np.int64)
+        self._high = np.zeros((0, BINS), np.int64)
+
+    def add(self, key: I64, low: I64, high: I64) -> None:
+        """Count durations that are at least ``low`` and at most ``high``."""
+        if not len(key):
+            return
+        keys, first, which = np.unique(key, return_index=True, return_inverse=True)
+        for k in keys[np.argsort(first)].tolist():
+            if k not in self._row and len(self._row) < KEYS:
+                self._row[k] = len(self._row)
+        if len(self._low) < len(self._row):
+            more = ((0, len(self._row) - len(self._low)), (0, 0))
+            self._low, self._high = np.pad(self._low, more), np.pad(self._high, more)
+        rows = np.array([self._row.get(k, -1) for k in keys.tolist()])[which]
+        known = rows >= 0
+        size = self._low.size
+        for counts, bound in ((self._low, low), (self._high, high)):
+            at = (np.log2(np.maximum(bound[known], 1)) * PER_OCTAVE).astype(np.int64)
+            at = rows[known] * BINS + np.minimum(at, BINS - 1)
+            counts += np.bincount(at, minlength=size).reshape(counts.shape)
+
+    @property
+    def keys(self) -> tuple[int, ...]:
+        """The keys met, in the order of their first duration."""
+        return tuple(self._row)
+
+    def count(self, key: int) -> int:
+        """Return how many durations a key has."""
+        return int(self._low[self._row[key]].sum()) if key in self._row else 0
+
+    def at(self, key: int, share: float) -> Bounds | None:
+        """Return the duration that ``share`` of a key's stay below, within bounds; None: no one."""
+        count = self.count(key)
+        if not count:
+            return None
+        row = self._row[key]
+        out = []
+        for k, counts in enumerate((self._low[row], self._high[row])):
+            bin_ = int(np.searchsorted(np.cumsum(counts), share * count))
+            out.append(int(2 ** ((bin_ + k) / PER_OCTAVE)))
+        return Bounds(*out)
+
+    def above(self, key: int, ns: float) -> int:
+        """Return how many durations of a key are surely longer."""
+        if key not in self._row:
+            return 0
+        first = int(np.log2(max(ns, 1)) * PER_OCTAVE) + 1
+        return int(self._low[self._row[key]][first:].sum())

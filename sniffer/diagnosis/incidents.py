@@ -1,0 +1,80 @@
+"""Findings to incidents: what one fault did, told as a story, with what to do next."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+from sniffer.diagnosis.causes import CAUSES
+from sniffer.diagnosis.model import Incident
+from sniffer.diagnosis.rules import findings
+from sniffer.diagnosis.weighing import explain
+from sniffer.diagnosis.weights import WEIGHTS
+from sniffer.ground.wording import and_
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.model import Finding, Ranked
+    from sniffer.diagnosis.weighing import Explained
+
+SURE: Final = 0.8
+"""From this confidence on the next step is the remedy, below it what settles the matter."""
+
+TOLD: Final = 5
+"""Findings that a story has."""
+
+
+def incidents(case: Case) -> list[Incident]:
+    """Return the incidents of a bus, by their beginning; numbers count from 1."""
+    found = findings(case)
+    out = sorted((_made(case, e, found) for e in explain(found)), key=lambda i: i.first_ns)
+    return [replace(incident, number=n) for n, incident in enumerate(out, 1)]
+
+
+def _made(case: Case, explained: Explained, found: Sequence[Finding]) -> Incident:
+    first, *others = explained.causes
+    cause = CAUSES[first.cause]
+    rival = others[0] if others else None
+    doing = cause.remedy
+    if first.confidence < SURE and rival is not None:
+        doing = f"{cause.settle} (It may be {CAUSES[rival.cause].title} instead.)"
+    by_time = tuple(sorted(explained.findings, key=lambda f: (f.first_ns, f.code)))
+    return Incident(
+        0,
+        cause.severity,
+        case.bus,
+        explained.servo_ids,
+        min(f.first_ns for f in by_time),
+        max(f.last_ns for f in by_time),
+        explained.key.count,
+        explained.causes,
+        by_time,
+        _story(explained, by_time),
+        "" if rival is None else _against(rival, found),
+        doing,
+    )
+
+
+def _story(explained: Explained, by_time: Sequence[Finding]) -> str:
+    """Return what happened, in order."""
+    cause = CAUSES[explained.causes[0].cause]
+    who = and_([f"servo {i}" for i in explained.servo_ids])
+    title = f"{cause.title} ({who})" if who else cause.title
+    steps = list(dict.fromkeys(f.brief for f in by_time if f.brief))[:TOLD]
+    return f"{title}: {' -> '.join(steps)}" if steps else f"{title}: {explained.key.what}"
+
+
+def _against(rival: Ranked, found: Sequence[Finding]) -> str:
+    """Say what speaks against a cause: the finding that does, or the one that is missing."""
+    title = CAUSES[rival.cause].title
+    worst = min(rival.reasons, key=lambda r: r.weight, default=None)
+    if worst is not None and worst.weight < 0:
+        return f"against {title}: {worst.reason}"
+    there = {f.code for f in found}
+    missing = [w for w in WEIGHTS[rival.cause].values() if w.weight > 0 and w.finding not in there]
+    if missing:
+        most = max(missing, key=lambda w: w.weight)
+        return f"against {title}: no {most.finding} ({most.reason})"
+    return f"{title} explains less of it"

@@ -1,0 +1,426 @@
+"""What is remembered of a bus for its diagnosis: traffic by servo and time, and what is rare.
+
+A ledger takes batch after batch and keeps columns: sums and extremes by servo in buckets of
+``BUCKET_NS``, events one by one, durations in histograms. It does not grow with the traffic (old
+buckets are joined), and does not depend on how the stream was cut. Nothing is judged here.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from sniffer.diagnosis.buckets import Buckets
+from sniffer.diagnosis.damage import Damages
+from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happened
+from sniffer.diagnosis.histograms import Histograms
+from sniffer.diagnosis.settings import Settings
+from sniffer.diagnosis.silences import Silences
+from sniffer.diagnostics.found import CODES, Anomalies
+from sniffer.ground.codes import (
+    DAMAGED,
+    MISMATCHED,
+    NO_RESPONSE,
+    NOT_EXPECTED,
+    OK,
+    REQUEST,
+    UNSOLICITED,
+    WHOLE,
+)
+from sniffer.ground.gaps import Gaps
+from sniffer.ground.model import ECHO, NS, Clock
+
+if TYPE_CHECKING:
+    from sniffer.decoding.pacing import Pace
+    from sniffer.ground.model import I64, Batch, Frames
+    from sniffer.protocols.base import BusProtocol
+
+BUCKET_NS: Final = NS // 4
+"""A bucket of time: no cause is told from what is shorter, but for events, which have own times."""
+
+SERVOS: Final = 512
+"""Keys of servos in a bucket: ids are below 256, and nobody's is -1."""
+
+FINE: Final = 1 << 14
+"""So many buckets (68 minutes) stay as they are; those before are joined by ``COARSE``."""
+
+COARSE: Final = 16
+
+MILLI: Final = 1000
+"""Values are kept in thousandths of their unit: sums of whole numbers are the same in any order."""
+
+HEAD: Final = 1 << 15
+"""Bytes kept from the beginning, and of what no frame claims: enough to look for another rate."""
+
+_TRAFFIC: Final = {
+    "frames": "sum",
+    "requests": "sum",
+    "responses": "sum",
+    "bytes": "sum",
+    "wire_ns": "sum",
+    "at": "first",
+    "end": "last",
+    "t_first": "first",
+    "t_last": "last",
+}
+_ANSWERS: Final = {
+    "asked": "sum",
+    "ok": "sum",
+    "missing": "sum",
+    "damaged": "sum",
+    "mismatched": "sum",
+    "unsolicited": "sum",
+    "took_n": "sum",
+    "took_sum": "sum",
+    "took_min": "min",
+    "took_max": "max",
+    "spread_max": "max",
+    "at": "first",
+    "t_first": "first",
+    "t_last": "last",
+}
+_LINE: Final = {
+    "bytes": "sum",
+    "gap_bytes": "sum",
+    "gaps": "sum",
+    "pause_max": "max",
+    "at": "min",
+    "t_first": "min",
+    "t_last": "max",
+}
+_VALUES: Final = {
+    "n": "sum",
+    "low": "min",
+    "high": "max",
+    "total": "sum",
+    "first": "first",
+    "last": "last",
+    "step": "max",
+    "at": "first",
+    "t_first": "first",
+    "t_last": "last",
+}
+_ALARMS: Final = {
+    "n": "sum",
+    "at": "first",
+    "length": "first",
+    "t_first": "first",
+    "t_last": "last",
+}
+
+NOT_KNOWN: Final = 1 << 62
+"""Stands for no duration among minima."""
+
+
+class Ledger:
+    """Remembers one protocol's part of one bus."""
+
+    def __init__(self, bus: str, protocol: BusProtocol) -> None:
+        self.bus = bus
+        self.protocol = protocol
+        self.pace: Pace | None = None
+        self.clock = Clock.NONE
+        self.bytes = 0
+        self.frames = 0
+        self.first_ns: int | None = None
+        self.last_ns = 0
+        self.models: dict[int, tuple[str, int]] = {}
+        self.traffic = Buckets(_TRAFFIC)
+        """By bucket and servo: frames."""
+        self.answers = Buckets(_ANSWERS)
+        """By bucket and servo asked: what became of requests; ``took`` in ns, bounds apart."""
+        self.line = Buckets(_LINE)
+        """By bucket: bytes, unclaimed ones, the longest pause between two requests."""
+        self.values = Buckets(_VALUES)
+        """By bucket, servo and register, in thousandths; ``step`` is between two neighbours."""
+        self.alarms = Buckets(_ALARMS)
+        """By bucket, code (a row of ``found.CODES``) and servo."""
+        self.events = Events()
+        self.took = Histograms()
+        """Response times by servo and command (``pair_key``)."""
+        self.periods = Histograms()
+        """Times from a request to the next like it, by servo, command and address."""
+        self.pauses = Histograms()
+        """Times between the beginnings of two requests of the bus; key 0."""
+        self.settings = Settings(protocol)
+        self.damages = Damages(protocol)
+        self.silences = Silences()
+        self.head = b""
+        """The first bytes of the bus."""
+        self._asked_at: dict[int, int] = {}
+        self._last_asked: int | None = None
+        self._steps: dict[int, int] = {}
+        self._fine_from: int | None = None
+        registers = protocol.registers
+        self._is_value = np.array([bool(r.quantity) for r in registers], bool)
+        self._has_unit = np.array([bool(r.unit) for r in registers], bool)
+
+    def add(self, batch: Batch) -> None:
+        """Take what one pass decided."""
+        self.clock = batch.clock
+        self.bytes += len(batch.data)
+        if batch.base + len(batch.data) <= HEAD or batch.base < HEAD:
+            self.head = (self.head + batch.data)[:HEAD]
+        self.models.update(batch.models)
+        self._remarks(batch)
+        if len(batch.anomalies):
+            self._alarms(batch.base, Anomalies.of(batch.anomalies))
+        f = batch.frames
+        self._line(batch)
+        if len(batch.transactions):
+            self._answers(batch)
+            self.silences.add(batch)
+        if len(f):
+            self.frames += len(f)
+            if self.first_ns is None:
+                self.first_ns = int(f.t_start[0])
+            self.last_ns = max(self.last_ns, int(f.t_end[-1]))
+            self._traffic(batch)
+            self._periods(f)
+        if len(batch.values):
+            self._values(batch)
+        self.damages.add(batch)
+        self._join_old()
+
+    def bucket(self, t_ns: I64) -> I64:
+        """Return the numbers of the buckets of moments."""
+        return t_ns // BUCKET_NS
+
+    def _traffic(self, batch: Batch) -> None:
+        f = batch.frames
+        heard = f.flags & ECHO == 0
+        key = self.bucket(f.t_end) * SERVOS + f.servo_id + 1
+        asks = (f.kind == REQUEST) & heard
+        self.traffic.add(
+            key,
+            frames=np.ones(len(f), np.int64),
+            requests=asks.astype(np.int64),
+            responses=(f.kind != REQUEST).astype(np.int64),
+            bytes=f.length,
+            wire_ns=np.maximum(f.t_end - f.t_start, 0),
+            at=f.start + batch.base,
+            end=f.start + f.length + batch.base,
+            t_first=f.t_start,
+            t_last=f.t_end,
+        )
+
+    def _answers(self, batch: Batch) -> None:
+        t, f = batch.transactions, batch.frames
+        told = np.flatnonzero(t.outcome != NOT_EXPECTED)
+        if not len(told):
+            return
+        outcome, request, response = t.outcome[told], t.request[told], t.response[told]
+        frames, rows = batch.asking(request)
+        is_asked = request != -1
+        rows = np.where(is_asked, rows, 0)
+        answer = np.maximum(response, 0)
+        servo = np.where(is_asked, frames.servo_id[rows], f.servo_id[answer])
+        t_ns = np.where(is_asked, frames.t_end[rows], f.t_end[answer])
+        at = np.where(is_asked, frames.start[rows], f.start[answer]) + batch.base
+        timed = (outcome == OK) & (t.response_time_ns[told] >= 0)
+        took, spread = t.response_time_ns[told], np.maximum(t.uncertainty_ns[told], 0)
+        self.answers.add(
+            self.bucket(t_ns) * SERVOS + servo + 1,
+            asked=is_asked.astype(np.int64),
+            ok=(outcome == OK).astype(np.int64),
+            missing=(outcome == NO_RESPONSE).astype(np.int64),
+            damaged=(outcome == DAMAGED).astype(np.int64),
+            mismatched=(outcome == MISMATCHED).astype(np.int64),
+            unsolicited=(outcome == UNSOLICITED).astype(np.int64),
+            took_n=timed.astype(np.int64),
+            took_sum=np.where(timed, took, 0),
+            took_min=np.where(timed, np.maximum(took - spread, 0), NOT_KNOWN),
+            took_max=np.where(timed, np.maximum(took - spread, 0), 0),
+            spread_max=np.where(timed, spread, 0),
+            at=at,
+            t_first=t_ns,
+            t_last=t_ns,
+        )
+        op = frames.op[rows]
+        key = pair_key(servo[timed].astype(np.int64), op[timed])
+        took, spread = took[timed], spread[timed]
+        self.took.add(key, np.maximum(took - spread, 0), took + spread)
+
+    def _periods(self, f: Frames) -> None:
+        """Count the times between requests that are alike, and between any two."""
+        asks = np.flatnonzero((f.kind == REQUEST) & (f.flags & ECHO == 0))
+        if not len(asks):
+            return
+        t_start = f.t_start[asks]
+        before = t_start[0] if self._last_asked is None else self._last_asked
+        pause = np.maximum(np.diff(t_start, prepend=before), 0)
+        if self._last_asked is None:
+            pause, since = pause[1:], t_start[1:]
+        else:
+            since = t_start
+        self._last_asked = int(t_start[-1])
+        spread = np.zeros(len(pause), np.int64)
+        self.pauses.add(spread, pause, pause)
+        if len(pause):
+            zero = np.zeros(len(pause), np.int64)
+            self.line.add(
+                self.bucket(since),
+                bytes=zero,
+                gap_bytes=zero,
+                gaps=zero,
+                pause_max=pause,
+                at=np.full(len(pause), NOT_KNOWN),
+                t_first=since,
+                t_last=since,
+            )
+        key = (
+            pair_key(f.servo_id[asks].astype(np.int64), f.op[asks]) * 4096
+            + np.maximum(f.address[asks], 0) % 4096
+        )
+        order = np.argsort(key, kind="stable")
+        key, t = key[order], t_start[order]
+        first = np.concatenate([[True], key[1:] != key[:-1]])
+        last = np.concatenate([first[1:], [True]])
+        begun = np.array([self._asked_at.get(k, -1) for k in key[first].tolist()], np.int64)
+        earlier = np.concatenate([[0], t[:-1]])
+        earlier[first] = begun
+        known = earlier >= 0
+        period = np.maximum(t - earlier, 0)[known]
+        self.periods.add(key[known], period, period)
+        if len(self._asked_at) < 4096:
+            self._asked_at.update(zip(key[last].tolist(), t[last].tolist(), strict=True))
+
+    def _values(self, batch: Batch) -> None:
+        v = batch.values
+        whole = (v.part == WHOLE) & self._is_value[v.register]
+        value = np.where(np.isnan(v.value) & ~self._has_unit[v.register], v.raw, v.value)
+        mine = np.flatnonzero(whole & v.accepted & np.isfinite(value))
+        self.events.add(self.settings.changes(batch))
+        if not len(mine):
+            return
+        milli = np.rint(value[mine] * MILLI).astype(np.int64)
+        servo = v.servo_id[mine].astype(np.int64) + 1
+        who = servo * len(self._is_value) + v.register[mine]
+        key = self.bucket(v.t_ns[mine]) * (SERVOS * len(self._is_value)) + who
+        self.values.add(
+            key,
+            n=np.ones(len(mine), np.int64),
+            low=milli,
+            high=milli,
+            total=milli,
+            first=milli,
+            last=milli,
+            step=self._stepped(who, milli),
+            at=batch.frames.start[v.row[mine]] + batch.base,
+            t_first=v.t_ns[mine],
+            t_last=v.t_ns[mine],
+        )
+
+    def _stepped(self, who: I64, value: I64) -> I64:
+        """Return how far each value is from the one before of its servo and register."""
+        order = np.argsort(who, kind="stable")
+        k, v = who[order], value[order]
+        first = np.concatenate([[True], k[1:] != k[:-1]])
+        last = np.concatenate([first[1:], [True]])
+        before = np.concatenate([[0], v[:-1]])
+        of = k[first].tolist()
+        before[first] = [
+            self._steps.get(key, now) for key, now in zip(of, v[first].tolist(), strict=True)
+        ]
+        self._steps.update(zip(k[last].tolist(), v[last].tolist(), strict=True))
+        out = np.empty(len(value), np.int64)
+        out[order] = np.abs(v - before)
+        return out
+
+    def _line(self, batch: Batch) -> None:
+        f, gaps = batch.frames, Gaps.of(batch.gaps)
+        many = len(f) + len(gaps)
+        if not many:
+            return
+        none = np.zeros(len(f), np.int64)
+        t_ns = np.concatenate([f.t_end, gaps.t_ns])
+        self.line.add(
+            self.bucket(t_ns),
+            bytes=np.concatenate([f.length, gaps.length]),
+            gap_bytes=np.concatenate([none, gaps.length]),
+            gaps=np.concatenate([none, np.ones(len(gaps), np.int64)]),
+            pause_max=np.zeros(many, np.int64),
+            at=np.concatenate([f.start, gaps.start]) + batch.base,
+            t_first=t_ns,
+            t_last=t_ns,
+        )
+
+    def _alarms(self, base: int, found: Anomalies) -> None:
+        code, servo = found.code.astype(np.int64), found.servo_id.astype(np.int64)
+        self.alarms.add(
+            (self.bucket(found.t_ns) * len(CODES) + code) * SERVOS + servo + 1,
+            n=np.ones(len(found), np.int64),
+            at=found.at,
+            length=found.length,
+            t_first=found.t_ns,
+            t_last=found.t_ns,
+        )
+        self.events.add(happened(ANOMALY, code, servo, found.t_ns, found.at, found.length))
+
+    def _remarks(self, batch: Batch) -> None:
+        if not batch.remarks:
+            return
+        rows = np.array(
+            [(int(r.kind), r.t_ns, r.start, r.length, r.count) for r in batch.remarks], np.int64
+        )
+        kind, t_ns, at, length, count = rows.T
+        nobody = np.full(len(rows), -1, np.int64)
+        told = happened(REMARK, kind, nobody, t_ns, at, length)
+        self.events.add(told.having(after=count))
+
+    def _join_old(self) -> None:
+        """Join buckets that are long past, so that a day takes no more room than some hours."""
+        now = self.last_ns // BUCKET_NS
+        if self._fine_from is None:
+            self._fine_from = (self.first_ns or 0) // BUCKET_NS
+        until = self._fine_from
+        while now - until >= 2 * FINE:
+            until = (until + FINE) // COARSE * COARSE
+        if until == self._fine_from:
+            return
+        tables: tuple[tuple[Buckets, int], ...] = (
+            (self.traffic, SERVOS),
+            (self.answers, SERVOS),
+            (self.line, 1),
+            (self.values, SERVOS * len(self._is_value)),
+            (self.alarms, SERVOS * len(CODES)),
+        )
+        for buckets, width in tables:
+            key, _ = buckets.table()
+            number = key // width
+            joined = np.where(number < until, number // COARSE * COARSE, number)
+            buckets.rekey(joined * width + key % width)
+        self._fine_from = until
+
+    def heard_from(self, servo_id: int) -> bool:
+        """Tell whether a servo answered at least once."""
+        return servo_id in self.silences.heard
+
+    def happenings(self) -> Happenings:
+        """Return the events that are kept."""
+        return self.events.rows()
+
+    def table(self, name: str) -> dict[str, I64]:
+        """Return a table with its keys taken apart: ``bucket``, ``servo_id`` and the like."""
+        buckets: Buckets = getattr(self, name)
+        key, columns = buckets.table()
+        out: dict[str, Any] = dict(columns)
+        match name:
+            case "line":
+                out["bucket"] = key
+            case "values":
+                out["register"] = key % len(self._is_value)
+                key = key // len(self._is_value)
+            case "alarms":
+                out["code"] = key // SERVOS % len(CODES)
+                out["servo_id"] = key % SERVOS - 1
+                out["bucket"] = key // (SERVOS * len(CODES))
+        if name in ("traffic", "answers", "values"):
+            out["servo_id"], out["bucket"] = key % SERVOS - 1, key // SERVOS
+        return out
+
+
+def pair_key(servo_id: I64, op: I64) -> I64:
+    """Return one number for a servo and a command."""
+    return (servo_id + 1) << 32 | op & 0xFFFFFFFF

@@ -1,0 +1,127 @@
+"""What a diagnosis is made of: findings with their places, causes in their order, incidents."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import Severity
+
+
+class Place(NamedTuple):
+    """Bytes that show something: absolute offset and length in the stream of the bus."""
+
+    offset: int
+    length: int
+    t_ns: int
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What one rule found; it says what is so, not why.
+
+    ``servo_id`` is None where it is the line's, the controller's or the tap's. ``strength`` is how
+    much of the weight that the table gives the code counts here, 0..1: a rule that saw three cases
+    is less sure than one that saw three hundred. ``what`` is a sentence with the numbers, ``brief``
+    the few words that it has in a story. ``episodes`` are the moments it is about, (first, last) in
+    ns, where there are several. ``values`` are its numbers by name.
+    """
+
+    code: str
+    servo_id: int | None
+    first_ns: int
+    last_ns: int
+    count: int
+    what: str
+    places: tuple[Place, ...] = ()
+    strength: float = 1.0
+    brief: str = ""
+    episodes: tuple[tuple[int, int], ...] = ()
+    values: tuple[tuple[str, float], ...] = ()
+
+    def value(self, name: str, otherwise: float = 0.0) -> float:
+        """Return one of its numbers."""
+        return dict(self.values).get(name, otherwise)
+
+
+class Reason(NamedTuple):
+    """One line of the weighing: what a finding counts for a cause, and why."""
+
+    cause: str
+    finding: str
+    weight: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ranked:
+    """A cause of an incident: how sure it is (0..1), why, and the weighing behind it."""
+
+    cause: str
+    confidence: float
+    why: str
+    reasons: tuple[Reason, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Incident:
+    """Findings that one fault explains, with the causes that were weighed, the likeliest first.
+
+    Times are in ns. ``count`` is how often it happened, ``against`` what speaks against the second
+    cause, ``next`` what to do: a measurement or a change that would tell the first two apart.
+    """
+
+    number: int
+    severity: Severity
+    bus: str
+    servo_ids: tuple[int, ...]
+    first_ns: int
+    last_ns: int
+    count: int
+    causes: tuple[Ranked, ...]
+    findings: tuple[Finding, ...]
+    story: str
+    against: str
+    next: str
+
+    @property
+    def cause(self) -> str:
+        """The likeliest cause."""
+        return self.causes[0].cause
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as ``schemas/diagnosis.schema.json`` has it."""
+        places = sorted({p for f in self.findings for p in f.places})
+        return {
+            "id": str(self.number),
+            "severity": self.severity.name.lower(),
+            "bus": self.bus,
+            "servo_ids": list(self.servo_ids),
+            "first_t_ns": self.first_ns,
+            "last_t_ns": self.last_ns,
+            "count": self.count,
+            "story": self.story,
+            "causes": [
+                {"cause": c.cause, "confidence": round(c.confidence, 3), "why": c.why}
+                for c in self.causes
+            ],
+            "findings": [
+                {
+                    "code": f.code,
+                    "count": f.count,
+                    "servo_id": f.servo_id,
+                    "first_t_ns": f.first_ns,
+                    "last_t_ns": f.last_ns,
+                    "what": f.what,
+                }
+                for f in self.findings
+            ],
+            "evidence": [
+                {"offset": p.offset, "length": p.length, "t_ns": p.t_ns, "what": p.what}
+                for p in places
+            ],
+            "against": self.against,
+            "next": self.next,
+        }

@@ -1,0 +1,51 @@
+"""Anomalies as findings: one for each code and servo, with the places of the first of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.case import episodes
+from sniffer.diagnosis.model import Finding
+from sniffer.diagnostics.catalogue import CATALOGUE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sniffer.diagnosis.case import Case
+
+SILENT: Final = frozenset(
+    {"capture-start", "capture-end", "clock-step", "late-read", "reordered", "model-evidence"}
+)
+"""Codes that tell nothing of a fault."""
+
+PLENTY: Final = 20
+"""So many of one kind are beyond doubt; one alone has half the weight."""
+
+
+def symptoms(case: Case) -> Iterator[Finding]:
+    """Return what the decoder reported, by code and servo."""
+    alarms = case.alarms
+    key = alarms["code"] * 512 + alarms["servo_id"] + 1
+    for one in np.unique(key).tolist():
+        rows = np.flatnonzero(key == one)
+        code, servo = case.code(one // 512), one % 512 - 1
+        if code in SILENT:
+            continue
+        count = int(alarms["n"][rows].sum())
+        spans = episodes(alarms["t_first"][rows], alarms["t_last"][rows])
+        who = None if servo < 0 else servo
+        of = "" if who is None else f" of servo {who}"
+        known = CATALOGUE[code]
+        yield Finding(
+            code,
+            who,
+            spans[0][0],
+            max(last for _, last in spans),
+            count,
+            f"{count} x {code}{of}",
+            case.places(case.anomalies(code, servo_id=servo), f"{code}{of}: {known.means}", 2),
+            strength=0.5 + 0.5 * min(count / PLENTY, 1.0),
+            episodes=spans,
+        )

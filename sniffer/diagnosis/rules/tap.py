@@ -1,0 +1,13 @@
+"""What the tap itself does to a capture: losses, wires, echo, one direction only."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis.catalogue import FindingCode
+    from sniffer.diagnosis.rules import Rule
+
+FINDINGS: Final[tuple[FindingCode, ...]] = ()
+
+RULES: Final[tuple[Rule, ...]] = ()

@@ -1,0 +1,13 @@
+"""When things are said: cycles, stalls, bus load, slow servos. Silent where stamps cannot carry it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis.catalogue import FindingCode
+    from sniffer.diagnosis.rules import Rule
+
+FINDINGS: Final[tuple[FindingCode, ...]] = ()
+
+RULES: Final[tuple[Rule, ...]] = ()

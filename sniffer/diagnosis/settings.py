@@ -1,0 +1,105 @@
+"""Settings of servos as the wire shows them: who wrote them, and which changed without a write."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.buckets import Buckets
+from sniffer.diagnosis.events import SETTING, Happenings
+from sniffer.ground.codes import MEASURED, REQUEST, WHOLE
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import I64, Batch
+    from sniffer.protocols.base import BusProtocol
+
+MOVING: Final = frozenset(
+    {"goal_position", "goal_speed", "goal_time", "goal_current", "speed", "position"}
+)
+"""Quantities that a controller states anew with every goal: no settings."""
+
+_WRITES: Final = {
+    "n": "sum",
+    "parts": "sum",
+    "refused": "sum",
+    "low": "min",
+    "high": "max",
+    "at": "first",
+    "length": "first",
+    "t_first": "first",
+    "t_last": "last",
+}
+
+
+class Settings:
+    """Counts writes by servo and register, and remembers what each setting was last."""
+
+    def __init__(self, protocol: BusProtocol) -> None:
+        registers = protocol.registers
+        self._count = len(registers)
+        self._is_setting = np.array(
+            [r.role != MEASURED and r.quantity not in MOVING for r in registers], bool
+        )
+        self._known: dict[int, int] = {}
+        self.writes = Buckets(_WRITES)
+        """By servo and register: every value that a request states, of whatever register."""
+
+    def changes(self, batch: Batch) -> Happenings:
+        """Return the settings that are not what they were, or that were not known before."""
+        v, f = batch.values, batch.frames
+        asks = f.kind[v.row] == REQUEST
+        self._count_writes(batch, np.flatnonzero(asks))
+        # What a request states becomes true if the servo takes it; an answer tells what is true.
+        mine = np.flatnonzero(self._is_setting[v.register] & (v.part == WHOLE) & v.accepted)
+        if not len(mine):
+            return Happenings.empty()
+        key = (v.servo_id[mine].astype(np.int64) + 1) * self._count + v.register[mine]
+        raw = v.raw[mine]
+        order = np.argsort(key, kind="stable")
+        k, r = key[order], raw[order]
+        first = np.concatenate([[True], k[1:] != k[:-1]])
+        last = np.concatenate([first[1:], [True]])
+        before = np.concatenate([[0], r[:-1]])
+        before[first] = [self._known.get(one, -1) for one in k[first].tolist()]
+        self._known.update(zip(k[last].tolist(), r[last].tolist(), strict=True))
+        changed = np.flatnonzero(before != r)
+        rows = np.sort(order[changed])
+        was = np.empty(len(mine), np.int64)
+        was[order] = before
+        at = mine[rows]
+        row = v.row[at]
+        return Happenings(
+            np.full(len(at), SETTING, np.int64),
+            v.register[at].astype(np.int64),
+            v.servo_id[at].astype(np.int64),
+            v.t_ns[at],
+            f.start[row] + batch.base,
+            f.length[row],
+            was[rows],
+            raw[rows],
+            asks[at].astype(np.int64),
+        )
+
+    def _count_writes(self, batch: Batch, asked: I64) -> None:
+        if not len(asked):
+            return
+        v, f = batch.values, batch.frames
+        row = v.row[asked]
+        self.writes.add(
+            (v.servo_id[asked].astype(np.int64) + 1) * self._count + v.register[asked],
+            n=np.ones(len(asked), np.int64),
+            parts=(v.part[asked] != WHOLE).astype(np.int64),
+            refused=(~v.accepted[asked]).astype(np.int64),
+            low=v.raw[asked],
+            high=v.raw[asked],
+            at=f.start[row] + batch.base,
+            length=f.length[row],
+            t_first=v.t_ns[asked],
+            t_last=v.t_ns[asked],
+        )
+
+    def written(self) -> dict[str, I64]:
+        """Return the writes as columns, with ``servo_id`` and ``register``."""
+        key, columns = self.writes.table()
+        return {**columns, "servo_id": key // self._count - 1, "register": key % self._count}

@@ -1,0 +1,196 @@
+"""Which cause explains what was found: every cause is weighed, the best one takes its findings.
+
+The weights are data (``weights/``), a line each with its reason. A cause's score is its prior and
+what the findings count for and against it. The best one takes the findings it explains; the rest is
+weighed again, until nothing is left that has a cause.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from sniffer.diagnosis.causes import CAUSES, SERVO
+from sniffer.diagnosis.model import Ranked, Reason
+from sniffer.diagnosis.weights import WEIGHTS
+from sniffer.ground.model import NS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from sniffer.diagnosis.causes import Cause
+    from sniffer.diagnosis.model import Finding
+
+SLACK_NS: Final = 5 * NS
+"""How far apart a cause and what follows from it may be."""
+
+SHARPNESS: Final = 1.0
+"""By how much confidence grows with the lead; set so that it is right as often as it says
+(``make bench-diagnosis``)."""
+
+LEAST: Final = 0.0
+"""A cause that scores less is none."""
+
+SHOWN: Final = 3
+"""Causes told of an incident."""
+
+TOGETHER_NS: Final = NS
+"""One cause that befalls several servos within this time is one incident."""
+
+
+class Weighed(NamedTuple):
+    """A cause with what it scores and why."""
+
+    cause: Cause
+    servo_id: int | None
+    score: float
+    reasons: tuple[Reason, ...]
+    explained: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Explained:
+    """Findings that one cause explains, and all causes that were weighed for them."""
+
+    servo_ids: tuple[int, ...]
+    findings: tuple[Finding, ...]
+    causes: tuple[Ranked, ...]
+    key: Finding
+
+
+def explain(findings: Sequence[Finding]) -> list[Explained]:
+    """Return what explains all findings that have an explanation, the surest first."""
+    left, out = list(findings), []
+    while left:
+        best = _best(left, findings)
+        if best is None:
+            break
+        out.append(_explained(best, left, findings))
+        taken = set(map(id, best.explained))
+        left = [f for f in left if id(f) not in taken]
+    return _joined(out)
+
+
+def _best(left: Sequence[Finding], all_found: Sequence[Finding]) -> Weighed | None:
+    """Return the cause that scores highest on what is left."""
+    weighed = [w for w in weigh(left, all_found) if w.score > LEAST and w.explained]
+    return max(weighed, key=lambda w: (w.score, -_order(w.cause)), default=None)
+
+
+def weigh(left: Sequence[Finding], all_found: Sequence[Finding]) -> list[Weighed]:
+    """Weigh every cause on findings; what speaks against one counts though it is explained."""
+    servos = sorted({f.servo_id for f in left if f.servo_id is not None})
+    out = []
+    for cause in CAUSES.values():
+        whose: Iterable[int | None] = servos if cause.of == SERVO else (None,)
+        for servo in whose:
+            found = _weighed(cause, servo, left, all_found)
+            if found is not None:
+                out.append(found)
+    return out
+
+
+def _weighed(
+    cause: Cause, servo: int | None, left: Sequence[Finding], all_found: Sequence[Finding]
+) -> Weighed | None:
+    """Weigh one cause, of one servo where it is a servo's."""
+    weights = WEIGHTS[cause.slug]
+    mine = [f for f in left if f.code in weights and _concerns(f, servo)]
+    speaks = [f for f in mine if weights[f.code].weight > 0]
+    keys = [f for f in speaks if weights[f.code].is_key]
+    if not keys:
+        return None
+    first = min(f.first_ns for f in keys) - SLACK_NS
+    last = max(f.last_ns for f in keys) + SLACK_NS
+    speaks = [f for f in speaks if f.first_ns <= last and f.last_ns >= first]
+    against = [
+        f
+        for f in all_found
+        if f.code in weights and weights[f.code].weight < 0 and _concerns(f, servo)
+        if f.first_ns <= last and f.last_ns >= first
+    ]
+    best: dict[str, tuple[float, Finding]] = {}
+    for f in (*speaks, *against):  # one that several servos have counts once
+        value = weights[f.code].weight * f.strength
+        if f.code not in best or abs(value) > abs(best[f.code][0]):
+            best[f.code] = value, f
+    reasons = tuple(
+        Reason(cause.slug, code, value, f"{weights[code].reason}: {f.what}")
+        for code, (value, f) in sorted(best.items(), key=lambda e: -abs(e[1][0]))
+    )
+    score = cause.prior + sum(value for value, _ in best.values())
+    return Weighed(cause, servo, score, reasons, tuple(speaks))
+
+
+def _concerns(f: Finding, servo: int | None) -> bool:
+    return servo is None or f.servo_id is None or f.servo_id == servo
+
+
+def _explained(best: Weighed, left: Sequence[Finding], all_found: Sequence[Finding]) -> Explained:
+    """Rank the causes of what the best one explains."""
+    weights = WEIGHTS[best.cause.slug]
+    key = max(best.explained, key=lambda f: (weights[f.code].weight * f.strength, f.count))
+    rivals = [best]
+    for w in weigh(left, all_found):
+        shares = any(f in best.explained for f in w.explained)
+        same = w.servo_id in (None, best.servo_id) or best.servo_id is None
+        if shares and same and w.cause.slug != best.cause.slug:
+            known = next((r for r in rivals if r.cause.slug == w.cause.slug), None)
+            if known is None:
+                rivals.append(w)
+            elif known.score < w.score:
+                rivals[rivals.index(known)] = w
+    rivals.sort(key=lambda w: -w.score)
+    total = sum(math.exp(min(w.score * SHARPNESS, 50.0)) for w in rivals) + 1.0  # 1: none of them
+    ranked = tuple(
+        Ranked(
+            w.cause.slug,
+            math.exp(min(w.score * SHARPNESS, 50.0)) / total,
+            _why(w),
+            w.reasons,
+        )
+        for w in rivals[:SHOWN]
+    )
+    whose = {f.servo_id for f in best.explained if f.servo_id is not None}
+    if best.servo_id is not None:
+        whose = {best.servo_id}
+    return Explained(tuple(sorted(whose)), best.explained, ranked, key)
+
+
+def _why(w: Weighed) -> str:
+    """Return what speaks for a cause, in words."""
+    told = [r.reason for r in w.reasons if r.weight > 0][:2]
+    return "; ".join(told)
+
+
+def _joined(found: list[Explained]) -> list[Explained]:
+    """Join what one cause did to several servos at once: a supply that feeds them all is one."""
+    out: list[Explained] = []
+    for one in found:
+        first = min(f.first_ns for f in one.findings)
+        cause = one.causes[0].cause
+        twin = next(
+            (
+                k
+                for k, other in enumerate(out)
+                if other.causes[0].cause == cause
+                and CAUSES[cause].of == SERVO
+                and abs(min(f.first_ns for f in other.findings) - first) <= TOGETHER_NS
+            ),
+            None,
+        )
+        if twin is None:
+            out.append(one)
+            continue
+        other = out[twin]
+        shared = {id(f) for f in other.findings}
+        findings = (*other.findings, *(f for f in one.findings if id(f) not in shared))
+        servo_ids = tuple(sorted({*other.servo_ids, *one.servo_ids}))
+        out[twin] = Explained(servo_ids, findings, other.causes, other.key)
+    return out
+
+
+def _order(cause: Cause) -> int:
+    """Return where a cause stands: of two that score alike, the tap's is weighed first."""
+    return {"tap": 0, "line": 1, "servo": 2}.get(cause.of, 3)

@@ -1,0 +1,52 @@
+"""What each finding counts for and against each cause, and why: the table of the weighing."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+from sniffer.diagnosis.causes import CAUSES
+from sniffer.diagnosis.weights import controller, device, line, tap
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.diagnosis.weights.table import Weight
+
+
+def _by_cause() -> Mapping[str, Mapping[str, Weight]]:
+    out: dict[str, dict[str, Weight]] = {slug: {} for slug in CAUSES}
+    for table in (tap.WEIGHTS, line.WEIGHTS, device.WEIGHTS, controller.WEIGHTS):
+        for weight in table:
+            out[weight.cause][weight.finding] = weight
+    return MappingProxyType({slug: MappingProxyType(rows) for slug, rows in out.items()})
+
+
+WEIGHTS: Final = _by_cause()
+"""Cause -> finding -> weight."""
+
+
+def markdown() -> str:
+    """Return the table as the page ``docs/weighing.md``."""
+    lines = [
+        "# The weighing",
+        "",
+        "What each finding (or anomaly) counts for a cause, about as the logarithm of how much",
+        "likelier it makes it; a finding that was seen a few times only counts part of it. *Before* is",
+        "what a cause has before anything is known. A cause is considered where a finding in **bold**",
+        "is there. `sniffer diagnose FILE --why ID` shows this table filled in.",
+        "",
+    ]
+    for slug, cause in CAUSES.items():
+        lines += [
+            f"## {slug}",
+            "",
+            "| counts | finding | because |",
+            "|---|---|---|",
+            f"| {cause.prior:+.1f} | before | {cause.title} |",
+        ]
+        for w in sorted(WEIGHTS[slug].values(), key=lambda w: -w.weight):
+            name = f"**`{w.finding}`**" if w.is_key else f"`{w.finding}`"
+            lines.append(f"| {w.weight:+.1f} | {name} | {w.reason} |")
+        lines.append("")
+    return "\n".join(lines).rstrip() + "\n"

@@ -1,0 +1,105 @@
+"""Incidents as people read them: the story first, then the causes with their evidence."""
+
+from __future__ import annotations
+
+import datetime
+from typing import TYPE_CHECKING, Final
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from sniffer.diagnosis.causes import CAUSES
+from sniffer.ground.model import NS, SnifferError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.diagnosis import Incident
+
+_COLOUR: Final = {"error": "red", "warn": "yellow", "note": "cyan"}
+
+SINCE: Final = 1_000_000_000 * NS
+"""Times after that (the year 2001) are those of a clock on the wall."""
+
+FINDINGS_SHOWN: Final = 6
+
+
+def print_incidents(
+    incidents: Sequence[Incident], judged: str, *, clock: bool, console: Console | None = None
+) -> None:
+    """Print incidents: what happened, why, what speaks against the second cause, what to do."""
+    console = console or Console(highlight=False)
+    for nth, incident in enumerate(incidents):
+        if nth:
+            console.print()
+        _print(incident, console, clock=clock)
+    if incidents:
+        console.print()
+        console.print(Text(f"judged on {judged}", style="dim"))
+    else:
+        console.print(Text(f"nothing is wrong, judged on {judged}"))
+
+
+def _print(i: Incident, console: Console, *, clock: bool) -> None:
+    level = i.severity.name.lower()
+    when = f"{moment(i.first_ns)} " if clock else ""
+    head = Text(f"{i.number}  {when}")
+    head.append(level, style=_COLOUR[level])
+    head.append(f"  {i.story}", style="bold")
+    console.print(head)
+    for rank, cause in enumerate(i.causes):
+        sure = f"{100 * cause.confidence:.0f} %"
+        line = Text(f"{sure:>5} {cause.cause}")
+        if not rank:
+            line.append(f": {cause.why}")
+        console.print(Padding(line, (0, 0, 0, 3)))
+    if i.against:
+        console.print(Padding(Text(i.against), (0, 0, 0, 3)))
+    for f in i.findings[:FINDINGS_SHOWN]:
+        console.print(Padding(Text(f"- {f.what}"), (0, 0, 0, 3)))
+    left = len(i.findings) - FINDINGS_SHOWN
+    if left > 0:
+        console.print(Padding(Text(f"- and {left} more findings"), (0, 0, 0, 3)))
+    places = [p for f in i.findings for p in f.places][:3]
+    if places:
+        told = ", ".join(f"byte {p.offset}" for p in places)
+        console.print(Padding(Text(f"see {told}"), (0, 0, 0, 3)))
+    console.print(Padding(Text(f"next: {i.next}"), (0, 0, 0, 3)))
+
+
+def print_weighing(
+    incidents: Sequence[Incident], number: str, console: Console | None = None
+) -> None:
+    """Print how the causes of one incident were weighed: every finding with what it counts.
+
+    Raises:
+        SnifferError: there is no incident of that number.
+    """
+    console = console or Console(highlight=False)
+    incident = next((i for i in incidents if str(i.number) == number), None)
+    if incident is None:
+        known = f"1 to {len(incidents)}" if incidents else "none: nothing is wrong"
+        raise SnifferError(f"there is no incident {number}: {known}")
+    console.print(Text(incident.story, style="bold"))
+    for cause in incident.causes:
+        known_cause = CAUSES[cause.cause]
+        table = Table(box=None, padding=(0, 0, 0, 2))
+        table.add_column("counts", justify="right")
+        table.add_column("finding", no_wrap=True)
+        table.add_column("because", overflow="fold")
+        table.add_row(f"{known_cause.prior:+.1f}", "(before)", known_cause.title)
+        for reason in cause.reasons:
+            table.add_row(f"{reason.weight:+.1f}", reason.finding, reason.reason)
+        console.print()
+        console.print(Text(f"{cause.cause}: {100 * cause.confidence:.0f} %", style="bold"))
+        console.print(table)
+
+
+def moment(t_ns: int) -> str:
+    """Return a time as people write it: of the clock where it is one, else in seconds."""
+    if t_ns >= SINCE:
+        at = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC)
+        return f"{at:%H:%M:%S}.{t_ns % NS // 100_000_000}"
+    return f"{t_ns / NS:.1f} s"
