@@ -76,9 +76,9 @@ _ANSWERS: Final = {
     "took_min": "min",
     "took_max": "max",
     "spread_max": "max",
-    "at": "first",
-    "t_first": "first",
-    "t_last": "last",
+    "at": "min",
+    "t_first": "min",
+    "t_last": "max",
 }
 _LINE: Final = {
     "bytes": "sum",
