@@ -32,7 +32,7 @@ def told(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 def tables(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Return all that a ledger remembers, as plain lists."""
-    out = []
+    out: list[dict[str, Any]] = []
     for case in diagnosis.cases():
         for name in ("traffic", "answers", "line", "alarms", "writes", "damage", "_values"):
             table = getattr(Case(case.ledger), name)
