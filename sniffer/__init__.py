@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from sniffer.decoding.decoder import Decoder
     from sniffer.decoding.pipeline import Options
     from sniffer.decoding.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
+    from sniffer.doctor.examine import Examined, examine
+    from sniffer.doctor.records import Finding, Level
     from sniffer.ground.codes import Kind, Outcome, Provenance, Reply, Role
     from sniffer.ground.model import (
         Anomaly,
@@ -46,13 +48,16 @@ __all__ = [
     "DamagedInputError",
     "Decoder",
     "Direction",
+    "Examined",
     "Files",
+    "Finding",
     "FrameRow",
     "Frames",
     "Gap",
     "GapRow",
     "InputError",
     "Kind",
+    "Level",
     "Listening",
     "Options",
     "Outcome",
@@ -72,6 +77,7 @@ __all__ = [
     "Transactions",
     "__version__",
     "decode",
+    "examine",
     "frames_table",
     "record",
     "records",
@@ -81,6 +87,8 @@ __all__ = [
 _ROOMS: Final = {
     "ground.codes": ("Kind", "Outcome", "Provenance", "Reply", "Role"),
     "jobs.record": ("Files", "Recorded", "Shown", "record"),
+    "doctor.examine": ("Examined", "examine"),
+    "doctor.records": ("Finding", "Level"),
     "tap.listen": ("Listening",),
     "tap.stops": ("Stops",),
     "tap.tap": ("PortSpec",),

@@ -1,59 +1,36 @@
-"""``sniffer doctor``: is this port fit to be recorded from?"""
+"""A port listened to, and judged: ``sniffer.examine`` is what the command ``doctor`` calls."""
 
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import selectors
-import textwrap
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from typing import Any, Final, Literal, Protocol, cast, runtime_checkable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, runtime_checkable
 
-import click
-from rich.console import Console
-from rich.text import Text
-
-from sniffer.cli.amounts import port_spec
-from sniffer.cli.options import (
-    SHARED,
-    Finite,
-    ProtocolName,
-    Whole,
-    examples,
-    printed,
-)
-from sniffer.cli.streams import say
 from sniffer.decoding.names import protocols_named
 from sniffer.decoding.pipeline import AUTO
-from sniffer.doctor import (
-    Finding,
-    Level,
-    Listened,
-    Trial,
-    about_echo,
-    diagnose,
-    understand,
-    usual_bauds,
-    worst,
-)
-from sniffer.ground.limits import BAUDS, FALLBACK_BAUD
+from sniffer.doctor.adapter import about_echo
+from sniffer.doctor.records import Level, Listened, Trial
+from sniffer.doctor.understanding import understand, usual_bauds
+from sniffer.doctor.verdicts import diagnose, worst
+from sniffer.ground.limits import BAUDS, FALLBACK_BAUD, whole
 from sniffer.ground.model import NS, Chunk, Clock, InputError
 from sniffer.ports import Port, PortLostError, PortOptions, open_port
 from sniffer.ports.listing import port_at
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from sniffer.doctor.records import Finding
+    from sniffer.doctor.understanding import Understanding
 
 TRIAL_S: Final = 1.0
 """How long another baud is listened at."""
 
 TRIAL_BYTES: Final = 1000
 """Bytes that are enough to tell whether it is the right one, though it begins within a frame."""
-
-_STYLES: Final = {Level.OK: "green", Level.NOTE: "cyan", Level.WARN: "yellow", Level.BAD: "red"}
-_ABOUT: Final = 6
-_TEXT: Final = 16
-"""Columns at which a verdict's topic and its text begin."""
 
 
 @runtime_checkable
@@ -64,133 +41,119 @@ class Tunable(Port, Protocol):
         """Listen at another baud; what has come and was not read is thrown away."""
 
 
-@click.command(
-    short_help="Check whether a port is fit to record from.",
-    epilog=examples(
-        "sniffer doctor /dev/ttyUSB0",
-        "sniffer doctor /dev/ttyUSB0=mightyzap@57600 --seconds 30",
-        "sniffer doctor /dev/ttyUSB0 --baud 115200 --format jsonl",
-        "sniffer doctor /dev/ttyUSB0 --prepare",
-    ),
-)
-@click.argument("port", metavar="PORT[=PROTOCOL][@BAUD]")
-@click.option(
-    "--seconds",
-    type=Finite(0.1, 3600),
-    default=5.0,
-    show_default=True,
-    metavar="S",
-    help="How long to listen.",
-)
-@click.option("--baud", type=Whole(*BAUDS), help="Bits per second.")
-@click.option(
-    "--protocol",
-    type=ProtocolName(AUTO),
-    default=AUTO,
-    show_default=True,
-    help="What is spoken on the bus; auto tells it from the bytes.",
-)
-@click.option(
-    "--modem",
-    type=click.Choice(["low", "keep"]),
-    default="low",
-    show_default=True,
-    help="What becomes of RTS and DTR, which the system raises.",
-)
-@click.option("--shared", is_flag=True, help=SHARED)
-@click.option(
-    "--prepare",
-    is_flag=True,
-    help="Only set PORT up, so that it echoes nothing when it is opened again. For before the bus "
-    "is connected; it holds until the adapter is unplugged.",
-)
-@printed
-def doctor(
-    port: str,
-    seconds: float,
-    baud: int | None,
-    protocol: str,
-    modem: str,
-    shared: bool,
-    prepare: bool,
-    output_format: str,
-) -> int:
-    """Listen to PORT for a while and judge: wiring, baud, protocol, errors, latency, times.
+@dataclass(frozen=True, slots=True)
+class Examined:
+    """What listening to a port has shown: what was heard, what it is, and the verdicts."""
 
-    Nothing is written to it; what opening a port does by itself, it tells. Exit status: 0 nothing
-    is bad; 1 something is; 2 a mistake of yours.
-    """
-    spec = port_spec(port, "")
-    if spec.protocol is not None and protocol not in (AUTO, spec.protocol):
-        raise click.UsageError(f"{port} and --protocol {protocol} differ: which one is it?")
-    if spec.baud is not None and baud not in (None, spec.baud):
-        raise click.UsageError(f"{port} and --baud {baud} differ: which one is it?")
-    spoken = spec.protocol if isinstance(spec.protocol, str) else protocol
-    mode = cast('Literal["low", "keep"]', modem)
-    how = PortOptions(_first_baud(spoken, spec.baud or baud), mode, shared=shared)
-    if prepare:
-        return _prepare(spec.port, how, output_format)
-    is_named = (spec.baud or baud) is not None
-    heard = examine(spec.port, spoken, how, seconds, baud_is_named=is_named)
-    verdicts = diagnose(heard)
-    if output_format == "jsonl":
-        for record in (*(v.as_dict() for v in verdicts), _summary(heard, verdicts)):
-            click.echo(json.dumps(record, ensure_ascii=False))
-    else:
-        console = Console(highlight=False, soft_wrap=True)
-        for line in lines(heard, verdicts, console.width):
-            console.print(line)
-    return 1 if worst(verdicts) == Level.BAD else 0
+    heard: Listened
+    found: Understanding
+    verdicts: tuple[Finding, ...]
+
+    @property
+    def level(self) -> Level:
+        """How bad the worst verdict is: with ``BAD`` it is not fit to be recorded from."""
+        return worst(self.verdicts)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what it comes to, as one JSON object; each verdict is another (``as_dict``)."""
+        return {
+            "type": "summary",
+            "level": self.level.name.lower(),
+            "port": self.heard.path,
+            "protocol": self.found.protocol,
+            "baud": self.heard.baud,
+            "seconds": round(self.heard.seconds, 3),
+            "bytes": self.heard.size,
+        }
 
 
-def _first_baud(protocol: str, baud: int | None) -> int:
-    return baud or (protocols_named(protocol)[0].baud if protocol != AUTO else FALLBACK_BAUD)
-
-
-def _prepare(name: str, how: PortOptions, output_format: str) -> int:
-    """Open a port and let go of it: the kernel keeps the settings."""
-    with contextlib.closing(open_port(name, how)) as port:
-        verdict = about_echo(port.facts())
-    if verdict is None:
-        raise InputError(f"{name} is no port of this machine: its echo is not ours to switch off")
-    if output_format == "jsonl":
-        click.echo(json.dumps(verdict.as_dict(), ensure_ascii=False))
-    else:
-        click.echo(f"{name}: prepared; its echo was {verdict.numbers['echo_at_open']} before")
-    return 0
+def _silent(message: str) -> None:
+    """Tell nobody."""
 
 
 def examine(
-    name: str, protocol: str, how: PortOptions, seconds: float, *, baud_is_named: bool
-) -> Listened:
-    """Open a port, listen, and let go of it.
+    port: str,
+    protocol: str = AUTO,
+    *,
+    baud: int | None = None,
+    seconds: float = 5.0,
+    modem: Literal["low", "keep"] = "low",
+    shared: bool = False,
+    tell: Callable[[str], None] = _silent,
+) -> Examined:
+    """Open a port, listen, let go of it, and judge whether it is fit to be recorded from.
+
+    Nothing is written to it.
 
     Args:
-        name: the port.
-        protocol: what is spoken there, or ``auto``.
-        how: how to open it.
-        seconds: how long.
-        baud_is_named: whether its baud was named; else the usual ones are tried if it is not right.
+        port: its name or address.
+        protocol: what is spoken there, or ``"auto"``.
+        baud: bits per second; where None the protocol's own, and others are tried if it is not
+            right.
+        seconds: how long each baud is listened at, but those that are only tried.
+        modem: what becomes of RTS and DTR, which the system raises: put low, or kept.
+        shared: open a port that another program has open, too.
+        tell: takes a line about what is done meanwhile.
 
     Raises:
-        InputError: the port cannot be opened.
+        InputError: the port cannot be opened; the message says what to do.
+        SnifferError: a number that cannot be.
     """
-    info = port_at(name)
-    with contextlib.closing(open_port(name, how)) as port:
+    how = _how(protocol, baud, modem, shared=shared)
+    info = port_at(port)
+    with contextlib.closing(open_port(port, how)) as opened:
         about = Listened(
-            path=name,
+            path=port,
             chunks=(),
             seconds=seconds,
             baud=how.baud,
             protocol=protocol,
-            marks_errors=port.marks_errors,
-            latency_ns=port.latency_ns,
-            facts=port.facts(),
+            marks_errors=opened.marks_errors,
+            latency_ns=opened.latency_ns,
+            facts=opened.facts(),
             info=info,
-            has_line=_has_line(name),
-            counts_errors=port.counts_errors,
+            has_line=_has_line(port),
+            counts_errors=opened.counts_errors,
         )
-        return hear(port, about, baud_is_named=baud_is_named)
+        heard = hear(opened, about, baud_is_named=baud is not None, tell=tell)
+    return judged(heard)
+
+
+def judged(heard: Listened) -> Examined:
+    """Return the verdicts on what was heard."""
+    found = understand(heard.chunks, heard.protocol, heard.line_baud)
+    return Examined(heard, found, tuple(diagnose(heard)))
+
+
+def prepare(
+    port: str,
+    protocol: str = AUTO,
+    *,
+    baud: int | None = None,
+    modem: Literal["low", "keep"] = "low",
+    shared: bool = False,
+) -> Finding:
+    """Open a port and let go of it, so that it echoes nothing when it is opened again.
+
+    The kernel keeps the settings until the adapter is unplugged.
+
+    Raises:
+        InputError: the port cannot be opened, or is none of this machine.
+    """
+    with contextlib.closing(open_port(port, _how(protocol, baud, modem, shared=shared))) as opened:
+        verdict = about_echo(opened.facts())
+    if verdict is None:
+        raise InputError(f"{port} is no port of this machine: its echo is not ours to switch off")
+    return verdict
+
+
+def _how(
+    protocol: str, baud: int | None, modem: Literal["low", "keep"], *, shared: bool
+) -> PortOptions:
+    """Return how a port is opened; the baud is the protocol's own where none is named."""
+    if baud is None:
+        baud = FALLBACK_BAUD if protocol == AUTO else protocols_named(protocol)[0].baud
+    return PortOptions(whole("baud", baud, *BAUDS), modem, shared=shared)
 
 
 def _has_line(name: str) -> bool:
@@ -200,12 +163,18 @@ def _has_line(name: str) -> bool:
     return not os.path.realpath(name).startswith("/dev/pts/")
 
 
-def hear(port: Port, about: Listened, *, baud_is_named: bool) -> Listened:
+def hear(
+    port: Port,
+    about: Listened,
+    *,
+    baud_is_named: bool,
+    tell: Callable[[str], None] = _silent,
+) -> Listened:
     """Listen at the baud of ``about``; if it may be wrong, at others, too.
 
     If nobody has named a baud and one of the others is right, that one is listened at to the end.
     """
-    heard = _listen(port, about)
+    heard = _listen(port, about, tell)
     found = understand(heard.chunks, heard.protocol, heard.line_baud)
     if not heard.has_line:
         if not baud_is_named and found.protocol is not None:
@@ -214,18 +183,20 @@ def hear(port: Port, about: Listened, *, baud_is_named: bool) -> Listened:
     silent = not heard.size and not heard.line_errors
     if found.good or silent or heard.gone_s is not None or not isinstance(port, Tunable):
         return heard
-    trials = _trials(port, heard)
+    trials = _trials(port, heard, tell)
     best = max(trials, key=lambda t: t.found.share, default=None)
     if not baud_is_named and best is not None and best.found.good:
         port.set_baud(best.baud)
-        return _listen(port, replace(about, baud=best.baud))
+        return _listen(port, replace(about, baud=best.baud), tell)
     return replace(heard, trials=tuple(trials))
 
 
-def _listen(port: Port, about: Listened, enough: int | None = None) -> Listened:
+def _listen(
+    port: Port, about: Listened, tell: Callable[[str], None], enough: int | None = None
+) -> Listened:
     """Listen for ``about.seconds``, or until there are ``enough`` bytes."""
     if enough is None:
-        say(f"listening to {about.path} for {about.seconds:g} s at {about.baud} baud")
+        tell(f"listening to {about.path} for {about.seconds:g} s at {about.baud} baud")
     before = port.counters()
     chunks: list[Chunk] = []
     began = time.monotonic_ns()
@@ -264,77 +235,20 @@ def _reads(port: Port, until: int) -> Iterator[tuple[int, bytes]]:
                 yield time.monotonic_ns(), raw
 
 
-def _trials(port: Tunable, heard: Listened) -> list[Trial]:
+def _trials(port: Tunable, heard: Listened, tell: Callable[[str], None]) -> list[Trial]:
     """Listen at the other usual bauds until one is right."""
     bauds = usual_bauds(heard.protocol, heard.baud)
-    say(f"{heard.baud} baud are not understood: trying {', '.join(map(str, bauds))}")
+    tell(f"{heard.baud} baud are not understood: trying {', '.join(map(str, bauds))}")
     out: list[Trial] = []
     for baud in bauds:
         try:
             port.set_baud(baud)
         except InputError:  # the adapter cannot do it, so nobody speaks to it that way
             continue
-        tried = _listen(port, replace(heard, baud=baud, seconds=TRIAL_S), TRIAL_BYTES)
+        tried = _listen(port, replace(heard, baud=baud, seconds=TRIAL_S), tell, TRIAL_BYTES)
         if tried.gone_s is not None:
             break
         out.append(Trial(baud, understand(tried.chunks, heard.protocol, baud)))
         if out[-1].found.good:
             break
     return out
-
-
-def _summary(heard: Listened, verdicts: Sequence[Finding]) -> dict[str, Any]:
-    found = understand(heard.chunks, heard.protocol, heard.line_baud)
-    return {
-        "type": "summary",
-        "level": worst(verdicts).name.lower(),
-        "port": heard.path,
-        "protocol": found.protocol,
-        "baud": heard.baud,
-        "seconds": round(heard.seconds, 3),
-        "bytes": heard.size,
-    }
-
-
-def lines(heard: Listened, verdicts: Sequence[Finding], width: int) -> Iterator[Text]:
-    """Yield the verdicts as people read them."""
-    yield Text(f"{heard.path}: {heard.seconds:.1f} s at {heard.baud} baud", style="bold")
-    yield Text()
-    for verdict in verdicts:
-        word = verdict.level.name.lower()
-        head = word.ljust(_ABOUT) + verdict.about.ljust(_TEXT - _ABOUT)
-        told, *rest = _wrapped(verdict.text, width, head, " " * _TEXT)
-        first = Text(told)
-        first.stylize(_STYLES[verdict.level], 0, len(word))
-        yield first
-        if verdict.advice:
-            arrow = " " * _TEXT + "→ "
-            rest += _wrapped(verdict.advice, width, arrow, " " * len(arrow))
-        # commands stay whole: they are there to be copied
-        rest += [" " * _ABOUT + command for command in verdict.commands]
-        yield from map(Text, rest)
-    yield Text()
-    yield from map(Text, _conclusion(heard, verdicts, width))
-
-
-def _wrapped(text: str, width: int, head: str, indent: str) -> list[str]:
-    """Break a text between words; a path or an option is one word."""
-    return textwrap.wrap(
-        text,
-        width,
-        initial_indent=head,
-        subsequent_indent=indent,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
-
-
-def _conclusion(heard: Listened, verdicts: Sequence[Finding], width: int) -> list[str]:
-    level = worst(verdicts)
-    topics = ", ".join(v.about for v in verdicts if v.level == level)
-    if level == Level.BAD:
-        return _wrapped(f"not fit to record from: {topics}", width, "", "")
-    doubts = f", with doubts about {topics}" if level == Level.WARN else ""
-    found = understand(heard.chunks, heard.protocol, heard.line_baud)
-    command = f"sniffer record {heard.path}={heard.named(found.protocol)}@{heard.baud}"
-    return [*_wrapped(f"fit to record from{doubts}", width, "", ""), " " * _ABOUT + command]

@@ -1,0 +1,161 @@
+"""``sniffer doctor``: is this port fit to be recorded from?"""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from collections.abc import Iterator
+from typing import Final, Literal
+
+import click
+from rich.console import Console
+from rich.text import Text
+
+from sniffer.cli.amounts import port_spec
+from sniffer.cli.options import (
+    SHARED,
+    Finite,
+    ProtocolName,
+    Whole,
+    examples,
+    printed,
+)
+from sniffer.cli.streams import say
+from sniffer.decoding.pipeline import AUTO
+from sniffer.doctor.examine import Examined, examine, prepare
+from sniffer.doctor.records import Level
+from sniffer.ground.limits import BAUDS
+
+_STYLES: Final = {Level.OK: "green", Level.NOTE: "cyan", Level.WARN: "yellow", Level.BAD: "red"}
+_ABOUT: Final = 6
+_TEXT: Final = 16
+"""Columns at which a verdict's topic and its text begin."""
+
+
+@click.command(
+    short_help="Check whether a port is fit to record from.",
+    epilog=examples(
+        "sniffer doctor /dev/ttyUSB0",
+        "sniffer doctor /dev/ttyUSB0=mightyzap@57600 --seconds 30",
+        "sniffer doctor /dev/ttyUSB0 --baud 115200 --format jsonl",
+        "sniffer doctor /dev/ttyUSB0 --prepare",
+    ),
+)
+@click.argument("port", metavar="PORT[=PROTOCOL][@BAUD]")
+@click.option(
+    "--seconds",
+    type=Finite(0.1, 3600),
+    default=5.0,
+    show_default=True,
+    metavar="S",
+    help="How long to listen.",
+)
+@click.option("--baud", type=Whole(*BAUDS), help="Bits per second.")
+@click.option(
+    "--protocol",
+    type=ProtocolName(AUTO),
+    default=AUTO,
+    show_default=True,
+    help="What is spoken on the bus; auto tells it from the bytes.",
+)
+@click.option(
+    "--modem",
+    type=click.Choice(["low", "keep"]),
+    default="low",
+    show_default=True,
+    help="What becomes of RTS and DTR, which the system raises.",
+)
+@click.option("--shared", is_flag=True, help=SHARED)
+@click.option(
+    "--prepare",
+    "only_prepare",
+    is_flag=True,
+    help="Only set PORT up, so that it echoes nothing when it is opened again. For before the bus "
+    "is connected; it holds until the adapter is unplugged.",
+)
+@printed
+def doctor(
+    port: str,
+    seconds: float,
+    baud: int | None,
+    protocol: str,
+    modem: Literal["low", "keep"],
+    shared: bool,
+    only_prepare: bool,
+    output_format: str,
+) -> int:
+    """Listen to PORT for a while and judge: wiring, baud, protocol, errors, latency, times.
+
+    Nothing is written to it; what opening a port does by itself, it tells. Exit status: 0 nothing
+    is bad; 1 something is; 2 a mistake of yours.
+    """
+    spec = port_spec(port, "")
+    if spec.protocol is not None and protocol not in (AUTO, spec.protocol):
+        raise click.UsageError(f"{port} and --protocol {protocol} differ: which one is it?")
+    if spec.baud is not None and baud not in (None, spec.baud):
+        raise click.UsageError(f"{port} and --baud {baud} differ: which one is it?")
+    spoken = spec.protocol if isinstance(spec.protocol, str) else protocol
+    rate = spec.baud or baud
+    if only_prepare:
+        verdict = prepare(spec.port, spoken, baud=rate, modem=modem, shared=shared)
+        if output_format == "jsonl":
+            click.echo(json.dumps(verdict.as_dict(), ensure_ascii=False))
+        else:
+            before = verdict.numbers["echo_at_open"]
+            click.echo(f"{spec.port}: prepared; its echo was {before} before")
+        return 0
+    told = examine(
+        spec.port, spoken, baud=rate, seconds=seconds, modem=modem, shared=shared, tell=say
+    )
+    if output_format == "jsonl":
+        for record in (*(v.as_dict() for v in told.verdicts), told.summary()):
+            click.echo(json.dumps(record, ensure_ascii=False))
+    else:
+        console = Console(highlight=False, soft_wrap=True)
+        for line in lines(told, console.width):
+            console.print(line)
+    return 1 if told.level == Level.BAD else 0
+
+
+def lines(told: Examined, width: int) -> Iterator[Text]:
+    """Yield the verdicts as people read them."""
+    heard = told.heard
+    yield Text(f"{heard.path}: {heard.seconds:.1f} s at {heard.baud} baud", style="bold")
+    yield Text()
+    for verdict in told.verdicts:
+        word = verdict.level.name.lower()
+        head = word.ljust(_ABOUT) + verdict.about.ljust(_TEXT - _ABOUT)
+        first_line, *rest = _wrapped(verdict.text, width, head, " " * _TEXT)
+        first = Text(first_line)
+        first.stylize(_STYLES[verdict.level], 0, len(word))
+        yield first
+        if verdict.advice:
+            arrow = " " * _TEXT + "→ "
+            rest += _wrapped(verdict.advice, width, arrow, " " * len(arrow))
+        # commands stay whole: they are there to be copied
+        rest += [" " * _ABOUT + command for command in verdict.commands]
+        yield from map(Text, rest)
+    yield Text()
+    yield from map(Text, _conclusion(told, width))
+
+
+def _wrapped(text: str, width: int, head: str, indent: str) -> list[str]:
+    """Break a text between words; a path or an option is one word."""
+    return textwrap.wrap(
+        text,
+        width,
+        initial_indent=head,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _conclusion(told: Examined, width: int) -> list[str]:
+    level, heard = told.level, told.heard
+    topics = ", ".join(v.about for v in told.verdicts if v.level == level)
+    if level == Level.BAD:
+        return _wrapped(f"not fit to record from: {topics}", width, "", "")
+    doubts = f", with doubts about {topics}" if level == Level.WARN else ""
+    command = f"sniffer record {heard.path}={heard.named(told.found.protocol)}@{heard.baud}"
+    return [*_wrapped(f"fit to record from{doubts}", width, "", ""), " " * _ABOUT + command]
