@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from sniffer.jobs.api import Capture, decode, frames_table, records, samples_table
     from sniffer.jobs.record import Files, Recorded, Shown, record
     from sniffer.protocols import PROTOCOLS
+    from sniffer.simulation.play.run import Played, play
+    from sniffer.simulation.play.scenario import Scenario
     from sniffer.tap.listen import Listening
     from sniffer.tap.stops import Stops
     from sniffer.tap.tap import PortSpec
@@ -62,6 +64,7 @@ __all__ = [
     "Options",
     "Outcome",
     "OutputError",
+    "Played",
     "PortSpec",
     "Provenance",
     "Recorded",
@@ -69,6 +72,7 @@ __all__ = [
     "Role",
     "SampleRow",
     "Samples",
+    "Scenario",
     "Severity",
     "Shown",
     "SnifferError",
@@ -79,6 +83,7 @@ __all__ = [
     "decode",
     "examine",
     "frames_table",
+    "play",
     "record",
     "records",
     "samples_table",
@@ -89,6 +94,8 @@ _ROOMS: Final = {
     "jobs.record": ("Files", "Recorded", "Shown", "record"),
     "doctor.examine": ("Examined", "examine"),
     "doctor.records": ("Finding", "Level"),
+    "simulation.play.run": ("Played", "play"),
+    "simulation.play.scenario": ("Scenario",),
     "tap.listen": ("Listening",),
     "tap.stops": ("Stops",),
     "tap.tap": ("PortSpec",),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import signal
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 
 from sniffer.tap.recorder import Wishes
 
@@ -36,6 +37,24 @@ def signals(wishes: Wishes) -> Iterator[None]:
         n: handler for name, handler in handlers.items() if (n := getattr(signal, name, None))
     }
     before = {number: signal.signal(number, handler) for number, handler in numbers.items()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
+    """Let Ctrl-C, a polite kill and a closed terminal end what is under way.
+
+    Only the main thread hears them.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = [getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP")]
+    before = {n: signal.signal(n, lambda *_: stop()) for n in numbers if n is not None}
     try:
         yield
     finally:

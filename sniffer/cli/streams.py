@@ -9,6 +9,7 @@ from typing import TextIO
 
 import click
 
+from sniffer.cli.naming import worded
 from sniffer.ground.wording import one_line
 
 
@@ -27,4 +28,4 @@ def silence(stream: TextIO) -> None:
 def say(message: str) -> None:
     """Talk to the user: one line on standard error; where that cannot be written, nobody hears."""
     with contextlib.suppress(OSError):
-        click.echo(f"sniffer: {one_line(message)}", err=True)
+        click.echo(f"sniffer: {one_line(worded(message))}", err=True)

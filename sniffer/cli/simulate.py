@@ -1,0 +1,182 @@
+"""``sniffer simulate``: a bus without hardware, on a pseudo-terminal."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from sniffer.cli.amounts import Duration
+from sniffer.cli.options import ProtocolName, Whole, examples, models, with_force
+from sniffer.cli.signals import ended_by_signals
+from sniffer.cli.streams import say
+from sniffer.ground.limits import BAUDS
+from sniffer.ground.model import SnifferError
+
+if TYPE_CHECKING:
+    from sniffer.simulation import Fault
+    from sniffer.simulation.play.run import Played
+
+MAX = "max"
+"""The ``--rate`` of a line that is loaded as far as it goes."""
+
+RATE_MOST = 100_000
+
+
+def _rate(
+    context: click.Context, parameter: click.Parameter, given: str | None
+) -> int | str | None:
+    """Read cycles per second, or ``max``."""
+    if given is None or given == MAX:
+        return given
+    short = given.isdecimal() and len(given) <= 9  # int() refuses long ones
+    if not short or not 1 <= int(given) <= RATE_MOST:
+        told = repr(given if len(given) < 30 else f"{given[:30]}...")
+        raise click.BadParameter(f"{told}: write a number of 1..{RATE_MOST}, or {MAX}")
+    return int(given)
+
+
+def _faults(
+    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
+) -> tuple[Fault, ...]:
+    from sniffer.simulation.faults import read_fault
+
+    try:
+        return tuple(read_fault(text) for text in given)
+    except SnifferError as error:
+        raise click.BadParameter(str(error)) from None
+
+
+@click.command(
+    short_help="Play a bus without hardware.",
+    epilog=examples(
+        "sniffer simulate mightyzap --link /tmp/bus",
+        "sniffer simulate wck --baud 921600 --full --truth truth.jsonl --duration 10s",
+        "sniffer simulate lss --servos 1,2,5 --fault drop-reply:5:10% --fault noise",
+        "sniffer simulate rs30x --respond --link /tmp/bus --tap-link /tmp/tap",
+    ),
+)
+@click.argument("protocol", type=ProtocolName(plugins=False))
+@click.option("--servos", metavar="IDS|N", help="Who is on the bus: 1,2,5, or how many.")
+@click.option(
+    "--model", "chosen", multiple=True, callback=models, metavar="[ID=]MODEL",
+    help="What a servo is (or all of them): mightyzap-12lf; may be repeated.",
+)  # fmt: skip
+@click.option("--baud", type=Whole(*BAUDS), help="Bits per second.")
+@click.option(
+    "--rate",
+    callback=_rate,
+    metavar="HZ|max",
+    help="Cycles of the controller per second; max: --full.",
+)
+@click.option("--full", is_flag=True, help="Cycle after cycle: load the line as far as it goes.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Another one, another run.")
+@click.option("--duration", type=Duration(), help="Stop after this time: 10s, 5min.")
+@click.option(
+    "--fault", "faults", multiple=True, callback=_faults, metavar="KIND[:SERVO][:RATE%]",
+    help="What goes wrong: drop-reply, flip, cut, late, noise, duplicate-id, brownout; how often "
+    "at each chance. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "--truth", type=click.Path(path_type=Path), help="Write what really happened, as JSON lines."
+)
+@with_force
+@click.option("--link", type=click.Path(path_type=Path), help="Make a symbolic link to the bus.")
+@click.option("--respond", is_flag=True, help="Play the servos only: they answer a controller.")
+@click.option(
+    "--tap/--no-tap", default=None,
+    help="With --respond: repeat both sides on a second port, for record.  [default: tap]",
+)  # fmt: skip
+@click.option("--tap-link", type=click.Path(path_type=Path), help="Make a link to the tap.")
+@click.option("--port", "device", metavar="DEV", help="Play on a serial port that is there.")
+def simulate(
+    protocol: str,
+    servos: str | None,
+    chosen: dict[int | None, str],
+    baud: int | None,
+    rate: int | str | None,
+    full: bool,
+    seed: int,
+    duration: int | None,
+    faults: tuple[Fault, ...],
+    truth: Path | None,
+    force: bool,
+    link: Path | None,
+    respond: bool,
+    tap: bool | None,
+    tap_link: Path | None,
+    device: str | None,
+) -> None:
+    """Play a PROTOCOL's bus in real time: a controller and servos that move.
+
+    The port to listen to (sniffer record PORT) is printed first. What is said while nobody has it
+    open is lost, as on a wire. Ctrl-C ends it.
+    """
+    from sniffer.simulation.play.player import Stop
+    from sniffer.simulation.play.run import play
+    from sniffer.simulation.play.scenario import Scenario
+
+    scenario = Scenario(
+        protocol,
+        servos=_servos(servos),
+        baud=baud,
+        rate_hz=rate if isinstance(rate, int) else None,
+        full=full or rate == MAX,
+        seed=seed,
+        duration_ns=duration,
+        faults=faults,
+        respond=respond,
+        models=chosen,
+    )
+
+    def ready(bus: str, tap: str | None) -> None:
+        if respond:
+            click.echo(f"bus {bus}" + ("" if tap is None else f"\ntap {tap}"))
+        else:
+            click.echo(bus)
+        sys.stdout.flush()
+
+    with contextlib.closing(Stop()) as stop, ended_by_signals(stop.ask):
+        played = play(
+            scenario,
+            port=device,
+            truth=truth,
+            overwrite=force,
+            link=link,
+            tap=tap,
+            tap_link=tap_link,
+            stop=stop,
+            ready=ready,
+        )
+    _report(played)
+
+
+def _servos(text: str | None) -> int | tuple[int, ...] | None:
+    """Read ``1,2,5`` or a number of servos."""
+    if text is None:
+        return None
+    parts = [part.strip() for part in text.split(",") if part.strip()]
+    if not parts or not all(part.isdecimal() and len(part) < 4 for part in parts):
+        raise click.BadParameter(f"--servos {text!r}: write ids as 1,2,5, or how many")
+    ids = tuple(int(part) for part in parts)
+    return ids if "," in text or ids == (0,) else ids[0]  # no servo would be no bus: that is an id
+
+
+def _report(played: Played) -> None:
+    """Say what became of the bytes."""
+    ports = {"": played.bus} if played.tap is None else {"bus: ": played.bus, "tap: ": played.tap}
+    for name, written in ports.items():
+        told = f"{name}{written.size} bytes written"
+        if written.lost:
+            told += f", {written.lost} that nobody read"
+        if written.overrun:
+            told += f", {written.overrun} lost because the reader was too slow"
+        say(told)
+    if played.held_up_ns:
+        say(
+            f"held up for {played.held_up_ns / 1e6:.0f} ms in all, and went on later by as much: "
+            "this machine is too busy"
+        )
