@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import decoding, examples, pipeline_options, printed, with_force
-from sniffer.cli.session import Standard, run_source, tell_lost
+from sniffer.jobs.session import Standard, run_source, tell_lost
 from sniffer.decoding.sink import Sink
 from sniffer.ground.model import Severity
 from sniffer.ground.registers import RegisterMap

@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import Finite, decoding, examples, pipeline_options
-from sniffer.cli.session import Standard, merged, run_source
+from sniffer.jobs.session import Standard, merged, run_source
 from sniffer.cli.streams import say
 from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
 from sniffer.decoding.pipeline import AUTO, Options

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import Whole, decoding, examples, pipeline_options, with_force
-from sniffer.cli.session import run_source, tell_lost
+from sniffer.jobs.session import run_source, tell_lost
 from sniffer.cli.streams import say
 from sniffer.ground.needs import need_rerun
 from sniffer.ground.registers import RegisterMap
