@@ -31,7 +31,10 @@ if TYPE_CHECKING:
         Transactions,
     )
     from sniffer.jobs.api import Capture, decode, frames_table, records, samples_table
+    from sniffer.jobs.convert import Converted, convert
     from sniffer.jobs.record import Files, Recorded, Shown, record
+    from sniffer.jobs.replay import Window, replay
+    from sniffer.jobs.session import Ending
     from sniffer.protocols import PROTOCOLS
     from sniffer.simulation.play.run import Played, play
     from sniffer.simulation.play.scenario import Scenario
@@ -47,9 +50,11 @@ __all__ = [
     "Capture",
     "Chunk",
     "Clock",
+    "Converted",
     "DamagedInputError",
     "Decoder",
     "Direction",
+    "Ending",
     "Examined",
     "Files",
     "Finding",
@@ -79,18 +84,24 @@ __all__ = [
     "Stops",
     "TransactionRow",
     "Transactions",
+    "Window",
     "__version__",
+    "convert",
     "decode",
     "examine",
     "frames_table",
     "play",
     "record",
     "records",
+    "replay",
     "samples_table",
 ]
 
 _ROOMS: Final = {
     "ground.codes": ("Kind", "Outcome", "Provenance", "Reply", "Role"),
+    "jobs.convert": ("Converted", "convert"),
+    "jobs.replay": ("Window", "replay"),
+    "jobs.session": ("Ending",),
     "jobs.record": ("Files", "Recorded", "Shown", "record"),
     "doctor.examine": ("Examined", "examine"),
     "doctor.records": ("Finding", "Level"),

@@ -23,8 +23,9 @@ import click
 from sniffer import __version__
 from sniffer.cli.naming import worded
 from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED, MISTAKE
-from sniffer.cli.streams import say, silence, silence_stdout
+from sniffer.cli.streams import say, silence_stdout
 from sniffer.ground.loading import Loading, PluginWarning
+from sniffer.ground.streams import silence
 
 DEBUG: Final = "SNIFFER_DEBUG"
 """Set to anything, it has what nobody has foreseen shown with its traceback."""

@@ -1,4 +1,4 @@
-"""The signals that end or steer a recording."""
+"""The signals that end or steer what is under way."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ import contextlib
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
-from sniffer.tap.recorder import Wishes
+from sniffer.jobs.session import Patience
+
+if TYPE_CHECKING:
+    from sniffer.tap.recorder import Wishes
 
 
 @contextlib.contextmanager
@@ -60,3 +64,17 @@ def ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def patient() -> Iterator[Patience]:
+    """Take Ctrl-C over for what decodes a source; in other threads it does not arrive anyway."""
+    patience = Patience()
+    if threading.current_thread() is not threading.main_thread():
+        yield patience
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: patience.interrupt())
+    try:
+        yield patience
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sys
-from typing import TextIO
 
 import click
 
 from sniffer.cli.naming import worded
+from sniffer.ground.streams import silence
 from sniffer.ground.wording import one_line
 
 
 def silence_stdout() -> None:
     """Let nothing complain about an output that is gone when the interpreter flushes at its end."""
     silence(sys.stdout)
-
-
-def silence(stream: TextIO) -> None:
-    """Let what is written to a stream go nowhere."""
-    devnull = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(devnull, stream.fileno())
-    os.close(devnull)
 
 
 def say(message: str) -> None:

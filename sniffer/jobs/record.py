@@ -15,7 +15,8 @@ from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.ground.files import files_of, refuse_occupied
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
 from sniffer.ground.needs import need_rerun
-from sniffer.jobs.outputs import lost, open_outputs, session_facts
+from sniffer.jobs.outputs import GONE, open_outputs, session_facts
+from sniffer.jobs.outputs import gone as told_gone
 from sniffer.jobs.telling import Teller, result
 from sniffer.mcapfile.rotation import RotatingMcap
 from sniffer.protocols import PROTOCOLS
@@ -221,9 +222,7 @@ def record(
         wishes=wishes,
         view=view,
     )
-    for path in (others := lost(files.others)):
-        tell.warn(f"{path} is gone: it was deleted or renamed while it was written")
-    return replace(recorded, gone=(*recorded.gone, *others))
+    return replace(recorded, gone=(*recorded.gone, *told_gone(files.others, tell)))
 
 
 def run_recording(
@@ -311,7 +310,7 @@ def run_recording(
         _deleted(file, tell, recorder)
         gone += file.deleted
         if file.is_lost and file.path not in file.deleted:
-            tell.warn(f"{file.path} is gone: it was deleted or renamed while it was written")
+            tell.warn(GONE.format(file.path))
             gone.append(file.path)
     return Recorded(
         ended,

@@ -1,97 +1,60 @@
-"""Running a source through the pipeline for a command: what to do when something breaks off."""
+"""A source run through the pipeline into sinks: what to do when something breaks off."""
 
 from __future__ import annotations
 
 import contextlib
-import signal
-import sys
-import threading
-from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
+import enum
+from typing import TYPE_CHECKING
 
-from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED, MISTAKE
-from sniffer.cli.streams import say, silence_stdout
-from sniffer.decoding.detect import Detection, UndecidedError
-from sniffer.decoding.pacing import Pace
-from sniffer.decoding.pipeline import Options, Pipeline
-from sniffer.decoding.sink import Paced, Part, Sink, written
-from sniffer.ground.model import Batch, Chunk, DamagedInputError, InputError, OutputError
-from sniffer.jobs.outputs import lost
+from sniffer.decoding.detect import UndecidedError
+from sniffer.decoding.pipeline import Pipeline
+from sniffer.ground.model import DamagedInputError, InputError
+from sniffer.ground.wording import Sentence
 from sniffer.merge.wires import in_order
-from sniffer.protocols.base import BusProtocol
-from sniffer.sources import MIXED, Source
+from sniffer.sources import MIXED
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from sniffer.decoding.pacing import Pace
+    from sniffer.decoding.pipeline import Options
+    from sniffer.decoding.sink import Sink
+    from sniffer.decoding.summary import Summary
+    from sniffer.ground.model import Chunk
+    from sniffer.jobs.telling import Teller
+    from sniffer.sources import Source
 
 
-class Standard:
-    """The sink on standard output: when its reader goes away, it falls silent.
+class Ending(enum.Enum):
+    """How the decoding of a source ended; what could be read is decoded and written each time."""
 
-    The pipe's end is nobody's fault; decoding goes on if there are other outputs.
-    """
-
-    def __init__(self, sink: Sink, *, alone: bool) -> None:
-        self._sink = sink
-        self._alone = alone
-        self._open = True
-
-    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
-        """Pass chunks on."""
-        self._sink.raw(bus, chunks)
-
-    def pace(self, bus: str, told: Pace) -> None:
-        """Pass on what a bus is timed by."""
-        if isinstance(self._sink, Paced):
-            self._sink.pace(bus, told)
-
-    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
-        """Pass a batch on while somebody listens."""
-        self.write_together(bus, [(protocol, batch)])
-
-    def write_together(self, bus: str, parts: Sequence[Part]) -> None:
-        """Pass on what several protocols said in one pass."""
-        with self._listening():
-            if self._open:
-                written(self._sink, bus=bus, parts=parts)
-                sys.stdout.flush()
-
-    def close(self) -> None:
-        """End the output while somebody listens."""
-        with self._listening():
-            if self._open:
-                self._sink.close()
-
-    @contextlib.contextmanager
-    def _listening(self) -> Iterator[None]:
-        try:
-            yield
-        except BrokenPipeError:
-            self._open = False
-            silence_stdout()
-            if self._alone:
-                raise
-        except OSError as error:
-            self._open = False
-            silence_stdout()
-            why = error.strerror or error
-            raise OutputError(f"standard output: cannot be written ({why})") from None
+    DONE = enum.auto()
+    MISTAKEN = enum.auto()
+    """It speaks another protocol than was said."""
+    DAMAGED = enum.auto()
+    """It broke off."""
+    INTERRUPTED = enum.auto()
 
 
-def tell_lost(paths: Sequence[Path]) -> int:
-    """Tell which outputs are gone although they were written; return the exit status."""
-    files = lost(paths)
-    for file in files:
-        say(f"{file} is gone: it was deleted or renamed while it was written")
-    return MISTAKE if files else DONE
+class Patience:
+    """An interruption ends the reading, never the decoding or writing of what has been read.
 
-
-class _Patience:
-    """Ctrl-C ends the reading, never the decoding or writing of what has been read.
-
-    The second one ends everything.
+    The second one ends everything. A signal handler calls ``interrupt``.
     """
 
     def __init__(self) -> None:
         self.asked = False
+        self._decoding = False
         self._reading = False
+
+    @contextlib.contextmanager
+    def decoding(self) -> Iterator[None]:
+        """Be patient as long as this lasts; before and after it every interruption ends all."""
+        self._decoding = True
+        try:
+            yield
+        finally:
+            self._decoding = False
 
     def groups(self, source: Iterable[Sequence[Chunk]]) -> Iterator[Sequence[Chunk]]:
         """Yield the groups of a source; KeyboardInterrupt stands between two of them."""
@@ -108,32 +71,24 @@ class _Patience:
                 return
             yield group
 
-    @contextlib.contextmanager
-    def installed(self) -> Iterator[None]:
-        """Take Ctrl-C over; elsewhere than in the main thread it does not arrive anyway."""
-        if threading.current_thread() is not threading.main_thread():
-            yield
-            return
-        before = signal.signal(signal.SIGINT, self._interrupt)
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGINT, before)
+    def interrupt(self) -> None:
+        """Take an interruption.
 
-    def _interrupt(self, number: int, frame: object) -> None:
+        Raises:
+            KeyboardInterrupt: something is being read, nothing is decoded, or this is the second.
+        """
         again, self.asked = self.asked, True
-        if self._reading or again:
+        if again or self._reading or not self._decoding:
             raise KeyboardInterrupt
 
 
 def merged(
-    source: Source, groups: Iterable[Sequence[Chunk]], options: Options, *, quiet: bool = False
+    source: Source, groups: Iterable[Sequence[Chunk]], options: Options, tell: Teller
 ) -> Iterable[Sequence[Chunk]]:
     """Return the groups of a source; lines of two taps that their host mixed are merged."""
     if source.format not in MIXED:
         return groups
-
-    return in_order(groups, options, (lambda message: None) if quiet else say)
+    return in_order(groups, options, tell.talk)
 
 
 def run_source(
@@ -142,11 +97,12 @@ def run_source(
     sinks: Sequence[Sink],
     *,
     name: str,
-    quiet: bool = False,
+    tell: Teller,
+    patience: Patience | None = None,
     groups: Iterable[Sequence[Chunk]] | None = None,
     ahead: Iterable[Chunk] = (),
-) -> tuple[Pipeline, int]:
-    """Decode everything into the sinks; return the pipeline and the exit status.
+) -> tuple[Summary, Ending]:
+    """Decode everything into the sinks; return the totals, and how it ended.
 
     Damage further in, or an interruption, keeps what was decoded: the sinks are finished first.
     ``groups`` are the source's own where None, else what somebody made of them; then ``ahead`` are
@@ -159,21 +115,17 @@ def run_source(
         BrokenPipeError: the only output was a pipe, and nobody reads it any more.
     """
 
-    def found(bus: str, detection: Detection) -> None:
-        if not quiet:
-            say(f"{bus}: {detection}")
-
     def heard(given: Iterable[Sequence[Chunk]]) -> Iterable[Sequence[Chunk]]:
-        return merged(source, given, options, quiet=quiet) if groups is None else given
+        return merged(source, given, options, tell) if groups is None else given
 
     def timed(bus: str, told: Pace) -> None:
-        for remark in () if quiet else told.remarks:
-            say(f"{bus}: {remark}")
+        for remark in told.remarks:
+            tell.talk(f"{bus}: {remark}")
 
-    pipeline = Pipeline(options, sinks, on_detection=found, on_pace=timed, ahead=ahead)
-    patience = _Patience()
-    status, told = DONE, ""
-    with patience.installed():
+    pipeline = Pipeline(options, sinks, on_detection=tell.found, on_pace=timed, ahead=ahead)
+    patience = patience or Patience()
+    ending, told = Ending.DONE, ""
+    with patience.decoding():
         try:
             try:
                 for group in heard(patience.groups(source if groups is None else groups)):
@@ -182,28 +134,28 @@ def run_source(
             except DamagedInputError as error:
                 pipeline.close()
                 usable = source.format == "mcap" and pipeline.summary.buses
-                status, told = (DONE if usable else DAMAGED), str(error)
-                told += ": read as far as it goes" if usable else ""
+                ending = Ending.DONE if usable else Ending.DAMAGED
+                told = f"{error}: read as far as it goes" if usable else str(error)
             except KeyboardInterrupt:
-                status, told = INTERRUPTED, _after_interruption(pipeline)
-            if not pipeline.summary.buses and not status:
+                ending, told = Ending.INTERRUPTED, _after_interruption(pipeline)
+            if not pipeline.summary.buses and ending == Ending.DONE:
                 raise InputError(f"{name} is empty: nothing to decode")
         finally:
             pipeline.finish()
-    if patience.asked and not status:
-        status, told = INTERRUPTED, "interrupted"
+    if patience.asked and ending == Ending.DONE:
+        ending, told = Ending.INTERRUPTED, "interrupted"
     for mistake in pipeline.mistaken():
         if not mistake.share:
             told = told or f"{mistake} is in there, name another protocol: {mistake.found}"
-            status = status or MISTAKE
-        elif not quiet:
-            say(f"{mistake}: it looks like {mistake.found}")
+            ending = Ending.MISTAKEN if ending == Ending.DONE else ending
+        else:
+            tell.talk(f"{mistake}: it looks like {mistake.found}")
     if told:
-        say(told)
-    elif not quiet:
+        tell.warn(told)
+    else:
         for note in source.notes:
-            say(f"{name}: {note}")
-    return pipeline, status
+            tell.talk(f"{name}: {note}")
+    return pipeline.summary, ending
 
 
 def _after_interruption(pipeline: Pipeline) -> str:
@@ -211,6 +163,6 @@ def _after_interruption(pipeline: Pipeline) -> str:
     try:
         pipeline.close()
     except UndecidedError as error:
-        return f"interrupted: {error}"
+        return Sentence("interrupted: {error}", error=error)
     kept = "what was decoded is kept" if pipeline.summary.buses else "nothing was decoded yet"
     return f"interrupted: {kept}"

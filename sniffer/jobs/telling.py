@@ -38,6 +38,10 @@ class Teller:
         self._told: set[str] = set()
         self._look_at = time.monotonic() + MISTAKES_S
 
+    def quieter(self) -> Teller:
+        """Return one that says only what went wrong."""
+        return Teller(self._say, quiet=True)
+
     def talk(self, message: str) -> None:
         """Tell something, unless quiet was asked for."""
         if not self._quiet:
