@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
+from sniffer.cli.naming import worded
 from sniffer.doctor import (
     Finding,
     Level,
@@ -171,14 +172,16 @@ def test_silence_is_bad_and_nothing_more_is_guessed() -> None:
 def test_silence_with_line_errors_is_a_line_read_wrongly() -> None:
     verdict = said("bytes", replace(heard(), chunks=(), risen=Counters(brk=7)))
     assert "7 line errors" in verdict.text
-    assert "--baud" in verdict.advice
+    assert "try another `baud`" in verdict.advice
+    assert "try another --baud" in worded(verdict.advice)
 
 
 def test_a_few_bytes_are_too_few_to_judge_by() -> None:
     case = heard()
     few = replace(case, chunks=case.chunks[:2])
     assert said("bytes", few).level == Level.NOTE
-    assert "--seconds" in said("bytes", few).advice
+    assert said("bytes", few).advice == "listen longer: `seconds=30`"
+    assert worded(said("bytes", few).advice) == "listen longer: --seconds 30"
     assert worst(diagnose(few)) < Level.BAD
 
 

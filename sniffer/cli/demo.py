@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import click
 from rich.console import Console
 
+from sniffer.cli.naming import worded
 from sniffer.cli.streams import say
 from sniffer.ground.model import SnifferError
 from sniffer.jobs.demo import record_damaged, summaries
@@ -45,5 +45,5 @@ if __name__ == "__main__":
     try:
         demo()
     except SnifferError as error:
-        click.echo(f"sniffer: {error}", err=True)
+        say(worded(error))
         sys.exit(2)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import textwrap
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final, Literal
 
 import click
@@ -12,6 +13,7 @@ from rich.console import Console
 from rich.text import Text
 
 from sniffer.cli.amounts import port_spec
+from sniffer.cli.naming import worded
 from sniffer.cli.options import (
     SHARED,
     Finite,
@@ -23,7 +25,7 @@ from sniffer.cli.options import (
 from sniffer.cli.streams import say
 from sniffer.decoding.pipeline import AUTO
 from sniffer.doctor.examine import Examined, examine, prepare
-from sniffer.doctor.records import Level
+from sniffer.doctor.records import Finding, Level
 from sniffer.ground.limits import BAUDS
 
 _STYLES: Final = {Level.OK: "green", Level.NOTE: "cyan", Level.WARN: "yellow", Level.BAD: "red"}
@@ -108,7 +110,7 @@ def doctor(
         spec.port, spoken, baud=rate, seconds=seconds, modem=modem, shared=shared, tell=say
     )
     if output_format == "jsonl":
-        for record in (*(v.as_dict() for v in told.verdicts), told.summary()):
+        for record in (*(v.as_dict() for v in _worded(told)), told.summary()):
             click.echo(json.dumps(record, ensure_ascii=False))
     else:
         console = Console(highlight=False, soft_wrap=True)
@@ -117,12 +119,17 @@ def doctor(
     return 1 if told.level == Level.BAD else 0
 
 
+def _worded(told: Examined) -> list[Finding]:
+    """Return the verdicts in the words of the command line."""
+    return [replace(v, text=worded(v.text), advice=worded(v.advice)) for v in told.verdicts]
+
+
 def lines(told: Examined, width: int) -> Iterator[Text]:
     """Yield the verdicts as people read them."""
     heard = told.heard
     yield Text(f"{heard.path}: {heard.seconds:.1f} s at {heard.baud} baud", style="bold")
     yield Text()
-    for verdict in told.verdicts:
+    for verdict in _worded(told):
         word = verdict.level.name.lower()
         head = word.ljust(_ABOUT) + verdict.about.ljust(_TEXT - _ABOUT)
         first_line, *rest = _wrapped(verdict.text, width, head, " " * _TEXT)

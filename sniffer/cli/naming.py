@@ -11,6 +11,7 @@ _OPTIONS: Final = {
     "latency_ns": "--latency",
     "models": "--model",
     "overwrite": "--force",
+    "recording": "-o",
     "rate_hz": "--rate",
     "rotate_bytes": "--rotate",
     "rotate_ns": "--rotate",

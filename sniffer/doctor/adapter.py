@@ -6,6 +6,7 @@ from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Final
 
 from sniffer.doctor.records import Finding, Level, Listened
+from sniffer.ground.wording import Sentence
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -111,9 +112,12 @@ def _modem(heard: Listened) -> Finding:
     verb = "was" if len(raised) == 1 else "were"
     still = [line for line in raised if line in (after or "").split()]
     if heard.facts.get("modem") == "keep":
-        text = f"{told} {verb} raised by opening the port, and stay so (--modem keep)"
+        said = "{told} {verb} raised by opening the port, and stay so ({modem:keep})"
+        text = Sentence(said, told=told, verb=verb)
         level = Level.WARN if "RTS" in raised else Level.NOTE
-        advice = "if the adapter sends while RTS is up, it now holds the bus: use --modem low"
+        advice = Sentence(
+            "if the adapter sends while RTS is up, it now holds the bus: use {modem:low}"
+        )
         return Finding(level, "modem", text, advice, numbers=numbers)
     if still:
         text = f"{' and '.join(still)} cannot be lowered"

@@ -9,6 +9,7 @@ from sniffer.decoding.names import AND
 from sniffer.doctor.records import Finding, Level, Listened, Trial
 from sniffer.doctor.understanding import FEW, GOOD, POOR, Understanding, usual_bauds
 from sniffer.ground.model import MarkKind
+from sniffer.ground.wording import Sentence
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -57,8 +58,8 @@ def about_bytes(heard: Listened, found: Understanding) -> Iterator[Finding]:
         )
         if heard.line_errors:
             text += f", but {heard.line_errors} line errors: something moves there"
-            advice = (
-                "try another --baud; if that does not help, A and B are swapped or TTL inverted"
+            advice = Sentence(
+                "try another {baud}; if that does not help, A and B are swapped or TTL inverted"
             )
         yield Finding(Level.BAD, "bytes", text, advice, numbers=numbers)
         return
@@ -74,7 +75,8 @@ def about_bytes(heard: Listened, found: Understanding) -> Iterator[Finding]:
         yield Finding(Level.NOTE, "bytes", text, advice, numbers=numbers)
     elif size < FEW:
         text += ": too few to judge by"
-        yield Finding(Level.NOTE, "bytes", text, "listen longer: --seconds 30", numbers=numbers)
+        advice = Sentence("listen longer: {seconds:30}")
+        yield Finding(Level.NOTE, "bytes", text, advice, numbers=numbers)
     else:
         yield Finding(Level.OK, "bytes", text, numbers=numbers)
 
@@ -171,9 +173,12 @@ def _others(heard: Listened, word: str, *, lower: bool = False) -> str:
     """Return which bauds are left to try."""
     if heard.trials:
         tried = ", ".join(str(t.baud) for t in heard.trials)
-        return f"none of {tried} is better; give the controller's own with --baud"
+        told = "none of {tried} is better; give the controller's own with {baud}"
+        return Sentence(told, tried=tried)
     bauds = [b for b in usual_bauds(heard.protocol, heard.baud) if not lower or b < heard.baud]
-    return f"{word} --baud with {', '.join(map(str, bauds))}" if bauds else ""
+    if not bauds:
+        return ""
+    return Sentence("{word} {baud} with {bauds}", word=word, bauds=", ".join(map(str, bauds)))
 
 
 def _errors(heard: Listened, found: Understanding) -> Finding:

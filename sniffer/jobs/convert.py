@@ -61,12 +61,14 @@ def convert(
         OutputError: a file cannot be written; the others are whole.
         SnifferError: unknown protocol or model, or a number that cannot be.
     """
+    options = options or Options()
+    options.check()
     opened = open_source(source, input_format)
     return convert_opened(
         opened,
         str(source),
         outputs,
-        options or Options(),
+        options,
         overwrite=overwrite,
         sinks=sinks,
         patience=patience,

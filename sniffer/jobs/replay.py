@@ -197,6 +197,7 @@ def replay(
     if loop and str(source) == "-":
         raise SnifferError(Sentence("{loop} needs a file: standard input can be read only once"))
     options, window = options or Options(), window or Window()
+    options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
     again = tell.quieter()
     name = "standard input" if str(source) == "-" else str(source)

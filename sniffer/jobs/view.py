@@ -43,6 +43,8 @@ def view(
         OutputError: there is no display, or the viewer does not start.
     """
     need_rerun()
+    options = options or Options()
+    options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
     with open_source(source, input_format) as opened:
         if not web:
@@ -53,7 +55,7 @@ def view(
                 opened,
                 str(source),
                 [path],
-                options or Options(),
+                options,
                 overwrite=True,
                 patience=patience,
                 tell=tell,
