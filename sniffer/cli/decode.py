@@ -10,12 +10,15 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import decoding, examples, pipeline_options, printed, with_force
-from sniffer.cli.session import Standard, run_source, tell_lost
+from sniffer.cli.signals import patient
+from sniffer.cli.statuses import status_of
+from sniffer.cli.streams import say
 from sniffer.decoding.sink import Sink
 from sniffer.ground.model import Severity
 from sniffer.ground.registers import RegisterMap
-from sniffer.jobs.outputs import open_outputs, session_facts
-from sniffer.sources import open_source
+from sniffer.jobs.convert import convert
+from sniffer.jobs.telling import Teller
+from sniffer.sinks.standard import Standard
 
 
 @click.command(
@@ -68,25 +71,30 @@ def decode(
     --fail-on; 2 a mistake of yours; 3 the input breaks off (what could be read is written).
     """
     options = pipeline_options(protocol, baud, models, latency, tables)
-    source = open_source(file, input_format)
-    options = options.with_facts(source.facts(), source.tables)
-    facts = session_facts(file, options, source.facts())
-    sinks: list[Sink] = open_outputs(outputs, facts, file, force=force)
+    printed: list[Sink] = []
     if not quiet and not summary:
-        sinks.append(Standard(_printer(output_format), alone=not outputs))
-    name = "standard input" if file == "-" else file
-    pipeline, status = run_source(source, options, sinks, name=name, quiet=quiet)
-    lost = tell_lost(outputs)
-    status = status or lost
+        printed.append(Standard(_printer(output_format), sys.stdout, alone=not outputs))
+    with patient() as patience:
+        done = convert(
+            file,
+            outputs,
+            options,
+            input_format=input_format,
+            overwrite=force,
+            sinks=printed,
+            patience=patience,
+            tell=Teller(say, quiet=quiet),
+        )
+    status = status_of(done.ending, is_lost=bool(done.gone))
     if summary and not quiet and output_format == "jsonl":
-        click.echo(json.dumps(pipeline.summary.as_dict()))
+        click.echo(json.dumps(done.summary.as_dict()))
     elif summary and not quiet:
         from rich.console import Console
 
         from sniffer.sinks.report import print_summary
 
-        print_summary(pipeline.summary, Console(highlight=False))
-    worst = pipeline.summary.worst()
+        print_summary(done.summary, Console(highlight=False))
+    worst = done.summary.worst()
     if not status and fail_on and worst is not None and worst >= Severity[fail_on.upper()]:
         return 1
     return status

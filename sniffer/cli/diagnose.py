@@ -7,10 +7,12 @@ import json
 import click
 
 from sniffer.cli.options import decoding, examples, pipeline_options
-from sniffer.cli.session import run_source
-from sniffer.diagnosis import Diagnosis
+from sniffer.cli.signals import patient
+from sniffer.cli.statuses import DONE, status_of
+from sniffer.cli.streams import say
 from sniffer.ground.registers import RegisterMap
-from sniffer.sources import open_source
+from sniffer.jobs.diagnose import diagnose as diagnose_file
+from sniffer.jobs.telling import Teller
 
 
 @click.command(
@@ -43,25 +45,27 @@ def diagnose(
     output_format: str,
     why: str | None,
 ) -> int:
-    """Say what is wrong on the bus in each FILE: incidents, their causes, what to do next."""
-    worst = 0
+    """Say what is wrong on the bus in each FILE: incidents, their causes, what to do next.
+
+    Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is judged).
+    """
+    options = pipeline_options(protocol, baud, models, latency, tables)
+    status = DONE
     for file in files:
-        options = pipeline_options(protocol, baud, models, latency, tables)
-        source = open_source(file, input_format)
-        options = options.with_facts(source.facts(), source.tables)
-        diagnosis = Diagnosis()
-        name = "standard input" if file == "-" else file
-        _, status = run_source(source, options, [diagnosis], name=name, quiet=False)
-        worst = max(worst, status)
-        incidents = diagnosis.incidents()
+        with patient() as patience:
+            done = diagnose_file(
+                file, options, input_format=input_format, patience=patience, tell=Teller(say)
+            )
+        status = max(status, status_of(done.ending, is_lost=False))
         if output_format == "json":
-            told = {"incidents": [i.as_dict() for i in incidents], "judged": diagnosis.judged()}
-            click.echo(json.dumps(told))
+            click.echo(json.dumps(done.as_dict()))
             continue
         from sniffer.sinks.story import print_incidents, print_weighing
 
+        if len(files) > 1:
+            click.echo(f"{file}:")
         if why is not None:
-            print_weighing(incidents, why)
+            print_weighing(done.incidents, why)
         else:
-            print_incidents(incidents, diagnosis.sentence(), clock=diagnosis.has_clock)
-    return worst
+            print_incidents(done.incidents, done.sentence, clock=done.has_clock)
+    return status

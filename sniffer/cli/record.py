@@ -10,6 +10,7 @@ from typing import Final, Literal
 import click
 
 from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times, topics
+from sniffer.cli.naming import worded
 from sniffer.cli.options import (
     SHARED,
     Finite,
@@ -156,7 +157,7 @@ def record(
     from sniffer.viewers.screen import LOG, usual_mode
 
     def say(line: str) -> None:
-        write_within(sys.stderr, f"sniffer: {one_line(line)}\n", WORD_S)
+        write_within(sys.stderr, f"sniffer: {one_line(worded(line))}\n", WORD_S)
 
     if log and quiet:
         raise click.UsageError("--log prints, --quiet does not: choose one")
@@ -169,10 +170,6 @@ def record(
     recordings = [path for path in paths if path.suffix.lower() == RECORDING]
     if len(recordings) > 1:
         raise click.UsageError("one .mcap is enough: give -o only one of them")
-    if (rotate or keep) and not recordings:
-        raise click.UsageError("--rotate and --keep are about a recording: -o x.mcap")
-    if topics is not None and not recordings:
-        raise click.UsageError("--topics is about a recording: -o x.mcap")
     # An address may take long to be connected to: until then a signal ends everything.
     wishes = Wishes(is_heard=not any("://" in spec.port for spec in ports))
     with signals(wishes):

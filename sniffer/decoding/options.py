@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Final
 from sniffer.decoding.names import is_known, joined, protocols_named
 from sniffer.decoding.pacing import ASSUMED
 from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, number_in
-from sniffer.ground.model import InputError
+from sniffer.ground.model import InputError, SnifferError
+from sniffer.ground.wording import Sentence
 from sniffer.protocols import is_file, protocol_named
-from sniffer.protocols.tables import owner_of, with_tables
+from sniffer.protocols.tables import check_tables, known_models, owner_of, with_tables
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import BusProtocol
@@ -43,6 +44,22 @@ class Options:
     def name(self) -> str:
         """Return the name of the protocol of all buses, or ``auto``."""
         return AUTO if self.protocol == AUTO else joined(protocols_named(self.protocol))
+
+    def check(self, also: Iterable[str | BusProtocol] = ()) -> None:
+        """Refuse models and tables that nothing can be read by, before anything is opened for it.
+
+        ``also`` are the protocols of single buses that were named.
+
+        Raises:
+            SnifferError: nobody has such a model; a table is not for what is spoken.
+        """
+        named = (self.protocol, *self.protocols.values(), *also)
+        own = {p.name: p for n in named if n != AUTO for p in protocols_named(n)}
+        check_tables(self.tables, own, others=AUTO in named)
+        for model in self.models.values():
+            if owner_of(model, self.tables, own.values()) is None:
+                known = ", ".join(known_models(self.tables, own.values()))
+                raise SnifferError(f"no model {str(model)[:40]!r}: one of {known}")
 
     def spoken(self, named: str | BusProtocol) -> BusProtocol:
         """Return a protocol, with the further models that these options bring.
@@ -98,11 +115,12 @@ class Options:
         if self.protocol == AUTO:
             for bus, name in known.items():
                 if bus not in self.protocols and name != AUTO and not is_known(name):
-                    package = f" ({told})" if (told := facts.get(f"plugin.{bus}")) else ""
-                    raise InputError(
-                        f"{bus} needs the protocol {name[:40]!r}{package}: install the package "
-                        "that has it, or give its file with --protocol"
+                    package = f" ({owner})" if (owner := facts.get(f"plugin.{bus}")) else ""
+                    told = (
+                        "{bus} needs the protocol {name}{package}: install the package that has "
+                        "it, or give its file as {protocol}"
                     )
+                    raise InputError(Sentence(told, bus=bus, name=repr(name[:40]), package=package))
             return dict(known)
         if is_file(self.protocol):
             own = protocol_named(self.protocol).name

@@ -15,7 +15,9 @@ from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.ground.files import files_of, refuse_occupied
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
 from sniffer.ground.needs import need_rerun
-from sniffer.jobs.outputs import lost, open_outputs, session_facts
+from sniffer.ground.wording import Sentence
+from sniffer.jobs.outputs import GONE, open_outputs, session_facts
+from sniffer.jobs.outputs import gone as told_gone
 from sniffer.jobs.telling import Teller, result
 from sniffer.mcapfile.rotation import RotatingMcap
 from sniffer.protocols import PROTOCOLS
@@ -107,8 +109,14 @@ def check_files(files: Files) -> None:
         OutputError: a file is there already, or its suffix is not known.
         SnifferError: old files are to be removed, and no new ones begun.
     """
+    if files.recording is None:
+        if files.rotates or files.keep is not None:
+            told = "{rotate_bytes|rotate_ns} and {keep} are about a recording: {recording:x.mcap}"
+            raise SnifferError(Sentence(told))
+        if files.topics is not None:
+            raise SnifferError(Sentence("{topics} is about a recording: {recording:x.mcap}"))
     if files.keep is not None and not files.rotates:
-        raise SnifferError("--keep goes with --rotate")
+        raise SnifferError(Sentence("{keep} goes with {rotate_bytes|rotate_ns}"))
     own = () if files.recording is None else (files.recording,)
     for path in (*own, *files.others):
         suffix_known(path)
@@ -196,6 +204,7 @@ def record(
     options, shown = options or Options(), shown or Shown()
     tell, wishes = tell or Teller(lambda line: None, quiet=True), wishes or Wishes()
     check_files(files)
+    options.check([spec.protocol for spec in ports if spec.protocol is not None])
     if any((spec.protocol or options.protocol) == AUTO for spec in ports):
         PROTOCOLS.candidates()  # plug-ins take their time to be imported: not while ports are read
     tapping = listen(ports, options, listening or Listening())
@@ -221,9 +230,7 @@ def record(
         wishes=wishes,
         view=view,
     )
-    for path in (others := lost(files.others)):
-        tell.warn(f"{path} is gone: it was deleted or renamed while it was written")
-    return replace(recorded, gone=(*recorded.gone, *others))
+    return replace(recorded, gone=(*recorded.gone, *told_gone(files.others, tell)))
 
 
 def run_recording(
@@ -311,7 +318,7 @@ def run_recording(
         _deleted(file, tell, recorder)
         gone += file.deleted
         if file.is_lost and file.path not in file.deleted:
-            tell.warn(f"{file.path} is gone: it was deleted or renamed while it was written")
+            tell.warn(GONE.format(file.path))
             gone.append(file.path)
     return Recorded(
         ended,

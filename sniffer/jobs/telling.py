@@ -6,6 +6,7 @@ import time
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS
+from sniffer.ground.wording import Sentence
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,6 +38,10 @@ class Teller:
         self._quiet = quiet
         self._told: set[str] = set()
         self._look_at = time.monotonic() + MISTAKES_S
+
+    def quieter(self) -> Teller:
+        """Return one that says only what went wrong."""
+        return Teller(self._say, quiet=True)
 
     def talk(self, message: str) -> None:
         """Tell something, unless quiet was asked for."""
@@ -103,10 +108,11 @@ def result(
             tell.talk(f"{tap.spec.bus}: no byte was heard; `sniffer doctor {port}` tells more")
     for bus, heard in by_bus.items():
         if heard and recorder.pipeline.speaks(bus) is None:
-            tell.warn(
-                f"{bus}: its protocol could not be told from {heard} bytes: they are recorded; "
-                "decode them with --protocol, or see `sniffer doctor`"
+            told = (
+                "{bus}: its protocol could not be told from {heard} bytes: they are recorded; "
+                "decode them with {protocol}, or see `sniffer doctor`"
             )
+            tell.warn(Sentence(told, bus=bus, heard=heard))
     tell.mistaken(recorder)
     if recorder.skipped:
         tell.warn(

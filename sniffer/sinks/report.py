@@ -65,7 +65,7 @@ def _print_shared(name: str, b: BusTotals, console: Console) -> None:
     """Say what those who share a wire have in common."""
     console.print(Text(short(plain(f"{name}: {b.protocol}, {counted(b.bytes, 'byte')}"))))
     if b.looks_like:
-        console.print(f"  this looks like {b.looks_like}: decode it with --protocol {b.looks_like}")
+        console.print(f"  this looks like {b.looks_like}: decode it as {b.looks_like}")
     console.print()
 
 
@@ -93,7 +93,7 @@ def _print_bus(name: str, b: BusTotals, told: Pace | None, console: Console) -> 
     if shown:
         lines.append(f"models told by the wire: {shown}")
     if b.looks_like:
-        lines.append(f"this looks like {b.looks_like}: decode it with --protocol {b.looks_like}")
+        lines.append(f"this looks like {b.looks_like}: decode it as {b.looks_like}")
     console.print(Text(short(plain(title)), style="bold"))
     for line in lines:
         console.print(Padding(Text(line), (0, 0, 0, 2)))

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import OutputError
+from sniffer.ground.wording import Sentence
 from sniffer.viewers import viewer
 from sniffer.viewers.companion.parcels import (
     CONNECT,
@@ -255,10 +256,11 @@ def _checked(mode: str, url: str | None) -> str:
     if mode == CONNECT:
         return viewer.data_address(url or "")[0]
     if mode == WINDOW and not viewer.has_display():
-        raise OutputError(
-            "there is no display for the Rerun viewer: let a browser show it with --rerun-web, or "
-            "a viewer elsewhere with --rerun-connect URL"
+        told = (
+            "there is no display for the Rerun viewer: let a browser show it with {view:web}, or a "
+            "viewer elsewhere with {view:connect}"
         )
+        raise OutputError(Sentence(told))
     viewer.executable()
     return ""
 
