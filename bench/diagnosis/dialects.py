@@ -118,9 +118,7 @@ class MightyZap(Dialect):
 
     def _store(self, body: Body, address: int, data: bytes) -> Asked:
         patience = self.patience_ns if body.settings["mode"] == 2 else 0
-        return Asked(
-            self.packet(body.servo_id, self.STORE, bytes((address,)) + data), patience
-        )
+        return Asked(self.packet(body.servo_id, self.STORE, bytes((address,)) + data), patience)
 
     def ping(self, servo_id: int) -> Asked:
         return Asked(self.packet(servo_id, self.ECHO), self.patience_ns)
@@ -159,7 +157,7 @@ class MightyZap(Dialect):
     def answer(self, body: Body, request: bytes) -> bytes:
         code, factors = request[5], request[6:-1]
         told = b""
-        answers = body.settings["mode"] == 2
+        answers = body.settings["mode"] == 2 and request[3] != self.EVERYONE
         if self.whom(request) == -1:
             return self.packet(body.servo_id, 1 << 4) if answers else b""
         if code == self.SYMMETRIC:
@@ -233,9 +231,7 @@ class Rs30x(Dialect):
 
     def _write(self, body: Body, address: int, data: bytes) -> Asked:
         ack = body.settings["ack"]
-        request = self.packet(
-            b"\xfa\xaf", body.servo_id, ack, address, len(data), 1, data=data
-        )
+        request = self.packet(b"\xfa\xaf", body.servo_id, ack, address, len(data), 1, data=data)
         return Asked(request, self.patience_ns if ack else 0)
 
     def move(self, body: Body, place: float) -> Asked:
@@ -243,9 +239,7 @@ class Rs30x(Dialect):
 
     def move_all(self, places: Mapping[int, float]) -> Sequence[Asked]:
         told = b"".join(bytes((i,)) + self._place(x) for i, x in places.items())
-        return [
-            Asked(self.packet(b"\xfa\xaf", 0, 0, self.GOAL, 3, len(places), data=told))
-        ]
+        return [Asked(self.packet(b"\xfa\xaf", 0, 0, self.GOAL, 3, len(places), data=told))]
 
     def switch_on(self, body: Body) -> Asked:
         return self._write(body, self.TORQUE_ON, b"\x01")
@@ -253,7 +247,7 @@ class Rs30x(Dialect):
     def whom(self, request: bytes) -> int | None:
         if len(request) < 8 or request[:2] != b"\xfa\xaf":
             return -1
-        if len(request) != 8 + request[5] * request[6] and request[3] != self.CHOSEN:
+        if len(request) != 8 + request[5] * request[6]:
             return -1
         if reduce(xor, request[2:-1]) != request[-1]:
             return -1

@@ -29,6 +29,10 @@ SHADOW: Final = BITS + 1
 """For so many bits behind a false start a receiver is busy with a byte that is none."""
 
 
+LONGEST: Final = 30
+"""Bytes of the longest answer here."""
+
+
 class Pause(NamedTuple):
     """A controller says nothing for so long, or until a time, whichever is later."""
 
@@ -49,7 +53,7 @@ class Said:
     data: bytes
     sender: int
     bit_ns: float
-    rise_ns: Callable[[int], float] | None = None
+    rise_ns: Callable[[int, int], float] | None = None
     muted: tuple[tuple[float, float], ...] = ()
     plain: bool = True
     """Its bits are as they should be."""
@@ -72,6 +76,11 @@ class Trouble:
         """Return what becomes of bytes that somebody is about to say."""
         del bench
         return said
+
+    def reaches(self, bench: Bench, servo_id: int, said: Said) -> bool:
+        """Tell whether a servo understands what is said."""
+        del bench, servo_id, said
+        return True
 
     def pulses(self, bench: Bench, since_ns: float, until_ns: float) -> Iterable[Pulse]:
         """Return what the outside does to the line in a stretch of time; asked in order."""
@@ -128,6 +137,7 @@ class Bench:
     said: list[Said] = field(init=False, default_factory=list)
     _pulses: list[Pulse] = field(init=False, default_factory=list)
     _pulsed_ns: float = field(init=False, default=0.0)
+    _longest_ns: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
         self.dialect = dialect = DIALECTS[self.protocol]
@@ -173,6 +183,8 @@ class Bench:
         while events:
             t, number, what, master, said = heapq.heappop(events)
             self.now_ns = t
+            for bench in self.also:
+                bench.now_ns = t
             key = id(master)
             if what == _WAKE:
                 if t >= end_ns:
@@ -194,11 +206,12 @@ class Bench:
             elif what == _ASKED:
                 assert said is not None
                 patience = asked[key].patience_ns
-                for reply in self._answers(self._heard(said), t):
+                for reply in self._answers(said, t):
                     push(reply.end_ns, _ANSWERED, master, reply)
                 if patience:
                     master.waits_for = count + 1
-                    push(t + patience, _TIMEOUT, master)
+                    # it gives up when a whole answer should have come, however slow the line is
+                    push(t + patience + LONGEST * BITS * self.bit_ns, _TIMEOUT, master)
                 else:
                     push(t + self.rng.randint(*master.gap_ns), _WAKE, master)
             elif what == _ANSWERED:
@@ -222,13 +235,14 @@ class Bench:
         insort(self.said, said, key=_begin)
         return said
 
-    def _answers(self, request: bytes, t: float) -> Iterator[Said]:
+    def _answers(self, asked: Said, t: float) -> Iterator[Said]:
+        request = self._heard(asked)
         for bench in (self, *self.also):
-            for body, answer in bench._obeyed(request, t):
+            for body, answer in bench._obeyed(request, asked, t):
                 after = self.rng.randint(*bench.delays[body])
                 yield self._say(Said(t + after, answer, body.servo_id, self.bit_ns))
 
-    def _obeyed(self, request: bytes, t: float) -> Iterator[tuple[Body, bytes]]:
+    def _obeyed(self, request: bytes, asked: Said, t: float) -> Iterator[tuple[Body, bytes]]:
         """Yield who answers a request, and what."""
         dialect = self.dialect
         whom = dialect.whom(request)
@@ -239,7 +253,8 @@ class Bench:
         mine = (self.bodies, self.shadows)
         to = [b[i] for b in mine for i in b if whom is None or i == whom]
         for body in to:
-            if body.servo_id not in self.deaf:
+            who = body.servo_id
+            if who not in self.deaf and all(x.reaches(self, who, asked) for x in self.troubles):
                 body.look(int(t))
                 if answer := dialect.answer(body, request):
                     yield body, answer
@@ -261,7 +276,9 @@ class Bench:
         ]
         if said.plain and not pulses and not beside:
             return said.data
-        edges = line([said.burst, *(s.burst for s in beside)], pulses, clash=self.clash, rng=self.rng)
+        edges = line(
+            [said.burst, *(s.burst for s in beside)], pulses, clash=self.clash, rng=self.rng
+        )
         heard = bytes(b.value for b in Receiver(self.baud).hear(edges, self.rng))
         # who waits for a header does not mind what stood before it
         return said.data if said.data in heard else heard
@@ -271,11 +288,12 @@ class Bench:
             for trouble in self.troubles:
                 for pulse in trouble.pulses(self, self._pulsed_ns, t):
                     insort(self._pulses, pulse)
+                    self._longest_ns = max(self._longest_ns, pulse.end_ns - pulse.t_ns)
             self._pulsed_ns = t
 
     def _near(self, t: float) -> list[Pulse]:
-        k = bisect_left(self._pulses, t, key=_begin)
-        return self._pulses[max(k - 4, 0) :]
+        k = bisect_left(self._pulses, t - self._longest_ns, key=_begin)
+        return self._pulses[k:]
 
 
 _WAKE, _ASKED, _ANSWERED, _TIMEOUT = range(4)

@@ -89,7 +89,8 @@ def flat_out(bench: Bench, *, goals: bool) -> Pattern:
     """Ask the next one as soon as the last one has answered, for ever."""
     while True:
         if goals:
-            yield from bench.dialect.move_all({i: bench.goal(i) for i in bench.ids})
+            for request in bench.dialect.move_all({i: bench.goal(i) for i in bench.ids}):
+                yield request
         for i in bench.ids:
             yield bench.dialect.state(i)
 

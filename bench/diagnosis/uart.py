@@ -43,14 +43,14 @@ class Clash(enum.Enum):
 class Burst(NamedTuple):
     """Bytes in a row of one sender: when the first begins, and how long its bits are.
 
-    ``rise_ns`` tells for a rising edge behind so many low bits how late it is (a weak pull-up, a
-    long cable); ``muted`` are stretches in which nothing of it reaches the line.
+    ``rise_ns`` tells how late a rising edge is, by its byte and how many bits were low before it (a
+    weak pull-up, a long cable); ``muted`` are stretches in which nothing of it reaches the line.
     """
 
     t_ns: float
     data: bytes
     bit_ns: float
-    rise_ns: Callable[[int], float] | None = None
+    rise_ns: Callable[[int, int], float] | None = None
     muted: Sequence[tuple[float, float]] = ()
 
     @property
@@ -93,9 +93,9 @@ def driven(burst: Burst) -> list[Edge]:
     """Return the edges of one sender, IDLE where it drives nothing."""
     edges: list[Edge] = []
     begin, bit, rise = burst.t_ns, burst.bit_ns, burst.rise_ns
-    for byte in burst.data:
+    for number, byte in enumerate(burst.data):
         for k, level, low_bits in _CHANGES[byte]:
-            late = rise(low_bits) if rise is not None and level == HIGH else 0.0
+            late = rise(number, low_bits) if rise is not None and level == HIGH else 0.0
             t = begin + k * bit + late
             if edges and edges[-1][0] >= t:  # it has not risen when it is to fall again
                 edges.pop()
