@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bench.diagnosis import patterns as p
 from bench.diagnosis.bodies import stays
-from bench.diagnosis.dialects import US
+from bench.diagnosis.dialect import US
 from bench.diagnosis.ear import tapped
 from bench.diagnosis.making import (
     HOSTS,

@@ -7,7 +7,7 @@ import random
 from bisect import bisect_right
 from typing import TYPE_CHECKING, Final
 
-from bench.diagnosis.line import SHADOW, Bench, Said
+from bench.diagnosis.line import SHADOW, Bench, Said, begin_of
 from bench.diagnosis.scenario import Heard
 from bench.diagnosis.uart import BITS, Pulse, Receiver, line
 
@@ -41,7 +41,8 @@ def _clusters(bench: Bench, ear: Receiver) -> Iterator[tuple[list[Said], list[Pu
     said: list[Said] = []
     outside: list[Pulse] = []
     until = 0.0
-    for thing in heapq.merge(bench.said, pulses, key=lambda thing: thing.t_ns):
+    things: Iterator[Said | Pulse] = heapq.merge(bench.said, pulses, key=begin_of)
+    for thing in things:
         if thing.t_ns > until and (said or outside):
             yield said, outside
             said, outside = [], []

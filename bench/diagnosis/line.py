@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from bench.diagnosis.bodies import Body, Path, Supply, sway
-from bench.diagnosis.dialects import DIALECTS, US, Asked, Dialect, MightyZap
+from bench.diagnosis.dialect import US, Asked, Dialect
+from bench.diagnosis.dialects import DIALECTS, MightyZap
 from bench.diagnosis.uart import BITS, Burst, Clash, Pulse, Receiver, line
 from sniffer.ground.model import NS
 
@@ -232,7 +233,7 @@ class Bench:
     def _say(self, said: Said) -> Said:
         for trouble in self.troubles:
             said = trouble.on(self, said)
-        insort(self.said, said, key=_begin)
+        insort(self.said, said, key=begin_of)
         return said
 
     def _answers(self, asked: Said, t: float) -> Iterator[Said]:
@@ -268,7 +269,7 @@ class Bench:
         self._pulse_until(said.end_ns)
         begin = said.t_ns - SHADOW * self.bit_ns
         pulses = [p for p in self._near(begin) if p.t_ns < said.end_ns and p.end_ns > begin]
-        k = bisect_left(self.said, said.t_ns, key=_begin)
+        k = bisect_left(self.said, said.t_ns, key=begin_of)
         beside = [
             s
             for s in self.said[max(k - 8, 0) : k + 9]
@@ -292,12 +293,13 @@ class Bench:
             self._pulsed_ns = t
 
     def _near(self, t: float) -> list[Pulse]:
-        k = bisect_left(self._pulses, t - self._longest_ns, key=_begin)
+        k = bisect_left(self._pulses, t - self._longest_ns, key=begin_of)
         return self._pulses[k:]
 
 
 _WAKE, _ASKED, _ANSWERED, _TIMEOUT = range(4)
 
 
-def _begin(thing: Said | Pulse) -> float:
+def begin_of(thing: Said | Pulse) -> float:
+    """Return when it begins."""
     return thing.t_ns

@@ -111,7 +111,7 @@ def second(pattern: Pattern, gap_ns: tuple[int, int], begin_s: float) -> Master:
 
 
 def episode(it: Plan, *, least: float = 0.4) -> tuple[float, float]:
-    """Draw from when to when something is wrong: all the time, from some time on, or for a while."""
+    """Draw from when to when something is wrong: always, from some time on, or for a while."""
     rng = it.rng
     match rng.choice(("always", "onset", "onset", "while")):
         case "always":

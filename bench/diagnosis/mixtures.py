@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bench.diagnosis.dialects import US
+from bench.diagnosis.dialect import US
 from bench.diagnosis.ear import tapped
 from bench.diagnosis.making import Plan, bench_of, plan, talked
 from bench.diagnosis.scenario import Heard, Scenario, Truth

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import random
 from typing import TYPE_CHECKING, Final
 
-from bench.diagnosis.dialects import MS, US, Asked
+from bench.diagnosis.dialect import MS, US, Asked
 from bench.diagnosis.line import Bench, Pattern, Pause
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
+    import random
     from collections.abc import Mapping, Sequence
 
 FAST_HOST, USUAL_HOST, SLOW_HOST = (20 * US, 90 * US), (200 * US, 900 * US), (1 * MS, 5 * MS)
@@ -89,8 +89,8 @@ def flat_out(bench: Bench, *, goals: bool) -> Pattern:
     """Ask the next one as soon as the last one has answered, for ever."""
     while True:
         if goals:
-            for request in bench.dialect.move_all({i: bench.goal(i) for i in bench.ids}):
-                yield request
+            goal = {i: bench.goal(i) for i in bench.ids}
+            yield from (request for request in bench.dialect.move_all(goal))
         for i in bench.ids:
             yield bench.dialect.state(i)
 

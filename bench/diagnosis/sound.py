@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import random
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
 
 from bench.diagnosis import patterns as p
 from bench.diagnosis.bodies import ramps, stays, sway
-from bench.diagnosis.dialects import DIALECTS, MS
+from bench.diagnosis.dialect import MS
 from bench.diagnosis.ear import tapped
 from bench.diagnosis.hosts import TwoWires
-from bench.diagnosis.making import HOSTS, Plan, bench_of, plan, talked
+from bench.diagnosis.line import Bench, Pattern
+from bench.diagnosis.making import Plan, bench_of, plan, talked
 from bench.diagnosis.scenario import Heard, Scenario
 from bench.diagnosis.wires import PROTOCOLS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Iterator, Mapping
 
-    from bench.diagnosis.line import Bench, Pattern
-
-Build = "Callable[[Plan, Bench, random.Random], Pattern]"
+Build = Callable[[Plan, Bench, random.Random], Pattern]
 
 
-def _loop(**how: object) -> Build:
+def _loop(**how: Any) -> Build:
     def build(it: Plan, bench: Bench, rng: random.Random) -> Pattern:
         told = {"goals": "together", "reads": "state", **how}
         rate = p.rate_that_fits(
@@ -49,7 +49,7 @@ def _pauses(it: Plan, bench: Bench, rng: random.Random) -> Pattern:
     return p.with_pauses(_loop(goals="each")(it, bench, rng), bench, rng)
 
 
-PATTERNS: Final[Mapping[str, tuple[Build, Mapping[str, object]]]] = {
+PATTERNS: Final[Mapping[str, tuple[Build, Mapping[str, Any]]]] = {
     "poll-all": (_loop(), {}),
     "poll-each": (_loop(goals="each"), {}),
     "round-robin": (_loop(goals="turn", reads="turn"), {"rate_hz": 100}),
@@ -87,7 +87,7 @@ def of(name: str, protocol: str, draw: int = 0) -> Scenario:
     """Return sound traffic of one kind; rates, hosts and ids are drawn."""
     build, fixed = PATTERNS[name]
     told = {"seconds": (8, 16), "servos": (1, 9), "slow_lines": True, **fixed}
-    it = plan(f"sound-{name}", protocol, draw, **told)  # type: ignore[arg-type]
+    it = plan(f"sound-{name}", protocol, draw, **told)
     paths = stays if name == "still" else it.rng.choice((sway, ramps))
 
     def make(seed: int) -> list[Heard]:

@@ -6,7 +6,7 @@ import random
 from bisect import bisect_left
 from typing import TYPE_CHECKING
 
-from bench.diagnosis.dialects import US
+from bench.diagnosis.dialect import US
 from bench.diagnosis.ear import tapped
 from bench.diagnosis.hosts import TwoWires
 from bench.diagnosis.making import Plan, bench_of, episode, plan, talked

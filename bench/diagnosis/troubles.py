@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
-from bench.diagnosis.dialects import US
+from bench.diagnosis.dialect import US
 from bench.diagnosis.line import Trouble
 from bench.diagnosis.uart import HIGH, LOW, Burst, Pulse, Receiver, line
 from sniffer.ground.model import NS
@@ -166,10 +166,10 @@ class HeldLine(_Planned):
 
     def on(self, bench: Bench, said: Said) -> Said:
         """Hold the line high behind a request."""
-        if said.sender < 0 and _inside(self.windows, said.t_ns):
-            if bench.rng.random() < self.share:
-                hold = bench.rng.randint(*self.hold_ns)
-                self._due.append(Pulse(said.end_ns, said.end_ns + hold, HIGH))
+        concerned = said.sender < 0 and _inside(self.windows, said.t_ns)
+        if concerned and bench.rng.random() < self.share:
+            hold = bench.rng.randint(*self.hold_ns)
+            self._due.append(Pulse(said.end_ns, said.end_ns + hold, HIGH))
         return said
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from bench.diagnosis.bodies import steps
 from bench.diagnosis.dialects import DIALECTS
@@ -33,7 +33,7 @@ def troubled(
     it: Plan,
     truths: Sequence[Truth],
     trouble: Callable[[int], Sequence[Trouble]],
-    **other: object,
+    **other: Any,
 ) -> Scenario:
     """Return a scenario of one controller on a line that something is wrong with."""
 
