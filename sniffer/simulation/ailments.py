@@ -75,7 +75,7 @@ class Ailments:
             case f.OVERLOAD:
                 joint.burden = rng.choice((-1, 1)) * rng.uniform(*BURDEN)
             case f.SLOW:
-                servo.lag_ns = rng.randint(*self._bus.slow_ns)
+                servo.lag_ns = rng.randint(*self._bus.lags_ns)
             case f.RESETS:
                 self._next_reset[servo] = now_ns
             case _:

@@ -77,7 +77,7 @@ class LssBus(Bus):
     supply_v = 11.8
     late_ns = (110 * MS, 160 * MS)
     pause_ns = (100 * US, 400 * US)
-    slow_ns = (8 * MS, 40 * MS)
+    lags_ns = (8 * MS, 40 * MS)
     unknown_faults = frozenset({faults.REFUSE})
     servo_type = LssServo
     tables = by_model(MODELS)

@@ -67,7 +67,7 @@ class MightyZapBus(Bus):
     supply_v = 12.2
     late_ns = (12 * MS, 18 * MS)
     pause_ns = (300 * US, 900 * US)
-    slow_ns = (2 * MS, 7 * MS)
+    lags_ns = (2 * MS, 7 * MS)
     begins = HEADER
     servo_type = MightyZapServo
     tables = by_model(MODELS)

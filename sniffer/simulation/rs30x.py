@@ -99,7 +99,7 @@ class Rs30xBus(Bus):
     supply_v = 7.4
     late_ns = (14 * MS, 24 * MS)  # return delay 255 would be 12.85 ms
     pause_ns = (150 * US, 500 * US)
-    slow_ns = (2 * MS, 9 * MS)
+    lags_ns = (2 * MS, 9 * MS)
     servo_type = Rs30xServo
     tables = by_model(MODELS)
     servos: Mapping[int, Rs30xServo]

@@ -213,7 +213,7 @@ class Bus(abc.ABC):
     """How long a late answer takes: beyond the window, within the controller's patience."""
     pause_ns: ClassVar[tuple[int, int]]
     """What the controller lets pass between two exchanges."""
-    slow_ns: ClassVar[tuple[int, int]]
+    lags_ns: ClassVar[tuple[int, int]]
     """How much longer a slow servo takes, still within what clients wait."""
     boot_ns: ClassVar[tuple[int, int]] = (80 * MS, 300 * MS)
     """How long a servo is deaf when it restarts. Most manuals do not say it: a figure of ours."""

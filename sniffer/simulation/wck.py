@@ -182,7 +182,7 @@ class WckBus(Bus):
     supply_v = 8.4
     late_ns = (7 * MS, 15 * MS)
     pause_ns = (100 * US, 400 * US)
-    slow_ns = (1500 * US, 3800 * US)
+    lags_ns = (1500 * US, 3800 * US)
     boot_ns = (65 * MS, 75 * MS)  # Source: manual 1.07, 2-3, Reset Time after Power Supply
     unknown_faults = frozenset({faults.OVERHEAT, faults.REFUSE})
     servo_type = WckServo
