@@ -56,6 +56,7 @@ def _faults(
         "sniffer simulate mightyzap --link /tmp/bus",
         "sniffer simulate wck --baud 921600 --full --truth truth.jsonl --duration 10s",
         "sniffer simulate lss --servos 1,2,5 --fault drop-reply:5:10% --fault noise",
+        "sniffer simulate mightyzap --fault stall:2@5s+3s --fault dead:3@20s",
         "sniffer simulate rs30x --respond --link /tmp/bus --tap-link /tmp/tap",
     ),
 )
@@ -76,9 +77,12 @@ def _faults(
 @click.option("--seed", type=int, default=0, show_default=True, help="Another one, another run.")
 @click.option("--duration", type=Duration(), help="Stop after this time: 10s, 5min.")
 @click.option(
-    "--fault", "faults", multiple=True, callback=_faults, metavar="KIND[:SERVO][:RATE%]",
-    help="What goes wrong: drop-reply, flip, cut, late, noise, duplicate-id, brownout; how often "
-    "at each chance. May be repeated.",
+    "--fault", "faults", multiple=True, callback=_faults,
+    metavar="KIND[:SERVO][:RATE%][@FROM[+FOR]]",
+    help="What goes wrong, how often at each chance, and when. On the line: drop-reply, flip, cut, "
+    "late, noise, duplicate-id, brownout. A servo: limp, stall, overheat, overload, dead, absent, "
+    "slow, reset-loop, refuse, chatty. The controller: hang, jitter, impatient, nv-wear. May be "
+    "repeated.",
 )  # fmt: skip
 @click.option(
     "--truth", type=click.Path(path_type=Path), help="Write what really happened, as JSON lines."

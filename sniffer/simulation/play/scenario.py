@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ from sniffer.ground.limits import BAUDS, whole
 from sniffer.ground.model import SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.simulation.buses import BUSES
-from sniffer.simulation.faults import spelled
+from sniffer.simulation.faults import CONTROLLER_FAULTS, spelled
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -67,6 +68,12 @@ class Scenario:
         for fault in self.faults:
             if fault.servo_id not in (None, *self.servo_ids):
                 raise self._absent("faults", f"{spelled(fault.kind)}:{fault.servo_id}")
+            if self.respond and fault.kind in CONTROLLER_FAULTS:
+                told = "{respond} plays no controller: {faults:%s} says nothing"
+                raise SnifferError(Sentence(told % spelled(fault.kind)))
+            if fault.kind in BUSES[self.protocol].unknown_faults:
+                told = "{faults:%s}: nothing on a {protocol} bus would show that"
+                raise SnifferError(Sentence(told % spelled(fault.kind), protocol=self.protocol))
 
     def _check_models(self) -> None:
         tables = BUSES[self.protocol].tables
@@ -113,7 +120,16 @@ class Scenario:
 
     def facts(self) -> dict[str, Any]:
         """Return the first line of the truth."""
-        struck = [{"kind": f.kind, "rate": f.rate, "servo_id": f.servo_id} for f in self.faults]
+        struck = [
+            {
+                "kind": f.kind,
+                "rate": f.rate,
+                "servo_id": f.servo_id,
+                "first_s": f.first_s,
+                "last_s": None if math.isinf(f.last_s) else f.last_s,
+            }
+            for f in self.faults
+        ]
         return {
             "version": __version__,
             "protocol": self.protocol,
