@@ -15,8 +15,11 @@ from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.damage import Damages
 from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happened
 from sniffer.diagnosis.histograms import Histograms
+from sniffer.diagnosis.orders import KINDS, Orders
+from sniffer.diagnosis.refusals import Refusals
 from sniffer.diagnosis.settings import Settings
 from sniffer.diagnosis.silences import Silences
+from sniffer.diagnosis.steps import Steps
 from sniffer.diagnostics.found import CODES, Anomalies
 from sniffer.ground.codes import (
     DAMAGED,
@@ -146,11 +149,13 @@ class Ledger:
         self.settings = Settings(protocol)
         self.damages = Damages(protocol)
         self.silences = Silences()
+        self.orders = Orders(protocol)
+        self.refusals = Refusals(protocol)
+        self.steps = Steps(protocol)
         self.head = b""
         """The first bytes of the bus."""
         self._asked_at: dict[int, int] = {}
         self._last_asked: int | None = None
-        self._steps: dict[int, int] = {}
         self._fine_from: int | None = None
         registers = protocol.registers
         self._is_value = np.array([bool(r.quantity) for r in registers], bool)
@@ -171,6 +176,7 @@ class Ledger:
         if len(batch.transactions):
             self._answers(batch)
             self.silences.add(batch)
+            self.refusals.add(batch)
         if len(f):
             self.frames += len(f)
             if self.first_ns is None:
@@ -178,6 +184,7 @@ class Ledger:
             self.last_ns = max(self.last_ns, int(f.t_end[-1]))
             self._traffic(batch)
             self._periods(f)
+            self.orders.add(batch)
         if len(batch.values):
             self._values(batch)
         self.damages.add(batch)
@@ -297,7 +304,8 @@ class Ledger:
         milli = np.rint(value[mine] * MILLI).astype(np.int64)
         servo = v.servo_id[mine].astype(np.int64) + 1
         who = servo * len(self._is_value) + v.register[mine]
-        key = self.bucket(v.t_ns[mine]) * (SERVOS * len(self._is_value)) + who
+        t_ns, at = v.t_ns[mine], batch.frames.start[v.row[mine]] + batch.base
+        key = self.bucket(t_ns) * (SERVOS * len(self._is_value)) + who
         self.values.add(
             key,
             n=np.ones(len(mine), np.int64),
@@ -306,27 +314,11 @@ class Ledger:
             total=milli,
             first=milli,
             last=milli,
-            step=self._stepped(who, milli),
-            at=batch.frames.start[v.row[mine]] + batch.base,
-            t_first=v.t_ns[mine],
-            t_last=v.t_ns[mine],
+            step=self.steps.add(who, milli, t_ns, at),
+            at=at,
+            t_first=t_ns,
+            t_last=t_ns,
         )
-
-    def _stepped(self, who: I64, value: I64) -> I64:
-        """Return how far each value is from the one before of its servo and register."""
-        order = np.argsort(who, kind="stable")
-        k, v = who[order], value[order]
-        first = np.concatenate([[True], k[1:] != k[:-1]])
-        last = np.concatenate([first[1:], [True]])
-        before = np.concatenate([[0], v[:-1]])
-        of = k[first].tolist()
-        before[first] = [
-            self._steps.get(key, now) for key, now in zip(of, v[first].tolist(), strict=True)
-        ]
-        self._steps.update(zip(k[last].tolist(), v[last].tolist(), strict=True))
-        out = np.empty(len(value), np.int64)
-        out[order] = np.abs(v - before)
-        return out
 
     def _line(self, batch: Batch) -> None:
         f, gaps = batch.frames, Gaps.of(batch.gaps)
@@ -385,6 +377,7 @@ class Ledger:
             (self.line, 1),
             (self.values, SERVOS * len(self._is_value)),
             (self.alarms, SERVOS * len(CODES)),
+            (self.orders.counts, SERVOS * KINDS),
         )
         for buckets, width in tables:
             key, _ = buckets.table()
