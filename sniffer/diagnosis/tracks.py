@@ -100,7 +100,8 @@ class Track:
         if not len(rows):
             return ()
         t = self.position.t
-        split = np.flatnonzero(np.diff(t[rows]) > BRIDGED_NS + self._window_ns // 2) + 1
+        apart = np.diff(t[rows]) > BRIDGED_NS + self._window_ns // 2
+        split = np.flatnonzero(apart & ~self._stays(rows[:-1], rows[1:])) + 1
         out = []
         for part in np.split(rows, split):
             a, b = int(part[0]), int(part[-1])
@@ -109,6 +110,14 @@ class Track:
                 out.append(Away(a, b, began, int(t[b]), float(np.median(self._error[part]))))
         return out
 
+    def _stays(self, since: I64, until: I64) -> Mask:
+        """Tell whether it stood still from one row to another, whatever its goals did."""
+        low, high = _extremes(self.position, since, until + 1)
+        told = self._is_told.astype(np.int64)
+        kept = np.cumsum(told)[until] - np.cumsum(told)[since] == until - since
+        stays: Mask = (high - low < self.far / 2) & kept
+        return stays
+
     @functools.cached_property
     def _window_ns(self) -> int:
         """How long it is looked at: long enough for some positions."""
@@ -116,6 +125,11 @@ class Track:
         looks = int(p.n.sum())
         each = int(p.t[-1] - p.t_first[0]) // max(looks - 1, 1)
         return max(WINDOW_NS, LOOKS * each)
+
+    @property
+    def _long_ns(self) -> int:
+        """The same, and the time that a joint may take to follow."""
+        return self._window_ns + LAG_NS
 
     @functools.cached_property
     def _is_told(self) -> Mask:
@@ -132,7 +146,7 @@ class Track:
     def _goals(self) -> tuple[F64, F64]:
         """What was in force in the window of each row, and before it."""
         p, g = self.position, self.goal
-        return in_force(g, p.t - self._window_ns - LAG_NS, p.t)
+        return in_force(g, p.t - self._long_ns, p.t)
 
     @functools.cached_property
     def _places(self) -> tuple[F64, F64, I64]:
@@ -166,14 +180,15 @@ class Track:
         away: Mask = (gap > self.far) & ~comes
         # goals that pass over the place where it hangs: slow ones, for fast ones nobody follows
         means = self._slow_goals
-        away |= (means > 2 * self.far) & (moved < FOLLOWS * means)
+        low, high = _extremes(p, np.searchsorted(p.t, p.t - self._long_ns), np.arange(len(p)) + 1)
+        away |= (means > 2 * self.far) & (high - low < FOLLOWS * means)
         return away & (looks >= LOOKS - 1)
 
     @functools.cached_property
     def _slow_goals(self) -> F64:
         """How far the goals of each window range, by the means of their buckets."""
         p, g = self.position, self.goal
-        first = np.searchsorted(g.t, p.t - self._window_ns - LAG_NS)
+        first = np.searchsorted(g.t, p.t - self._long_ns)
         behind = np.searchsorted(g.t_first, p.t - LAG_NS // 4, "right")
         low, high = _extremes(g, first, behind, g.mean, g.mean)
         return np.where(np.isfinite(low), high - low, 0.0)
@@ -186,7 +201,9 @@ def in_force(s: Series, since: I64, until: I64) -> tuple[F64, F64]:
     low, high = _extremes(s, first, behind)
     before = first - 1
     held = np.where(before >= 0, s.last[np.maximum(before, 0)], np.nan)
-    return np.fmin(low, held), np.fmax(high, held)
+    low, high = np.fmin(low, held), np.fmax(high, held)
+    none = np.isinf(low)
+    return np.where(none, np.nan, low), np.where(none, np.nan, high)
 
 
 def _extremes(
