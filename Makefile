@@ -16,10 +16,11 @@ PROTOC_PYTHON ?= $(PYTHON)
 PROTOS := $(sort $(shell find schemas/messages -name '*.proto' 2>/dev/null))
 
 # What decodes, without a process or a port; and the part of it that is done in a minute.
-CORE := $(addprefix tests/test_, $(addsuffix .py, capture_edges cutting detect diagnostics echo edges \
-	golden laws limits lss lss_models lss_values malformed matching models models_laws pacing \
-	pipelined registers remarks rs30x rs30x_acks rs30x_values siblings staged_ids streaming times \
-	vectors wck wck_controller wck_gaps wck_values cli_text cli_jsonl))
+CORE := tests/plugins $(addprefix tests/test_, $(addsuffix .py, capture_edges conformance_kit cutting \
+	damage_columns detect diagnostics echo edges examples_protocols golden laws limits lss lss_models \
+	lss_values malformed matching mixed models models_laws pacing pipelined registers remarks rs30x \
+	rs30x_acks rs30x_values siblings staged_ids streaming times vectors wck wck_controller wck_gaps \
+	wck_values cli_text cli_jsonl))
 QUICK := $(addprefix tests/test_, $(addsuffix .py, architecture detect golden lss matching registers \
 	rs30x staged_ids times vectors vectors_data wck))
 

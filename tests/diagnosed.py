@@ -26,7 +26,8 @@ def diagnosed(
 ) -> Diagnosis:
     """Return the diagnosis of a capture, fed in groups of chunks."""
     diagnosis = Diagnosis()
-    pipeline = Pipeline(Options(protocol=protocol, **options), [diagnosis])
+    # By what it is timed is found from its beginning, as a source is read ahead.
+    pipeline = Pipeline(Options(protocol=protocol, **options), [diagnosis], ahead=chunks)
     for k in range(0, len(chunks), group):
         pipeline.feed(chunks[k : k + group])
     pipeline.close()

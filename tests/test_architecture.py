@@ -47,7 +47,7 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     "pyarrow": ("sinks/tables.py", "sinks/rerun/", "jobs/api.py"),
     "pandas": (),
     "click": ("cli/",),
-    "rich": ("cli/", "sinks/text.py", "sinks/report.py", "viewers/"),
+    "rich": ("cli/", "sinks/text.py", "sinks/report.py", "sinks/story.py", "viewers/"),
     "threading": ("cli/", "ports/", "tap/", "viewers/", "sinks/rerun/", "simulation/play/"),
     "socket": ("viewers/viewer.py",),
     "subprocess": ("viewers/",),

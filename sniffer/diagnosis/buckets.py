@@ -5,14 +5,17 @@ A row a key. All its columns are whole numbers, so that sums do not depend on ho
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final, Union
 
 import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from sniffer.ground.model import I64
+    from sniffer.ground.model import I64, Mask
+
+Column = Union["I64", "Mask", int]
+"""Numbers of rows, or one that all of them have."""
 
 COMPACT: Final = 1 << 16
 """Rows that may wait to be joined: joining costs the more the oftener it is done."""
@@ -35,6 +38,13 @@ def in_groups(key: I64) -> tuple[I64, I64]:
     return order, begins
 
 
+_REDUCE: Final[Mapping[str, Any]] = {
+    "sum": np.add.reduceat,
+    "min": np.minimum.reduceat,
+    "max": np.maximum.reduceat,
+}
+
+
 class Buckets:
     """Rows by key, each column reduced in its way: ``sum``, ``min``, ``max``, ``first``, ``last``.
 
@@ -46,8 +56,8 @@ class Buckets:
         self._parts: list[tuple[I64, dict[str, I64]]] = []
         self._waiting = 0
 
-    def add(self, key: I64, **columns: I64) -> None:
-        """Add rows; every column is given."""
+    def add(self, key: I64, **columns: Column) -> None:
+        """Add rows; every column is given, one number where it is the same in all rows."""
         if not len(key):
             return
         part = self._reduced(key, columns)
@@ -77,21 +87,25 @@ class Buckets:
             self._parts = [self._reduced(key, columns)]
         self._waiting = len(self._parts[0][0]) if self._parts else 0
 
-    def _reduced(self, key: I64, columns: Mapping[str, I64]) -> tuple[I64, dict[str, I64]]:
+    def _reduced(
+        self, key: I64, columns: Mapping[str, I64 | Mask | int]
+    ) -> tuple[I64, dict[str, I64]]:
         order, begins = in_groups(key)
-        ends = np.append(begins[1:], len(order)) - 1
+        sizes = np.diff(np.append(begins, len(order)))
+        firsts, lasts = order[begins], order[begins + sizes - 1]
         out: dict[str, I64] = {}
+        sorted_: dict[int, Any] = {}  # putting a column in order takes longer than all the rest
         for name, way in self._ways.items():
             column = columns[name]
-            match way:
-                case "first":
-                    out[name] = column[order[begins]]
-                case "last":
-                    out[name] = column[order[ends]]
-                case "sum":
-                    out[name] = np.add.reduceat(column[order], begins)
-                case "min":
-                    out[name] = np.minimum.reduceat(column[order], begins)
-                case _:
-                    out[name] = np.maximum.reduceat(column[order], begins)
-        return key[order[begins]], out
+            if isinstance(column, int):
+                out[name] = sizes * column if way == "sum" else np.full(len(begins), column)
+            elif way == "first":
+                out[name] = column[firsts].astype(np.int64)
+            elif way == "last":
+                out[name] = column[lasts].astype(np.int64)
+            else:
+                if id(column) not in sorted_:
+                    sorted_[id(column)] = column[order]
+                reduce = _REDUCE[way]
+                out[name] = reduce(sorted_[id(column)], begins, dtype=np.int64)
+        return key[firsts], out

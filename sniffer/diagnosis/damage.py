@@ -19,7 +19,7 @@ from sniffer.ground.gaps import BLANK, IDLE_TAIL, NOISE, Gaps
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator
 
     from sniffer.ground.model import I64, Batch
     from sniffer.protocols.base import BusProtocol
@@ -37,6 +37,9 @@ BYTES: Final = 80
 
 BEFORE: Final = 256
 """Frames before a place in which its like is looked for."""
+
+NEAR: Final = 64
+"""Frames before a torn request among which the one that it resembles most is looked for."""
 
 _BUCKET_NS: Final = NS // 4
 
@@ -138,7 +141,7 @@ class Damages:
         who = np.where(asks | (turn == AT_TURN), servo[before], gaps.servo_id[rows])
         self.counts.add(
             ((gaps.t_ns[rows] // _BUCKET_NS) * 512 + who + 1) * len(TURNS) + turn,
-            n=np.ones(len(rows), np.int64),
+            n=1,
             bytes=length,
             at=start + batch.base,
             length=length,
@@ -149,8 +152,7 @@ class Damages:
             row = int(before[i])
             at, size = int(start[i]), int(length[i])
             turned = int(turn[i])
-            earlier = self._earlier(batch, row)
-            asked = earlier[0].data if asks[i] and earlier else b""
+            asked = next(self._earlier(batch, row)).data if asks[i] else b""
             self.kept.append(
                 Damage(
                     at + batch.base,
@@ -161,17 +163,20 @@ class Damages:
                     int(who[i]),
                     batch.data[at : at + min(size, BYTES)],
                     asked,
-                    _like(earlier, asked, batch.data[at : at + min(size, BYTES)]),
+                    _like(self._earlier(batch, row), asked, batch.data[at : at + min(size, BYTES)]),
                 )
             )
 
-    def _earlier(self, batch: Batch, row: int) -> list[_Frame]:
-        """Return the frames up to a row, the latest first."""
-        out = [_frame(batch, r) for r in range(row, max(-1, row - BEFORE), -1)]
+    def _earlier(self, batch: Batch, row: int) -> Iterator[_Frame]:
+        """Yield the frames up to a row, the latest first, no more than ``BEFORE``."""
+        left = BEFORE
+        for r in range(row, max(-1, row - BEFORE), -1):
+            left -= 1
+            yield _frame(batch, r)
         for recent in reversed(self._recent):
-            left = min(BEFORE - len(out), len(recent.frames))
-            out += [_frame(recent, -1 - k) for k in range(left)]
-        return out
+            for k in range(min(left, len(recent.frames))):
+                left -= 1
+                yield _frame(recent, len(recent.frames) - 1 - k)
 
     def counted(self) -> dict[str, I64]:
         """Return the counts as columns, with ``bucket``, ``servo_id`` and ``turn``."""
@@ -198,17 +203,19 @@ def _frame(batch: Batch, r: int) -> _Frame:
     )
 
 
-def _like(earlier: Sequence[_Frame], asked: bytes, got: bytes) -> bytes:
+def _like(earlier: Iterator[_Frame], asked: bytes, got: bytes) -> bytes:
     """Return the last sound frame that stood where this damage stands."""
     if asked:
-        for answer, request in itertools.pairwise(earlier):
+        for answer, request in itertools.pairwise(itertools.islice(earlier, 1, None)):
             if answer.kind == RESPONSE and request.kind == REQUEST and request.data == asked:
                 return answer.data
         return b""
     best, least = b"", len(got) // 2 + 1
-    for frame in earlier[:64]:
+    for frame in itertools.islice(earlier, NEAR):
         if frame.kind == REQUEST and len(frame.data) == len(got):
             differ = sum(a != b for a, b in zip(frame.data, got, strict=True))
             if differ < least:
                 best, least = frame.data, differ
+                if differ == 1:
+                    break
     return best

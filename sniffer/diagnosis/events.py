@@ -68,7 +68,7 @@ class Events:
                 self.rows()
 
     def rows(self) -> Happenings:
-        """Return what is kept, in the order in which it was added."""
+        """Return what is kept: by kind, and each in the order of the stream."""
         if not self._parts:
             return Happenings.empty()
         rows = Happenings.concat(self._parts)
@@ -77,6 +77,8 @@ class Events:
         sizes = np.diff(np.append(begins, len(order)))
         rank = np.arange(len(order)) - np.repeat(begins, sizes)
         kept = (rank < KEPT) | (np.repeat(sizes, sizes) - rank <= KEPT)
-        rows = rows.take(np.sort(order[kept]))
+        # Kinds of one pass come one after the other: in order they are only among themselves.
+        kept_rows = np.sort(order[kept])
+        rows = rows.take(kept_rows[np.argsort(rows.kind[kept_rows], kind="stable")])
         self._parts, self._waiting = [rows], 0
         return rows

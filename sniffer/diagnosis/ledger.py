@@ -59,9 +59,7 @@ HEAD: Final = 1 << 15
 _TRAFFIC: Final = {
     "frames": "sum",
     "requests": "sum",
-    "responses": "sum",
     "bytes": "sum",
-    "wire_ns": "sum",
     "at": "first",
     "end": "last",
     "t_first": "first",
@@ -79,9 +77,9 @@ _ANSWERS: Final = {
     "took_min": "min",
     "took_max": "max",
     "spread_max": "max",
-    "at": "first",
-    "t_first": "first",
-    "t_last": "last",
+    "at": "min",
+    "t_first": "min",
+    "t_last": "max",
 }
 _LINE: Final = {
     "bytes": "sum",
@@ -196,18 +194,15 @@ class Ledger:
 
     def _traffic(self, batch: Batch) -> None:
         f = batch.frames
-        heard = f.flags & ECHO == 0
-        key = self.bucket(f.t_end) * SERVOS + f.servo_id + 1
-        asks = (f.kind == REQUEST) & heard
+        asks = (f.kind == REQUEST) & (f.flags & ECHO == 0)
+        start = f.start + batch.base
         self.traffic.add(
-            key,
-            frames=np.ones(len(f), np.int64),
-            requests=asks.astype(np.int64),
-            responses=(f.kind != REQUEST).astype(np.int64),
+            self.bucket(f.t_end) * SERVOS + f.servo_id + 1,
+            frames=1,
+            requests=asks,
             bytes=f.length,
-            wire_ns=np.maximum(f.t_end - f.t_start, 0),
-            at=f.start + batch.base,
-            end=f.start + f.length + batch.base,
+            at=start,
+            end=start + f.length,
             t_first=f.t_start,
             t_last=f.t_end,
         )
@@ -227,27 +222,31 @@ class Ledger:
         at = np.where(is_asked, frames.start[rows], f.start[answer]) + batch.base
         timed = (outcome == OK) & (t.response_time_ns[told] >= 0)
         took, spread = t.response_time_ns[told], np.maximum(t.uncertainty_ns[told], 0)
+        key = self.bucket(t_ns) * SERVOS + servo + 1
+        least = np.maximum(took - spread, 0)
+        sound = bool(timed.all())
         self.answers.add(
-            self.bucket(t_ns) * SERVOS + servo + 1,
-            asked=is_asked.astype(np.int64),
-            ok=(outcome == OK).astype(np.int64),
-            missing=(outcome == NO_RESPONSE).astype(np.int64),
-            damaged=(outcome == DAMAGED).astype(np.int64),
-            mismatched=(outcome == MISMATCHED).astype(np.int64),
-            unsolicited=(outcome == UNSOLICITED).astype(np.int64),
-            took_n=timed.astype(np.int64),
-            took_sum=np.where(timed, took, 0),
-            took_min=np.where(timed, np.maximum(took - spread, 0), NOT_KNOWN),
-            took_max=np.where(timed, np.maximum(took - spread, 0), 0),
-            spread_max=np.where(timed, spread, 0),
+            key,
+            asked=1 if sound else is_asked,
+            ok=1 if sound else outcome == OK,
+            missing=0 if sound else outcome == NO_RESPONSE,
+            damaged=0 if sound else outcome == DAMAGED,
+            mismatched=0 if sound else outcome == MISMATCHED,
+            unsolicited=0 if sound else outcome == UNSOLICITED,
+            took_n=1 if sound else timed,
+            took_sum=took if sound else np.where(timed, took, 0),
+            took_min=least if sound else np.where(timed, least, NOT_KNOWN),
+            took_max=least if sound else np.where(timed, least, 0),
+            spread_max=spread if sound else np.where(timed, spread, 0),
             at=at,
             t_first=t_ns,
             t_last=t_ns,
         )
-        op = frames.op[rows]
-        key = pair_key(servo[timed].astype(np.int64), op[timed])
-        took, spread = took[timed], spread[timed]
-        self.took.add(key, np.maximum(took - spread, 0), took + spread)
+        if sound:
+            self.took.add(pair_key(servo.astype(np.int64), frames.op[rows]), least, took + spread)
+        elif timed.any():
+            whose = pair_key(servo[timed].astype(np.int64), frames.op[rows][timed])
+            self.took.add(whose, least[timed], took[timed] + spread[timed])
 
     def _periods(self, f: Frames) -> None:
         """Count the times between requests that are alike, and between any two."""
@@ -265,14 +264,13 @@ class Ledger:
         spread = np.zeros(len(pause), np.int64)
         self.pauses.add(spread, pause, pause)
         if len(pause):
-            zero = np.zeros(len(pause), np.int64)
             self.line.add(
                 self.bucket(since),
-                bytes=zero,
-                gap_bytes=zero,
-                gaps=zero,
+                bytes=0,
+                gap_bytes=0,
+                gaps=0,
                 pause_max=pause,
-                at=np.full(len(pause), NOT_KNOWN),
+                at=NOT_KNOWN,
                 t_first=since,
                 t_last=since,
             )
@@ -302,13 +300,13 @@ class Ledger:
         if not len(mine):
             return
         milli = np.rint(value[mine] * MILLI).astype(np.int64)
-        servo = v.servo_id[mine].astype(np.int64) + 1
-        who = servo * len(self._is_value) + v.register[mine]
-        t_ns, at = v.t_ns[mine], batch.frames.start[v.row[mine]] + batch.base
-        key = self.bucket(t_ns) * (SERVOS * len(self._is_value)) + who
+        register = v.register[mine].astype(np.int64)
+        who = (v.servo_id[mine].astype(np.int64) + 1) * len(self._is_value) + register
+        t_ns = v.t_ns[mine]
+        at = batch.frames.start[v.row[mine]] + batch.base
         self.values.add(
-            key,
-            n=np.ones(len(mine), np.int64),
+            self.bucket(t_ns) * (SERVOS * len(self._is_value)) + who,
+            n=1,
             low=milli,
             high=milli,
             total=milli,
@@ -321,28 +319,36 @@ class Ledger:
         )
 
     def _line(self, batch: Batch) -> None:
-        f, gaps = batch.frames, Gaps.of(batch.gaps)
-        many = len(f) + len(gaps)
-        if not many:
-            return
-        none = np.zeros(len(f), np.int64)
-        t_ns = np.concatenate([f.t_end, gaps.t_ns])
-        self.line.add(
-            self.bucket(t_ns),
-            bytes=np.concatenate([f.length, gaps.length]),
-            gap_bytes=np.concatenate([none, gaps.length]),
-            gaps=np.concatenate([none, np.ones(len(gaps), np.int64)]),
-            pause_max=np.zeros(many, np.int64),
-            at=np.concatenate([f.start, gaps.start]) + batch.base,
-            t_first=t_ns,
-            t_last=t_ns,
-        )
+        f = batch.frames
+        if len(f):
+            self.line.add(
+                self.bucket(f.t_end),
+                bytes=f.length,
+                gap_bytes=0,
+                gaps=0,
+                pause_max=0,
+                at=f.start + batch.base,
+                t_first=f.t_end,
+                t_last=f.t_end,
+            )
+        if len(batch.gaps):
+            gaps = Gaps.of(batch.gaps)
+            self.line.add(
+                self.bucket(gaps.t_ns),
+                bytes=gaps.length,
+                gap_bytes=gaps.length,
+                gaps=1,
+                pause_max=0,
+                at=gaps.start + batch.base,
+                t_first=gaps.t_ns,
+                t_last=gaps.t_ns,
+            )
 
     def _alarms(self, base: int, found: Anomalies) -> None:
         code, servo = found.code.astype(np.int64), found.servo_id.astype(np.int64)
         self.alarms.add(
             (self.bucket(found.t_ns) * len(CODES) + code) * SERVOS + servo + 1,
-            n=np.ones(len(found), np.int64),
+            n=1,
             at=found.at,
             length=found.length,
             t_first=found.t_ns,

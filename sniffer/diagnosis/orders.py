@@ -57,7 +57,7 @@ class Orders:
         servo = f.servo_id[rows].astype(np.int64) + 1
         self.counts.add(
             (t_ns // _BUCKET_NS * SERVOS + servo) * KINDS + kind,
-            n=np.ones(len(rows), np.int64),
+            n=1,
             at=f.start[rows] + batch.base,
             length=f.length[rows],
             t_first=t_ns,

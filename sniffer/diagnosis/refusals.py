@@ -60,7 +60,7 @@ class Refusals:
         self._ops.update(zip(op.tolist(), frames.op[asked].tolist(), strict=True))
         self.counts.add(
             (servo * ADDRESSES + address) * OPS + op,
-            n=np.ones(len(rows), np.int64),
+            n=1,
             status=status.astype(np.int64),
             at=frames.start[asked] + batch.base,
             length=frames.length[asked],

@@ -97,9 +97,9 @@ class Settings:
         row = v.row[asked]
         self.writes.add(
             (v.servo_id[asked].astype(np.int64) + 1) * self._count + v.register[asked],
-            n=np.ones(len(asked), np.int64),
-            parts=(v.part[asked] != WHOLE).astype(np.int64),
-            refused=(~v.accepted[asked]).astype(np.int64),
+            n=1,
+            parts=v.part[asked] != WHOLE,
+            refused=~v.accepted[asked],
             low=v.raw[asked],
             high=v.raw[asked],
             at=f.start[row] + batch.base,

@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.diagnosis.buckets import in_groups
+from sniffer.ground.model import NEVER_NS
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -45,40 +48,49 @@ class Steps:
 
         ``who`` is the servo times the number of registers, plus the register.
         """
-        order = np.argsort(who, kind="stable")
-        k, v, t = who[order], value[order], t_ns[order]
-        first = np.concatenate([[True], k[1:] != k[:-1]])
-        last = np.concatenate([first[1:], [True]])
-        before, since = np.concatenate([[0], v[:-1]]), np.concatenate([[0], t[:-1]])
-        begins = np.flatnonzero(first)
-        for i, key in zip(begins.tolist(), k[begins].tolist(), strict=True):
-            before[i], since[i] = self._last.get(key, (int(v[i]), int(t[i])))
-        ends = zip(v[last].tolist(), t[last].tolist(), strict=True)
-        self._last.update(zip(k[last].tolist(), ends, strict=True))
-        step = np.abs(v - before)
-        tall = np.flatnonzero((step > 0) & self._watched[k % self._count])
+        order, begins = in_groups(who)
+        v = value[order]
+        sizes = np.diff(np.append(begins, len(order)))
+        last = begins + sizes - 1
+        of = who[order[begins]].tolist()
+        firsts = zip(v[begins].tolist(), t_ns[order[begins]].tolist(), strict=True)
+        known = [self._last.get(key, own) for key, own in zip(of, firsts, strict=True)]
+        ends = zip(v[last].tolist(), t_ns[order[last]].tolist(), strict=True)
+        self._last.update(zip(of, ends, strict=True))
+        before = np.concatenate([[0], v[:-1]])
+        before[begins] = [value for value, _ in known]
+        size = np.abs(v - before)
+        tall = np.flatnonzero(size > np.repeat([self._floor(key) for key in of], sizes))
         if len(tall):
-            self._keep(k[tall], at[order[tall]], t[tall], since[tall], before[tall], v[tall])
+            group = np.searchsorted(begins, tall, "right") - 1
+            since = np.where(
+                tall == begins[group],
+                np.array([t for _, t in known])[group],
+                t_ns[order[np.maximum(tall - 1, 0)]],
+            )
+            row = order[tall]
+            columns = (size[tall], at[row], t_ns[row], t_ns[row] - since, before[tall], v[tall])
+            self._keep(who[row], columns)
         out = np.empty(len(value), np.int64)
-        out[order] = step
+        out[order] = size
         return out
 
-    def _keep(self, key: I64, at: I64, t_ns: I64, since: I64, before: I64, after: I64) -> None:
+    def _floor(self, key: int) -> int:
+        """Return the size that a step must exceed to be kept."""
+        if not self._watched[key % self._count]:
+            return NEVER_NS
+        kept = self._kept.get(key, [])
+        return kept[-1].size if len(kept) == KEPT else 0
+
+    def _keep(self, key: I64, columns: tuple[I64, ...]) -> None:
         """Keep the greatest, of those of one size the first."""
-        size = np.abs(after - before)
-        of, which = np.unique(key, return_inverse=True)
-        full: list[Sequence[Step]] = [self._kept.get(k, ()) for k in of.tolist()]
-        floor = np.array([kept[-1].size if len(kept) == KEPT else 0 for kept in full])
-        rows = np.flatnonzero(size > floor[which])
-        rows = rows[np.lexsort((at[rows], -size[rows], key[rows]))]
-        begins = np.searchsorted(key[rows], key[rows])
-        rows = rows[np.arange(len(rows)) - begins < KEPT]
-        for i in rows.tolist():
-            kept = self._kept.setdefault(int(key[i]), [])
-            took = int(t_ns[i] - since[i])
-            kept.append(
-                Step(int(size[i]), int(at[i]), int(t_ns[i]), took, int(before[i]), int(after[i]))
-            )
+        size, at = columns[:2]
+        rows = np.lexsort((at, -size, key))
+        rank = np.arange(len(rows)) - np.searchsorted(key[rows], key[rows])
+        rows = rows[rank < KEPT]
+        told = zip(*(column[rows].tolist() for column in columns), strict=True)
+        for k, step in zip(key[rows].tolist(), told, strict=True):
+            self._kept.setdefault(k, []).append(Step(*step))
         for k in np.unique(key[rows]).tolist():
             self._kept[k].sort(key=lambda s: (-s.size, s.at))
             del self._kept[k][KEPT:]

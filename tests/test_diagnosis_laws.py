@@ -1,0 +1,78 @@
+"""Laws of the diagnosis: it depends on what was said, not on how it was handed over."""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.diagnosis import Diagnosis
+from sniffer.diagnosis.case import Case
+from sniffer.simulation.buses import BUSES, simulate
+from sniffer.simulation.faults import FAULTS, Fault
+from tests.diagnosed import chunks_of, diagnosed, found
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import Chunk
+
+
+@functools.cache
+def bus(protocol: str, seed: int, seconds: float = 1.5, rate: float = 0.02) -> list[Chunk]:
+    faults = [Fault(kind, rate) for kind in FAULTS]
+    return chunks_of(simulate(protocol, seed=seed, faults=faults, duration_s=seconds))
+
+
+def told(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    return [incident.as_dict() for incident in diagnosis.incidents()]
+
+
+def tables(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Return all that a ledger remembers, as plain lists."""
+    out: list[dict[str, Any]] = []
+    for case in diagnosis.cases():
+        for name in ("traffic", "answers", "line", "alarms", "writes", "damage", "_values"):
+            table = getattr(Case(case.ledger), name)
+            out.append({name: {key: column.tolist() for key, column in table.items()}})
+        out.append({"damages": list(case.damages)})
+        rows = case.happenings
+        out.append({"events": [getattr(rows, n).tolist() for n in ("kind", "what", "t_ns", "at")]})
+    return out
+
+
+@pytest.mark.parametrize("protocol", BUSES)
+@settings(max_examples=8)
+@given(seed=st.integers(0, 5), group=st.integers(5, 300))
+def test_what_is_remembered_does_not_depend_on_how_chunks_are_grouped(
+    protocol: str, seed: int, group: int
+) -> None:
+    chunks = bus(protocol, seed)
+    whole = diagnosed(chunks, protocol, group=len(chunks))
+    cut = diagnosed(chunks, protocol, group=group)
+    for one, other in zip(tables(whole), tables(cut), strict=True):
+        assert one == other
+    assert told(whole) == told(cut)
+
+
+@pytest.mark.parametrize("protocol", BUSES)
+def test_asking_meanwhile_changes_nothing(protocol: str) -> None:
+    chunks = bus(protocol, 3)
+    diagnosis = Diagnosis()
+    pipeline = Pipeline(Options(protocol=protocol), [diagnosis], ahead=chunks)
+    for k in range(0, len(chunks), 50):
+        pipeline.feed(chunks[k : k + 50])
+        diagnosis.incidents()
+    pipeline.close()
+    pipeline.finish()
+    assert told(diagnosis) == told(diagnosed(chunks, protocol))
+
+
+@pytest.mark.parametrize("protocol", BUSES)
+def test_sound_traffic_has_no_incident(protocol: str) -> None:
+    for seed in range(3):
+        chunks = chunks_of(simulate(protocol, seed=seed, duration_s=3.0))
+        diagnosis = diagnosed(chunks, protocol)
+        assert not diagnosis.incidents(), [f.what for f in found(diagnosis)]
