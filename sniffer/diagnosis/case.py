@@ -36,8 +36,9 @@ class Series:
     many there were, ``at`` the byte of the first.
     """
 
-    def __init__(self, register: Register, rows: Table) -> None:
+    def __init__(self, register: Register, rows: Table, index: int = -1) -> None:
         self.register = register
+        self.index = index
         self.bucket = rows["bucket"]
         self.t, self.t_first, self.at, self.n = (
             rows["t_last"],
@@ -137,6 +138,17 @@ class Case:
         return self.ledger.settings.written()
 
     @functools.cached_property
+    def orders(self) -> Table:
+        """Commands that end a goal, by bucket, servo and kind (``protocols.base.LETS_GO`` ...)."""
+        return self.ledger.orders.counted()
+
+    def order_times(self, servo_id: int, *kinds: int) -> I64:
+        """Return when a servo was last given such commands, a moment a bucket and kind."""
+        o = self.orders
+        to_it = np.isin(o["servo_id"], [servo_id, *self.protocol.everyone])
+        return np.sort(o["t_last"][to_it & np.isin(o["kind"], kinds)])
+
+    @functools.cached_property
     def damage(self) -> Table:
         """Damaged places by bucket, servo and turn (``damage.TURNS``)."""
         return self.ledger.damages.counted()
@@ -176,24 +188,36 @@ class Case:
         return int(self.answers[column][rows].sum())
 
     @functools.cached_property
-    def _series(self) -> Mapping[tuple[int, str], Series]:
+    def _series(self) -> Mapping[tuple[int, str], Sequence[Series]]:
         values = self._values
-        out: dict[tuple[int, str], Series] = {}
+        out: dict[tuple[int, str], list[Series]] = {}
         key = values["servo_id"] * len(self.protocol.registers) + values["register"]
         order = np.argsort(key, kind="stable")
         edges = np.flatnonzero(np.diff(key[order], prepend=-2, append=-2))
         for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
             rows = order[a:b]
-            register = self.protocol.registers[int(values["register"][rows[0]])]
+            index = int(values["register"][rows[0]])
+            register = self.protocol.registers[index]
             who = int(values["servo_id"][rows[0]]), register.quantity
-            series = Series(register, {name: column[rows] for name, column in values.items()})
-            if who not in out or len(series) > len(out[who]):
-                out[who] = series  # of registers that state one quantity, the one stated oftener
+            series = Series(
+                register, {name: column[rows] for name, column in values.items()}, index
+            )
+            out.setdefault(who, []).append(series)
+        for several in out.values():
+            several.sort(key=lambda s: (-len(s), s.index))
         return out
 
     def series(self, servo_id: int, quantity: str) -> Series | None:
-        """Return a quantity of a servo (``Register.quantity``) over time; None: never stated."""
-        return self._series.get((servo_id, quantity))
+        """Return a quantity of a servo (``Register.quantity``) over time; None: never stated.
+
+        Of registers that state one quantity it is the one stated oftener.
+        """
+        several = self._series.get((servo_id, quantity))
+        return several[0] if several else None
+
+    def every(self, servo_id: int, quantity: str) -> Sequence[Series]:
+        """Return a quantity of a servo by each register that states it, the most stated first."""
+        return self._series.get((servo_id, quantity), ())
 
     def measured_by(self, quantity: str) -> tuple[int, ...]:
         """Return the servos of which a quantity was stated."""

@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.diagnosis.buckets import Buckets, in_groups
+from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.damage import Damages
 from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happened
 from sniffer.diagnosis.histograms import Histograms
+from sniffer.diagnosis.orders import KINDS, Orders
+from sniffer.diagnosis.refusals import Refusals
 from sniffer.diagnosis.settings import Settings
 from sniffer.diagnosis.silences import Silences
+from sniffer.diagnosis.steps import Steps
 from sniffer.diagnostics.found import CODES, Anomalies
 from sniffer.ground.codes import (
     DAMAGED,
@@ -144,11 +147,13 @@ class Ledger:
         self.settings = Settings(protocol)
         self.damages = Damages(protocol)
         self.silences = Silences()
+        self.orders = Orders(protocol)
+        self.refusals = Refusals(protocol)
+        self.steps = Steps(protocol)
         self.head = b""
         """The first bytes of the bus."""
         self._asked_at: dict[int, int] = {}
         self._last_asked: int | None = None
-        self._steps: dict[int, int] = {}
         self._fine_from: int | None = None
         registers = protocol.registers
         self._is_value = np.array([bool(r.quantity) for r in registers], bool)
@@ -169,6 +174,7 @@ class Ledger:
         if len(batch.transactions):
             self._answers(batch)
             self.silences.add(batch)
+            self.refusals.add(batch)
         if len(f):
             self.frames += len(f)
             if self.first_ns is None:
@@ -176,6 +182,7 @@ class Ledger:
             self.last_ns = max(self.last_ns, int(f.t_end[-1]))
             self._traffic(batch)
             self._periods(f)
+            self.orders.add(batch)
         if len(batch.values):
             self._values(batch)
         self.damages.add(batch)
@@ -296,6 +303,7 @@ class Ledger:
         register = v.register[mine].astype(np.int64)
         who = (v.servo_id[mine].astype(np.int64) + 1) * len(self._is_value) + register
         t_ns = v.t_ns[mine]
+        at = batch.frames.start[v.row[mine]] + batch.base
         self.values.add(
             self.bucket(t_ns) * (SERVOS * len(self._is_value)) + who,
             n=1,
@@ -304,26 +312,11 @@ class Ledger:
             total=milli,
             first=milli,
             last=milli,
-            step=self._stepped(who, milli),
-            at=batch.frames.start[v.row[mine]] + batch.base,
+            step=self.steps.add(who, milli, t_ns, at),
+            at=at,
             t_first=t_ns,
             t_last=t_ns,
         )
-
-    def _stepped(self, who: I64, value: I64) -> I64:
-        """Return how far each value is from the one before of its servo and register."""
-        order, begins = in_groups(who)
-        v = value[order]
-        sizes = np.diff(np.append(begins, len(order)))
-        step = np.empty(len(v), np.int64)
-        step[1:] = v[1:] - v[:-1]
-        of, now = who[order[begins]].tolist(), v[begins].tolist()
-        known = [self._steps.get(key, own) for key, own in zip(of, now, strict=True)]
-        step[begins] = v[begins] - np.array(known, np.int64)
-        self._steps.update(zip(of, v[begins + sizes - 1].tolist(), strict=True))
-        out = np.empty(len(value), np.int64)
-        out[order] = np.abs(step)
-        return out
 
     def _line(self, batch: Batch) -> None:
         f = batch.frames
@@ -390,6 +383,7 @@ class Ledger:
             (self.line, 1),
             (self.values, SERVOS * len(self._is_value)),
             (self.alarms, SERVOS * len(CODES)),
+            (self.orders.counts, SERVOS * KINDS),
         )
         for buckets, width in tables:
             key, _ = buckets.table()

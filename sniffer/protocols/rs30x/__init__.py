@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -11,7 +12,7 @@ from construct import ConstructError
 from sniffer.ground.codes import REQUEST
 from sniffer.ground.model import MALFORMED
 from sniffer.ground.registers import numbered
-from sniffer.protocols.base import FieldSpan, joined, no_clues
+from sniffer.protocols.base import RESTARTS, FieldSpan, joined, no_clues
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.rs30x import block, damage, slow
 from sniffer.protocols.rs30x.block import PLAN
@@ -24,6 +25,7 @@ from sniffer.protocols.rs30x.grammar import (
     NACK,
     OPS,
     PACKET,
+    REBOOT,
     REFUSALS,
     RESET_WITH_DATA,
     RETURN,
@@ -72,6 +74,7 @@ class Rs30x:
     everyone: tuple[int, ...] = (EVERYONE,)
     blank = b""
     ordered = False
+    ends_goal = MappingProxyType({REBOOT: RESTARTS})
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
