@@ -26,7 +26,7 @@ QUICK := $(addprefix tests/test_, $(addsuffix .py, architecture detect golden ls
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-quick coverage lint format bench bench-live soak rig fuzz schemas captures golden clean
+.PHONY: help demo test test-quick coverage lint format bench bench-diagnosis bench-live soak rig fuzz schemas captures golden clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -54,6 +54,9 @@ format: $(VENV)/.dev ## format, and mend what ruff can mend
 
 bench: $(VENV)/.dev ## measure the throughput
 	$(BIN)/python -m bench
+
+bench-diagnosis: $(VENV)/.dev ## faults that were built in, and what the diagnosis makes of them (4 min)
+	$(BIN)/python -m bench.diagnosis
 
 bench-live: $(VENV)/.dev ## measure recording live: its cost, how late stamps are (6 min)
 	$(BIN)/python -m bench.live_results

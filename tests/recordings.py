@@ -14,7 +14,7 @@ from sniffer.mcapfile.sink import McapSink
 from sniffer.messages import log_pb2, recording_pb2, servo_state_pb2
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation.buses import simulate
-from sniffer.simulation.faults import FAULTS, Fault
+from sniffer.simulation.faults import LINE_FAULTS, Fault
 from sniffer.simulation.render import usb_reads
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def talk(
     protocol: str, seconds: float = 1.0, seed: int = 1, rate: float = 0.02, bus: str = "bus0"
 ) -> list[Chunk]:
     """Return what a USB adapter delivers from a bus with every kind of fault."""
-    faults = [Fault(kind, rate) for kind in FAULTS]
+    faults = [Fault(kind, rate) for kind in LINE_FAULTS]
     frames = simulate(protocol, seed=seed, faults=faults, start_ns=START_NS, duration_s=seconds)
     reads = usb_reads(frames, PROTOCOLS[protocol].baud)
     return [Chunk(data, t, Clock.READ, bus) for t, data in reads]

@@ -14,7 +14,7 @@ from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind
 from sniffer.ground.timing import byte_time_ns
 from sniffer.merge.merger import Merger
 from sniffer.protocols import PROTOCOLS
-from sniffer.simulation import BUSES, FAULTS, Fault
+from sniffer.simulation import BUSES, LINE_FAULTS, Fault
 from tests.streams import chunked, stream
 from tests.taps import MS, RX, START_NS, TX, Bus, decode, heard, pairs, shares, true_pairs
 
@@ -184,7 +184,7 @@ def two_taps(draw: st.DrawFn, name: str) -> Bus:
     """Draw what two adapters hear: a bus with faults, or two streams of anything."""
     latency_ns = draw(st.sampled_from([0, MS, 4 * MS, 16 * MS]))
     if latency_ns and draw(st.booleans()):
-        faults = [Fault(kind, draw(st.sampled_from([0, 0.1, 0.4]))) for kind in FAULTS]
+        faults = [Fault(kind, draw(st.sampled_from([0, 0.1, 0.4]))) for kind in LINE_FAULTS]
         other_ns = draw(st.sampled_from([MS, latency_ns]))
         seed = draw(st.integers(0, 1000))
         seconds = draw(st.sampled_from([0.02, 0.08]))

@@ -28,16 +28,23 @@ if TYPE_CHECKING:
         ("brownout", Fault("brownout", USUAL["brownout"])),
         ("cut", Fault("cut", USUAL["cut"])),
         ("Noise:100%", Fault("noise", 1.0)),
+        ("flip:1%@2s", Fault("flip", 0.01, None, 2.0)),
+        ("late:2@500ms+1.5s", Fault("late", USUAL["late"], 2, 0.5, 2.0)),
+        ("stall:2", Fault("stall", USUAL["stall"], 2)),
+        ("stall:2@5s+3s", Fault("stall", 1.0, 2, 5.0, 8.0)),
+        ("stall:1%@5", Fault("stall", 0.01, None, 5.0)),
     ],
 )
-def test_faults_are_spelled_kind_servo_rate(text: str, fault: Fault) -> None:
+def test_faults_are_spelled_kind_servo_rate_when(text: str, fault: Fault) -> None:
     read = read_fault(text)
     assert (read.kind, read.servo_id) == (fault.kind, fault.servo_id)
     assert read.rate == pytest.approx(fault.rate)
+    assert (read.first_s, read.last_s) == pytest.approx((fault.first_s, fault.last_s))
 
 
 @pytest.mark.parametrize(
-    "text", ["", "nothing", "drop:", "drop:5%:3", "flip:200%", "flip:0%", "late:x"]
+    "text",
+    ["", "nothing", "drop:", "drop:5%:3", "flip:200%", "flip:0%", "late:x", "late@x", "late@5s+0s"],
 )
 def test_a_fault_that_makes_no_sense_is_refused_in_one_line(
     text: str, capsys: pytest.CaptureFixture[str]
@@ -66,6 +73,10 @@ def test_every_kind_of_fault_has_a_name_and_a_usual_rate() -> None:
         (("lss", "--fault", "late:x"), "write late, late:2 .*, late:1% .* or late:2:1%$"),
         (("lss", "--fault", "cut:2:5"), "a rate ends in %: write cut:2:5%$"),
         (("lss", "--fault", "flipp"), "did you mean flip"),
+        (("lss", "--fault", "dead:2@soon"), "write when as dead:2@5s .* or dead:2@5s\\+2s"),
+        (("lss", "--fault", "hang:2"), "the controller's, name no servo"),
+        (("lss", "--fault", "refuse"), "nothing on a lss bus would show that"),
+        (("lss", "--respond", "--fault", "nv-wear"), "plays no controller: --fault nv-wear"),
         (("wck", "--servos", "32"), "room for 1..31"),
         (("wck", "--servos", "one"), "write ids as 1,2,5"),
         (("lss", "--rate", "0"), "write a number of 1..100000, or max"),

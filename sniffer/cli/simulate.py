@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import signal
 import sys
 import threading
@@ -52,7 +53,16 @@ class Wanted:
 
     def facts(self) -> dict[str, Any]:
         """Return the first line of the truth."""
-        struck = [{"kind": f.kind, "rate": f.rate, "servo_id": f.servo_id} for f in self.faults]
+        struck = [
+            {
+                "kind": f.kind,
+                "rate": f.rate,
+                "servo_id": f.servo_id,
+                "first_s": f.first_s,
+                "last_s": None if math.isinf(f.last_s) else f.last_s,
+            }
+            for f in self.faults
+        ]
         return {
             "version": __version__,
             "protocol": self.protocol,
@@ -97,6 +107,7 @@ def _faults(
         "sniffer simulate mightyzap --link /tmp/bus",
         "sniffer simulate wck --baud 921600 --full --truth truth.jsonl --duration 10s",
         "sniffer simulate lss --servos 1,2,5 --fault drop-reply:5:10% --fault noise",
+        "sniffer simulate mightyzap --fault stall:2@5s+3s --fault dead:3@20s",
         "sniffer simulate rs30x --respond --link /tmp/bus --tap-link /tmp/tap",
     ),
 )
@@ -117,9 +128,12 @@ def _faults(
 @click.option("--seed", type=int, default=0, show_default=True, help="Another one, another run.")
 @click.option("--duration", type=Duration(), help="Stop after this time: 10s, 5min.")
 @click.option(
-    "--fault", "faults", multiple=True, callback=_faults, metavar="KIND[:SERVO][:RATE%]",
-    help="What goes wrong: drop-reply, flip, cut, late, noise, duplicate-id, brownout; how often "
-    "at each chance. May be repeated.",
+    "--fault", "faults", multiple=True, callback=_faults,
+    metavar="KIND[:SERVO][:RATE%][@FROM[+FOR]]",
+    help="What goes wrong, how often at each chance, and when. On the line: drop-reply, flip, cut, "
+    "late, noise, duplicate-id, brownout. A servo: limp, stall, overheat, overload, dead, absent, "
+    "slow, reset-loop, refuse, chatty. The controller: hang, jitter, impatient, nv-wear. May be "
+    "repeated.",
 )  # fmt: skip
 @click.option(
     "--truth", type=click.Path(path_type=Path), help="Write what really happened, as JSON lines."
@@ -171,7 +185,7 @@ def simulate(
     except ImportError:
         raise OutputError("this system has no pseudo-terminals: use Linux or macOS") from None
     from sniffer.simulation import BUSES
-    from sniffer.simulation.faults import spelled
+    from sniffer.simulation.faults import CONTROLLER_FAULTS, spelled
 
     if protocol not in BUSES:
         known = ", ".join(BUSES)
@@ -201,6 +215,12 @@ def simulate(
             named = f"--fault {spelled(fault.kind)}:{fault.servo_id}"
             here = ", ".join(map(str, wishes.servo_ids))
             raise click.BadParameter(f"{named}: that servo is not on the bus, only {here}")
+        if respond and fault.kind in CONTROLLER_FAULTS:
+            kept = spelled(fault.kind)
+            raise click.UsageError(f"--respond plays no controller: --fault {kept} says nothing")
+        if fault.kind in kind.unknown_faults:
+            named = f"--fault {spelled(fault.kind)}"
+            raise click.BadParameter(f"{named}: nothing on a {protocol} bus would show that")
     with contextlib.ExitStack() as stack:
         port: PlayPort = ports.Device(device, wishes.baud) if device else ports.Pty()
         stack.callback(port.close)

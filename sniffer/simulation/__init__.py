@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from sniffer.simulation.buses import BUSES, simulate
-from sniffer.simulation.faults import FAULTS, Fault
+from sniffer.simulation.faults import FAULTS, LINE_FAULTS, Fault
 from sniffer.simulation.talk import TrueFrame
 
-__all__ = ["BUSES", "FAULTS", "Fault", "TrueFrame", "simulate"]
+__all__ = ["BUSES", "FAULTS", "LINE_FAULTS", "Fault", "TrueFrame", "simulate"]

@@ -11,10 +11,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS, SnifferError
-from sniffer.simulation.faults import Fault, Mischief
+from sniffer.simulation.faults import WEAR, Fault, Mischief
 from sniffer.simulation.line import Wire
 from sniffer.simulation.lss import LssBus
 from sniffer.simulation.mightyzap import MightyZapBus
+from sniffer.simulation.nerves import Nerves
 from sniffer.simulation.rs30x import Rs30xBus
 from sniffer.simulation.talk import USUAL, Bus, TrueFrame, Wait
 from sniffer.simulation.wck import WckBus
@@ -64,8 +65,10 @@ def simulate(
     )
     if full:
         bus.cycle_ns = 1
-    line = Wire(bus, mischief(protocol, faults, seed), seed, start_ns=start_ns, packed=full)
-    return _talk(bus, line, None if duration_s is None else int(duration_s * NS))
+    drawn = mischief(protocol, faults, seed)
+    line = Wire(bus, drawn, seed, start_ns=start_ns, packed=full)
+    nerves = Nerves(bus, drawn)
+    return _talk(bus, line, nerves, None if duration_s is None else int(duration_s * NS))
 
 
 def put_up(
@@ -99,19 +102,39 @@ def put_up(
 
 
 def mischief(protocol: str, faults: Sequence[Fault], seed: int) -> Mischief:
-    """Return what draws the faults of a bus."""
+    """Return what draws the faults of a bus.
+
+    Raises:
+        SnifferError: nothing on a line of this protocol shows one of them.
+    """
+    for fault in faults:
+        if fault.kind in BUSES[protocol].unknown_faults:
+            raise SnifferError(f"{fault.kind}: nothing on a {protocol} bus would show that")
     return Mischief(faults, random.Random(f"{protocol} faults {seed}"))
 
 
-def _talk(bus: Bus, line: Wire, duration_ns: int | None) -> Iterator[TrueFrame]:
+def _talk(bus: Bus, line: Wire, nerves: Nerves, duration_ns: int | None) -> Iterator[TrueFrame]:
     talk = bus.talk()
     step = next(talk)
     while duration_ns is None or line.free_ns < duration_ns:
         heard = True
         if isinstance(step, Wait):
-            line.free_ns = max(line.free_ns, step.until_ns)
+            yield from line.settle()
+            for exchange in nerves.wear(line.free_ns):
+                yield from (_marked(frame, WEAR) for frame in line.exchange(exchange))
+                line.pause()
+            line.free_ns = max(line.free_ns, nerves.waits(step.until_ns, line.free_ns))
         else:
-            heard = yield from line.exchange(step)
+            said = line.exchange(step)
+            if nerves.struck is not None:  # the first frame of the cycle comes as it should not
+                yield _marked(next(said), nerves.struck)
+                nerves.struck = None
+            heard = yield from said
             line.pause()
         line.pass_time(line.free_ns)
         step = talk.send(heard)
+
+
+def _marked(frame: TrueFrame, fault: str) -> TrueFrame:
+    """Return a frame that says what struck it, if nothing else did."""
+    return frame if frame.fault else frame._replace(fault=fault)

@@ -180,7 +180,7 @@ SOURCES: Final = {
 def write(out: Path) -> None:
     """Write all files and their README."""
     out.mkdir(parents=True, exist_ok=True)
-    told = [HEAD, "\n", *(f"- *{kind}*: {what}.\n" for kind, what in f.FAULTS.items()), "\n"]
+    told = [HEAD, "\n", *(f"- *{kind}*: {what}.\n" for kind, what in f.LINE_FAULTS.items()), "\n"]
     told.append("| file | what | decode it |\n|---|---|---|\n")
     for capture in CAPTURES:
         frames = capture.frames()

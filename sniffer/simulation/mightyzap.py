@@ -67,6 +67,7 @@ class MightyZapBus(Bus):
     supply_v = 12.2
     late_ns = (12 * MS, 18 * MS)
     pause_ns = (300 * US, 900 * US)
+    lags_ns = (2 * MS, 7 * MS)
     begins = HEADER
     servo_type = MightyZapServo
     tables = by_model(MODELS)
@@ -134,6 +135,16 @@ class MightyZapBus(Bus):
             yield self._store(servo_id, "led", self.rng.choice((0, 2, 4, 8)))
         elif cycle % 50 == 47:
             yield self._load(servo_id, "goal_position", "force_limit", "goal_current")
+
+    def refused(self, servo: MightyZapServo, request: Message) -> Message | None:
+        """Refuse a write as one out of range."""
+        return None if request.op in READS else servo.acknowledge(request.op, error="range")
+
+    def keep(self, servo_id: int, turn: int) -> Delivery:
+        """Write a gain."""
+        memory = self.servos[servo_id].memory
+        name = next(name for name in ("p_gain", "current_p_gain") if memory.has(name))
+        return self._store(servo_id, name, 50 + turn % 20)
 
     def heard(self, frame: HeardFrame, request: Message) -> Delivery:
         """Obey any command; all servos obey the ids 0 and 254, and none answers the latter.

@@ -16,6 +16,7 @@ from sniffer.protocols.mightyzap.grammar import (
     STORE,
 )
 from sniffer.simulation.memory import Memory
+from sniffer.simulation.motion import STRAIN
 from sniffer.simulation.talk import Message, Servo, Value
 
 if TYPE_CHECKING:
@@ -28,8 +29,11 @@ TOP: Final = 4095
 """Position counts of the full stroke in the finest resolution; a coarser one halves them, once or
 more. Source: user manual v1.02, (5) 11) Resolution Factor, 19) Goal Position."""
 
-OVERLOAD: Final = 0.85
+OVERLOAD: Final = STRAIN
 """Part of the greatest load beyond which the simulated servo complains."""
+
+SHUT_DOWN_S: Final = 1.0
+"""How long it is overloaded before its force goes off; the manual names no time."""
 
 KEPT: Final = 1 << 14
 """Packets that are not built anew: a bus repeats itself."""
@@ -171,6 +175,24 @@ class MightyZapServo(Servo):
             errors.append("overload")
         return errors
 
+    def guard(self) -> None:
+        """Switch the force off at an alarm that Alarm Shutdown has a bit for.
+
+        Source: user manual v1.02, (5) 10) Alarm Shutdown.
+        """
+        errors, raw = self._errors(), self.memory.raw
+        if self.joint.strained_s < SHUT_DOWN_S and "overload" in errors:
+            errors.remove("overload")
+        if "input_voltage" in errors:  # its force is gone anyway, and with it what it was told
+            errors.remove("input_voltage")
+        if errors and raw["force_on"] and error_byte(*errors) & raw["alarm_shutdown"]:
+            self.store("force_on", 0)
+
+    def let_go(self) -> None:
+        """Lose the force until it is switched on again."""
+        self.store("force_on", 0)
+        self.joint.is_limp = True
+
     def acknowledge(self, op: str, *, error: str = "") -> Message | None:
         """Answer a command that is no read, in mode 2."""
         if self.memory.raw["feedback_return_mode"] != 2:
@@ -216,6 +238,7 @@ class MightyZapServo(Servo):
         if name in ("force_on", "goal_speed"):  # a goal speed of 0 is force off
             told = self.memory.raw
             self.joint.enabled = bool(told["force_on"] and told.get("goal_speed", 1))
+            self.joint.is_limp &= not self.joint.enabled
         elif name == "goal_position":
             limits = (self.memory.raw[f"{end}_stroke_limit"] / TOP for end in ("short", "long"))
             short, long = limits

@@ -17,6 +17,24 @@ if TYPE_CHECKING:
 STEP_S: Final = 0.002
 AMBIENT_DEGC: Final = 26.0
 
+STRAIN: Final = 0.85
+"""Part of the stall load beyond which a motor is strained. This and what follows are figures of the
+simulation."""
+
+STIFFNESS: Final = 12.0
+"""Part of the stall load with which a joint that is held fast pushes, for each travel of error."""
+
+DROOP: Final = 0.06
+"""Part of the travel by which a joint gives way under all of the stall load."""
+
+HELD_WARMTH: Final = 0.3
+"""Part of the usual warmth of a motor that does not turn: the servo limits its current."""
+
+HANGS_AT: Final = 0.08
+"""Where a joint hangs that nothing drives, and how fast it falls there: per second, squared."""
+
+FALLS: Final = 6.0
+
 Trajectory = Callable[[float], float]
 """The goal, 0..1, at a time in seconds."""
 
@@ -73,6 +91,16 @@ class Joint:
         self.enabled = False
         self.sag = 0.0
         """How much of its supply voltage is lost on the way to it, 0..1."""
+        self.is_held = False
+        """Something holds it fast."""
+        self.is_limp = False
+        """Its motor is off, whatever the servo wants, and the joint falls to where it hangs."""
+        self.burden = 0.0
+        """What pulls at it from outside, in parts of the stall load."""
+        self.heater = 0.0
+        """Warmth that it gets while its motor is on, beside that of its own load: K per second."""
+        self.strained_s = 0.0
+        """For how long its load has been beyond ``STRAIN``."""
         self._omega = rng.uniform(28, 45)
         self._damping = rng.uniform(0.75, 1.0)
         self._inertia = rng.uniform(0.015, 0.03)
@@ -81,27 +109,54 @@ class Joint:
         self._stall_ma = rng.uniform(900, 1400)
         self._heating = rng.uniform(4, 8)
 
+    @property
+    def driven(self) -> bool:
+        """Tell whether the motor is on."""
+        return self.enabled and not self.is_limp
+
     def step(self, dt: float) -> None:
         """Move on by ``dt`` seconds."""
-        if self.enabled:
-            goal = min(max(self.goal, 0.0), 1.0)  # it does not press against its end
+        if self.is_held:
+            self._push(dt)
+            return
+        goal = min(max(self.goal, 0.0), 1.0)  # it does not press against its end
+        if self.burden:
+            goal -= DROOP * self.burden
+        if self.driven:
             pull = self._omega * self._omega * (goal - self.position)
             acceleration = pull - 2 * self._damping * self._omega * self.speed
             acceleration = min(max(acceleration, -30.0), 30.0)
         else:
             acceleration = -20.0 * self.speed
+            if self.is_limp:
+                acceleration += FALLS * (HANGS_AT - self.position)
         self.speed = min(max(self.speed + acceleration * dt, -1.6), 1.6)
         self.position += self.speed * dt
         if not 0.0 <= self.position <= 1.0:
             self.position, self.speed = min(max(self.position, 0.0), 1.0), 0.0
         torque = 0.0
-        if self.enabled:
+        if self.driven:
             rubbing = self._friction * self.speed / (abs(self.speed) + 0.03)
             torque = self._inertia * acceleration + rubbing + self._gravity * (self.position - 0.3)
+            if self.burden:
+                torque += self.burden
+        self._work(torque, dt, self._heating)
+
+    def _push(self, dt: float) -> None:
+        """Push against what holds it fast."""
+        self.speed = 0.0
+        torque = STIFFNESS * (self.goal - self.position) if self.driven else 0.0
+        self._work(torque, dt, self._heating * HELD_WARMTH)
+
+    def _work(self, torque: float, dt: float, heating: float) -> None:
+        """Let the load follow the torque; current and warmth follow the load."""
         self.load += (min(max(torque, -1.0), 1.0) - self.load) * dt / 0.02
         self.current_ma = self._idle_ma + abs(self.load) * self._stall_ma
-        warmth = self._heating * self.load * self.load
+        warmth = heating * self.load * self.load
         self.temperature += (warmth - (self.temperature - AMBIENT_DEGC) / 240) * dt
+        if self.heater and self.driven:
+            self.temperature += self.heater * dt
+        self.strained_s = self.strained_s + dt if abs(self.load) > STRAIN else 0.0
 
 
 class Rig:

@@ -1,25 +1,21 @@
 """An RS30x bus: goals and times to all by long packets, the block 42..59 of each by nibble 9.
 
 Source of times: RS305CR manual, 4.2 No. 7, return delay: 100 us + 50 us * n behind the request.
-What is written to the ROM area holds at once, but for the baud rate, and survives a restart only if
-a flash write came before it. Source: RS305CR manual, table 4.1, bits 6 to 4.
 """
 
 from __future__ import annotations
 
 import functools
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.model import MALFORMED, UNKNOWN
 from sniffer.protocols.rs30x.grammar import (
-    ACK,
-    ACK_BYTE,
     ACK_TOKEN,
     ASKS_ACK,
     ASKS_ADDRESS,
     EVERYONE,
     FLAGS,
+    FLASH_WRITE,
     LONG,
     LONG_WRITE,
     MODELS,
@@ -28,11 +24,11 @@ from sniffer.protocols.rs30x.grammar import (
     PACKET,
     READ,
     REPLIES,
-    RETURN,
     WRITE,
     long_data,
 )
-from sniffer.simulation.memory import Memory, pack
+from sniffer.simulation.memory import pack
+from sniffer.simulation.rs30x_servo import ON, Rs30xServo, tenths
 from sniffer.simulation.talk import (
     MS,
     US,
@@ -41,7 +37,6 @@ from sniffer.simulation.talk import (
     Delivery,
     HeardFrame,
     Message,
-    Servo,
     Talk,
     by_model,
     silently,
@@ -51,15 +46,11 @@ from sniffer.simulation.talk import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from sniffer.ground.registers import RegisterMap
-    from sniffer.simulation.motion import Joint, Rig
 
 PATIENCE_NS: Final = 30 * MS
 """How long the controller waits for an answer, a figure of the simulation."""
 
 DELAY_NS, DELAY_STEP_NS = 100 * US, 50 * US
-TRAVEL: Final = 2400
-"""Tenths of a degree between the ends that the simulated trajectories use, of 3000."""
 
 IDENTITY, PRESENT, GOALS = 0x3, 0x9, 0xB
 """Reply nibbles that the controller asks for. Source: RS305CR manual, table 4.2."""
@@ -68,13 +59,8 @@ IDENTITY, PRESENT, GOALS = 0x3, 0x9, 0xB
 KEPT: Final = 1 << 14
 """Packets that are not built anew: a bus repeats itself."""
 
-SHIPPED: Final[Mapping[str, int]] = MappingProxyType(
-    {"firmware_version": 3, "punch": 180, "servo_id": 1}
-)
-"""Registers for which a table has no default; the id is that of a factory reset."""
-
-ROM: Final = range(0x04, 0x1E)
-"""Addresses that a flash write keeps and a factory reset clears. Source: RS305CR manual, bit 4."""
+FLASH_BIT: Final = 1 << 6
+"""Flag of a request. Source: RS305CR manual, 4.1, bit 6."""
 
 
 @functools.cache
@@ -95,103 +81,10 @@ def request(
 
 
 @functools.lru_cache(KEPT)
-def returned(servo_id: int, address: int, data: bytes) -> bytes:
-    """Build a return packet."""
-    body = {"servo_id": servo_id, "flags": 0, "address": address, "length": len(data), "count": 1}
-    return bytes(RETURN.build({"body": {"value": {**body, "data": data}}}))
-
-
-@functools.lru_cache(KEPT)
 def joined(length: int, servos: tuple[tuple[int, bytes], ...]) -> bytes:
     """Build the data of a long packet from pairs of servo and data."""
     parts = [{"servo_id": i, "data": data} for i, data in servos]
     return bytes(long_data(length).build({"servos": parts}))
-
-
-class Rs30xServo(Servo):
-    """A memory map, and the flash that keeps the ROM area of it."""
-
-    def __init__(self, servo_id: int, joint: Joint, rig: Rig, table: RegisterMap) -> None:
-        self.memory = Memory(table, SHIPPED)
-        self.memory.raw["servo_id"] = servo_id
-        self.flash: dict[str, int] = {}
-        self.burn()
-        super().__init__(servo_id, joint, rig, table)
-
-    def shipped(self, baud: int) -> None:
-        """Come from the factory set to a baud rate."""
-        self.memory.choose("baud_rate", str(baud))
-        self.burn()
-
-    def power_on(self) -> None:
-        """Volatile registers go back to their defaults, others to the flash; the torque is off."""
-        super().power_on()
-        self.memory.reset(volatile_only=True)
-        self.memory.raw["max_torque"] = 100
-        self.memory.raw |= self.flash
-
-    def burn(self) -> None:
-        """Write the ROM area to the flash."""
-        self.flash = {name: self.memory.raw[name] for name in self._rom()}
-
-    def clear(self) -> None:
-        """Let the ROM area be as shipped: also the id. The flash keeps what it has."""
-        for name in self._rom():
-            self.memory.raw[name] = self.memory.default(name)
-
-    def _rom(self) -> list[str]:
-        return [r.name for r in self.memory.table.registers if r.address in ROM]
-
-    def measure(self) -> None:
-        """Fill the block 42..59."""
-        joint, memory = self.joint, self.memory
-        memory.raw["present_position"] = tenths(joint.position)
-        memory.raw["present_time"] = memory.raw["goal_time"]
-        memory.put("present_speed", joint.speed * TRAVEL / 10)
-        memory.put("present_current", joint.current_ma)
-        memory.put("present_temperature", joint.temperature)
-        memory.put("present_voltage", self.voltage)
-
-    @property
-    def new_id(self) -> int:
-        """The id register."""
-        return self.memory.raw["servo_id"]
-
-    def give(self, address: int, length: int, op: str = OPS[READ]) -> Message:
-        """Answer with a return packet."""
-        self.measure()
-        built = returned(self.servo_id, address, self.memory.read(address, length))
-        values = self.memory.values(self.servo_id, address, length)
-        return Message(built, self.servo_id, op, values)
-
-    def take(self, values: Mapping[str, int]) -> None:
-        """Store values; the motor follows."""
-        self.memory.raw |= values
-        self._follow()
-
-    def write(self, address: int, data: bytes) -> None:
-        """Store bytes from an address on; values out of their range are not taken."""
-        for name, raw in self.memory.written(address, data).items():
-            if self.memory.allows({name: raw}):
-                self.memory.raw[name] = raw
-        self._follow()
-
-    def acknowledge(self, op: str) -> Message:
-        """Answer with the bare byte."""
-        return Message(ACKNOWLEDGED, self.servo_id, op)
-
-    def _follow(self) -> None:
-        self.joint.enabled = self.memory.raw["torque_enable"] == 1
-        if self.joint.enabled:
-            self.joint.goal = self.memory.raw["goal_position"] / TRAVEL + 0.5
-
-
-ACKNOWLEDGED: Final = bytes(ACK.build({"answer": ACK_BYTE}))
-
-
-def tenths(position: float) -> int:
-    """Return the register value, 0.1 degrees, of a place 0..1."""
-    return round((position - 0.5) * TRAVEL)
 
 
 class Rs30xBus(Bus):
@@ -206,6 +99,7 @@ class Rs30xBus(Bus):
     supply_v = 7.4
     late_ns = (14 * MS, 24 * MS)  # return delay 255 would be 12.85 ms
     pause_ns = (150 * US, 500 * US)
+    lags_ns = (2 * MS, 9 * MS)
     servo_type = Rs30xServo
     tables = by_model(MODELS)
     servos: Mapping[int, Rs30xServo]
@@ -225,7 +119,7 @@ class Rs30xBus(Bus):
 
     def enable(self, servo_id: int) -> Talk:
         """Switch the torque on, and have it acknowledged."""
-        yield self._write(servo_id, {"torque_enable": 1}, ASKS_ACK)
+        yield self._write(servo_id, {"torque_enable": ON}, ASKS_ACK)
 
     def command(self, cycle: int) -> Talk:
         """Send goal and time to all in one long packet."""
@@ -259,6 +153,17 @@ class Rs30xBus(Bus):
             torque = self.rng.randrange(60, 101, 5)
             reply = self.rng.choice((0, ASKS_ACK))
             yield self._write(servo_id, {"max_torque": torque}, reply)
+
+    def refused(self, servo: Rs30xServo, request: Message) -> Message | None:
+        """Refuse a write with the bare byte for that."""
+        return servo.refuse(request.op) if request.op == OPS[WRITE] else None
+
+    def keep(self, servo_id: int, turn: int) -> Delivery:
+        """Write the ROM area to the flash. Source: RS305CR manual, bit 6."""
+        del turn
+        built = request(servo_id, FLASH_BIT, 0xFF, 0, 0)
+        message = Message(built, servo_id, OPS[FLASH_WRITE])
+        return self._exchange(message, lambda servo: servo.burn(), 0)
 
     def heard(self, frame: HeardFrame, request: Message) -> Delivery:
         """Obey any packet; none answers one to all, or one that resets."""

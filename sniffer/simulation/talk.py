@@ -108,6 +108,8 @@ class Servo:
         self.rig = rig
         self.deaf_until_ns = 0
         self.low_until_ns = 0
+        self.lag_ns = 0
+        """How much longer than its protocol says it takes for an answer."""
         self.power_on()
 
     def shipped(self, baud: int) -> None:
@@ -117,6 +119,17 @@ class Servo:
         """Take the state a servo has after power-on: the motor is off."""
         self.joint.enabled = False
         self.joint.sag = 0.0
+
+    def guard(self) -> None:
+        """Do what the servo does by itself to save its motor, if it is time."""
+
+    def let_go(self) -> None:
+        """Lose the joint, whatever the servo is told from now on."""
+        self.joint.is_limp = True
+
+    def take_hold(self) -> None:
+        """Have the joint again."""
+        self.joint.is_limp = False
 
     @property
     def new_id(self) -> int:
@@ -148,6 +161,7 @@ class Delivery(NamedTuple):
     turnaround_ns: int = 0
     patience_ns: int = 0
     chorus: bool = False
+    is_refused: bool = False
 
 
 class Broken(NamedTuple):
@@ -199,6 +213,12 @@ class Bus(abc.ABC):
     """How long a late answer takes: beyond the window, within the controller's patience."""
     pause_ns: ClassVar[tuple[int, int]]
     """What the controller lets pass between two exchanges."""
+    lags_ns: ClassVar[tuple[int, int]]
+    """How much longer a slow servo takes, still within what clients wait."""
+    boot_ns: ClassVar[tuple[int, int]] = (80 * MS, 300 * MS)
+    """How long a servo is deaf when it restarts. Most manuals do not say it: a figure of ours."""
+    unknown_faults: ClassVar[frozenset[str]] = frozenset()
+    """Kinds of faults that nothing on the line would show: the protocol has no word for them."""
     servo_type: ClassVar[type[Servo]]
     tables: ClassVar[Mapping[str, RegisterMap]]
     """Models that can be played, the usual one first."""
@@ -288,6 +308,15 @@ class Bus(abc.ABC):
 
         ``request.values`` are those that the frame states, whole ones.
         """
+
+    def refused(self, servo: Any, request: Message) -> Message | None:
+        """Return what a servo says that does not do what it is told; None where it cannot."""
+        del servo, request
+        return None
+
+    @abc.abstractmethod
+    def keep(self, servo_id: int, turn: int) -> Delivery:
+        """Return a write of what a servo keeps without power; another value with each turn."""
 
     def damaged(self, data: bytes, at: int) -> Broken | None:
         """Return what is done about a broken frame at ``at``, where no good one begins.

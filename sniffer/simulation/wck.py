@@ -21,6 +21,7 @@ from sniffer.protocols.wck.grammar import (
     REPLIES,
     build,
 )
+from sniffer.simulation import faults
 from sniffer.simulation.memory import Memory
 from sniffer.simulation.talk import (
     MS,
@@ -57,6 +58,9 @@ EEPROM_NS: Final = 120_451 * US
 
 PATIENCE_NS, EEPROM_PATIENCE_NS = 20 * MS, 400 * MS
 """How long the controller waits for an answer: figures of the simulation."""
+
+PASSIVE_AFTER_S: Final = 1.0
+"""How long a module is overloaded before it turns passive; the manual names no time."""
 
 FIVE_BITS: Final = 30
 """Greatest id of a command that names it in five bits; 31 is everybody.
@@ -119,6 +123,11 @@ class WckServo(Servo):
         raw["load"] = round(min(abs(joint.load), 1.0) * 200)
         raw["ad_input"] = round(120 + 60 * joint.position)
 
+    def guard(self) -> None:
+        """Turn passive at an overload. Source: manual 1.07, (18) Over Load Set."""
+        if self.joint.strained_s > PASSIVE_AFTER_S:
+            self.joint.enabled = False
+
     def move(self, goal: float) -> None:
         """Go there."""
         self.joint.enabled = True
@@ -173,6 +182,9 @@ class WckBus(Bus):
     supply_v = 8.4
     late_ns = (7 * MS, 15 * MS)
     pause_ns = (100 * US, 400 * US)
+    lags_ns = (1500 * US, 3800 * US)
+    boot_ns = (65 * MS, 75 * MS)  # Source: manual 1.07, 2-3, Reset Time after Power Supply
+    unknown_faults = frozenset({faults.OVERHEAT, faults.REFUSE})
     servo_type = WckServo
     tables = by_model(MODELS)
     servos: Mapping[int, WckServo]
@@ -261,6 +273,10 @@ class WckBus(Bus):
             yield self._set(
                 "runtime_speed_set", servo_id, runtime_speed=speed, runtime_acceleration=60
             )
+
+    def keep(self, servo_id: int, turn: int) -> Delivery:
+        """Set the gains, which are kept in the EEPROM."""
+        return self._set("pd_gain_set", servo_id, p_gain=20 + turn % 10, d_gain=30)
 
     def heard(self, frame: HeardFrame, request: Message) -> Delivery:
         """Obey any command of the manual; a break is answered by the lowest id."""

@@ -1,0 +1,77 @@
+"""``python -m bench.diagnosis`` (``make bench-diagnosis``): every scenario through every host.
+
+Writes bench/DIAGNOSIS.md; where only some of it is run, prints it instead.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from typing import TYPE_CHECKING
+
+from bench.diagnosis.catalogue import scenarios
+from bench.diagnosis.figures import gathered
+from bench.diagnosis.hosts import HOSTS
+from bench.diagnosis.judging import case_of, score
+from bench.diagnosis.report import RESULTS, report
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from bench.diagnosis.judging import Score
+
+
+def scores(
+    hosts: Sequence[str], seeds: Sequence[int], only: str = "", *, say: bool = False
+) -> Iterator[Score]:
+    """Yield the score of each scenario, host and seed."""
+    for seed in seeds:
+        for scenario in scenarios(seed, only):
+            heard = scenario.make(seed)
+            for host in hosts:
+                it = score(case_of(scenario, heard, host, seed))
+                if say:
+                    _show(it)
+                yield it
+
+
+def _show(it: Score) -> None:
+    case = it.case
+    sys.stderr.write(f"\n{case.name}, {case.host}, seed {case.seed}: {case.frames} frames\n")
+    for held in it.held:
+        right = "named" if held.named else f"excused: {held.excused}" if held.excused else "MISSED"
+        t = held.truth
+        where = f"{t.first_s:.1f} to {t.last_s:.1f} s"
+        sys.stderr.write(f"  is:   {t.cause} {t.servo_ids} {where}: {right}\n")
+    for told in case.told:
+        causes = ", ".join(f"{cause} {sure:.2f}" for cause, sure in told.causes[:4])
+        sign = "right" if told in it.right else "wrong" if told.alarms else "note"
+        codes = ", ".join(told.codes)
+        sys.stderr.write(f"  said: {causes} {told.servo_ids} ({sign}; {codes})\n")
+
+
+def main() -> None:
+    """Measure what the arguments say."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="scenarios whose names hold this")
+    parser.add_argument("--seeds", type=int, default=1, help="how many draws of each scenario")
+    parser.add_argument("--first-seed", type=int, default=0, help="the first of them")
+    parser.add_argument("--host", choices=tuple(HOSTS), action="append", help="only this one")
+    parser.add_argument("--show", action="store_true", help="tell what was said of each")
+    given = parser.parse_args()
+    seeds = range(given.first_seed, given.first_seed + given.seeds)
+    began = time.perf_counter()
+    figures = gathered(scores(given.host or tuple(HOSTS), seeds, given.only, say=given.show))
+    if not figures.scores:
+        parser.error(f"no scenario's name holds {given.only!r}")
+    page = report(figures)
+    if given.only or given.host:
+        sys.stdout.write(page)
+    else:
+        RESULTS.write_text(page, encoding="utf-8")
+    sys.stderr.write(f"{len(figures.scores)} cases in {time.perf_counter() - began:.0f} s\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,64 @@
+"""Which host can show which fault, and where the wire alone cannot tell two causes apart.
+
+What is excused here is no miss; a wrong verdict there still is wrong.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from bench.diagnosis.scenario import Truth
+
+_NO_CLOCK: Final = "it is a matter of time, and the input has none"
+_MERGED: Final = "it is shorter than the host holds bytes"
+
+UNSHOWN: Final[Mapping[tuple[str, str], str]] = MappingProxyType(
+    {
+        **{
+            ("raw", cause): _NO_CLOCK
+            for cause in (
+                "slow-servo",
+                "controller-stall",
+                "controller-jitter",
+                "bus-saturated",
+                "impatient-controller",
+                "emi-load",
+                "two-masters",
+                "brownout",
+                "stall",
+                "tap-swapped",
+            )
+        },
+        **{
+            ("usb16", cause): _MERGED
+            for cause in ("slow-servo", "controller-jitter", "impatient-controller")
+        },
+        ("usb16", "tap-swapped"): "the stream of one adapter names no wires",
+        ("log", "line-stuck"): "a byte of 00 and a pause: the missing stop bit is not in the text",
+        ("raw", "line-stuck"): "a byte of 00: neither the pause nor the stop bit is in the file",
+    }
+)
+"""Why a host cannot show a cause."""
+
+ALSO_RIGHT: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        # requests hold, nobody ever answers: rates, a cut wire, a dead supply look all the same
+        "wrong-baud-controller": ("tap-one-way",),
+    }
+)
+"""By how a scenario's name begins, what is as right in the first place, if the truth is listed."""
+
+
+def excuse(truth: Truth, host: str) -> str:
+    """Return why a host cannot show a fault; nothing where it can."""
+    return UNSHOWN.get((host, truth.cause), "")
+
+
+def accepted(truth: Truth, name: str) -> tuple[str, ...]:
+    """Return the causes that are right in the first place."""
+    also = next((more for start, more in ALSO_RIGHT.items() if name.startswith(start)), ())
+    return (truth.cause, *also)
