@@ -14,12 +14,14 @@ import numpy as np
 from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.damage import Damages
 from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happened
+from sniffer.diagnosis.exchanges import Exchanges
 from sniffer.diagnosis.histograms import Histograms
 from sniffer.diagnosis.orders import KINDS, Orders
 from sniffer.diagnosis.refusals import Refusals
 from sniffer.diagnosis.settings import Settings
 from sniffer.diagnosis.silences import Silences
 from sniffer.diagnosis.steps import Steps
+from sniffer.diagnosis.unnamed import UnnamedWrites
 from sniffer.diagnostics.found import CODES, Anomalies
 from sniffer.ground.codes import (
     DAMAGED,
@@ -33,6 +35,7 @@ from sniffer.ground.codes import (
 )
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import ECHO, NS, Clock
+from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
     from sniffer.decoding.pacing import Pace
@@ -150,6 +153,8 @@ class Ledger:
         self.orders = Orders(protocol)
         self.refusals = Refusals(protocol)
         self.steps = Steps(protocol)
+        self.exchanges = Exchanges(protocol)
+        self.unnamed = UnnamedWrites(protocol)
         self.head = b""
         """The first bytes of the bus."""
         self._asked_at: dict[int, int] = {}
@@ -186,6 +191,9 @@ class Ledger:
         if len(batch.values):
             self._values(batch)
         self.damages.add(batch)
+        baud = self.protocol.baud if self.pace is None else self.pace.baud
+        self.exchanges.add(batch, byte_time_ns(baud))
+        self.unnamed.add(batch)
         self._join_old()
 
     def bucket(self, t_ns: I64) -> I64:
