@@ -30,6 +30,7 @@ from sniffer.ground.codes import (
 )
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import ECHO, NS, Clock
+from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
     from sniffer.decoding.pacing import Pace
@@ -178,8 +179,13 @@ class Ledger:
             self._periods(f)
         if len(batch.values):
             self._values(batch)
-        self.damages.add(batch)
+        self.damages.add(batch, self.byte_ns)
         self._join_old()
+
+    @property
+    def byte_ns(self) -> int:
+        """How long a byte takes at the rate by which the bus is decoded."""
+        return byte_time_ns(self.protocol.baud if self.pace is None else self.pace.baud)
 
     def bucket(self, t_ns: I64) -> I64:
         """Return the numbers of the buckets of moments."""
