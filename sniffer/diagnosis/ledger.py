@@ -190,11 +190,15 @@ class Ledger:
             self.orders.add(batch)
         if len(batch.values):
             self._values(batch)
-        self.damages.add(batch)
-        baud = self.protocol.baud if self.pace is None else self.pace.baud
-        self.exchanges.add(batch, byte_time_ns(baud))
+        self.damages.add(batch, self.byte_ns)
+        self.exchanges.add(batch, self.byte_ns)
         self.unnamed.add(batch)
         self._join_old()
+
+    @property
+    def byte_ns(self) -> int:
+        """How long a byte takes at the rate by which the bus is decoded."""
+        return byte_time_ns(self.protocol.baud if self.pace is None else self.pace.baud)
 
     def bucket(self, t_ns: I64) -> I64:
         """Return the numbers of the buckets of moments."""
