@@ -6,12 +6,13 @@ import json
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options
+from sniffer.cli.options import Finite, decoding, examples, pipeline_options
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
 from sniffer.cli.streams import say
 from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.diagnose import diagnose as diagnose_file
+from sniffer.jobs.replay import Window
 from sniffer.jobs.telling import Teller
 
 
@@ -20,6 +21,7 @@ from sniffer.jobs.telling import Teller
     epilog=examples(
         "sniffer diagnose run.mcap",
         "sniffer diagnose capture.log --format json",
+        "sniffer diagnose run.mcap --from 10 --to 20",
         "sniffer diagnose run.mcap --why 1",
     ),
 )
@@ -33,6 +35,15 @@ from sniffer.jobs.telling import Teller
     show_default=True,
     help="What is printed.",
 )
+@click.option(
+    "--from",
+    "start",
+    type=Finite(0),
+    default=0.0,
+    metavar="S",
+    help="Judge what was said from second S on.",
+)
+@click.option("--to", "stop", type=Finite(0), metavar="S", help="... and until second S.")
 @click.option("--why", metavar="ID", help="Show how the causes of an incident were weighed.")
 def diagnose(
     files: tuple[str, ...],
@@ -43,18 +54,27 @@ def diagnose(
     tables: tuple[RegisterMap, ...],
     latency: float | None,
     output_format: str,
+    start: float,
+    stop: float | None,
     why: str | None,
 ) -> int:
     """Say what is wrong on the bus in each FILE: incidents, their causes, what to do next.
 
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is judged).
     """
+    if stop is not None and stop <= start:
+        raise click.UsageError("--to must lie behind --from")
     options = pipeline_options(protocol, baud, models, latency, tables)
     status = DONE
     for file in files:
         with patient() as patience:
             done = diagnose_file(
-                file, options, input_format=input_format, patience=patience, tell=Teller(say)
+                file,
+                options,
+                input_format=input_format,
+                window=Window(start, stop),
+                patience=patience,
+                tell=Teller(say),
             )
         status = max(status, status_of(done.ending, is_lost=False))
         if output_format == "json":

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from sniffer.diagnosis import Diagnosis
 from sniffer.jobs.convert import convert
+from sniffer.jobs.replay import replay
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.decoding.options import Options
     from sniffer.diagnosis import Incident
+    from sniffer.jobs.replay import Window
     from sniffer.jobs.session import Ending, Patience
     from sniffer.jobs.telling import Teller
 
@@ -40,6 +42,7 @@ def diagnose(
     options: Options | None = None,
     *,
     input_format: str = "auto",
+    window: Window | None = None,
     patience: Patience | None = None,
     tell: Teller | None = None,
 ) -> Diagnosed:
@@ -49,27 +52,40 @@ def diagnose(
         source: a path, or ``"-"`` for standard input.
         options: how it is decoded; what a recording says of itself fills what is not said.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        window: which part of it; all of it where None.
         patience: takes interruptions; what was read until then is judged.
         tell: takes what should be told; nothing is told without.
 
     Raises:
-        InputError: the input cannot be read, or its protocol cannot be told.
+        InputError: the input cannot be read, its protocol cannot be told, or the window is empty.
         SnifferError: unknown protocol or model, or a number that cannot be.
     """
     diagnosis = Diagnosis()
-    done = convert(
-        source,
-        (),
-        options,
-        input_format=input_format,
-        sinks=[diagnosis],
-        patience=patience,
-        tell=tell,
-    )
+    if window is not None and window.is_part:
+        ending = replay(
+            source,
+            lambda: diagnosis,
+            options,
+            input_format=input_format,
+            window=window,
+            speed=0,
+            patience=patience,
+            tell=tell,
+        )
+    else:
+        ending = convert(
+            source,
+            (),
+            options,
+            input_format=input_format,
+            sinks=[diagnosis],
+            patience=patience,
+            tell=tell,
+        ).ending
     return Diagnosed(
         diagnosis.incidents(),
         diagnosis.judged(),
         diagnosis.sentence(),
         diagnosis.has_clock,
-        done.ending,
+        ending,
     )
