@@ -14,6 +14,7 @@ from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
 from sniffer.decoding.sink import Sink
+from sniffer.diagnosis import Diagnosis
 from sniffer.ground.model import Severity
 from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.convert import convert
@@ -49,6 +50,9 @@ from sniffer.sinks.standard import Standard
     help="Exit with status 1 if there are anomalies of this level or above.",
 )
 @click.option("--summary", is_flag=True, help="Print the summary only.")
+@click.option(
+    "--verbose", is_flag=True, help="In the summary, list the anomalies that an incident explains."
+)
 @click.option("--quiet", is_flag=True, help="Print nothing; the files and the exit status speak.")
 def decode(
     file: str,
@@ -63,6 +67,7 @@ def decode(
     force: bool,
     fail_on: str | None,
     summary: bool,
+    verbose: bool,
     quiet: bool,
 ) -> int:
     """Decode FILE (- is standard input): raw bytes, a hex dump, a log, or a recording.
@@ -72,6 +77,9 @@ def decode(
     """
     options = pipeline_options(protocol, baud, models, latency, tables)
     printed: list[Sink] = []
+    diagnosis = Diagnosis() if summary and not quiet and output_format == "text" else None
+    if diagnosis is not None:
+        printed.append(diagnosis)
     if not quiet and not summary:
         printed.append(Standard(_printer(output_format), sys.stdout, alone=not outputs))
     with patient() as patience:
@@ -88,12 +96,13 @@ def decode(
     status = status_of(done.ending, is_lost=bool(done.gone))
     if summary and not quiet and output_format == "jsonl":
         click.echo(json.dumps(done.summary.as_dict()))
-    elif summary and not quiet:
+    elif diagnosis is not None:
         from rich.console import Console
 
         from sniffer.sinks.report import print_summary
 
-        print_summary(done.summary, Console(highlight=False))
+        incidents = () if verbose else diagnosis.incidents()
+        print_summary(done.summary, Console(highlight=False), incidents)
     worst = done.summary.worst()
     if not status and fail_on and worst is not None and worst >= Severity[fail_on.upper()]:
         return 1
