@@ -103,7 +103,8 @@ def test_what_a_dialect_says_is_understood_by_the_decoder(protocol: str) -> None
     dialect.fit(body, rng)
     who = body.servo_id
     asked = [dialect.ping(who), dialect.state(who), dialect.position(who), dialect.health(who)]
-    asked += [dialect.move(body, 0.6), *dialect.move_all({who: 0.4}), dialect.switch_on(body)]
+    asked += [dialect.move(body, 0.6), *dialect.move_all({who: 0.4})]
+    asked += [dialect.switch_off(body), dialect.switch_on(body)]
     said, count = b"", 0
     for request in asked:
         body.look(count * 10_000_000)

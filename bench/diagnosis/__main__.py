@@ -23,11 +23,18 @@ if TYPE_CHECKING:
 
 
 def scores(
-    hosts: Sequence[str], seeds: Sequence[int], only: str = "", *, say: bool = False
+    hosts: Sequence[str],
+    seeds: Sequence[int],
+    only: str = "",
+    *,
+    sound: Sequence[int] = (),
+    say: bool = False,
 ) -> Iterator[Score]:
-    """Yield the score of each scenario, host and seed."""
-    for seed in seeds:
+    """Yield the score of each scenario, host and seed; of sound traffic, of more seeds."""
+    for seed in (*seeds, *sound):
         for scenario in scenarios(seed, only):
+            if seed in sound and scenario.truths:
+                continue
             heard = scenario.make(seed)
             for host in hosts:
                 it = score(case_of(scenario, heard, host, seed))
@@ -57,12 +64,15 @@ def main() -> None:
     parser.add_argument("--only", default="", help="scenarios whose names hold this")
     parser.add_argument("--seeds", type=int, default=1, help="how many draws of each scenario")
     parser.add_argument("--first-seed", type=int, default=0, help="the first of them")
+    parser.add_argument("--sound", type=int, default=0, help="further draws of sound traffic")
     parser.add_argument("--host", choices=tuple(HOSTS), action="append", help="only this one")
     parser.add_argument("--show", action="store_true", help="tell what was said of each")
     given = parser.parse_args()
     seeds = range(given.first_seed, given.first_seed + given.seeds)
+    sound = range(seeds.stop, seeds.stop + given.sound)
     began = time.perf_counter()
-    figures = gathered(scores(given.host or tuple(HOSTS), seeds, given.only, say=given.show))
+    hosts = given.host or tuple(HOSTS)
+    figures = gathered(scores(hosts, seeds, given.only, sound=sound, say=given.show))
     if not figures.scores:
         parser.error(f"no scenario's name holds {given.only!r}")
     page = report(figures)
