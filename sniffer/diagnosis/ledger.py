@@ -15,6 +15,7 @@ from sniffer.diagnosis.buckets import Buckets, in_groups
 from sniffer.diagnosis.damage import Damages
 from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happened
 from sniffer.diagnosis.histograms import Histograms
+from sniffer.diagnosis.lineerrors import LineErrors
 from sniffer.diagnosis.settings import Settings
 from sniffer.diagnosis.silences import Silences
 from sniffer.diagnostics.found import CODES, Anomalies
@@ -144,6 +145,7 @@ class Ledger:
         """Times between the beginnings of two requests of the bus; key 0."""
         self.settings = Settings(protocol)
         self.damages = Damages(protocol)
+        self.line_errors = LineErrors()
         self.silences = Silences()
         self.head = b""
         """The first bytes of the bus."""
@@ -372,6 +374,7 @@ class Ledger:
     def _remarks(self, batch: Batch) -> None:
         if not batch.remarks:
             return
+        self.line_errors.add(batch)
         rows = np.array(
             [(int(r.kind), r.t_ns, r.start, r.length, r.count) for r in batch.remarks], np.int64
         )

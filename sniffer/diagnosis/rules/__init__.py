@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.model import Finding
-from sniffer.diagnosis.rules import controller, device, line, pairing, symptoms, tap, timing
+from sniffer.diagnosis.rules import bits, controller, device, line, pairing, symptoms, tap, timing
 
 if TYPE_CHECKING:
     from sniffer.diagnosis.catalogue import FindingCode
 
 Rule = Callable[[Case], Iterable[Finding]]
 
-_AREAS: Final = (tap, line, pairing, timing, device, controller)
+_AREAS: Final = (tap, line, bits, pairing, timing, device, controller)
 
 RULES: Final[tuple[Rule, ...]] = (
     *(rule for area in _AREAS for rule in area.RULES),
