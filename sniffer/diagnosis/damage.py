@@ -14,7 +14,7 @@ import numpy as np
 from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.likes import Likes
 from sniffer.ground.codes import MANY, NEVER, NOT_EXPECTED, OK, REQUEST, RESPONSE
-from sniffer.ground.gaps import BLANK, IDLE_TAIL, NOISE, Gaps
+from sniffer.ground.gaps import BLANK, CHECKSUM, IDLE_TAIL, NOISE, Gaps
 from sniffer.ground.model import ECHO, NS, Clock, Columns, Frames
 
 if TYPE_CHECKING:
@@ -71,7 +71,8 @@ class Damage:
     ``kind`` is that of the gap, ``servo_id`` who was asked or is named (-1: nobody). ``asked`` is
     the request right before it (empty: none). ``alike`` are sound frames that stood in such a place
     not long before: the servo's answers to the same request, or requests of that length, the
-    likeliest first. ``since_ns`` is how long the frame before was over; -1 where nobody knows.
+    likeliest first. ``since_ns`` is how long the frame before was over, ``until_ns`` how long it
+    took until the next frame began; -1 where nobody knows.
     """
 
     at: int
@@ -84,6 +85,7 @@ class Damage:
     asked: bytes
     alike: tuple[bytes, ...]
     since_ns: int = -1
+    until_ns: int = -1
 
     @property
     def expected(self) -> bytes:
@@ -124,6 +126,7 @@ class _Told(NamedTuple):
     turn: I64
     who: I64
     since_ns: I64
+    until_ns: I64
     row: I64
     asks: Mask
 
@@ -218,6 +221,8 @@ class Damages:
             pause = p.begins_ns[1:] - p.t_ns[:-1]
             apart |= pause > APART_BYTES * self._byte_ns + PAUSE_NS
         held = _is_held(p)
+        # two frames that are whole but for their checksums are two
+        apart |= (p.kind[1:] == CHECKSUM) & (p.kind[:-1] == CHECKSUM)
         # what is held for long is not what was torn beside it
         apart |= (p.value[1:] != p.value[:-1]) & (held[1:] | held[:-1])
         first = np.flatnonzero(np.concatenate([[True], apart]))
@@ -259,6 +264,7 @@ class Damages:
             np.append(f.start, -1)[after] == end
         )
         outcome = _outcomes(batch)[row] if batch is not None else np.full(len(row), -1)
+        timed = np.append(f.uncertainty, -1)[after]
         since = np.where(doubt >= 0, runs.begins_ns - ended, -1)
         next_to = (start - ends <= BLANKS) & (kind >= 0)
         asks = next_to & (kind == REQUEST) & (reply != NEVER) & (reply != MANY)
@@ -280,7 +286,9 @@ class Damages:
             ),
         )
         who = np.where(asks | (turn == AT_TURN), servo, runs.servo_id)
-        return _Told(turn, who, since, row, asks)
+        next_ns = np.append(f.t_start, -1)[after]
+        until = np.where((next_ns >= 0) & (timed >= 0), next_ns - runs.t_ns, -1)
+        return _Told(turn, who, since, until, row, asks)
 
     def _count(self, counts: Buckets, runs: TornRuns, told: _Told) -> None:
         counts.add(
@@ -324,6 +332,7 @@ class Damages:
                 asked,
                 alike,
                 int(told.since_ns[i]),
+                int(told.until_ns[i]),
             )
 
 

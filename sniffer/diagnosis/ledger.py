@@ -16,6 +16,7 @@ from sniffer.diagnosis.damage import Damages
 from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happened
 from sniffer.diagnosis.exchanges import Exchanges
 from sniffer.diagnosis.histograms import Histograms
+from sniffer.diagnosis.lineerrors import LineErrors
 from sniffer.diagnosis.orders import KINDS, Orders
 from sniffer.diagnosis.refusals import Refusals
 from sniffer.diagnosis.settings import Settings
@@ -149,6 +150,7 @@ class Ledger:
         """Times between the beginnings of two requests of the bus; key 0."""
         self.settings = Settings(protocol)
         self.damages = Damages(protocol)
+        self.line_errors = LineErrors()
         self.silences = Silences()
         self.orders = Orders(protocol)
         self.refusals = Refusals(protocol)
@@ -371,6 +373,7 @@ class Ledger:
     def _remarks(self, batch: Batch) -> None:
         if not batch.remarks:
             return
+        self.line_errors.add(batch)
         rows = np.array(
             [(int(r.kind), r.t_ns, r.start, r.length, r.count) for r in batch.remarks], np.int64
         )

@@ -8,12 +8,13 @@ so nothing here knows a checksum.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST
+from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.ground.framing import Block
 
 if TYPE_CHECKING:
@@ -29,6 +30,9 @@ LEAST: Final = 3
 """Shorter frames have no bytes that never change."""
 
 BITS: Final = 8
+
+OF_EACH: Final = 60
+"""Torn frames of one sender that are looked at: their bits differ no more after so many."""
 
 NEAR_BYTES: Final = 3
 """A torn frame differs from what it was in no more bytes than that, or it is not it."""
@@ -78,14 +82,14 @@ def misread(
     damages: Iterable[Damage],
     known: Mapping[bytes, tuple[bytes, ...]],
 ) -> list[Misread]:
-    """Return torn frames by their bits; damage that is no frame's is left out.
+    """Return the first torn frames of each sender by their bits.
 
     Args:
         protocol: tells what holds.
         damages: torn places.
         known: answers of servos by the request.
     """
-    torn = [d for d in damages if d.turn in (IN_REPLY, IN_REQUEST) and d.turn != HELD]
+    torn = _first_of_each(damages)
     alike = [_alike(d, known) for d in torn]
     tried = [
         d.length == len(d.got) and LEAST <= d.length <= LONGEST and _fits(d.got, a)
@@ -96,6 +100,19 @@ def misread(
     out = []
     for d, sound, is_tried in zip(torn, alike, tried, strict=True):
         out.append(_one(d, sound, next(found) if is_tried else []))
+    return out
+
+
+def _first_of_each(damages: Iterable[Damage]) -> list[Damage]:
+    """Return the first torn frames of each servo, and of the controller."""
+    met: dict[int, int] = {}
+    out = []
+    for d in damages:
+        if d.turn in (IN_REPLY, IN_REQUEST):
+            sender = d.servo_id if d.turn == IN_REPLY else -1
+            met[sender] = met.get(sender, 0) + 1
+            if met[sender] <= OF_EACH:
+                out.append(d)
     return out
 
 
@@ -121,9 +138,11 @@ def of_peers(asked: bytes, known: Mapping[bytes, tuple[bytes, ...]]) -> tuple[by
         if len(differ) == 2 and differ[1] != len(asked) - 1:
             # rs30x and wCK have the sum last, too; LSS has none
             continue
-        for answer in answers:
-            if at < len(answer) and answer[at] == request[at]:
-                out.append(answer[:at] + asked[at : at + 1] + answer[at + 1 :])
+        out += (
+            answer[:at] + asked[at : at + 1] + answer[at + 1 :]
+            for answer in answers
+            if at < len(answer) and answer[at] == request[at]
+        )
     return tuple(dict.fromkeys(out))
 
 
@@ -183,35 +202,62 @@ def _one(d: Damage, alike: Sequence[bytes], repaired: Sequence[bytes]) -> Misrea
             bit, up = ways.pop()
             return Misread(d, BITS_FEW, (Flip(-1, bit, up, lags=False, leads=False),), b"")
         return Misread(d, BITS_FEW, (), b"")
-    if same:
-        return _compared(d, same)
-    if not alike:
-        return Misread(d, OTHER, (), b"")
-    size = len(alike[0])
-    if d.length > size:
-        return Misread(d, LONGER, (), b"")
-    fixed = _fixed([a for a in alike if len(a) == size])
-    if size - d.length <= 2 and _agrees(d.got, alike[0][-d.length :], fixed[-d.length :]):
-        return Misread(d, FRONT, (), b"")
-    if _agrees(d.got, alike[0][: d.length], fixed[: d.length]):
-        return Misread(d, BACK, (), b"")
-    return Misread(d, OTHER, (), b"")
+    return _compared(d, same) or Misread(d, _shape(d, alike), (), b"")
 
 
-def _compared(d: Damage, same: Sequence[bytes]) -> Misread:
-    """Compare the bytes that never change."""
+def _compared(d: Damage, same: Sequence[bytes]) -> Misread | None:
+    """Compare with a frame that differs in one byte, else the bytes that never change."""
+    near = [(a, k) for a in same if len(k := _differ(a, d.got)) == 1]
+    if near:
+        meant, wrong = near[0]
+        return Misread(d, BITS_FEW, _turned_all(meant, d.got, wrong), meant)
+    if not same:
+        return None
     fixed = _fixed(same)
     meant = bytes(a if f else g for a, g, f in zip(same[0], d.got, fixed, strict=True))
-    wrong = [k for k, (a, g) in enumerate(zip(meant, d.got, strict=True)) if a != g]
+    wrong = _differ(meant, d.got)
     if not wrong or len(wrong) > NEAR_BYTES:
-        return Misread(d, OTHER, (), b"")
-    flips = tuple(
+        return None
+    return Misread(d, BITS_FEW, _turned_all(meant, d.got, wrong), b"")
+
+
+def _shape(d: Damage, alike: Sequence[bytes]) -> int:
+    """Tell which end of a frame is right, where one is."""
+    for size in dict.fromkeys(len(a) for a in alike):
+        some = [a for a in alike if len(a) == size]
+        fixed = [k for k, f in enumerate(_fixed(some)) if f]
+        one, got = some[0], d.got
+        head = _run(k < len(got) and got[k] == one[k] for k in fixed)
+        behind = [size - k for k in reversed(fixed)]
+        tail = _run(k <= len(got) and got[-k] == one[-k] for k in behind)
+        lacks = size - d.length
+        if 0 < lacks <= LEAST and tail and tail >= sum(k >= lacks for k in fixed) - 1:
+            return FRONT
+        if not head and tail >= 2:
+            return FRONT
+        if head >= 2 and d.length < size and not tail:
+            return BACK
+    if alike and d.length > max(len(a) for a in alike):
+        return LONGER
+    return OTHER
+
+
+def _run(right: Iterable[bool]) -> int:
+    """Return how many are right before the first that is not."""
+    return sum(1 for _ in itertools.takewhile(bool, right))
+
+
+def _differ(a: bytes, b: bytes) -> list[int]:
+    return [k for k, (x, y) in enumerate(zip(a, b, strict=True)) if x != y]
+
+
+def _turned_all(meant: bytes, got: bytes, wrong: Sequence[int]) -> tuple[Flip, ...]:
+    return tuple(
         _turned(meant, k, bit)
         for k in wrong
         for bit in range(BITS)
-        if (meant[k] ^ d.got[k]) >> bit & 1
+        if (meant[k] ^ got[k]) >> bit & 1
     )
-    return Misread(d, BITS_FEW, flips, b"")
 
 
 def _fixed(same: Sequence[bytes]) -> list[bool]:
@@ -220,12 +266,6 @@ def _fixed(same: Sequence[bytes]) -> list[bool]:
         size = len(same[0])
         return [k < size - LEAST for k in range(size)]
     return [len(set(column)) == 1 for column in zip(*same, strict=True)]
-
-
-def _agrees(got: bytes, part: bytes, fixed: Sequence[bool]) -> bool:
-    """Tell whether bytes are a part of a frame: all that never change are right, and there are."""
-    checked = [g == p for g, p, f in zip(got, part, fixed, strict=True) if f]
-    return len(checked) >= 2 and all(checked)
 
 
 def _distance(frame: bytes, same: Sequence[bytes]) -> int:

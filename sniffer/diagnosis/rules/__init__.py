@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules import (
+    bits,
     controller,
     device,
     joints,
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 Rule = Callable[[Case], Iterable[Finding]]
 
-_AREAS: Final = (tap, line, pairing, timing, device, joints, controller)
+_AREAS: Final = (tap, line, bits, pairing, timing, device, joints, controller)
 
 RULES: Final[tuple[Rule, ...]] = (
     *(rule for area in _AREAS for rule in area.RULES),
