@@ -115,9 +115,11 @@ class _Edge(NamedTuple):
     reply: int
     t_end: int
     uncertainty: int
+    window_ns: int
+    outcome: int
 
 
-_NOBODY: Final = _Edge(-1 << 40, -1, -1, 0, 0, -1)
+_NOBODY: Final = _Edge(-1 << 40, -1, -1, 0, 0, -1, 0, -1)
 
 
 class _Told(NamedTuple):
@@ -176,8 +178,23 @@ class Damages:
         if len(batch.data) and (len(batch.gaps) or len(self._open)):
             self._places(batch)
         if len(batch.frames):
-            self._edge = _edge(batch)
+            self._edge = self._last(batch)
             self.likes.add(batch)
+
+    def _last(self, batch: Batch) -> _Edge:
+        """Return the last frame of a batch."""
+        f = batch.frames
+        last = f.take(slice(len(f) - 1, None))
+        return _Edge(
+            int(last.end[0]) + batch.base,
+            int(last.kind[0]),
+            int(last.servo_id[0]),
+            int(last.reply[0]),
+            int(last.t_end[0]),
+            int(last.uncertainty[0]),
+            int(self._protocol.window_ns(last)[0]),
+            int(_outcomes(batch)[len(f) - 1]),
+        )
 
     def _places(self, batch: Batch) -> None:
         """Join gaps in a row; take those to which nothing more can be joined."""
@@ -263,15 +280,18 @@ class Damages:
         follows = (np.append(f.kind.astype(np.int64), -1)[after] == RESPONSE) & (
             np.append(f.start, -1)[after] == end
         )
-        outcome = _outcomes(batch)[row] if batch is not None else np.full(len(row), -1)
+        known = _outcomes(batch)[:-1] if batch is not None else np.empty(0, np.int64)
+        outcome = np.append(known, edge.outcome)[row]
         timed = np.append(f.uncertainty, -1)[after]
         since = np.where(doubt >= 0, runs.begins_ns - ended, -1)
         next_to = (start - ends <= BLANKS) & (kind >= 0)
         asks = next_to & (kind == REQUEST) & (reply != NEVER) & (reply != MANY)
         asks &= (outcome != NOT_EXPECTED) & ((outcome != OK) | follows)
-        inside = asks & (row >= 0) & (doubt >= 0)
+        inside = asks & (doubt >= 0)
         if inside.any():
-            window = self._protocol.window_ns(f.take(row[inside]))
+            own = row[inside] >= 0
+            window = np.full(len(own), edge.window_ns)
+            window[own] = self._protocol.window_ns(f.take(row[inside][own]))
             asks[inside] = since[inside] - doubt[inside] <= window
         stray = ((runs.kind == NOISE) | (runs.kind == IDLE_TAIL)) & (runs.length < STRAY)
         near = next_to & (doubt >= 0) & (doubt <= self._byte_ns)
@@ -360,15 +380,3 @@ def _outcomes(batch: Batch) -> I64:
     echo = np.flatnonzero(f.flags & ECHO)
     out[echo] = out[echo - 1]
     return out
-
-
-def _edge(batch: Batch) -> _Edge:
-    f = batch.frames
-    return _Edge(
-        int(f.end[-1]) + batch.base,
-        int(f.kind[-1]),
-        int(f.servo_id[-1]),
-        int(f.reply[-1]),
-        int(f.t_end[-1]),
-        int(f.uncertainty[-1]),
-    )
