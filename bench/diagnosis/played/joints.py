@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from bench.diagnosis.played.cases import EVERY, Cases
 from bench.diagnosis.played.draft import ALL, SELDOM, TURN
+from bench.diagnosis.played.presence import suffers
 from sniffer.ground.model import NS
 from sniffer.simulation import faults as f
 from sniffer.simulation.rs30x_servo import LIMIT_DEGC
@@ -50,7 +51,7 @@ def goes_limp(draft: Draft) -> None:
     first_s = draft.onset()
     if draft.protocol in ("lss", "wck"):  # a goal would switch it on: its motor is gone
         for who in whom:
-            draft.at(first_s, lambda play, who=who: play.suffer(f.LIMP, who, draft.seconds + 60))  # type: ignore[misc]
+            draft.at(first_s, functools.partial(suffers, kind=f.LIMP, who=who))
     else:
         how = rng.choice(("never", "off", "restart"))
         if how == "never":
@@ -88,13 +89,9 @@ def is_held(draft: Draft) -> None:
     if draft.protocol == "lss" or bits == SHUTDOWN:
         del spans[1:]  # it saves itself the first time, and is limp from then on
     for first_s, last_s in spans:
-        draft.at(first_s, functools.partial(_hold, who=who, until_s=last_s))
+        draft.at(first_s, functools.partial(suffers, kind=f.STALL, who=who, until_s=last_s))
     saves = draft.protocol == "lss" or (draft.protocol == "mightyzap" and bits == SHUTDOWN)
     draft.truth("stall", who, spans[0][0], draft.seconds if saves else spans[-1][1] + 0.3)
-
-
-def _hold(play: Play, who: int, until_s: float) -> None:
-    play.suffer(f.STALL, who, until_s)
 
 
 @CASES(*EVERY, seconds=(14, 28), servos=(2, 4))
@@ -140,7 +137,7 @@ def overload(draft: Draft) -> None:
     draft.start(functools.partial(_shut, bits=bits))
     first_s = draft.onset()
     last_s = first_s + rng.uniform(3, 6)
-    draft.at(first_s, lambda play: play.suffer(f.OVERLOAD, who, last_s))
+    draft.at(first_s, functools.partial(suffers, kind=f.OVERLOAD, who=who, until_s=last_s))
     saves = draft.protocol == "lss" or bits == SHUTDOWN
     draft.truth("overload", who, first_s, draft.seconds if saves else last_s + 0.3)
 

@@ -24,6 +24,14 @@ AGAIN_S: Final = 0.5
 """Until when, at the latest, a servo that is switched on again stands where it should."""
 
 
+FOR_EVER_S: Final = 1e6
+
+
+def suffers(play: Play, kind: str, who: int, until_s: float = FOR_EVER_S) -> None:
+    """Let a lasting fault of the simulator begin."""
+    play.suffer(kind, who, until_s)
+
+
 def _sag(play: Play, who: int, part: float) -> None:
     play.servo(who).joint.sag = part
 
@@ -65,14 +73,14 @@ def servo_reset_loop(draft: Draft) -> None:
     ends = draft.rng.random() < 0.4
     last_s = first_s + draft.rng.uniform(5, 7) if ends else draft.seconds
     draft.habit = dataclasses.replace(draft.habit, rate_hz=max(draft.habit.rate_hz, 25))
-    draft.at(first_s, lambda play: play.suffer(f.RESETS, who, last_s))
+    draft.at(first_s, functools.partial(suffers, kind=f.RESETS, who=who, until_s=last_s))
     draft.truth("servo-reset-loop", who, first_s, last_s)
 
 
 def dies(draft: Draft) -> None:
     """Let a servo fall silent for ever."""
     who, first_s = draft.pick(), draft.onset()
-    draft.at(first_s, lambda play: play.suffer(f.DEAD, who, draft.seconds + 60))
+    draft.at(first_s, functools.partial(suffers, kind=f.DEAD, who=who))
     draft.truth("servo-dead", who, first_s, draft.seconds)
 
 
@@ -102,11 +110,8 @@ def servo_absent(draft: Draft) -> None:
 def lags(draft: Draft, first_s: float) -> None:
     """Let a servo take its time."""
     who = draft.pick()
-
-    def lag(play: Play) -> None:
-        play.suffer(f.SLOW, who, draft.seconds + 60)
-
-    draft.start(lag) if first_s == 0 else draft.at(first_s, lag)
+    lag = functools.partial(suffers, kind=f.SLOW, who=who)
+    draft.at(first_s, lag) if first_s else draft.start(lag)
     draft.truth("slow-servo", who, first_s, draft.seconds)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
@@ -211,15 +212,19 @@ class Rs30xTongue(Tongue):
         yield Say(request(servo_id, REBOOT, 0xFF, 0, 0), False)
 
 
+@functools.lru_cache(1 << 12)
+def _wck(op: str, who: int, fields: tuple[tuple[str, int], ...]) -> bytes:
+    return build(op, data1={"id": who}, data2={}, **dict(fields))
+
+
 class WckTongue(Tongue):
     """Moves all at once and reads each, or moves each and has its state for an answer."""
 
     patience_ns = (12 * MS, 100 * MS)
 
     def _op(self, op: str, who: int, **fields: int) -> Say:
-        return Say(
-            build(op, data1={"id": who}, data2={}, **fields), True, KEEPS_NS if fields else 0
-        )
+        built = _wck(op, who, tuple(fields.items()))
+        return Say(built, True, KEEPS_NS if fields else 0)
 
     def hello(self, servo_id: int) -> Iterator[Say]:
         """Read the boundaries, or not."""

@@ -34,7 +34,7 @@ def _repeatedly(
     period = draft.rng.choice(PERIODS_S)
     times = [first_s + n * period for n in range(int((last_s - first_s) / period) + 1)]
     for t in times:
-        draft.cue(t, functools.partial(_tell, say=say))  # type: ignore[misc,arg-type,return-value]
+        draft.cue(t, functools.partial(_tell, say=say))
     return times
 
 
