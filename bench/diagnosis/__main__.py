@@ -8,11 +8,12 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench.diagnosis.catalogue import scenarios
 from bench.diagnosis.figures import gathered
-from bench.diagnosis.hosts import HOSTS
+from bench.diagnosis.hosts import HOSTS, written
 from bench.diagnosis.judging import case_of, score
 from bench.diagnosis.report import RESULTS, report
 
@@ -58,6 +59,19 @@ def _show(it: Score) -> None:
         sys.stderr.write(f"  said: {causes} {told.servo_ids} ({sign}; {codes})\n")
 
 
+def write(folder: Path, seeds: Sequence[int], only: str) -> None:
+    """Write each scenario as a log, for `sniffer diagnose`, and its truth beside it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for seed in seeds:
+        for scenario in scenarios(seed, only):
+            path = folder / f"{scenario.name}-{seed}.log"
+            path.write_text(written(scenario, scenario.make(seed)), encoding="utf-8")
+            told = [
+                f"{t.cause} {t.servo_ids} {t.first_s:.2f} {t.last_s:.2f}\n" for t in scenario.truths
+            ]
+            path.with_suffix(".truth").write_text("".join(told) or "sound\n", encoding="utf-8")
+
+
 def main() -> None:
     """Measure what the arguments say."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -67,9 +81,13 @@ def main() -> None:
     parser.add_argument("--sound", type=int, default=0, help="further draws of sound traffic")
     parser.add_argument("--host", choices=tuple(HOSTS), action="append", help="only this one")
     parser.add_argument("--show", action="store_true", help="tell what was said of each")
+    parser.add_argument("--write", type=Path, help="write the captures to this folder, as logs")
     given = parser.parse_args()
     seeds = range(given.first_seed, given.first_seed + given.seeds)
     sound = range(seeds.stop, seeds.stop + given.sound)
+    if given.write:
+        write(given.write, seeds, given.only)
+        return
     began = time.perf_counter()
     hosts = given.host or tuple(HOSTS)
     figures = gathered(scores(hosts, seeds, given.only, sound=sound, say=given.show))
