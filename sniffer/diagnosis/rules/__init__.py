@@ -8,14 +8,25 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.model import Finding
-from sniffer.diagnosis.rules import controller, device, line, pairing, symptoms, tap, timing
+from sniffer.diagnosis.rules import (
+    controller,
+    device,
+    goals,
+    line,
+    losses,
+    pairing,
+    patience,
+    symptoms,
+    tap,
+    timing,
+)
 
 if TYPE_CHECKING:
     from sniffer.diagnosis.catalogue import FindingCode
 
 Rule = Callable[[Case], Iterable[Finding]]
 
-_AREAS: Final = (tap, line, pairing, timing, device, controller)
+_AREAS: Final = (tap, losses, line, pairing, timing, device, patience, controller, goals)
 
 RULES: Final[tuple[Rule, ...]] = (
     *(rule for area in _AREAS for rule in area.RULES),
