@@ -1,6 +1,6 @@
 """The kinds of requests that a controller makes: how often each was said, when, and its bytes.
 
-A kind is whom it is for, the command and the address.
+A kind is whom it is for, the command, the address, and whether it is in the manual's form.
 """
 
 from __future__ import annotations
@@ -9,11 +9,16 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.ground.model import MALFORMED, UNKNOWN, UNUSUAL
+
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, Batch, Frames
 
 KINDS: Final = 1024
 """Kinds that are told apart, the first ones met: a bus has some servos and some commands."""
+
+ODD: Final = MALFORMED | UNKNOWN | UNUSUAL
+"""Flags of requests that are not as the manual has them."""
 
 _SLOTS: Final = 1 << 16
 
@@ -32,6 +37,8 @@ class RequestKinds:
         self.servo_id: list[int] = []
         self.op: list[int] = []
         self.address: list[int] = []
+        self.odd: list[int] = []
+        """Which of the flags ``ODD`` it has."""
         self.example: list[bytes] = []
         """The bytes of the first one of each kind."""
         self.at: list[int] = []
@@ -56,7 +63,8 @@ class RequestKinds:
         """Count the requests in some rows of a batch; return the kind of each, -1: one too many."""
         f = batch.frames
         key = (f.servo_id[asks].astype(np.int64) + 1) << 56
-        key ^= (f.op[asks] << 20) ^ (f.address[asks] + 1)
+        odd = f.flags[asks] & ODD
+        key ^= (f.op[asks] << 20) ^ (f.address[asks] + 1) ^ odd.astype(np.int64) << 48
         slot = ((key.astype(np.uint64) * _STEP) >> np.uint64(48)).astype(np.int64)
         kind = self._number[slot]
         if (kind < 0).any() and len(self) < KINDS:
@@ -79,6 +87,7 @@ class RequestKinds:
         self.servo_id.append(int(f.servo_id[row]))
         self.op.append(int(f.op[row]))
         self.address.append(int(f.address[row]))
+        self.odd.append(int(f.flags[row]) & ODD)
         self.example.append(batch.data[start : start + int(f.length[row])])
         self.at.append(start + batch.base)
         self.t_first.append(int(f.t_start[row]))

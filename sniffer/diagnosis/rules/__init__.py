@@ -12,9 +12,12 @@ from sniffer.diagnosis.rules import (
     bits,
     controller,
     device,
+    goals,
     joints,
     line,
+    losses,
     pairing,
+    patience,
     symptoms,
     tap,
     timing,
@@ -25,7 +28,19 @@ if TYPE_CHECKING:
 
 Rule = Callable[[Case], Iterable[Finding]]
 
-_AREAS: Final = (tap, line, bits, pairing, timing, device, joints, controller)
+_AREAS: Final = (
+    tap,
+    losses,
+    line,
+    bits,
+    pairing,
+    timing,
+    device,
+    joints,
+    patience,
+    controller,
+    goals,
+)
 
 RULES: Final[tuple[Rule, ...]] = (
     *(rule for area in _AREAS for rule in area.RULES),
