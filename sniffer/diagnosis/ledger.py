@@ -152,6 +152,8 @@ class Ledger:
         self.steps = Steps(protocol)
         self.head = b""
         """The first bytes of the bus."""
+        self.has_checksum: bool | None = None
+        """Whether answers of more than a byte have one; None: there was none yet."""
         self._asked_at: dict[int, int] = {}
         self._last_asked: int | None = None
         self._fine_from: int | None = None
@@ -177,6 +179,8 @@ class Ledger:
             self.refusals.add(batch)
         if len(f):
             self.frames += len(f)
+            if self.has_checksum is None:
+                self._look_for_checksum(batch)
             if self.first_ns is None:
                 self.first_ns = int(f.t_start[0])
             self.last_ns = max(self.last_ns, int(f.t_end[-1]))
@@ -187,6 +191,14 @@ class Ledger:
             self._values(batch)
         self.damages.add(batch)
         self._join_old()
+
+    def _look_for_checksum(self, batch: Batch) -> None:
+        f = batch.frames
+        rows = np.flatnonzero((f.kind != REQUEST) & (f.length > 1))
+        if len(rows):
+            start, length = int(f.start[rows[0]]), int(f.length[rows[0]])
+            raw = batch.data[start : start + length]
+            self.has_checksum = self.protocol.checksum_of(raw) is not None
 
     def bucket(self, t_ns: I64) -> I64:
         """Return the numbers of the buckets of moments."""

@@ -9,14 +9,20 @@ from typing import TYPE_CHECKING, Final
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules import (
+    complaints,
     controller,
-    device,
+    identity,
     joints,
+    jumps,
     line,
     pairing,
+    restarts,
+    slowness,
+    supply,
     symptoms,
     tap,
     timing,
+    warmth,
 )
 
 if TYPE_CHECKING:
@@ -24,7 +30,9 @@ if TYPE_CHECKING:
 
 Rule = Callable[[Case], Iterable[Finding]]
 
-_AREAS: Final = (tap, line, pairing, timing, device, joints, controller)
+_DEVICE: Final = (supply, warmth, joints, restarts, complaints, jumps, identity)
+
+_AREAS: Final = (tap, line, pairing, timing, slowness, *_DEVICE, controller)
 
 RULES: Final[tuple[Rule, ...]] = (
     *(rule for area in _AREAS for rule in area.RULES),
