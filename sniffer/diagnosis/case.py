@@ -102,6 +102,15 @@ class Case:
         return max((self.last_ns - self.first_ns) / NS, 0.0)
 
     @property
+    def has_checksum(self) -> bool:
+        """Whether answers have one: else damage may pass for a value."""
+        return self.ledger.has_checksum is not False
+
+    def since(self, t_ns: int) -> str:
+        """Return when it was, counted from the first frame, in words."""
+        return f"{(t_ns - self.first_ns) / NS:.3f} s"
+
+    @property
     def baud(self) -> int:
         """By which rate the bus is decoded."""
         return self.ledger.pace.baud if self.ledger.pace is not None else self.protocol.baud

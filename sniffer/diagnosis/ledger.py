@@ -159,6 +159,8 @@ class Ledger:
         self.unnamed = UnnamedWrites(protocol)
         self.head = b""
         """The first bytes of the bus."""
+        self.has_checksum: bool | None = None
+        """Whether answers of more than a byte have one; None: there was none yet."""
         self._asked_at: dict[int, int] = {}
         self._last_asked: int | None = None
         self._fine_from: int | None = None
@@ -184,6 +186,8 @@ class Ledger:
             self.refusals.add(batch)
         if len(f):
             self.frames += len(f)
+            if self.has_checksum is None:
+                self._look_for_checksum(batch)
             if self.first_ns is None:
                 self.first_ns = int(f.t_start[0])
             self.last_ns = max(self.last_ns, int(f.t_end[-1]))
@@ -201,6 +205,14 @@ class Ledger:
     def byte_ns(self) -> int:
         """How long a byte takes at the rate by which the bus is decoded."""
         return byte_time_ns(self.protocol.baud if self.pace is None else self.pace.baud)
+
+    def _look_for_checksum(self, batch: Batch) -> None:
+        f = batch.frames
+        rows = np.flatnonzero((f.kind != REQUEST) & (f.length > 1))
+        if len(rows):
+            start, length = int(f.start[rows[0]]), int(f.length[rows[0]])
+            raw = batch.data[start : start + length]
+            self.has_checksum = self.protocol.checksum_of(raw) is not None
 
     def bucket(self, t_ns: I64) -> I64:
         """Return the numbers of the buckets of moments."""

@@ -22,7 +22,7 @@ KEPT: Final = 24
 """Of each servo and register the greatest so many: a value that jumps and comes back is two."""
 
 
-class Step(NamedTuple):
+class Leap(NamedTuple):
     """From one value to the next, in thousandths of the unit; ``took_ns`` lies between the two."""
 
     size: int
@@ -41,7 +41,7 @@ class Steps:
         self._count = len(watched)
         self._watched = np.array(watched, bool)
         self._last: dict[int, tuple[int, int]] = {}
-        self._kept: dict[int, list[Step]] = {}
+        self._kept: dict[int, list[Leap]] = {}
 
     def add(self, who: I64, value: I64, t_ns: I64, at: I64) -> I64:
         """Return how far each value is from the one before it of its servo and register.
@@ -90,12 +90,12 @@ class Steps:
         rows = rows[rank < KEPT]
         told = zip(*(column[rows].tolist() for column in columns), strict=True)
         for k, step in zip(key[rows].tolist(), told, strict=True):
-            self._kept.setdefault(k, []).append(Step(*step))
+            self._kept.setdefault(k, []).append(Leap(*step))
         for k in np.unique(key[rows]).tolist():
             self._kept[k].sort(key=lambda s: (-s.size, s.at))
             del self._kept[k][KEPT:]
 
-    def of(self, servo_id: int, register: int) -> Sequence[Step]:
+    def of(self, servo_id: int, register: int) -> Sequence[Leap]:
         """Return the greatest steps of a servo's register, in order of time."""
         kept = self._kept.get((servo_id + 1) * self._count + register, ())
         return sorted(kept, key=lambda s: s.at)

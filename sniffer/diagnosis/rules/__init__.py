@@ -10,17 +10,23 @@ from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules import (
     bits,
+    complaints,
     controller,
-    device,
     goals,
+    identity,
     joints,
+    jumps,
     line,
     losses,
     pairing,
     patience,
+    restarts,
+    slowness,
+    supply,
     symptoms,
     tap,
     timing,
+    warmth,
 )
 
 if TYPE_CHECKING:
@@ -35,11 +41,17 @@ _AREAS: Final = (
     bits,
     pairing,
     timing,
-    device,
     joints,
     patience,
     controller,
     goals,
+    complaints,
+    identity,
+    jumps,
+    restarts,
+    slowness,
+    supply,
+    warmth,
 )
 
 RULES: Final[tuple[Rule, ...]] = (

@@ -46,6 +46,12 @@ FINDINGS: Final = (
         "As above, and a silence of that servo, or a restart, that ended in the five seconds before.",
     ),
     FindingCode(
+        "stuck-before-alarm",
+        "device",
+        "A joint stood still under moving goals when its servo reported an overload.",
+        "In the half second before the alarm the goals range over a third of what counts as far, the positions over less than a quarter of that.",
+    ),
+    FindingCode(
         "joint-not-following",
         "device",
         "A joint does not follow its goals, and nothing measured tells whether it pushes.",
@@ -64,6 +70,9 @@ ALARMS: Final = (
     "device-safe-mode",
 )
 """Alarms upon which servos switch their motor off."""
+
+SHORTLY_NS: Final = NS // 2
+"""Before an alarm of overload a motor pushes for tenths of a second."""
 
 ENOUGH_NS: Final = 2 * NS
 """A stretch of this length is beyond doubt."""
@@ -90,6 +99,43 @@ def following(case: Case) -> Iterator[Finding]:
             kinds.setdefault(_kind(case, one, away), []).append(away)
         for code, several in kinds.items():
             yield _found(case, one, code, several, moved=moved or _moves(one))
+
+
+def stuck(case: Case) -> Iterator[Finding]:
+    """Joints that stood still when their servos reported an overload."""
+    for servo in case.servos:
+        alarms = case.anomalies("device-overload", servo_id=servo)
+        one = track(case, servo) if len(alarms) else None
+        if one is None:
+            continue
+        stood = [k for k, t in enumerate(alarms.t_ns.tolist()) if _stands(one, t)]
+        if len(stood) * 2 < len(alarms):
+            continue
+        rows = alarms.take(np.array(stood))
+        yield Finding(
+            "stuck-before-alarm",
+            servo,
+            int(rows.t_ns[0]) - SHORTLY_NS,
+            int(rows.t_ns[-1]),
+            len(stood),
+            f"servo {servo} stood still under moving goals before {len(stood)} of its "
+            f"{len(alarms)} overload alarms",
+            case.places(rows, "overload reported"),
+            brief=f"servo {servo} is stuck",
+        )
+
+
+def _stands(one: Track, t_ns: int) -> bool:
+    """Tell whether a joint did not move with its goals right before a moment."""
+    p, g = one.position, one.goal
+    since = t_ns - SHORTLY_NS
+    places = np.flatnonzero((p.t >= since) & (p.t_first < t_ns))
+    goals = np.flatnonzero((g.t >= since) & (g.t_first < t_ns))
+    if not len(places) or not len(goals):
+        return False
+    asked = float(g.high[goals].max() - g.low[goals].min())
+    went = float(p.high[places].max() - p.low[places].min())
+    return asked > one.far / 3 and went < asked / 4
 
 
 def _moves(one: Track) -> bool:
@@ -160,5 +206,5 @@ def _found(case: Case, one: Track, code: str, several: Sequence[Away], *, moved:
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (following,)
+RULES: Final[tuple[Rule, ...]] = (following, stuck)
 """The rules of this file."""
