@@ -19,12 +19,14 @@ from sniffer.cli.options import (
     examples,
     models,
     pipeline_options,
+    with_alarms,
     with_force,
     with_registers,
 )
 from sniffer.cli.signals import signals
 from sniffer.cli.statuses import DONE, INTERRUPTED, MISTAKE
 from sniffer.decoding.pipeline import AUTO
+from sniffer.diagnostics.alarms import Alarm
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.registers import RegisterMap
@@ -69,6 +71,7 @@ WORD_S: Final = 0.5
     help="Register table of a servo, or of all.",
 )  # fmt: skip
 @with_registers
+@with_alarms
 @click.option("--latency", type=Finite(0, 1000), metavar="MS", help="What the adapter delays.")
 @click.option(
     "--pair", is_flag=True,
@@ -119,6 +122,7 @@ def record(
     baud: int | None,
     chosen: dict[int | None, str],
     tables: tuple[RegisterMap, ...],
+    alarms: tuple[Alarm, ...],
     latency: float | None,
     pair: bool,
     modem: Literal["low", "keep"],
@@ -165,7 +169,7 @@ def record(
     if sum(views.values()) > 1:
         raise click.UsageError("choose one of --rerun, --rerun-web, --rerun-connect")
     said = [spec.protocol for spec in ports if spec.protocol is not None]
-    options = pipeline_options(protocol, baud, chosen, latency, tables, said)
+    options = pipeline_options(protocol, baud, chosen, latency, tables, said, alarms)
     paths = outputs or (Path(f"sniffer-{datetime.datetime.now():%Y%m%d-%H%M%S}.mcap"),)
     recordings = [path for path in paths if path.suffix.lower() == RECORDING]
     if len(recordings) > 1:

@@ -67,6 +67,9 @@ class Teller:
 
     def mistaken(self, recorder: Recorder) -> None:
         """Tell of buses that speak something else than was said."""
+        if all(recorder.pipeline.speaks(tap.spec.bus) for tap in recorder.taps):
+            for rule in recorder.pipeline.unmet():
+                self.once(rule)
         for mistake in recorder.pipeline.mistaken():
             if mistake.bus not in self._told:
                 self._told.add(mistake.bus)
