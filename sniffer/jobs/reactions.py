@@ -113,5 +113,6 @@ def _happening(seen: Sighting) -> Happening:
         f"{seen.name} on {seen.bus}: {seen.what}",
         str(seen.wanted),
         seen.servo_ids,
+        seen.last_ns,
         seen.is_new,
     )

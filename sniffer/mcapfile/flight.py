@@ -47,9 +47,12 @@ PIECE: Final = 1 << 16
 STEP_S: Final = 0.03
 """How long is worked on a recording in one round, in seconds: the ports come first."""
 
-LATE_NS: Final = NS
-"""How long after its end a recording is closed: what was said until then is here and decoded by
-then, and may have put off the end."""
+LATE_NS: Final = 5 * NS
+"""How long after its end a recording is closed at the latest. It is closed as soon as all that was
+said until then is decoded, for what is found in it may put off the end."""
+
+READ_NS: Final = NS // 5
+"""How long it may take until what was said is here."""
 
 RING_MOST: Final = 64 << 20
 """Bytes of a ring that was asked for as a time: a minute of ten buses at 1 Mbit/s."""
@@ -59,7 +62,8 @@ RING_MOST: Final = 64 << 20
 class Happening:
     """What triggers a recording: when, on the clock of the buses, and in words.
 
-    ``is_new``: it has not been going on already.
+    ``last_ns`` is until when it has been going on, where that is later. ``is_new``: it has not been
+    going on already.
     """
 
     t_ns: int
@@ -67,6 +71,7 @@ class Happening:
     what: str
     trigger: str
     servo_ids: tuple[int, ...] = ()
+    last_ns: int = 0
     is_new: bool = True
 
     def facts(self) -> dict[str, str]:
@@ -236,6 +241,7 @@ class FlightRecorder:
         self._number = 0
         self._files: list[tuple[Path, tuple[int, int]]] = []
         self._deleted: list[Path] = []
+        self._decided: dict[str, int] = {}
         self._finished = 0
         self._told_short = False
         self._current: _FlightFile | None = None
@@ -293,7 +299,8 @@ class FlightRecorder:
                 self._begin(what)
         elif not current.is_over:
             current.until_ns = min(
-                max(current.until_ns, what.t_ns + self._around.after_ns), current.last_ns
+                max(current.until_ns, max(what.t_ns, what.last_ns) + self._around.after_ns),
+                current.last_ns,
             )
             if what.is_new:
                 current.sink.note(TRIGGER, what.facts())
@@ -324,6 +331,7 @@ class FlightRecorder:
 
     def turn(self, decided: Mapping[str, int]) -> None:
         """Learn up to which offset each bus is decoded; there a file may begin."""
+        self._decided.update(decided)
         self.ring.decided(decided)
         self.ring.trim(self._now())
         if self.ring.is_short and not self._told_short:
@@ -348,7 +356,7 @@ class FlightRecorder:
         current = self._current
         if current is None:
             return
-        if not current.is_over and now > current.until_ns + LATE_NS:
+        if not current.is_over and self._is_known(current.until_ns, now):
             current.end(min(now, current.until_ns))
         if current.work(time.monotonic() + STEP_S):
             self._end(current)
@@ -366,6 +374,14 @@ class FlightRecorder:
             if self._ring_file is not None:
                 self._ring_file.close()
 
+    def _is_known(self, t_ns: int, now: int) -> bool:
+        """Tell whether a time is over, and what was said until then decoded."""
+        if now <= t_ns + READ_NS:
+            return False
+        said = self.ring.offsets(t_ns)
+        is_decoded = all(self._decided.get(bus, 0) >= at for bus, at in said.items())
+        return is_decoded or now > t_ns + LATE_NS
+
     def _know(self, bus: str, protocols: Sequence[BusProtocol]) -> None:
         named = self._options.protocols.get(bus, self._options.protocol)
         if named == AUTO:
@@ -379,7 +395,8 @@ class FlightRecorder:
         before_ns = self._around.before_ns
         since_ns = what.t_ns - before_ns if before_ns is not None else 0
         placed = self.ring.since(since_ns)
-        until_ns = what.t_ns + self._around.after_ns
+        last_ns = what.t_ns + LONGEST * self._around.after_ns
+        until_ns = min(max(what.t_ns, what.last_ns) + self._around.after_ns, last_ns)
         path = self._free_path()
         told = {f"trigger.{key}" if key != "trigger" else key: v for key, v in what.facts().items()}
         protocols = {
@@ -393,7 +410,7 @@ class FlightRecorder:
             self._options,
             placed,
             until_ns=until_ns,
-            last_ns=what.t_ns + LONGEST * self._around.after_ns,
+            last_ns=last_ns,
             durable=self._durable,
             topics=self._topics,
         )

@@ -145,6 +145,16 @@ class Ring:
             out[bus], _ = behind(placed, max(begin, held.blocks[0].start), 0)
         return out
 
+    def offsets(self, t_ns: int) -> dict[str, int]:
+        """Return how far each bus had got at a time, in bytes of its stream."""
+        out: dict[str, int] = {}
+        for bus, held in self._buses.items():
+            later = next((b for b in held.blocks if b.times[-1] > t_ns), None)
+            out[bus] = held.end
+            if later is not None:
+                out[bus] = next(at for at, c in later.placed() if (c.t_ns or 0) > t_ns)
+        return out
+
     def blocks(self) -> list[RingBlock]:
         """Return all that is here, in the order of time."""
         every = [block for held in self._buses.values() for block in held.blocks]

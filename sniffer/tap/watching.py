@@ -65,8 +65,8 @@ def awaited_in(text: str) -> Awaited:
 class Sighting:
     """Something that was waited for.
 
-    ``name`` is the code; ``t_ns`` when it was, on the clock of the bus. ``is_new``: it has not been
-    going on already.
+    ``name`` is the code; ``t_ns`` when it was, on the clock of the bus, ``last_ns`` when it was seen
+    last so far. ``is_new``: it has not been going on already.
     """
 
     wanted: Awaited
@@ -75,6 +75,7 @@ class Sighting:
     t_ns: int
     servo_ids: tuple[int, ...]
     what: str
+    last_ns: int
     is_new: bool
 
 
@@ -142,4 +143,4 @@ class Watch:
             is_new = before is None or t_ns - before > QUIET_NS
             self._last[one, bus, name, servo] = max(last_ns, before or last_ns)
             ids = () if servo < 0 else (servo,)
-            self._seen.append(Sighting(one, code, bus, t_ns, ids, detail, is_new))
+            self._seen.append(Sighting(one, code, bus, t_ns, ids, detail, last_ns, is_new))
