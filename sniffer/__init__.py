@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from sniffer.jobs.api import Capture, decode, frames_table, records, samples_table
     from sniffer.jobs.convert import Converted, convert
     from sniffer.jobs.diagnose import Diagnosed, diagnose
-    from sniffer.jobs.record import Files, Recorded, Shown, record
+    from sniffer.jobs.files import Files, Flight
+    from sniffer.jobs.record import Recorded, Shown, record
     from sniffer.jobs.replay import Window, replay
     from sniffer.jobs.session import Ending
     from sniffer.protocols import PROTOCOLS
@@ -59,6 +60,7 @@ __all__ = [
     "Ending",
     "Examined",
     "Files",
+    "Flight",
     "FrameRow",
     "Frames",
     "Gap",
@@ -106,7 +108,8 @@ _ROOMS: Final = {
     "jobs.diagnose": ("Diagnosed", "diagnose"),
     "jobs.replay": ("Window", "replay"),
     "jobs.session": ("Ending",),
-    "jobs.record": ("Files", "Recorded", "Shown", "record"),
+    "jobs.files": ("Files", "Flight"),
+    "jobs.record": ("Recorded", "Shown", "record"),
     "doctor.examine": ("Examined", "examine"),
     "doctor.records": ("Observation", "Level"),
     "simulation.play.run": ("Played", "play"),

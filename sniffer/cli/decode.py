@@ -9,12 +9,20 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options, printed, with_force
+from sniffer.cli.options import (
+    decoding,
+    examples,
+    pipeline_options,
+    printed,
+    with_alarms,
+    with_force,
+)
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
 from sniffer.decoding.sink import Sink
 from sniffer.diagnosis import Diagnosis
+from sniffer.diagnostics.alarms import Alarm
 from sniffer.ground.model import Severity
 from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.convert import convert
@@ -28,11 +36,13 @@ from sniffer.sinks.standard import Standard
         "sniffer decode dump.hex",
         "sniffer decode capture.bin --protocol wck --baud 115200 -o capture.mcap",
         "sniffer decode capture.bin --model 3=mightyzap-12lf -o samples.parquet --summary",
+        "sniffer decode walk.mcap --alarm 'temperature > 70 for 2s' --fail-on warn",
         "candump-like-logger | sniffer decode - --format jsonl",
     ),
 )
 @click.argument("file")
 @decoding
+@with_alarms
 @printed
 @click.option(
     "-o",
@@ -62,6 +72,7 @@ def decode(
     models: dict[int | None, str],
     tables: tuple[RegisterMap, ...],
     latency: float | None,
+    alarms: tuple[Alarm, ...],
     output_format: str,
     outputs: tuple[Path, ...],
     force: bool,
@@ -75,7 +86,7 @@ def decode(
     What goes wrong on the bus is part of the output. Exit status: 0 done; 1 anomalies at or above
     --fail-on; 2 a mistake of yours; 3 the input breaks off (what could be read is written).
     """
-    options = pipeline_options(protocol, baud, models, latency, tables)
+    options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms)
     printed: list[Sink] = []
     diagnosis = Diagnosis() if summary and not quiet and output_format == "text" else None
     if diagnosis is not None:

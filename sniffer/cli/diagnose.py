@@ -6,10 +6,11 @@ import json
 
 import click
 
-from sniffer.cli.options import Finite, decoding, examples, pipeline_options
+from sniffer.cli.options import Finite, decoding, examples, pipeline_options, with_alarms
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
 from sniffer.cli.streams import say
+from sniffer.diagnostics.alarms import Alarm
 from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.diagnose import diagnose as diagnose_file
 from sniffer.jobs.replay import Window
@@ -27,6 +28,7 @@ from sniffer.jobs.telling import Teller
 )
 @click.argument("files", metavar="FILE...", nargs=-1, required=True)
 @decoding
+@with_alarms
 @click.option(
     "--format",
     "output_format",
@@ -53,6 +55,7 @@ def diagnose(
     models: dict[int | None, str],
     tables: tuple[RegisterMap, ...],
     latency: float | None,
+    alarms: tuple[Alarm, ...],
     output_format: str,
     start: float,
     stop: float | None,
@@ -64,7 +67,7 @@ def diagnose(
     """
     if stop is not None and stop <= start:
         raise click.UsageError("--to must lie behind --from")
-    options = pipeline_options(protocol, baud, models, latency, tables)
+    options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms)
     status = DONE
     for file in files:
         with patient() as patience:

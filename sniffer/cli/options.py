@@ -10,7 +10,9 @@ import click
 
 from sniffer.decoding.names import is_known, protocols_named
 from sniffer.decoding.pipeline import AUTO, Options
+from sniffer.diagnostics.alarms import Alarm, alarm_in
 from sniffer.ground.limits import BAUDS, IDS, number_in
+from sniffer.ground.model import InputError
 from sniffer.ground.registers import RegisterMap
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import BusProtocol
@@ -132,6 +134,28 @@ with_registers = click.option(
 """Of every command that has ``--model``, but ``simulate``."""
 
 
+def alarms_of(
+    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
+) -> tuple[Alarm, ...]:
+    """Read ``--alarm 'temperature > 70 for 2s'``."""
+    try:
+        return tuple(map(alarm_in, given))
+    except InputError as error:
+        raise click.BadParameter(str(error)) from None
+
+
+with_alarms = click.option(
+    "--alarm",
+    "alarms",
+    multiple=True,
+    callback=alarms_of,
+    metavar="RULE",
+    help="A rule of your own, such as 'temperature > 70 for 2s', '3.voltage < 9' or "
+    "'position_error > 5'; may be repeated.",
+)
+"""Of every command that judges values by rules of the user's own."""
+
+
 def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that say how bytes are to be read."""
     for option in reversed(
@@ -179,11 +203,12 @@ def pipeline_options(
     latency: float | None,
     tables: tuple[RegisterMap, ...],
     also: Iterable[str | BusProtocol] = (),
+    alarms: tuple[Alarm, ...] = (),
 ) -> Options:
     """Return the options as the pipeline takes them; ``also`` are protocols of single buses.
 
     Raises:
-        SnifferError: a model is not known, or a table is of no use.
+        SnifferError: a model is not known, or a table or a rule is of no use.
     """
     options = Options(
         protocol=protocol,
@@ -191,6 +216,7 @@ def pipeline_options(
         models=models,
         latency_ns=None if latency is None else int(latency * 1e6),
         tables=tables,
+        alarms=alarms,
     )
     options.check(also)
     return options

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.decoding.joining import joined, runs
 from sniffer.decoding.sink import bus_of
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.incidents import incidents
-from sniffer.diagnosis.joining import joined
 from sniffer.diagnosis.ledger import Ledger
 from sniffer.ground.model import NS, Clock
 
@@ -58,9 +58,8 @@ class Diagnosis:
 
     def _take(self, name: str) -> None:
         """Let a ledger have what waits for it."""
-        waiting = self._waiting.pop(name, [])
-        if waiting:
-            self._ledgers[name].add(joined(waiting))
+        for run in runs(self._waiting.pop(name, [])):
+            self._ledgers[name].add(joined(run))
 
     def close(self) -> None:
         """Finish; the diagnosis can be asked for afterwards."""

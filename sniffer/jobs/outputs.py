@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer import __version__
+from sniffer.decoding.options import alarm_facts
 from sniffer.decoding.pacing import ASSUMED
 from sniffer.ground.files import files_of, is_lost, occupied, probe, refuse_occupied
 from sniffer.ground.model import OutputError
@@ -53,7 +54,7 @@ def session_facts(
         facts |= {k: v for k, v in told.items() if k.startswith("latency_ns.")}
     for servo, model in options.models.items():
         facts["model" if servo is None else f"model.{servo}"] = model
-    return facts
+    return facts | alarm_facts(options.alarms)
 
 
 def open_outputs(

@@ -150,6 +150,8 @@ def run_source(
             ending = Ending.MISTAKEN if ending == Ending.DONE else ending
         else:
             tell.talk(f"{mistake}: it looks like {mistake.found}")
+    for rule in pipeline.unmet():
+        tell.warn(rule)
     if told:
         tell.warn(told)
     else:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from sniffer.decoding.detect import Detection
-    from sniffer.mcapfile.rotation import RotatingMcap
+    from sniffer.jobs.files import RecordingFiles
     from sniffer.tap.reader import Anchor
     from sniffer.tap.recorder import Recorder
     from sniffer.viewers.screen import Screen
@@ -67,6 +67,9 @@ class Teller:
 
     def mistaken(self, recorder: Recorder) -> None:
         """Tell of buses that speak something else than was said."""
+        if all(recorder.pipeline.speaks(tap.spec.bus) for tap in recorder.taps):
+            for rule in recorder.pipeline.unmet():
+                self.once(rule)
         for mistake in recorder.pipeline.mistaken():
             if mistake.bus not in self._told:
                 self._told.add(mistake.bus)
@@ -82,7 +85,7 @@ class Teller:
 
 
 def result(
-    recorder: Recorder, ended: str, file: RotatingMcap | None, anchor: Anchor, tell: Teller
+    recorder: Recorder, ended: str, file: RecordingFiles | None, anchor: Anchor, tell: Teller
 ) -> None:
     """Say what there is now; what went wrong is said also where quiet was asked for."""
     if ended:
@@ -125,9 +128,11 @@ def result(
         )
 
 
-def _where(file: RotatingMcap | None) -> str:
+def _where(file: RecordingFiles | None) -> str:
     """Return which files there are now."""
     if file is None:
         return ""
+    if not file.files:
+        return ": nothing happened that a file was to be written for"
     last = ", ".join(str(path) for path in file.files[-3:])
     return f": {len(file.files)} files, the last {last}" if len(file.files) > 3 else f": {last}"

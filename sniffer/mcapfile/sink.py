@@ -186,6 +186,16 @@ class McapSink:
                 yield from self._file.finishing()
         self._closed = True
 
+    def note(self, name: str, facts: Mapping[str, str]) -> None:
+        """Write facts that are known only now, as a metadata record of that name."""
+        with self._guard():
+            self._file.metadata(name, {_told(k): _told(v) for k, v in facts.items()})
+
+    def abandon(self) -> None:
+        """Let go of the file as it is: nobody will read it to its end."""
+        self._closed = True
+        self._file.abandon()
+
     @contextlib.contextmanager
     def _guard(self) -> Iterator[None]:
         """After a failure end the file as well as it can be, and refuse everything else."""

@@ -29,6 +29,9 @@ TIME: Final = "t_ns"
 TABLES: Final = "registers/"
 """What the names of the register tables begin with that are attached: ``<TABLES><model>.toml``."""
 
+TRIGGER: Final = "servo_sniffer.trigger"
+"""Metadata records of a flight recorder's file: what has happened, one for each time."""
+
 RECOVERED: Final = "servo_sniffer.recovered"
 """Metadata record: the recorder did not finish the file; ``why`` says what was wrong with it."""
 
