@@ -268,11 +268,10 @@ class Ledger:
             t_first=t_ns,
             t_last=t_ns,
         )
-        if sound:
-            self.took.add(pair_key(servo.astype(np.int64), frames.op[rows]), least, took + spread)
-        elif timed.any():
-            whose = pair_key(servo[timed].astype(np.int64), frames.op[rows][timed])
-            self.took.add(whose, least[timed], took[timed] + spread[timed])
+        # Who answers behind others, to requests in one go, waited for them.
+        alone = timed & (response == request + 1)
+        whose = pair_key(servo[alone].astype(np.int64), frames.op[rows[alone]])
+        self.took.add(whose, least[alone], took[alone] + spread[alone])
 
     def _periods(self, f: Frames) -> None:
         """Count the times between requests that are alike, and between any two."""
