@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING, Final
 from bench.diagnosis.played import loops, mixtures, orders
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator
 
     from bench.diagnosis.scenario import Scenario
 
 ROOMS: Final = (loops.CASES, orders.CASES, mixtures.OF_CONTROLLERS)
 
 
-def controllers(variants: Sequence[int] = range(1)) -> tuple[Scenario, ...]:
-    """Return the scenarios; each variant is another setting, and another course of the fault."""
-    return tuple(itertools.chain.from_iterable(room.scenarios(variants) for room in ROOMS))
-
-
-CONTROLLERS: Final = controllers()
+def scenarios(draw: int = 0) -> Iterator[Scenario]:
+    """Yield the scenarios; each draw is another setting, and another course of each fault."""
+    return itertools.chain.from_iterable(room.scenarios(draw) for room in ROOMS)

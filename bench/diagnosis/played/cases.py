@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bench.diagnosis.played.draft import drawn
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator
 
     from bench.diagnosis.played.draft import Draft
     from bench.diagnosis.scenario import Scenario
@@ -40,15 +40,14 @@ class Cases:
 
         return take
 
-    def scenarios(self, variants: Sequence[int]) -> Iterator[Scenario]:
-        """Yield the scenarios of all cases, each in so many variants."""
+    def scenarios(self, draw: int) -> Iterator[Scenario]:
+        """Yield the scenarios of all cases, as this draw has them."""
         for case in self.all:
             for protocol in case.protocols:
-                for variant in variants:
-                    name = f"{case.name}-{protocol}-{variant}"
-                    draft = drawn(protocol, name, **case.setting)
-                    case.add(draft)
-                    yield draft.made(name)
+                name = f"{case.name}-{protocol}"
+                draft = drawn(protocol, f"{name} {draw}", **case.setting)
+                case.add(draft)
+                yield draft.made(name, draw)
 
 
 EVERY = ("mightyzap", "lss", "rs30x", "wck")

@@ -1,7 +1,7 @@
 """How a scenario is drawn up: a setting, what happens when, and the truth of it.
 
-What a scenario is about (servos, rates, times, truths) is drawn from its name; what only gives it
-life (motion, turnarounds) from the seed it is made with.
+What a scenario is about (servos, rates, times, truths) is drawn from its name and a number; what
+only gives it life (motion, turnarounds) from the seed it is made with.
 """
 
 from __future__ import annotations
@@ -121,9 +121,9 @@ class Draft:
             out.append((round(first, 3), round(first + lasts, 3)))
         return out
 
-    def made(self, name: str) -> Scenario:
+    def made(self, name: str, draw: int) -> Scenario:
         """Return the scenario."""
-        make = functools.partial(_make, self, name)
+        make = functools.partial(_make, self, f"{name} {draw}")
         return Scenario(name, self.protocol, tuple(self.truths), self.baud, make)
 
 
