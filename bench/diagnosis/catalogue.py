@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import itertools
 import pkgutil
 from typing import TYPE_CHECKING
 
@@ -17,14 +18,14 @@ if TYPE_CHECKING:
 def scenarios(draw: int = 0, only: str = "") -> Iterator[Scenario]:
     """Yield the scenarios whose names hold ``only``, drawn anew for each ``draw``.
 
-    A module says which it has by a function ``scenarios(draw)``, or by a constant ``SCENARIOS``
-    where there is nothing to be drawn.
+    A module says which it has by a function ``scenarios(draw)``, or by ``ROOMS`` whose scenarios
+    come in variants.
     """
     for found in sorted(pkgutil.iter_modules(bench.diagnosis.__path__), key=lambda m: m.name):
         if found.name in (__name__.rpartition(".")[2], "__main__"):
             continue
         module = importlib.import_module(f"bench.diagnosis.{found.name}")
-        given = getattr(module, "SCENARIOS", None)
-        if given is None:
-            given = module.scenarios(draw) if hasattr(module, "scenarios") else ()
-        yield from (scenario for scenario in given if only in scenario.name)
+        given = module.scenarios(draw) if hasattr(module, "scenarios") else ()
+        rooms = getattr(module, "ROOMS", ())
+        some = itertools.chain(given, *(room.scenarios([draw]) for room in rooms))
+        yield from (scenario for scenario in some if only in scenario.name)
