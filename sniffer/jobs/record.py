@@ -15,11 +15,13 @@ from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
 from sniffer.ground.needs import need_rerun
 from sniffer.jobs.files import check_files, open_files
+from sniffer.jobs.incidents import LiveIncidents
 from sniffer.jobs.outputs import GONE, session_facts
 from sniffer.jobs.outputs import gone as told_gone
 from sniffer.jobs.reactions import Reactions, Waits
 from sniffer.jobs.telling import Teller, result
 from sniffer.mcapfile.flight import FlightRecorder
+from sniffer.messages import INCIDENTS
 from sniffer.protocols import PROTOCOLS
 from sniffer.tap.listen import Listening, Tapping, listen
 from sniffer.tap.recorder import DECODE_S, UNSEEN_S, Recorder, Wishes
@@ -164,6 +166,7 @@ def record(
         wishes=wishes,
         view=view,
         waits=waits,
+        diagnoses=files.topics is None or INCIDENTS in files.topics,
     )
     return replace(recorded, gone=(*recorded.gone, *told_gone(files.others, tell)))
 
@@ -179,8 +182,11 @@ def run_recording(
     wishes: Wishes | None = None,
     view: LiveView | None = None,
     waits: Waits | None = None,
+    diagnoses: bool = True,
 ) -> Recorded:
     """Record from ports that are listened to until something ends it; tell what became of it.
+
+    ``diagnoses``: the recording has incidents; else there are some only where somebody looks on.
 
     Raises:
         DamagedInputError: the ports could not be read any more; what was read is recorded.
@@ -207,6 +213,13 @@ def run_recording(
         decode_s=DECODE_S if is_followed or is_cut else UNSEEN_S,
     )
     beside.append(functools.partial(_has_outputs, sinks))
+    board = Board() if mode is not None else None
+    live: LiveIncidents | None = None
+    if diagnoses or board is not None or view is not None or reactions is not None:
+        watch = None if reactions is None else reactions.watch
+        live = LiveIncidents(tapping.anchor, file, tell, board=board, view=view, watch=watch)
+        pipeline.add(live.sink)
+        beside.append(live.look)
     if reactions is not None:
         pipeline.add(reactions.watch)
         beside.append(reactions.look)
@@ -224,7 +237,7 @@ def run_recording(
     try:
         if mode is not None:
             stream = sys.stdout if mode == LOG else sys.stderr
-            screen = tell.screen = Screen(mode, recorder.status, stream=stream, board=Board())
+            screen = tell.screen = Screen(mode, recorder.status, stream=stream, board=board)
             pipeline.add(screen)
         beside.append(functools.partial(_statistics, screen, tell))
         sys.setswitchinterval(SWITCH_S)
@@ -232,7 +245,7 @@ def run_recording(
         gc.collect()
         gc.freeze()
         with leaving(screen):
-            ended, failure = _recorded(recorder, pipeline, file, reactions)
+            ended, failure = _recorded(recorder, pipeline, file, live, reactions)
     finally:
         gc.unfreeze()
         sys.setswitchinterval(before)
@@ -277,6 +290,7 @@ def _recorded(
     recorder: Recorder,
     pipeline: Pipeline,
     file: RecordingFiles | None,
+    live: LiveIncidents | None,
     reactions: Reactions | None,
 ) -> tuple[str, SnifferError | None]:
     """Run the recorder and finish every output, whatever happens; return what ended it."""
@@ -292,11 +306,13 @@ def _recorded(
             pass  # its bytes are recorded; the result tells
         except OutputError as error:
             failure = failure or error
-        if reactions is not None and failure is None:
-            try:
+        try:
+            if live is not None:
+                live.finish(recorder)
+            if reactions is not None:
                 reactions.look(recorder)
-            except OutputError as error:
-                failure = error
+        except OutputError as error:
+            failure = failure or error
         if file is not None and pipeline.has(file):
             try:
                 file.close()  # alone, because it is no recording without its end

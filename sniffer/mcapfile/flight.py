@@ -24,6 +24,7 @@ from sniffer.decoding.names import joined, protocols_named
 from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.ground.files import is_lost, writing
 from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark, MarkKind
+from sniffer.mcapfile.open import OpenIncidents
 from sniffer.mcapfile.ring import Ring
 from sniffer.mcapfile.ringfile import RingFile, put_aside
 from sniffer.messages import TRIGGER
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.decoding.sink import Part
+    from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.cutting import Placed
     from sniffer.ground.model import Batch
     from sniffer.mcapfile.sink import McapSink
@@ -242,6 +244,7 @@ class FlightRecorder:
         self._files: list[tuple[Path, tuple[int, int]]] = []
         self._deleted: list[Path] = []
         self._decided: dict[str, int] = {}
+        self._open = OpenIncidents()
         self._finished = 0
         self._told_short = False
         self._current: _FlightFile | None = None
@@ -329,6 +332,12 @@ class FlightRecorder:
         """Learn what a bus speaks, where these are several."""
         self._know(bus, [protocol for protocol, _ in parts])
 
+    def incidents(self, changes: Sequence[IncidentChange]) -> None:
+        """Take what has become of incidents; a file begins with those that are open."""
+        self._open.take(changes)
+        if self._current is not None:
+            self._current.sink.incidents(changes)
+
     def turn(self, decided: Mapping[str, int]) -> None:
         """Learn up to which offset each bus is decoded; there a file may begin."""
         self._decided.update(decided)
@@ -415,6 +424,7 @@ class FlightRecorder:
             topics=self._topics,
         )
         self._current = current
+        current.sink.incidents(self._open.changes)
         status = path.stat()
         self._files.append((path, (status.st_dev, status.st_ino)))
         first = min((some[0][1].t_ns or 0 for some in placed.values() if some), default=what.t_ns)

@@ -28,6 +28,7 @@ from sniffer.ground.files import is_lost, writing
 from sniffer.ground.limits import BAUDS, number_in
 from sniffer.ground.model import OutputError
 from sniffer.ground.timing import byte_time_ns
+from sniffer.mcapfile.open import OpenIncidents
 from sniffer.messages import OFFSET, TIME
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.decoding.sink import Part
+    from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.cutting import Placed
     from sniffer.ground.model import Batch, Chunk
     from sniffer.mcapfile.sink import McapSink
@@ -122,6 +124,7 @@ class RotatingMcap:
         self._asked = self._closed = False
         self._began: int | None = None
         self._failure: str | None = None
+        self._open = OpenIncidents()
         self._old: McapSink | None = None
         self._ending: Iterator[None] = iter(())
         numbered = rotate_bytes is not None or rotate_ns is not None
@@ -183,6 +186,12 @@ class RotatingMcap:
         self._check()
         self._protocols[bus] = [protocol for protocol, _ in parts]
         self._sink.write_together(bus, parts)
+
+    def incidents(self, changes: Sequence[IncidentChange]) -> None:
+        """Take what has become of incidents; a new file begins with those that are open."""
+        self._check()
+        self._open.take(changes)
+        self._sink.incidents(changes)
 
     def turn(self, decided: Mapping[str, int]) -> None:
         """Learn up to which offset each bus is decoded; here a new file may begin.
@@ -248,6 +257,7 @@ class RotatingMcap:
         except OutputError as error:
             self._fail(error)
         self.path = path
+        self._sink.incidents(self._open.changes)
         self._asked, self._began = False, None
         for bus, placed in undecided.items():
             self._buses[bus].kept = placed

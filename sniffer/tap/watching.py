@@ -1,4 +1,4 @@
-"""What somebody waits for on the buses: a code, a rule of their own, or anything that is wrong.
+"""What somebody waits for on the buses: a code, a cause, a rule of their own, or any incident.
 
 ``--until`` ends a recording by it, ``--trigger`` has a flight recorder write a file, ``--on`` runs
 a command. What repeats itself is one incident: it is new once, and again after a silence.
@@ -12,20 +12,24 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.causes import CAUSES
+from sniffer.diagnosis.tracking import Stage
 from sniffer.diagnostics.alarms import Alarm, alarm_in, is_alarm
 from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.diagnostics.found import CODES, NUMBER, SEVERITY, Anomalies
+from sniffer.diagnostics.found import CODES, NUMBER, Anomalies
 from sniffer.ground.distinct import distinct
 from sniffer.ground.model import NS, InputError, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from sniffer.diagnosis import Incident
+    from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
 ANY: Final = "any"
-"""Stands for whatever is worse than a note."""
+"""Stands for every incident that is worse than a note, and for every rule of the user's own."""
 
 QUIET_NS: Final = 10 * NS
 """What comes again after so long without one more is another incident."""
@@ -36,7 +40,7 @@ RULE: Final = "alarm"
 
 @dataclass(frozen=True, slots=True)
 class Awaited:
-    """One thing that is waited for: a code of the catalogue, ``any``, or a rule as it is told."""
+    """One thing that is waited for: a code, a cause, ``any``, or a rule as it is told."""
 
     name: str
     alarm: Alarm | None = None
@@ -51,22 +55,23 @@ def awaited_in(text: str) -> Awaited:
     Raises:
         InputError: it is nothing that can be; the message says what is near.
     """
-    if text in CATALOGUE or text == ANY:
+    if text in CATALOGUE or text in CAUSES or text == ANY:
         return Awaited(text)
     if is_alarm(text):
         alarm = alarm_in(text)
         return Awaited(str(alarm), alarm)
-    near = difflib.get_close_matches(text, [*CATALOGUE, ANY], 1)
-    advice = f"did you mean {near[0]}?" if near else "docs/anomalies.md lists them"
-    raise InputError(f"no code {text[:60]!r}: {advice}")
+    near = difflib.get_close_matches(text, [*CATALOGUE, *CAUSES, ANY], 1)
+    pages = "docs/anomalies.md and docs/causes.md list them"
+    advice = f"did you mean {near[0]}?" if near else pages
+    raise InputError(f"no code or cause {text[:60]!r}: {advice}")
 
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
     """Something that was waited for.
 
-    ``name`` is the code; ``t_ns`` when it was, on the clock of the bus, ``last_ns`` when it was seen
-    last so far. ``is_new``: it has not been going on already.
+    ``name`` is the code or the cause; ``t_ns`` when it was, on the clock of the bus, ``last_ns``
+    when it was seen last so far. ``is_new``: it has not been going on already.
     """
 
     wanted: Awaited
@@ -84,18 +89,16 @@ class Watch:
 
     def __init__(self, wanted: Iterable[Awaited]) -> None:
         every = tuple(dict.fromkeys(wanted))
+        self._any = next((w for w in every if w.name == ANY), None)
+        self._by_cause = {w.name: w for w in every if w.name in CAUSES}
         self._by_code: dict[int, list[Awaited]] = {}
         self._rules = [w for w in every if w.alarm is not None]
         for one in every:
             if one.name in NUMBER:
                 self._by_code.setdefault(NUMBER[one.name], []).append(one)
-            elif one.name == ANY:
-                for number, severity in enumerate(SEVERITY):
-                    if severity > Severity.NOTE:
-                        self._by_code.setdefault(number, []).append(one)
         self._looks_at = np.zeros(len(CODES), bool)
         self._looks_at[list(self._by_code)] = True
-        if self._rules:
+        if self._rules or self._any is not None:
             self._looks_at[NUMBER[RULE]] = True
         self._seen: list[Sighting] = []
         self._last: dict[tuple[Awaited, str, str, int], int] = {}
@@ -129,6 +132,27 @@ class Watch:
         seen, self._seen = self._seen, []
         return seen
 
+    def incidents(self, changes: Iterable[IncidentChange]) -> None:
+        """Look at what has become of incidents: what has opened, and what has another cause."""
+        for change in changes:
+            i = change.incident
+            if change.stage not in (Stage.OPENED, Stage.CHANGED):
+                continue
+            if (one := self._by_cause.get(i.cause)) is not None:
+                self._take(one, i)
+            is_any = change.stage is Stage.OPENED and i.severity > Severity.NOTE
+            if self._any is not None and is_any:
+                self._take(self._any, i)
+
+    def _take(self, one: Awaited, i: Incident) -> None:
+        keys = [(one, i.bus, i.cause, servo) for servo in i.servo_ids or (-1,)]
+        before = max((self._last.get(key, -QUIET_NS - 1) for key in keys), default=0)
+        for key in keys:
+            self._last[key] = i.last_ns
+        is_new = i.last_ns - before > QUIET_NS
+        seen = Sighting(one, i.cause, i.bus, i.last_ns, i.servo_ids, i.story, i.last_ns, is_new)
+        self._seen.append(seen)
+
     def _see(self, bus: str, found: Anomalies, row: int, last_ns: int) -> None:
         """Take an anomaly; others like it go on until ``last_ns``."""
         code = CODES[int(found.code[row])]
@@ -137,6 +161,7 @@ class Watch:
         detail = found[row].detail
         if code == RULE:
             wanted += [w for w in self._rules if detail.startswith(f"{w.name}: ")]
+            wanted += [self._any] if self._any is not None else []
         for one in wanted:
             name = one.name if one.alarm is not None else code
             before = self._last.get((one, bus, name, servo))

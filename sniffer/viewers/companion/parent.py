@@ -30,6 +30,7 @@ from sniffer.viewers.companion.parcels import (
     WEB,
     WINDOW,
     Setup,
+    Word,
     packed,
 )
 
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from sniffer.decoding.pipeline import Options
+    from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
@@ -134,6 +136,15 @@ class LiveView:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Take what was decided; the other process decides for itself."""
+
+    def incidents(self, changes: Sequence[IncidentChange]) -> None:
+        """Take what has become of incidents; where the pipe is full it is left out."""
+        if not self._is_alive or len(self._backlog) > BACKLOG_BYTES:
+            return
+        for change in changes:
+            i = change.incident
+            word = Word(i.last_ns, i.severity, i.servo_ids, str(change))
+            self._backlog += packed(i.bus, (), words=[word])
 
     def idle(self, now_ns: int) -> None:
         """Send what waits, and how late it is, also where nothing is said on the buses.
