@@ -215,7 +215,7 @@ def _goals_without(case: Case, servo: int, offs: list[_Off]) -> Iterator[Finding
 
 
 LASTING_NS: Final = NS // 2
-LASTING: Final = 3
+LASTING: Final = 6
 """So long, and so many times in a row, a joint says that it is limp before that is believed."""
 
 
