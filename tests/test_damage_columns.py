@@ -1,4 +1,4 @@
-"""Damage in columns is what the slow way tells, object by object."""
+"""DamagedLine in columns is what the slow way tells, object by object."""
 
 from __future__ import annotations
 

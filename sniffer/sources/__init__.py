@@ -26,7 +26,7 @@ from sniffer.sources.opening import Origin, Spooled, find
 from sniffer.sources.plain import read_decimal, read_hex
 from sniffer.sources.recognise import HEAD, recognise
 from sniffer.sources.refusals import refuse_utf16
-from sniffer.sources.text import FIRST_LINES, Damage, Opened
+from sniffer.sources.text import FIRST_LINES, DamagedLine, Opened
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -126,7 +126,7 @@ class Source:
             for group in groups:
                 read = True
                 yield group
-        except Damage as damage:
+        except DamagedLine as damage:
             kind = DamagedInputError if read else InputError
             raise kind(f"{self.name}, {damage}") from None
         except _ManyBusesError as error:
@@ -190,7 +190,7 @@ def _groups(chunks: Iterable[Chunk], lag_s: float) -> Iterator[list[Chunk]]:
             yield group  # what has been read is decoded before the end
         raise
     except DamagedInputError as error:
-        wrong = isinstance(error, Damage) and error.nonsense and error.line <= FIRST_LINES
+        wrong = isinstance(error, DamagedLine) and error.nonsense and error.line <= FIRST_LINES
         if group and not wrong:
             yield group
         raise
