@@ -1,4 +1,4 @@
-"""DamagedLine in columns is what the slow way tells, object by object."""
+"""Damage in columns is what the slow way tells, object by object."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """What all text inputs share: blocks of whole lines, and damage that knows its line.
 
 A reader takes an :class:`Opened` input and yields chunks lazily; it holds one block at a time,
-whatever the size of the file. Where the text stops making sense it raises :class:`DamagedLine` after
+whatever the size of the file. Where the text stops making sense it raises ``DamagedLine`` after
 having yielded all that came before.
 """
 
