@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.diagnosis import crossed, mixtures, sound, taps, wires
+from bench.diagnosis import crossed, evidence, mixtures, sound, taps, wires
 from bench.diagnosis.bodies import Body, Supply
 from bench.diagnosis.catalogue import scenarios
 from bench.diagnosis.dialects import DIALECTS
@@ -19,6 +19,9 @@ from bench.diagnosis.report import report
 from bench.diagnosis.scenario import Heard, Scenario, Truth
 from bench.diagnosis.uart import BITS, HIGH, LOW, Burst, Clash, Pulse, Receiver, line
 from sniffer.decoding.decoder import Decoder
+from sniffer.diagnosis.causes import CAUSES
+from sniffer.diagnosis.rules import FINDINGS
+from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.model import NS, Chunk, MarkKind
 
 EVERY = pytest.mark.parametrize("protocol", DIALECTS)
@@ -241,6 +244,22 @@ def test_what_a_host_cannot_show_is_no_miss() -> None:
     it = score(bare)
     assert it.held[0].excused
     assert gathered([it]).held() == []
+
+
+def test_what_is_expected_is_known_to_the_diagnosis() -> None:
+    codes = {code for known in evidence.FINDINGS.values() for code in known}
+    assert codes <= {*FINDINGS, *CATALOGUE}
+    truths = [t for s in scenarios(0) for t in s.truths]
+    assert {code for t in truths for code in t.findings} <= {*FINDINGS, *CATALOGUE}
+    named = {cause for cause, _ in evidence.FINDINGS} | {c for _, c in evidence.UNSHOWN}
+    assert {t.cause for t in truths} | named <= set(CAUSES)
+
+
+def test_what_the_driver_said_is_not_expected_of_a_text() -> None:
+    truth = Truth("tap-loss", (), 0, 10)
+    assert evidence.findings(truth, "tap-loss-told-lss", "exact") == ("bytes-lost",)
+    assert evidence.findings(truth, "tap-loss-told-lss", "log") == ()
+    assert evidence.findings(truth, "tap-loss-lss", "exact") == ()
 
 
 def test_alarms_about_sound_traffic_are_false_and_notes_are_not() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import itertools
 import pkgutil
 from typing import TYPE_CHECKING
 
@@ -18,14 +17,11 @@ if TYPE_CHECKING:
 def scenarios(draw: int = 0, only: str = "") -> Iterator[Scenario]:
     """Yield the scenarios whose names hold ``only``, drawn anew for each ``draw``.
 
-    A module says which it has by a function ``scenarios(draw)``, or by ``ROOMS`` whose scenarios
-    come in variants.
+    A module says which it has by a function ``scenarios(draw)``.
     """
     for found in sorted(pkgutil.iter_modules(bench.diagnosis.__path__), key=lambda m: m.name):
         if found.name in (__name__.rpartition(".")[2], "__main__"):
             continue
         module = importlib.import_module(f"bench.diagnosis.{found.name}")
         given = module.scenarios(draw) if hasattr(module, "scenarios") else ()
-        rooms = getattr(module, "ROOMS", ())
-        some = itertools.chain(given, *(room.scenarios([draw]) for room in rooms))
-        yield from (scenario for scenario in some if only in scenario.name)
+        yield from (scenario for scenario in given if only in scenario.name)
