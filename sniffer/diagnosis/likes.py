@@ -69,9 +69,12 @@ class Likes:
 
     def _answers(self, batch: Batch, a: int, b: int) -> None:
         f = batch.frames
-        kind, start, end = f.kind[a:b], f.start[a:b], f.end[a:b]
+        kind, start, end, who = f.kind[a:b], f.start[a:b], f.end[a:b], f.servo_id[a:b]
         pairs = np.flatnonzero(
-            (kind[:-1] == REQUEST) & (kind[1:] == RESPONSE) & (end[:-1] == start[1:])
+            (kind[:-1] == REQUEST)
+            & (kind[1:] == RESPONSE)
+            & (end[:-1] == start[1:])
+            & ((who[1:] < 0) | (who[1:] == who[:-1]))
         )
         for k in pairs.tolist():
             request = batch.data[int(start[k]) : int(end[k])]
@@ -98,6 +101,8 @@ class Likes:
             f = held.frames
             same = (f.kind[rows[:-1]] == REQUEST) & (f.kind[rows[1:]] == RESPONSE)
             same &= (f.length[rows[:-1]] == len(asked)) & (f.end[rows[:-1]] == f.start[rows[1:]])
+            # an answer that bears another id holds by chance, or is another's
+            same &= (f.servo_id[rows[1:]] < 0) | (f.servo_id[rows[1:]] == f.servo_id[rows[:-1]])
             for k in rows[:-1][same][::-1].tolist():
                 at = int(f.start[k])
                 if held.data[at : at + len(asked)] == asked:

@@ -49,7 +49,11 @@ class LineErrors:
         row = np.searchsorted(f.start, at, "right") - 1
         inside = (row >= 0) & (np.append(f.end, -1)[row] > at)
         kind = np.append(f.kind.astype(np.int64), -1)[row]
-        servo = np.where(inside, np.append(f.servo_id.astype(np.int64), -1)[row], -1)
+        # an answer is the asked servo's, whatever it bears
+        asked = inside & (kind != REQUEST) & (row > 0)
+        asked &= np.append(f.kind.astype(np.int64), -1)[row - 1] == REQUEST
+        whose = np.where(asked, row - 1, row)
+        servo = np.where(inside, np.append(f.servo_id.astype(np.int64), -1)[whose], -1)
         place = np.where(inside, np.where(kind == REQUEST, IN_REQUESTS, IN_ANSWERS), OUTSIDE)
         self._counts.add(
             ((t_ns // _BUCKET_NS) * 512 + servo + 1) * PLACES + place,

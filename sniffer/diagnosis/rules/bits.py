@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Final
 from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.clocks import LOOKED, clock_of
 from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.lineerrors import IN_ANSWERS, IN_REQUESTS
-from sniffer.diagnosis.misread import BACK, BITS, BITS_FEW, FRONT
+from sniffer.diagnosis.misread import BACK, BITS, BITS_FEW, FRONT, alike_of
 from sniffer.diagnosis.model import Finding, Place
 
 if TYPE_CHECKING:
@@ -43,7 +44,13 @@ FINDINGS: Final = (
         "last-bits",
         "line",
         "Of this servo's bytes the last bits are read wrong, or their stop bits are missed, and nobody else's.",
-        "Misread bits of one servo are bits 6 and 7 of their bytes, or line errors stand in its answers only.",
+        "Misread bits of one servo are bits 5 to 7 of their bytes, or line errors stand in its answers only.",
+    ),
+    FindingCode(
+        "clock-off",
+        "line",
+        "The torn answers of a servo are what a tap hears of a clock that is so much off.",
+        "Its sound answers, played at bits 2.5 to 10 % longer or shorter into a UART, give what was heard, in three of five torn ones.",
     ),
     FindingCode(
         "first-byte-torn",
@@ -85,8 +92,9 @@ KNOWN: Final = 0.25
 PROMPT: Final = 0.25
 """Part of a byte time by which times must be sure, and an answer late, to lack its first byte."""
 
-ENDING: Final = 6
-"""From this bit of a byte on a clock that is off by a twentieth shows."""
+ENDING: Final = 5
+"""From this bit of a byte on a clock that is off by a twentieth, and edges that are late beside,
+show."""
 
 APART: Final = 10.0
 """How many times the others' share of line errors a servo must have."""
@@ -160,7 +168,7 @@ def last_bits(case: Case) -> Iterator[Finding]:
             continue
         told = []
         if bitwise:
-            told.append(f"{late} of {len(flips)} misread bits are the last two of their bytes")
+            told.append(f"{late} of {len(flips)} misread bits are the last three of their bytes")
         if alone:
             told.append(
                 f"{mine} line errors stand in its {answered[servo]} answers, {others} elsewhere"
@@ -168,7 +176,7 @@ def last_bits(case: Case) -> Iterator[Finding]:
         rows = (e["servo_id"] == servo) & (e["place"] == IN_ANSWERS)
         times = [m.damage.t_ns for m in read] + e["t_first"][rows].tolist()
         ends = [m.damage.t_ns for m in read] + e["t_last"][rows].tolist()
-        chance = at_least(late, len(flips), 0.25) if bitwise else 1.0
+        chance = at_least(late, len(flips), 0.375) if bitwise else 1.0
         yield Finding(
             "last-bits",
             servo,
@@ -185,6 +193,34 @@ def last_bits(case: Case) -> Iterator[Finding]:
             ),
             strength=1.0 if alone and bitwise else max(sureness(chance, 1e-4), 0.8 * alone),
             brief=f"the last bits of servo {servo} are misread",
+        )
+
+
+def clocks(case: Case) -> Iterator[Finding]:
+    """Find servos whose torn answers are those of a clock that is off."""
+    known = case.ledger.damages.likes.known
+    for servo in case.servos:
+        torn = [d for d in case.damages if d.turn == IN_REPLY and d.servo_id == servo]
+        share = len(torn) / max(case.total("ok", servo) + len(torn), 1)
+        rest = (len(case.damages) - len(torn) + 1) / max(case.ledger.frames, 1)
+        if len(torn) < SAME or share < APART / 2 * rest:
+            continue
+        found = clock_of(tuple((d.got, alike_of(d, known)) for d in torn[:LOOKED]))
+        if found is None or found.explained < SAME:
+            continue
+        slow = "slower" if found.off > 0 else "faster"
+        yield Finding(
+            "clock-off",
+            servo,
+            torn[0].t_ns,
+            torn[-1].t_ns,
+            len(torn),
+            f"{found.explained} of {found.tried} torn answers of servo {servo} are what a tap hears "
+            f"of a clock that is {abs(found.off):.1%} {slow}",
+            tuple(Place(d.at, d.length, d.t_ns, "a torn answer") for d in torn[:3]),
+            strength=min(0.5 + found.explained / 16, 1.0),
+            brief=f"the clock of servo {servo} is {abs(found.off):.0%} {slow}",
+            values=(("off", found.off),),
         )
 
 
@@ -271,5 +307,5 @@ def _places(read: Iterable[Misread]) -> tuple[Place, ...]:
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (bits, last_bits, ends)
+RULES: Final[tuple[Rule, ...]] = (bits, last_bits, clocks, ends)
 """The rules of this area."""
