@@ -161,6 +161,8 @@ class Ledger:
         """The first bytes of the bus."""
         self.has_checksum: bool | None = None
         """Whether answers of more than a byte have one; None: there was none yet."""
+        self.answer_length = 0
+        """Bytes of the first such answer."""
         self._asked_at: dict[int, int] = {}
         self._last_asked: int | None = None
         self._fine_from: int | None = None
@@ -212,6 +214,7 @@ class Ledger:
         if len(rows):
             start, length = int(f.start[rows[0]]), int(f.length[rows[0]])
             raw = batch.data[start : start + length]
+            self.answer_length = length
             self.has_checksum = self.protocol.checksum_of(raw) is not None
 
     def bucket(self, t_ns: I64) -> I64:

@@ -10,7 +10,9 @@ import numpy as np
 from sniffer.diagnosis.case import episodes, sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.tracks import in_force
 from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.ground.gaps import NOISE
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -24,7 +26,13 @@ FINDINGS: Final = (
         "refuses-command",
         "device",
         "A servo refuses one and the same command, time and again.",
-        "At least three answers with a refusal (not of a checksum) to one command for one address.",
+        "At least three answers with a refusal (not of a checksum) to one command.",
+    ),
+    FindingCode(
+        "refuses-torque",
+        "device",
+        "A servo refuses to have its torque switched on.",
+        "Each write of its torque register was answered with a refusal.",
     ),
     FindingCode(
         "speaks-unasked",
@@ -61,6 +69,12 @@ LEAST: Final = 3
 """Refusals of one command that are no accident."""
 
 PLENTY: Final = 10
+
+BARE_SHARE: Final = 0.7
+"""Of bytes that are noise by their looks so many fit one servo if they are its: by chance a tenth."""
+
+NEAR_RAW: Final = 3
+"""Steps that a joint may have moved since its last answer."""
 
 UNASKED: Final = 5
 """Answers without a request: fewer come from requests that the tap lost."""
@@ -114,29 +128,60 @@ def _commanded(case: Case, servo: int, t_ns: int) -> str:
 def refusals(case: Case) -> Iterator[Finding]:
     """Commands that a servo refuses again and again."""
     r = case.ledger.refusals.counted()
-    for row in np.flatnonzero(r["n"] >= LEAST).tolist():
-        servo, n, status = (int(r[name][row]) for name in ("servo_id", "n", "status"))
+    for servo, op in sorted({*zip(r["servo_id"].tolist(), r["op"].tolist(), strict=True)}):
+        rows = np.flatnonzero((r["servo_id"] == servo) & (r["op"] == op))
+        worst = rows[np.argmax(r["n"][rows])]
+        n, status = int(r["n"][rows].sum()), int(r["status"][worst])
         names = case.protocol.status_names(status) if status > 0 else ()
-        if "checksum" in names:  # what it got was not what was sent: that is the line's
+        if n < LEAST or "checksum" in names:  # what it got was not what was sent: the line's
             continue
-        command = case.protocol.op_name(int(r["op"][row]))
-        address = int(r["address"][row])
-        to = "" if address < 0 else f" to address {address:#04x}"
-        named = next((x.name for x in case.protocol.registers if 0 <= x.address == address), "")
         says = f" with {' and '.join(names).replace('_', ' ')}" if names else " with other values"
-        what = (
-            f"servo {servo} answers {command}{to}{f' ({named})' if named else ''}{says}, {n} times"
-        )
+        command = _command(case, op, int(r["address"][worst]))
+        others = f", of {len(rows)} addresses" if len(rows) > 1 else ""
+        what = f"servo {servo} answers {command}{says}, {n} times{others}"
+        at, length, t = (int(r[name][worst]) for name in ("at", "length", "t_first"))
         yield Finding(
             "refuses-command",
             servo,
-            int(r["t_first"][row]),
-            int(r["t_last"][row]),
+            int(r["t_first"][rows].min()),
+            int(r["t_last"][rows].max()),
             n,
             what,
-            (Place(int(r["at"][row]), int(r["length"][row]), int(r["t_first"][row]), what),),
+            (Place(at, length, t, what),),
             strength=min(0.7 + n / PLENTY * 0.3, 1.0),
-            brief=f"servo {servo} refuses {command}{f' of {named}' if named else ''}",
+            brief=f"servo {servo} refuses {command}",
+        )
+
+
+def _command(case: Case, op: int, address: int) -> str:
+    """Return a command with the register that it is for."""
+    named = next((x.name for x in case.protocol.registers if 0 <= x.address == address), "")
+    to = "" if address < 0 else f" of {named}" if named else f" at {address:#04x}"
+    return f"{case.protocol.op_name(op)}{to}"
+
+
+def torque_refused(case: Case) -> Iterator[Finding]:
+    """Servos that refuse to have their torque switched on."""
+    w = case.writes
+    registers = case.protocol.registers
+    is_torque = np.array([r.quantity == "torque_enable" for r in registers], bool)
+    for row in np.flatnonzero((w["refused"] > 0) & is_torque[w["register"]]).tolist():
+        servo, n, refused = (int(w[k][row]) for k in ("servo_id", "n", "refused"))
+        if servo in case.protocol.everyone or refused < n:
+            continue
+        first, last = int(w["t_first"][row]), int(w["t_last"][row])
+        name = registers[int(w["register"][row])].name
+        what = f"servo {servo} refused each of {n} writes of {name}"
+        yield Finding(
+            "refuses-torque",
+            servo,
+            first,
+            last,
+            n,
+            what,
+            (Place(int(w["at"][row]), int(w["length"][row]), first, f"a write of {name}"),),
+            strength=0.7 if n == 1 else 1.0,
+            brief=f"servo {servo} refuses {name}",
         )
 
 
@@ -167,5 +212,42 @@ def chatty(case: Case) -> Iterator[Finding]:
         )
 
 
-RULES: Final[tuple[Rule, ...]] = (complaints, refusals, chatty)
+def chatty_bare(case: Case) -> Iterator[Finding]:
+    """A device that speaks unasked where answers are bare bytes: they are noise by their looks."""
+    size = case.ledger.answer_length
+    if not case.protocol.ordered or case.has_checksum or not size:
+        return
+    stray = [d for d in case.damages if d.kind == NOISE]
+    alike = [d for d in stray if len(d.got) == d.length == size]
+    if len(alike) < max(UNASKED, BARE_SHARE * len(stray)):
+        return
+    for servo in case.answering:
+        p = case.series(servo, "position")
+        if p is None or p.register.width != 1:
+            continue
+        t = np.array([d.t_ns for d in alike])
+        low, high = (x / p.register.scale for x in in_force(p, t - NS // 4, t))
+        fits = [
+            d
+            for d, a, b in zip(alike, low.tolist(), high.tolist(), strict=True)
+            if any(a - NEAR_RAW <= byte <= b + NEAR_RAW for byte in d.got)
+        ]
+        chance = float(np.mean(high - low + 2 * NEAR_RAW)) * size / 256
+        if len(fits) < max(UNASKED, BARE_SHARE * len(alike), 2 * chance * len(alike)):
+            continue
+        yield Finding(
+            "speaks-unasked",
+            servo,
+            fits[0].t_ns,
+            fits[-1].t_ns,
+            len(fits),
+            f"{len(fits)} times {size} bytes stand between the frames that would be an answer of "
+            f"servo {servo}, where it is at the moment",
+            tuple(Place(d.at, d.length, d.t_ns, "would be an answer") for d in fits[:3]),
+            strength=min(0.5 + len(fits) / 25, 0.9),
+            brief=f"servo {servo} speaks unasked",
+        )
+
+
+RULES: Final[tuple[Rule, ...]] = (complaints, refusals, torque_refused, chatty, chatty_bare)
 """The rules of this file."""

@@ -9,6 +9,7 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.efforts import effort
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.warmth import hot_times
 from sniffer.diagnosis.tracks import track
 from sniffer.ground.model import NS
 from sniffer.protocols.base import RESTARTS
@@ -37,7 +38,7 @@ FINDINGS: Final = (
         "joint-limp-after-alarm",
         "device",
         "A joint does not follow its goals any more since its servo complained.",
-        "As above, and an alarm of that servo in the five seconds before.",
+        "As above, and an alarm of that servo, or a temperature at its limit, in the five seconds before.",
     ),
     FindingCode(
         "joint-limp-after-restart",
@@ -49,7 +50,7 @@ FINDINGS: Final = (
         "stuck-before-alarm",
         "device",
         "A joint stood still under moving goals when its servo reported an overload.",
-        "In the half second before the alarm the goals range over a third of what counts as far, the positions over less than a quarter of that.",
+        "In the quarter second of the alarm the goals range over a fourth of what counts as far, the positions over less than a quarter of that.",
     ),
     FindingCode(
         "joint-not-following",
@@ -68,11 +69,13 @@ ALARMS: Final = (
     "device-temperature-limit",
     "device-input-voltage",
     "device-safe-mode",
+    "device-blocked",
+    "device-stuck",
 )
-"""Alarms upon which servos switch their motor off."""
+"""Alarms upon which servos switch their motor off, or are about to."""
 
-SHORTLY_NS: Final = NS // 2
-"""Before an alarm of overload a motor pushes for tenths of a second."""
+SHORTLY_NS: Final = NS // 10
+"""Before an alarm of overload a motor pushes for tenths of a second; less tells nothing."""
 
 ENOUGH_NS: Final = 2 * NS
 """A stretch of this length is beyond doubt."""
@@ -128,14 +131,17 @@ def stuck(case: Case) -> Iterator[Finding]:
 def _stands(one: Track, t_ns: int) -> bool:
     """Tell whether a joint did not move with its goals right before a moment."""
     p, g = one.position, one.goal
-    since = t_ns - SHORTLY_NS
-    places = np.flatnonzero((p.t >= since) & (p.t_first < t_ns))
-    goals = np.flatnonzero((g.t >= since) & (g.t_first < t_ns))
-    if not len(places) or not len(goals):
+    row = int(np.searchsorted(p.t_first, t_ns, "right")) - 1
+    if row > 0 and t_ns - int(p.t_first[row]) < SHORTLY_NS:
+        row -= 1  # it has just begun: what was before tells more
+    if row < 0:
+        return False
+    since, until = int(p.t_first[row]), t_ns
+    goals = np.flatnonzero((g.t >= since) & (g.t_first < until))
+    if not len(goals):
         return False
     asked = float(g.high[goals].max() - g.low[goals].min())
-    went = float(p.high[places].max() - p.low[places].min())
-    return asked > one.far / 3 and went < asked / 4
+    return asked > one.far / 4 and float(p.high[row] - p.low[row]) < asked / 4
 
 
 def _moves(one: Track) -> bool:
@@ -154,8 +160,9 @@ def _kind(case: Case, one: Track, away: Away) -> str:
         return "joint-stalled"
     if not peaks <= motor.idles_to:
         return "joint-not-following"
-    since, until = away.first_ns - BEFORE_NS, away.first_ns + NS
+    since, until = away.first_ns - BEFORE_NS, away.first_ns + 2 * NS
     alarms = case.anomalies(*ALARMS, servo_id=one.servo_id).t_ns
+    alarms = np.concatenate([alarms, hot_times(case, one.servo_id)])
     if ((alarms >= since) & (alarms <= until)).any():
         return "joint-limp-after-alarm"
     back = [s.back_ns for s in case.ledger.silences.of(one.servo_id) if s.back_ns is not None]

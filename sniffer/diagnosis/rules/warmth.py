@@ -10,14 +10,16 @@ from sniffer.diagnosis.case import runs
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.efforts import Effort, effort
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.tracks import track
 from sniffer.ground.codes import CONFIG
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
+    from sniffer.ground.model import I64
 
 FINDINGS: Final = (
     FindingCode(
@@ -31,6 +33,12 @@ FINDINGS: Final = (
         "device",
         "A servo grows hot faster than work makes it.",
         "At least 10 degrees more than at the beginning, by 0.5 degrees a second or faster, still rising at the end or up to the highest.",
+    ),
+    FindingCode(
+        "load-high-and-still",
+        "device",
+        "A servo bears nearly all that it can, for long, and does not move while its goals do.",
+        "As `load-high`; meanwhile the goals range over more than half of what counts as far, and the positions over less than a fifth of that.",
     ),
     FindingCode(
         "load-high",
@@ -103,6 +111,15 @@ def temperature(case: Case) -> Iterator[Finding]:
         )
 
 
+def hot_times(case: Case, servo: int) -> I64:
+    """Return when a servo was at its limit of temperature, or close to it."""
+    t = case.series(servo, "temperature")
+    if t is None:
+        return np.empty(0, np.int64)
+    limit, _ = _limit(case, servo)
+    return t.t[t.low >= limit - NEAR_DEGC]
+
+
 def _climbs(mean: np.ndarray) -> bool:
     """Tell whether a rise goes step by step: a value that jumps is no temperature."""
     steps = np.diff(mean)
@@ -141,14 +158,15 @@ def load(case: Case) -> Iterator[Finding]:
         s = motor.series
         longest_ns = max(int(s.t[b - 1] - s.t_first[a]) for a, b in stretches)
         most = float(max(motor.steady[a:b].mean() for a, b in stretches))
+        still = _stands(case, servo, [(int(s.t_first[a]), int(s.t[b - 1])) for a, b in stretches])
         yield Finding(
-            "load-high",
+            "load-high-and-still" if still else "load-high",
             servo,
             int(s.t_first[stretches[0][0]]),
             int(s.t[stretches[-1][1] - 1]),
             len(stretches),
             f"servo {servo} has {motor.told(most)} for {longest_ns / NS:.1f} s, usually "
-            f"{motor.told(usual)}",
+            f"{motor.told(usual)}" + (", and does not move with its goals" if still else ""),
             tuple(
                 Place(int(s.at[a]), 1, int(s.t_first[a]), motor.told(motor.steady[a]))
                 for a, _ in stretches[:3]
@@ -157,6 +175,21 @@ def load(case: Case) -> Iterator[Finding]:
             brief=f"servo {servo} at {motor.told(most)}",
             episodes=tuple((int(s.t_first[a]), int(s.t[b - 1])) for a, b in stretches),
         )
+
+
+def _stands(case: Case, servo: int, stretches: Sequence[tuple[int, int]]) -> bool:
+    """Tell whether a joint does not move while its goals do."""
+    joint = track(case, servo)
+    if joint is None:
+        return False
+    asked = went = 0.0
+    for first, last in stretches:
+        g = (joint.goal.t >= first) & (joint.goal.t_first <= last)
+        p = (joint.position.t_first >= first) & (joint.position.t <= last)
+        if g.any() and p.any():
+            asked += float(joint.goal.high[g].max() - joint.goal.low[g].min())
+            went += float(joint.position.high[p].max() - joint.position.low[p].min())
+    return asked > joint.far / 2 and went < asked / 5
 
 
 def _usual(case: Case, motor: Effort) -> float:
