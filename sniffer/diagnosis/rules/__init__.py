@@ -27,6 +27,7 @@ from sniffer.diagnosis.rules import (
     symptoms,
     tap,
     timing,
+    twins,
     warmth,
 )
 
@@ -40,7 +41,6 @@ _AREAS: Final = (
     losses,
     line,
     bits,
-    outages,
     pairing,
     timing,
     joints,
@@ -50,9 +50,11 @@ _AREAS: Final = (
     complaints,
     identity,
     jumps,
+    outages,
     restarts,
     slowness,
     supply,
+    twins,
     warmth,
 )
 
