@@ -72,7 +72,8 @@ def servo_reset_loop(draft: Draft) -> None:
     first_s = draft.onset()
     ends = draft.rng.random() < 0.4
     last_s = first_s + draft.rng.uniform(5, 7) if ends else draft.seconds
-    draft.habit = dataclasses.replace(draft.habit, rate_hz=max(draft.habit.rate_hz, 25))
+    least_hz = 66 if draft.protocol == "wck" else 25  # it is away for 65 ms only
+    draft.habit = dataclasses.replace(draft.habit, rate_hz=max(draft.habit.rate_hz, least_hz))
     draft.at(first_s, functools.partial(suffers, kind=f.RESETS, who=who, until_s=last_s))
     draft.truth("servo-reset-loop", who, first_s, last_s)
 
