@@ -155,6 +155,8 @@ def last_bits(case: Case) -> Iterator[Finding]:
     errors = sums({k: v[e["place"] == IN_ANSWERS] for k, v in e.items()}, "servo_id", "n")
     elsewhere = int(e["n"][e["place"] == IN_REQUESTS].sum())
     answered = {s: case.total("ok", s) + case.total("damaged", s) for s in case.servos}
+    everyone = [(m.servo_id, f) for m in case.misreads if m.shape == BITS_FEW for f in m.flips]
+    ending = sum(f.bit >= ENDING for _, f in everyone)
     for servo in case.servos:
         read = [m for m in case.misreads if m.servo_id == servo]
         flips = [f for m in read if m.shape == BITS_FEW for f in m.flips]
@@ -163,7 +165,7 @@ def last_bits(case: Case) -> Iterator[Finding]:
         others = elsewhere + sum(n for s, n in errors.items() if s != servo)
         rest = max(case.ledger.frames - answered[servo], 1)
         alone = mine >= LEAST and mine / max(answered[servo], 1) >= APART * (others + 1) / rest
-        bitwise = len(flips) >= SAME and late >= PURE * len(flips)
+        bitwise = len(flips) >= SAME and late >= PURE * max(len(flips), ending)
         if not (alone or bitwise):
             continue
         told = []

@@ -115,7 +115,7 @@ def losses(case: Case) -> Iterator[Finding]:
         yield Finding(
             "comes-and-goes",
             one.servo,
-            first if one.servo in shared else int(a["t_first"].min()),
+            first,
             int(a["t_last"].max()),
             one.bad,
             f"servo {one.servo} lost {one.bad} of {one.bad + one.ok} answers "

@@ -27,6 +27,29 @@ _TORN: Final = (
 )
 """What torn frames bring with them, whatever tears them."""
 
+_LOST: Final = (
+    ("misses-now-and-then", 0.2, "torn requests are not answered"),
+    ("away-again-and-again", 0.1, "torn requests in a row are not answered"),
+    ("answered-though-torn", 0.2, "what is torn at the tap may be whole at the servo"),
+    ("goes-on-unanswered", 0.1, "what is torn at the tap may be whole at the controller"),
+    ("hasty-request", 0.1, "the controller goes on when it hears something torn"),
+    ("request-in-answer", 0.1, "pieces of frames look alike"),
+    ("answers-after-next", 0.1, "the answer to a torn request may be taken for a late one"),
+    ("late-replies", 0.1, "the answer to a torn request may be taken for a late one"),
+    ("requests-torn-short", 0.1, "bytes without a start bit are lost"),
+    ("retry-storm", 0.1, "what is torn is asked again"),
+    ("loop-jitters", 0.1, "waiting for what is torn takes time"),
+    ("loop-stalls", 0.1, "waiting for what is torn takes time"),
+    ("slower-than-peers", 0.1, "a torn byte more or less moves where an answer begins"),
+    ("odd-commands", 0.1, "a torn frame may hold by chance"),
+    ("doubtful-value", 0.2, "a torn answer without a checksum states anything"),
+    ("goal-jump", 0.1, "a torn request may hold by chance"),
+    ("goal-beyond-range", 0.1, "a torn request may hold by chance"),
+    ("refuses-command", 0.1, "servos refuse torn requests"),
+    ("echo-mismatch", 0.1, "a torn answer may hold by chance"),
+)
+"""What others make of it."""
+
 WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         "bus-noise",
@@ -42,6 +65,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("last-byte-torn", -2.5, "noise does not choose a byte"),
         ("strays-at-turn", -2.0, "noise comes at any time"),
         *_TORN,
+        *_LOST,
     ),
     *for_(
         "signal-integrity",
@@ -59,6 +83,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("clock-off", -3.0, "a clock that is off explains the torn answers"),
         ("strays-anywhere", 0.3, "a slow edge may look like a start"),
         *_TORN,
+        *_LOST,
     ),
     *for_(
         "turnaround",
@@ -76,6 +101,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("last-bits", -2.0, "only one servo's last bits are hit"),
         ("clock-off", -3.0, "a clock that is off explains the torn answers"),
         *_TORN,
+        *_LOST,
     ),
     *for_(
         "clock-drift",
@@ -90,6 +116,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("strays-at-turn", 0.1, "its bytes break into pieces"),
         ("damage-everywhere", 0.1, "pieces of its answers look like frames"),
         *_TORN,
+        *_LOST,
     ),
     *for_(
         "duplicate-id",
@@ -148,6 +175,9 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("damage-in-answers", 0.1, "answers are cut"),
         ("damage-everywhere", 0.1, "answers are cut"),
         *(w for w in _TORN if w[0] not in ("late-response", "away-for-a-while", "no-response")),
+        *(w for w in _LOST if w[0] not in ("misses-now-and-then", "away-again-and-again")),
+        ("misses-now-and-then", 0.5, "it is away for moments"),
+        ("away-again-and-again", 0.3, "it is away for moments"),
         ("no-response", 0.5, "it is asked, and the line to it is open"),
     ),
 )
