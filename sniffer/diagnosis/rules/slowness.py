@@ -20,7 +20,7 @@ FINDINGS: Final = (
         "slower-than-peers",
         "timing",
         "A servo takes longer to answer a command than the other servos do.",
-        "A tenth of its answers or more, five at least, begin surely (whatever the stamps' uncertainty) 0.7 ms and twice as long later than nine tenths of any other servo's do.",
+        "A tenth of its answers or more, five at least, begin surely (whatever the stamps' uncertainty) 0.7 ms and by half later than nine tenths of any other servo's do.",
     ),
     FindingCode(
         "slower-than-its-delay",
@@ -34,7 +34,7 @@ MORE_NS: Final = 700_000
 """Servos of one kind differ by less: return delays are set in steps of 2 to 50 us, and firmware
 answers within some hundred."""
 
-TIMES: Final = 2.0
+TIMES: Final = 1.5
 
 SHARE: Final = 0.1
 LEAST: Final = 5
