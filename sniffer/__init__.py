@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from sniffer.decoding.decoder import Decoder
     from sniffer.decoding.pipeline import Options
     from sniffer.decoding.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
+    from sniffer.doctor.examine import Examined, examine
+    from sniffer.doctor.records import Level, Observation
     from sniffer.ground.codes import Kind, Outcome, Provenance, Reply, Role
     from sniffer.ground.model import (
         Anomaly,
@@ -29,8 +31,15 @@ if TYPE_CHECKING:
         Transactions,
     )
     from sniffer.jobs.api import Capture, decode, frames_table, records, samples_table
-    from sniffer.jobs.record import Files, Recorded, Shown, record
+    from sniffer.jobs.convert import Converted, convert
+    from sniffer.jobs.diagnose import Diagnosed, diagnose
+    from sniffer.jobs.files import Files, Flight
+    from sniffer.jobs.record import Recorded, Shown, record
+    from sniffer.jobs.replay import Window, replay
+    from sniffer.jobs.session import Ending
     from sniffer.protocols import PROTOCOLS
+    from sniffer.simulation.play.run import Played, play
+    from sniffer.simulation.play.scenario import Scenario
     from sniffer.tap.listen import Listening
     from sniffer.tap.stops import Stops
     from sniffer.tap.tap import PortSpec
@@ -43,20 +52,28 @@ __all__ = [
     "Capture",
     "Chunk",
     "Clock",
+    "Converted",
     "DamagedInputError",
     "Decoder",
+    "Diagnosed",
     "Direction",
+    "Ending",
+    "Examined",
     "Files",
+    "Flight",
     "FrameRow",
     "Frames",
     "Gap",
     "GapRow",
     "InputError",
     "Kind",
+    "Level",
     "Listening",
+    "Observation",
     "Options",
     "Outcome",
     "OutputError",
+    "Played",
     "PortSpec",
     "Provenance",
     "Recorded",
@@ -64,23 +81,39 @@ __all__ = [
     "Role",
     "SampleRow",
     "Samples",
+    "Scenario",
     "Severity",
     "Shown",
     "SnifferError",
     "Stops",
     "TransactionRow",
     "Transactions",
+    "Window",
     "__version__",
+    "convert",
     "decode",
+    "diagnose",
+    "examine",
     "frames_table",
+    "play",
     "record",
     "records",
+    "replay",
     "samples_table",
 ]
 
 _ROOMS: Final = {
     "ground.codes": ("Kind", "Outcome", "Provenance", "Reply", "Role"),
-    "jobs.record": ("Files", "Recorded", "Shown", "record"),
+    "jobs.convert": ("Converted", "convert"),
+    "jobs.diagnose": ("Diagnosed", "diagnose"),
+    "jobs.replay": ("Window", "replay"),
+    "jobs.session": ("Ending",),
+    "jobs.files": ("Files", "Flight"),
+    "jobs.record": ("Recorded", "Shown", "record"),
+    "doctor.examine": ("Examined", "examine"),
+    "doctor.records": ("Observation", "Level"),
+    "simulation.play.run": ("Played", "play"),
+    "simulation.play.scenario": ("Scenario",),
     "tap.listen": ("Listening",),
     "tap.stops": ("Stops",),
     "tap.tap": ("PortSpec",),

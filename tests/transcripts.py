@@ -44,7 +44,17 @@ if TYPE_CHECKING:
 ROOT: Final = Path(__file__).parent.parent
 PAGES: Final = (
     "README.md",
-    *(f"docs/{name}.md" for name in ("api", "recording", "simulating", "columns", "conformance")),
+    *(
+        f"docs/{name}.md"
+        for name in (
+            "api",
+            "recording",
+            "simulating",
+            "diagnosing",
+            "columns",
+            "conformance",
+        )
+    ),
 )
 LEFT_OUT: Final = "..."
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from sniffer.diagnosis.events import ANOMALY, REMARK, SETTING, Happenings
 from sniffer.diagnosis.ledger import BUCKET_NS, MILLI, Ledger
+from sniffer.diagnosis.misread import misread
 from sniffer.diagnosis.model import Place
 from sniffer.diagnostics.found import CODES, NUMBER
 from sniffer.ground.model import NS, Clock
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.misread import Misread
     from sniffer.ground.model import F64, I64, Mask
     from sniffer.ground.register import Register
     from sniffer.protocols.base import BusProtocol
@@ -162,10 +164,20 @@ class Case:
         """Damaged places by bucket, servo and turn (``damage.TURNS``)."""
         return self.ledger.damages.counted()
 
+    @functools.cached_property
+    def line_errors(self) -> Table:
+        """Bytes without a stop bit by bucket, servo and place (``lineerrors``)."""
+        return self.ledger.line_errors.counted()
+
     @property
     def damages(self) -> Sequence[Damage]:
         """The first damaged places with their bytes."""
         return self.ledger.damages.kept
+
+    @functools.cached_property
+    def misreads(self) -> Sequence[Misread]:
+        """The first torn frames of each sender by their bits."""
+        return misread(self.protocol, self.damages, self.ledger.damages.likes.known)
 
     @functools.cached_property
     def happenings(self) -> Happenings:

@@ -14,12 +14,15 @@ import numpy as np
 from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.damage import Damages
 from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happened
+from sniffer.diagnosis.exchanges import Exchanges
 from sniffer.diagnosis.histograms import Histograms
+from sniffer.diagnosis.lineerrors import LineErrors
 from sniffer.diagnosis.orders import KINDS, Orders
 from sniffer.diagnosis.refusals import Refusals
 from sniffer.diagnosis.settings import Settings
 from sniffer.diagnosis.silences import Silences
 from sniffer.diagnosis.steps import Steps
+from sniffer.diagnosis.unnamed import UnnamedWrites
 from sniffer.diagnostics.found import CODES, Anomalies
 from sniffer.ground.codes import (
     DAMAGED,
@@ -33,6 +36,7 @@ from sniffer.ground.codes import (
 )
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import ECHO, NS, Clock
+from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
     from sniffer.decoding.pacing import Pace
@@ -146,10 +150,13 @@ class Ledger:
         """Times between the beginnings of two requests of the bus; key 0."""
         self.settings = Settings(protocol)
         self.damages = Damages(protocol)
+        self.line_errors = LineErrors()
         self.silences = Silences()
         self.orders = Orders(protocol)
         self.refusals = Refusals(protocol)
         self.steps = Steps(protocol)
+        self.exchanges = Exchanges(protocol)
+        self.unnamed = UnnamedWrites(protocol)
         self.head = b""
         """The first bytes of the bus."""
         self.has_checksum: bool | None = None
@@ -191,8 +198,15 @@ class Ledger:
             self.orders.add(batch)
         if len(batch.values):
             self._values(batch)
-        self.damages.add(batch)
+        self.damages.add(batch, self.byte_ns)
+        self.exchanges.add(batch, self.byte_ns)
+        self.unnamed.add(batch)
         self._join_old()
+
+    @property
+    def byte_ns(self) -> int:
+        """How long a byte takes at the rate by which the bus is decoded."""
+        return byte_time_ns(self.protocol.baud if self.pace is None else self.pace.baud)
 
     def _look_for_checksum(self, batch: Batch) -> None:
         f = batch.frames
@@ -257,11 +271,10 @@ class Ledger:
             t_first=t_ns,
             t_last=t_ns,
         )
-        if sound:
-            self.took.add(pair_key(servo.astype(np.int64), frames.op[rows]), least, took + spread)
-        elif timed.any():
-            whose = pair_key(servo[timed].astype(np.int64), frames.op[rows][timed])
-            self.took.add(whose, least[timed], took[timed] + spread[timed])
+        # Who answers behind others, to requests in one go, waited for them.
+        alone = timed & (response == request + 1)
+        whose = pair_key(servo[alone].astype(np.int64), frames.op[rows[alone]])
+        self.took.add(whose, least[alone], took[alone] + spread[alone])
 
     def _periods(self, f: Frames) -> None:
         """Count the times between requests that are alike, and between any two."""
@@ -374,6 +387,7 @@ class Ledger:
     def _remarks(self, batch: Batch) -> None:
         if not batch.remarks:
             return
+        self.line_errors.add(batch)
         rows = np.array(
             [(int(r.kind), r.t_ns, r.start, r.length, r.count) for r in batch.remarks], np.int64
         )

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 from sniffer.decoding.detect import detect
 from sniffer.decoding.mixed import decoder_of, parts_of
 from sniffer.decoding.names import protocols_named
-from sniffer.decoding.pipeline import AUTO
+from sniffer.decoding.options import AUTO, Options
 from sniffer.ground.codes import OUTCOMES, WHOLE
 from sniffer.ground.model import Batch, Chunk, Gap, InputError, SnifferError
+from sniffer.ground.wording import Sentence
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import BusProtocol, view
-from sniffer.protocols.tables import known_models, owner_of, with_tables
+from sniffer.protocols.tables import owner_of, with_tables
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -62,11 +63,9 @@ def explain_bytes(
     """
     if not data:
         raise InputError("no bytes to explain: write them as FF FF FF 01 02 F1 0B")
+    Options(protocol, models={None: model} if model else {}, tables=tuple(tables)).check()
     if protocol == AUTO:
         owner = None if model is None else owner_of(model, tables)
-        if model is not None and owner is None:
-            known = ", ".join(known_models(tables))
-            raise SnifferError(f"no model {model[:40]!r}: one of {known}")
         protocol = owner or _told(before + data)
     chosen = [with_tables(p, tables) for p in protocols_named(protocol)]
     decoder = decoder_of(chosen, models={None: model} if model else None)
@@ -107,7 +106,8 @@ def _likely(data: bytes) -> str:
         if best:
             break
     alike = f" ({' and '.join(best)} would explain them alike)" if best else ""
-    raise InputError(f"cannot tell the protocol of these bytes{alike}: name it with --protocol")
+    told = "cannot tell the protocol of these bytes{alike}: name it with {protocol}"
+    raise InputError(Sentence(told, alike=alike))
 
 
 def _sums(gap: Gap) -> bool:

@@ -7,9 +7,10 @@ import datetime
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sniffer import __version__
+from sniffer.decoding.options import alarm_facts
 from sniffer.decoding.pacing import ASSUMED
 from sniffer.ground.files import files_of, is_lost, occupied, probe, refuse_occupied
 from sniffer.ground.model import OutputError
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.pipeline import Options
     from sniffer.decoding.sink import Sink
+    from sniffer.jobs.telling import Teller
+
+GONE: Final = "{} is gone: it was deleted or renamed while it was written"
+"""What is told of an output that is no more where it was."""
 
 
 def session_facts(
@@ -49,7 +54,7 @@ def session_facts(
         facts |= {k: v for k, v in told.items() if k.startswith("latency_ns.")}
     for servo, model in options.models.items():
         facts["model" if servo is None else f"model.{servo}"] = model
-    return facts
+    return facts | alarm_facts(options.alarms)
 
 
 def open_outputs(
@@ -105,6 +110,9 @@ def _is_input(file: Path, source: str) -> bool:
         return False
 
 
-def lost(paths: Sequence[Path]) -> list[Path]:
-    """Return which files are gone although they were written: deleted, or renamed."""
-    return [file for path in paths for file in files_of(path) if is_lost(file)]
+def gone(paths: Sequence[Path], tell: Teller) -> tuple[Path, ...]:
+    """Tell which files are gone although they were written: deleted, or renamed; return them."""
+    files = tuple(file for path in paths for file in files_of(path) if is_lost(file))
+    for file in files:
+        tell.warn(GONE.format(file))
+    return files

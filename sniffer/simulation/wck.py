@@ -372,7 +372,8 @@ class WckBus(Bus):
         return self._exchange("passive", servo_id, fields, {}, act, {"data2": data2})
 
 
-def _fields(op: str, raw: bytes) -> dict[str, int]:
+@functools.lru_cache(KEPT)
+def _fields(op: str, raw: bytes) -> Mapping[str, int]:
     """Return the bytes of a command that its reply may repeat."""
     if op == "position_read_10bit":  # two forms, and nothing is repeated
         return {}

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.limits import BUSES_MOST
 from sniffer.ground.model import Chunk, DamagedInputError, InputError, SnifferError
+from sniffer.ground.wording import Sentence
 from sniffer.sources.binary import read_binary
 from sniffer.sources.candump import read_candump
 from sniffer.sources.hexdump import read_hexdump, read_od, read_xxd
@@ -238,5 +239,5 @@ def _chosen(origin: Origin, input_format: str, *, decimal: bool) -> str:
         if input_format not in ("bin", "mcap"):
             refuse_utf16(origin.head)
     except InputError as error:
-        raise InputError(f"{origin.name}: {error}") from None
+        raise InputError(Sentence("{name}: {error}", name=origin.name, error=error)) from None
     return "decimal" if decimal and input_format == "hex" else input_format

@@ -9,13 +9,17 @@ from typing import TYPE_CHECKING, Final
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules import (
+    bits,
     complaints,
     controller,
+    goals,
     identity,
     joints,
     jumps,
     line,
+    losses,
     pairing,
+    patience,
     restarts,
     slowness,
     supply,
@@ -30,9 +34,25 @@ if TYPE_CHECKING:
 
 Rule = Callable[[Case], Iterable[Finding]]
 
-_DEVICE: Final = (supply, warmth, joints, restarts, complaints, jumps, identity)
-
-_AREAS: Final = (tap, line, pairing, timing, slowness, *_DEVICE, controller)
+_AREAS: Final = (
+    tap,
+    losses,
+    line,
+    bits,
+    pairing,
+    timing,
+    joints,
+    patience,
+    controller,
+    goals,
+    complaints,
+    identity,
+    jumps,
+    restarts,
+    slowness,
+    supply,
+    warmth,
+)
 
 RULES: Final[tuple[Rule, ...]] = (
     *(rule for area in _AREAS for rule in area.RULES),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.diagnosis.case import episodes
+from sniffer.diagnosis.case import episodes, runs
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.tracks import track
@@ -214,6 +214,11 @@ def _goals_without(case: Case, servo: int, offs: list[_Off]) -> Iterator[Finding
         return
 
 
+LASTING_NS: Final = NS // 2
+LASTING: Final = 6
+"""So long, and so many times in a row, a joint says that it is limp before that is believed."""
+
+
 def limp_status(case: Case) -> Iterator[Finding]:
     """Servos that say that they are limp, with a goal."""
     for servo in case.measured_by("status"):
@@ -223,10 +228,12 @@ def limp_status(case: Case) -> Iterator[Finding]:
         code = next((k for k, name in status.register.values.items() if name == LIMP), None)
         if code is None:
             continue
-        limp = np.flatnonzero((status.first == code) | (status.last == code))
+        # One that holds again a moment later is no limp joint: it says so time and again.
+        lasting = runs((status.low == code) & (status.high == code), status.t, LASTING_NS)
+        limp = [row for a, b in lasting if b - a >= LASTING for row in range(a, b)]
         ends = case.order_times(servo, LETS_GO, RESTARTS, TURNS_ELSEWHERE)
         kept = []
-        for row in limp.tolist():
+        for row in limp:
             t = int(status.t_first[row] if status.first[row] == code else status.t[row])
             stated = np.flatnonzero(goal.t <= t - SETTLED_NS)
             if not len(stated):

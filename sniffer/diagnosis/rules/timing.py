@@ -1,13 +1,272 @@
-"""When things are said: cycles, stalls, bus load, slow servos. Silent where stamps cannot carry it."""
+"""When things are said: cycles, stalls, bus load. Silent where the stamps cannot carry it."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
+from sniffer.decoding.pacing import ASSUMED
+from sniffer.diagnosis.case import BUCKET_NS, episodes
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.model import NS, Clock, MarkKind
+from sniffer.ground.timing import byte_time_ns
+
 if TYPE_CHECKING:
-    from sniffer.diagnosis.catalogue import FindingCode
+    from collections.abc import Iterator
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.exchanges import Pause
     from sniffer.diagnosis.rules import Rule
+    from sniffer.ground.model import I64, Mask
 
-FINDINGS: Final[tuple[FindingCode, ...]] = ()
+FINDINGS: Final = (
+    FindingCode(
+        "loop-stalls",
+        "timing",
+        "The controller's loop stops for several cycles, and goes on.",
+        "Pauses before requests that come without one in nearly every cycle, longer than two usual "
+        "pauses beyond what the stamps leave open, with no missing answer or damage in them.",
+    ),
+    FindingCode(
+        "loop-jitters",
+        "timing",
+        "The controller's loop is uneven: its cycles differ by half their length and more.",
+        "The spread (10 % to 90 %) of the times between like requests, less what the stamps leave "
+        "open, while hardly any answer is missing.",
+    ),
+    FindingCode(
+        "bus-full",
+        "timing",
+        "The line has no time left: bytes are on it nearly all the time.",
+        "Bytes times the byte time, as a share of the time in each quarter second; at a rate that "
+        "was stated or that the stamps tell.",
+    ),
+    FindingCode(
+        "coarse-stamps",
+        "timing",
+        "The host holds bytes for so long that cycles and answers cannot be timed: a tap with exact "
+        "stamps would tell them.",
+        "The latency that was stated, that the stamps show, or that the kind of clock has.",
+    ),
+)
 
-RULES: Final[tuple[Rule, ...]] = ()
+MS: Final = 1_000_000
+
+FAILS_MOST: Final = 0.03
+"""Share of requests without a good answer beyond which their timeouts make cycles uneven."""
+
+SPREAD: Final = 0.5
+"""Part of a cycle by which cycles differ in an uneven loop; a sleeping script's differ by a third."""
+
+SPREAD_NS: Final = 4 * MS
+"""Less than a scheduler's tick of a busy host is not worth a word."""
+
+FREE_RUNNING_NS: Final = 6 * MS
+"""A controller that never rests longer has no cycle to keep: it asks as soon as it is answered."""
+
+SLOWEST_NS: Final = NS // 2
+"""What comes less often than twice a second is no control loop."""
+
+CYCLES: Final = 40
+"""Cycles that make a loop."""
+
+LONGER: Final = 2.0
+STALL_NS: Final = 10 * MS
+"""A stall is so many usual pauses and so much longer: a cycle that was missed, not one that is late."""
+
+OFTEN: Final = 0.15
+"""Share of the requests of one kind that may have a stall before them; more is the program's way."""
+
+PERSON_NS: Final = NS // 2
+"""Nobody stops a program and starts it again within half a second: what is longer may be a person's
+doing, unless it happens time and again and never lasts long."""
+
+PERSON_MOST_NS: Final = 2 * NS
+PERSON_TIMES: Final = 3
+
+FULL: Final = 0.85
+"""Busy share of a full line: between two frames stands no more than what servos take to answer."""
+
+FULL_NS: Final = 2 * NS
+"""A burst of less is no bus without time."""
+
+COARSE_NS: Final = 4 * MS
+"""A loop of 100 cycles a second has 10 ms: stamps that are off by half of that tell nothing of it."""
+
+DAMAGE: Final = (
+    "bad-checksum",
+    "damaged-frame",
+    "truncated-frame",
+    "idle-tail",
+    "noise",
+    "damaged-response",
+    "mismatched-response",
+    "bytes-lost",
+    "port-lost",
+    "not-decoded",
+    "line-break",
+)
+"""Codes that explain a pause: what was said in it was not understood, or was not heard."""
+
+
+def loop_jitters(case: Case) -> Iterator[Finding]:
+    """A loop whose cycles differ much."""
+    exchanges, periods = case.ledger.exchanges, case.ledger.periods
+    rest = exchanges.idle.at(0, 0.99)
+    if not case.has_clock or _failing(case) > FAILS_MOST or not periods.keys:
+        return
+    if rest is None or rest.high < FREE_RUNNING_NS:
+        return
+    key = max(periods.keys, key=periods.count)
+    low, middle, high = (periods.at(key, share) for share in (0.1, 0.5, 0.9))
+    if low is None or middle is None or high is None or periods.count(key) < CYCLES:
+        return
+    spread = high.low - low.high - 2 * case.latency_ns
+    if middle.high > SLOWEST_NS or spread < max(SPREAD * middle.high, SPREAD_NS):
+        return
+    yield Finding(
+        "loop-jitters",
+        None,
+        case.first_ns,
+        case.last_ns,
+        periods.count(key),
+        f"{periods.count(key)} cycles of {middle.low / MS:.1f} ms at the middle: one in ten is shorter "
+        f"than {low.high / MS:.1f} ms, one in ten longer than {high.low / MS:.1f} ms "
+        f"(stamps good to {case.latency_ns / MS:g} ms)",
+        strength=min(spread / middle.high, 1.0),
+        brief=f"cycles of {low.low / MS:.0f} to {high.high / MS:.0f} ms",
+        values=(("middle_ns", middle.low), ("spread_ns", spread)),
+    )
+
+
+def _failing(case: Case) -> float:
+    asked = case.total("asked")
+    return 1 - case.total("ok") / asked if asked else 0.0
+
+
+def loop_stalls(case: Case) -> Iterator[Finding]:
+    """A loop that stops for several cycles."""
+    line = case.line
+    if not case.has_clock or not len(line["bucket"]):
+        return
+    spoken = line["pause_max"][line["pause_max"] > 0]
+    if not len(spoken):
+        return
+    usual = float(np.median(spoken))
+    least = LONGER * usual + STALL_NS + 2 * case.latency_ns
+    if usual > SLOWEST_NS:
+        return
+    stalls = [p for p in case.ledger.exchanges.pauses if p.sure_ns >= least]
+    stalls = [p for p in stalls if _in_the_loop(case, p, usual)]
+    if not stalls:
+        return
+    damaged = _damaged_at(case)
+    kinds = case.ledger.exchanges.kinds
+    before = np.bincount([p.next_kind for p in stalls], minlength=len(kinds))
+    stalls = [
+        p
+        for p in stalls
+        if before[p.next_kind] <= OFTEN * kinds.n[p.next_kind] and not _explained(p, damaged)
+    ]
+    if not stalls or not _is_no_person(stalls):
+        return
+    stalls.sort(key=lambda p: p.t_ns)
+    longest = max(stalls, key=lambda p: p.sure_ns)
+    yield Finding(
+        "loop-stalls",
+        None,
+        stalls[0].t_ns,
+        stalls[-1].t_ns + stalls[-1].sure_ns,
+        len(stalls),
+        f"{len(stalls)} pauses of at most {longest.sure_ns / MS:.0f} ms (± {case.latency_ns / MS:g}) "
+        f"where the longest is usually {usual / MS:.0f} ms, and no answer was missing",
+        tuple(
+            Place(p.at, 1, p.t_ns, f"then {p.sure_ns / MS:.0f} ms of nothing") for p in stalls[:3]
+        ),
+        strength=min(0.7 + 0.1 * len(stalls), 1.0),
+        brief=f"the loop stops for {longest.sure_ns / MS:.0f} ms",
+        episodes=tuple((p.t_ns, p.t_ns + p.sure_ns) for p in stalls),
+        values=(("longest_ns", longest.sure_ns), ("usual_ns", usual)),
+    )
+
+
+def _in_the_loop(case: Case, pause: Pause, usual: float) -> bool:
+    """Tell whether both requests beside a pause are the loop's, which has begun."""
+    kinds = case.ledger.exchanges.kinds
+    if min(pause.kind, pause.next_kind) < 0 or kinds.n[pause.next_kind] < CYCLES / 2:
+        return False
+    begun = max(kinds.t_first[pause.kind], kinds.t_first[pause.next_kind])
+    return begun <= pause.t_ns - 4 * usual
+
+
+def _damaged_at(case: Case) -> I64:
+    rows = case.anomalies(*DAMAGE).t_ns
+    held = case.remarks(MarkKind.HELD).t_ns
+    return np.sort(np.concatenate([rows, held]))
+
+
+def _explained(pause: Pause, damaged: I64) -> bool:
+    """Tell whether something was not understood around a pause, or read late."""
+    first = np.searchsorted(damaged, pause.t_ns - STALL_NS)
+    last = np.searchsorted(damaged, pause.t_ns + pause.sure_ns + STALL_NS)
+    return bool(last > first)
+
+
+def _is_no_person(stalls: list[Pause]) -> bool:
+    longest = max(p.sure_ns for p in stalls)
+    short = sum(p.sure_ns <= PERSON_NS for p in stalls)
+    return 2 * short >= len(stalls) or (longest <= PERSON_MOST_NS and len(stalls) >= PERSON_TIMES)
+
+
+def bus_full(case: Case) -> Iterator[Finding]:
+    """A line that is busy nearly all the time."""
+    pace = case.ledger.pace
+    if not case.has_clock or (pace is not None and pace.rate == ASSUMED and pace.doubtful):
+        return
+    if pace is None or (pace.rate == ASSUMED and case.ledger.clock != Clock.SAMPLE):
+        return
+    line = case.line
+    # The buckets that are joined, or that the capture only begins or ends in, are no quarter seconds.
+    whole = np.flatnonzero(np.diff(line["bucket"], append=line["bucket"][-1:]) == 1)[1:]
+    busy = line["bytes"][whole] * byte_time_ns(case.baud) / BUCKET_NS
+    full: Mask = busy >= FULL
+    if full.sum() * BUCKET_NS < FULL_NS or 2 * full.sum() < len(whole):
+        return
+    rows = whole[full]
+    spans = episodes(line["bucket"][rows] * BUCKET_NS, (line["bucket"][rows] + 1) * BUCKET_NS)
+    share = float(busy[full].mean())
+    yield Finding(
+        "bus-full",
+        None,
+        spans[0][0],
+        spans[-1][1],
+        int(full.sum()),
+        f"for {full.sum() * BUCKET_NS / NS:g} s bytes are on the line {min(share, 1):.0%} of the time "
+        f"at {case.baud} baud",
+        (Place(int(line["at"][rows[0]]), 1, spans[0][0], "here the line is full"),),
+        brief=f"the line is busy {min(share, 1):.0%} of the time",
+        episodes=spans,
+        values=(("busy", share),),
+    )
+
+
+def coarse_stamps(case: Case) -> Iterator[Finding]:
+    """Stamps that cannot carry a verdict about time."""
+    if not case.has_clock or case.latency_ns < COARSE_NS:
+        return
+    yield Finding(
+        "coarse-stamps",
+        None,
+        case.first_ns,
+        case.last_ns,
+        1,
+        f"stamps may lag {case.latency_ns / MS:g} ms behind the bytes: what is shorter is not judged; "
+        "an adapter with a low latency timer, or a logic analyser, would tell it",
+        values=(("latency_ns", case.latency_ns),),
+    )
+
+
+RULES: Final[tuple[Rule, ...]] = (loop_jitters, loop_stalls, bus_full, coarse_stamps)
+"""The rules of this area."""

@@ -1,0 +1,278 @@
+"""What a controller did after each request: how long it waited, whether it asked again, its pauses.
+
+A request is looked at once its fate is told and the next request is heard, in order of the stream.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from sniffer.diagnosis.buckets import Buckets
+from sniffer.diagnosis.histograms import Histograms
+from sniffer.diagnosis.kinds import RequestKinds
+from sniffer.diagnosis.requests import UNTOLD, Held, RequestRows, has_failed
+from sniffer.ground.codes import NOT_EXPECTED, OK, REQUEST
+from sniffer.ground.model import ECHO, NS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.ground.model import I64, Batch, Mask
+    from sniffer.protocols.base import BusProtocol
+
+FIRST: Final = 1 << 14
+"""Exchanges that say what is usual: some minutes of a busy bus. Later ones are not counted."""
+
+LONGEST: Final = 256
+"""Pauses that are kept one by one, the longest ones."""
+
+KEPT: Final = 500
+"""Exchanges that went wrong and are kept one by one, the first ones; runs of retries alike."""
+
+OPEN_MOST: Final = 4096
+"""Requests whose fate is not told yet: far more than a decoder holds open."""
+
+_BUCKET_NS: Final = NS // 4
+
+_WAITS: Final = {
+    "n": "sum",
+    "wait_sum": "sum",
+    "wait_min": "min",
+    "wait_max": "max",
+    "again": "sum",
+    "hasty": "sum",
+    "at": "first",
+    "length": "first",
+    "t_first": "first",
+    "t_last": "last",
+}
+
+_RETRIES: Final = {
+    "n": "sum",
+    "lost_ns": "sum",
+    "at": "first",
+    "t_first": "first",
+    "t_last": "last",
+}
+
+
+class Pause(NamedTuple):
+    """A pause of the controller that no missing answer explains; ``sure_ns`` at least."""
+
+    sure_ns: int
+    t_ns: int
+    at: int
+    kind: int
+    """Of the request before it."""
+    next_kind: int
+
+
+class Failed(NamedTuple):
+    """An exchange that went wrong, and what the controller did then."""
+
+    at: int
+    length: int
+    t_ns: int
+    servo_id: int
+    kind: int
+    outcome: int
+    wait_ns: int
+    """From the end of the request to the beginning of the next one."""
+    unsure_ns: int
+    is_again: bool
+    """The next request is the same one."""
+
+
+class Run(NamedTuple):
+    """The same request again and again, without an answer: how many times beside the first."""
+
+    t_ns: int
+    until_ns: int
+    at: int
+    length: int
+    servo_id: int
+    again: int
+
+
+class Exchanges:
+    """Follows the requests of a bus one by one, in columns."""
+
+    def __init__(self, protocol: BusProtocol) -> None:
+        self._protocol = protocol
+        self._byte_ns = 0
+        self.kinds = RequestKinds()
+        self.count = 0
+        self.turns = Histograms()
+        """Of sound exchanges: from the end of a request to the beginning of the next, by kind."""
+        self.idle = Histograms()
+        """Of exchanges that did not fail: how long the line was idle behind them; key 0."""
+        self.waits = Buckets(_WAITS)
+        """Of exchanges that failed, by servo (+1) and outcome."""
+        self.retries = Buckets(_RETRIES)
+        """Requests that were made again, by bucket and servo (+1)."""
+        self.runs: list[Run] = []
+        self.failed: list[Failed] = []
+        self.in_flight = 0
+        """Answered requests behind which another was made before their answer was over."""
+        self.doubled = 0
+        """Requests without an answer that were said once more right behind, byte for byte."""
+        self.silent = 0
+        """Requests that have no answer, and no need of one."""
+        self._pauses: dict[str, I64] = {}
+        self._run: Run | None = None
+        self._open = Held.empty()
+        self._seen = 0
+
+    def add(self, batch: Batch, byte_ns: int) -> None:
+        """Take the requests of a batch, and what became of requests, at a rate of the line."""
+        f, self._byte_ns = batch.frames, byte_ns
+        asks = np.flatnonzero((f.kind == REQUEST) & (f.flags & ECHO == 0))
+        rows = RequestRows(batch, asks, self._open, self.kinds.add(batch, asks))
+        if len(rows) and len(batch.transactions):
+            rows.tell(batch, self._protocol)
+        many = self._close(rows) if len(rows) > 1 else 0
+        self._open = rows.behind(many)
+
+    def _close(self, r: RequestRows) -> int:
+        """Judge what is told and followed by another request; return how many those are."""
+        many = len(r) - 1
+        untold = np.flatnonzero(r.outcome[:many] == UNTOLD)
+        if len(untold) and many - untold[0] < OPEN_MOST:
+            many = int(untold[0])
+        if not many:
+            return 0
+        self.count += many
+        outcome, next_start = r.outcome[:many], r.t_start[1 : many + 1]
+        since = np.maximum(r.t_end[:many], r.answer_end[:many])
+        failed, ok = has_failed(outcome), outcome == OK
+        idle = next_start - since
+        early = idle < 0
+        if early.any():
+            self.in_flight += int((ok & early).sum())
+        silent = outcome == NOT_EXPECTED
+        self.silent += int(np.count_nonzero(silent))
+        near = np.flatnonzero(silent & (idle <= 3 * self._byte_ns))
+        if len(near):
+            self.doubled += int(r.same(near).sum())
+        any_failed = bool(failed.any())
+        self._usual(r, many, idle, ok & ~early)
+        self._rest(r, since, idle, ~failed)
+        if any_failed or self._run is not None:
+            rows = np.flatnonzero(failed)
+            again = failed.copy()
+            again[rows] = r.same(rows)
+            self._went_wrong(r, rows, again)
+        return many
+
+    def _usual(self, r: RequestRows, many: int, idle: I64, ok: Mask) -> None:
+        """Count what sound exchanges take, of the first ones."""
+        first = min(FIRST - self._seen, many)
+        if first <= 0:
+            return
+        self._seen += first
+        rows = np.flatnonzero(ok[:first])
+        self.idle.add(np.zeros(len(rows), np.int64), idle[rows], idle[rows])
+        turn = r.t_start[rows + 1] - r.t_end[rows]
+        self.turns.add(r.kind[rows], turn, turn)
+
+    def _rest(self, r: RequestRows, since: I64, idle: I64, sound: Mask) -> None:
+        """Keep the longest pauses."""
+        full = len(self._pauses.get("sure", ())) == LONGEST
+        floor = self._pauses["sure"][-1] if full else 0
+        rows = np.flatnonzero((idle > floor) & sound)
+        if not len(rows):
+            return
+        new = {
+            "sure": idle[rows] - r.unsure(rows + 1),
+            "t": since[rows],
+            "at": r.places(rows),
+            "kind": r.kind[rows],
+            "next": r.kind[rows + 1],
+        }
+        if self._pauses:
+            new = {name: np.concatenate([self._pauses[name], new[name]]) for name in new}
+        # Of equal ones the first comes first, whatever the cut.
+        order = np.lexsort((new["at"], -new["sure"]))[:LONGEST]
+        self._pauses = {name: column[order] for name, column in new.items()}
+
+    def _went_wrong(self, r: RequestRows, rows: I64, again: Mask) -> None:
+        """Note how long the controller waited for answers that failed, and what it did then."""
+        if len(rows):
+            wait = r.t_start[rows + 1] - r.t_end[rows]
+            unsure = np.maximum(r.unsure(rows + 1), r.unsure(rows))
+            at, length, servo = r.places(rows), r.lengths(rows), r.servos(rows)
+            outcome, t_ns, asked_again = r.outcome[rows], r.t_end[rows], again[rows]
+            self.waits.add(
+                (servo + 1) * 8 + outcome,
+                n=np.ones(len(rows), np.int64),
+                wait_sum=wait,
+                wait_min=wait,
+                wait_max=wait,
+                again=asked_again.astype(np.int64),
+                hasty=(wait + unsure < r.window[rows]).astype(np.int64),
+                at=at,
+                length=length,
+                t_first=t_ns,
+                t_last=t_ns,
+            )
+            some = slice(0, KEPT - len(self.failed))
+            columns: list[I64 | Mask] = [at, length, t_ns, servo, r.kind[rows], outcome]
+            columns += [wait, unsure, asked_again]
+            kept = (column[some].tolist() for column in columns)
+            self.failed += map(Failed._make, zip(*kept, strict=True))
+        self._retried(r, again)
+
+    def _retried(self, r: RequestRows, again: Mask) -> None:
+        rows = np.flatnonzero(again)
+        if len(rows):
+            self.retries.add(
+                r.t_end[rows] // _BUCKET_NS * 512 + r.servos(rows) + 1,
+                n=np.ones(len(rows), np.int64),
+                lost_ns=r.t_start[rows + 1] - r.t_start[rows],
+                at=r.places(rows),
+                t_first=r.t_start[rows],
+                t_last=r.t_end[rows],
+            )
+        if self._run is not None and not again[0]:
+            self._end_run()
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], again.astype(np.int8), [0]])))
+        for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            until = int(r.t_end[b])
+            if self._run is None:
+                row = np.array([a])
+                at, length, servo = (int(c(row)[0]) for c in (r.places, r.lengths, r.servos))
+                self._run = Run(int(r.t_start[a]), until, at, length, servo, b - a)
+            else:
+                self._run = self._run._replace(again=self._run.again + b - a, until_ns=until)
+            if b < len(again):
+                self._end_run()
+
+    def _end_run(self) -> None:
+        if self._run is not None and len(self.runs) < KEPT:
+            self.runs.append(self._run)
+        self._run = None
+
+    @property
+    def pauses(self) -> Sequence[Pause]:
+        """The longest pauses that no missing answer explains, the longest first."""
+        if not self._pauses:
+            return ()
+        columns = (self._pauses[name].tolist() for name in ("sure", "t", "at", "kind", "next"))
+        return [Pause(*row) for row in zip(*columns, strict=True)]
+
+    @property
+    def all_runs(self) -> Sequence[Run]:
+        """Rows of retries, the one that is not over among them."""
+        return self.runs if self._run is None else [*self.runs, self._run]
+
+    def waited(self) -> dict[str, I64]:
+        """Return ``waits`` as columns, with ``servo_id`` and ``outcome``."""
+        key, columns = self.waits.table()
+        return {**columns, "servo_id": key // 8 - 1, "outcome": key % 8}
+
+    def retried(self) -> dict[str, I64]:
+        """Return ``retries`` as columns, with ``servo_id`` and ``bucket``."""
+        key, columns = self.retries.table()
+        return {**columns, "servo_id": key % 512 - 1, "bucket": key // 512}

@@ -1,0 +1,243 @@
+"""How a controller waits: not long enough, again and again, or for nobody."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.damage import IN_REPLY
+from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.losses import alike
+from sniffer.ground.codes import DAMAGED, NO_RESPONSE
+from sniffer.ground.model import NS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.rules import Rule
+
+FINDINGS: Final = (
+    FindingCode(
+        "hasty-request",
+        "controller",
+        "The next request comes before the answer to the last one can be over.",
+        "The time from a request without a good answer to the next one, against the shortest time "
+        "that sound exchanges of the same kind take, less what the stamps leave open.",
+    ),
+    FindingCode(
+        "request-in-answer",
+        "controller",
+        "A request runs into an answer: both are torn.",
+        "Damage in the place of an answer that begins or ends as one of the controller's own "
+        "requests, byte for byte, and not as the answer that is due.",
+    ),
+    FindingCode(
+        "answers-after-next",
+        "controller",
+        "Answers come when the controller has asked something else already.",
+        "`late-response` for requests behind which the next one came within the manual's window.",
+    ),
+    FindingCode(
+        "retry-storm",
+        "controller",
+        "A request that is not answered is said many times in a row, and the others wait.",
+        "Runs of the same request, byte for byte, without an answer between, of five and more, on a "
+        "bus whose controller else asks in turn; and the share of the time that they take.",
+    ),
+    FindingCode(
+        "absent-costs",
+        "controller",
+        "Asking a servo that never answers takes a share of all time.",
+        "The waits behind all requests to a servo that never answered.",
+    ),
+)
+
+MS: Final = 1_000_000
+
+ENOUGH: Final = 2
+"""One may be a stamp that is off."""
+
+CUTS: Final = 0.7
+"""A request that comes in less than so much of the shortest sound exchange cuts the answer."""
+
+TAIL: Final = 3
+"""Bytes that end, or begin, as a request does: three alike by chance are one in 16 million."""
+
+HEAD: Final = 5
+"""Headers are up to three bytes long, and id and length may be the same in an answer."""
+
+STORM: Final = 4
+"""Repetitions that no usual client makes: libraries try three times at most."""
+
+PART: Final = 0.05
+"""Part of the time that a storm takes, or of all requests that are repetitions."""
+
+
+def hasty(case: Case) -> Iterator[Finding]:
+    """Requests that come before the answer can be over."""
+    if not case.has_clock or not case.total("ok"):
+        return
+    exchanges = case.ledger.exchanges
+    known = {
+        k: least.low
+        for k in exchanges.turns.keys
+        if (least := exchanges.turns.at(k, 0.02)) is not None and exchanges.turns.count(k) >= 5
+    }
+    if exchanges.in_flight > 0.02 * case.total("ok"):
+        return  # it asks several at once, and they answer in turn
+    shown = []
+    judged = 0
+    for f in exchanges.failed:
+        if f.kind not in known or f.outcome not in (NO_RESPONSE, DAMAGED):
+            continue
+        judged += 1
+        if f.wait_ns + f.unsure_ns < CUTS * known[f.kind]:
+            shown.append(f)
+    if len(shown) < ENOUGH:
+        return
+    most = max(f.wait_ns for f in shown)
+    least_ns = min(known[f.kind] for f in shown)
+    yield Finding(
+        "hasty-request",
+        None,
+        shown[0].t_ns,
+        shown[-1].t_ns,
+        len(shown),
+        f"{len(shown)} of {judged} requests whose answers failed are followed by the next one within "
+        f"{most / MS:.2f} ms, and a sound exchange takes at least {least_ns / MS:.2f} ms",
+        tuple(Place(f.at, f.length, f.t_ns, "the next request comes too soon") for f in shown[:3]),
+        strength=min(0.5 + len(shown) / 10, 1.0),
+        brief=f"requests within {most / MS:.1f} ms of the last one",
+    )
+
+
+def request_in_answer(case: Case) -> Iterator[Finding]:
+    """Requests that run into answers, by their bytes."""
+    places = [d for d in case.damages if d.turn == IN_REPLY and d.asked]
+    if not places:
+        return
+    known = {*case.ledger.exchanges.kinds.example, *(d.asked for d in places)}
+    torn = [d for d in places if _holds_request(d, known)]
+    if len(torn) < ENOUGH:
+        return
+    yield Finding(
+        "request-in-answer",
+        None,
+        torn[0].t_ns,
+        torn[-1].t_ns,
+        len(torn),
+        f"{len(torn)} of {len(places)} torn answers begin or end as requests of this controller",
+        tuple(Place(d.at, d.length, d.t_ns, "a request runs into this answer") for d in torn[:3]),
+        strength=min(0.5 + len(torn) / 10, 1.0) * min(2 * len(torn) / len(places), 1.0),
+        brief="requests run into answers",
+    )
+
+
+def _holds_request(d: Damage, known: Iterable[bytes]) -> bool:
+    """Tell whether damage begins or ends as a request, and not as the answer that is due."""
+    tail, head = alike(d.got[::-1], d.expected[::-1]), alike(d.got, d.expected)
+    for request in known:
+        if tail < TAIL <= alike(d.got[::-1], request[::-1]) or (
+            head < HEAD <= alike(d.got, request)
+        ):
+            return True
+    return False
+
+
+def after_next(case: Case) -> Iterator[Finding]:
+    """Answers that come when the controller has gone on."""
+    rows = case.alarm_rows("late-response")
+    waits = case.ledger.exchanges.waited()
+    for servo in np.unique(case.alarms["servo_id"][rows]).tolist():
+        mine = rows[case.alarms["servo_id"][rows] == servo]
+        late = int(case.alarms["n"][mine].sum())
+        hasty = int(waits["hasty"][waits["servo_id"] == servo].sum())
+        if late < ENOUGH or 2 * hasty < late or not case.has_clock:
+            continue
+        yield Finding(
+            "answers-after-next",
+            servo,
+            int(case.alarms["t_first"][mine].min()),
+            int(case.alarms["t_last"][mine].max()),
+            late,
+            f"{late} answers of servo {servo} come behind the next request, which did not wait for "
+            f"the manual's time ({hasty} times)",
+            case.places(
+                case.anomalies("late-response", servo_id=servo), "an answer behind the next"
+            ),
+            strength=min(0.5 + late / 20, 1.0),
+            brief=f"answers of servo {servo} come behind the next request",
+        )
+
+
+def retry_storms(case: Case) -> Iterator[Finding]:
+    """Requests said again and again."""
+    exchanges = case.ledger.exchanges
+    storms = [run for run in exchanges.all_runs if run.again >= STORM]
+    if not storms or case.count("adapter-echo"):
+        return
+    kinds = exchanges.kinds
+    busiest = int(kinds.n.max(initial=0))
+    # A controller with one thing to ask repeats it anyway.
+    others = [k for k in range(len(kinds)) if kinds.n[k] * 20 >= busiest and kinds.n[k] >= STORM]
+    if len(others) < 2:
+        return
+    retried = exchanges.retried()
+    total = int(retried["n"].sum())
+    took = sum(run.until_ns - run.t_ns for run in storms)
+    seconds = max(case.last_ns - case.first_ns, 1)
+    share = took / seconds if case.has_clock else total / max(exchanges.count, 1)
+    if share < PART and len(storms) < 3:
+        return
+    servos = sorted({run.servo_id for run in storms})
+    longest = max(storms, key=lambda run: run.again)
+    yield Finding(
+        "retry-storm",
+        servos[0] if len(servos) == 1 else None,
+        storms[0].t_ns,
+        storms[-1].until_ns,
+        len(storms),
+        f"{len(storms)} times the same request {STORM + 1} times in a row and more, at most "
+        f"{longest.again + 1} times (servo {longest.servo_id}), {share:.0%} of "
+        + ("the time" if case.has_clock else "all requests"),
+        tuple(
+            Place(run.at, run.length, run.t_ns, f"said {run.again + 1} times in a row")
+            for run in storms[:3]
+        ),
+        strength=min(0.7 + len(storms) / 10, 1.0),
+        brief=f"one request {longest.again + 1} times in a row",
+        values=(("share", share), ("retries", total)),
+    )
+
+
+def absent_costs(case: Case) -> Iterator[Finding]:
+    """What asking servos costs that never answer."""
+    if not case.has_clock or not case.answering:
+        return
+    waits = case.ledger.exchanges.waited()
+    for servo in case.servos:
+        rows = np.flatnonzero((waits["servo_id"] == servo) & (waits["outcome"] == NO_RESPONSE))
+        n, took = int(waits["n"][rows].sum()), int(waits["wait_sum"][rows].sum())
+        share = took / max(case.last_ns - case.first_ns, 1)
+        if case.ledger.heard_from(servo) or n < 5 or share < PART:
+            continue
+        yield Finding(
+            "absent-costs",
+            servo,
+            int(waits["t_first"][rows].min()),
+            int(waits["t_last"][rows].max()),
+            n,
+            f"waiting for servo {servo}, which never answers, takes {took / NS:.2f} s, {share:.0%} of "
+            "the time",
+            strength=min(2 * share + 0.5, 1.0),
+            brief=f"waiting for servo {servo} takes {share:.0%} of the time",
+            values=(("share", share),),
+        )
+
+
+RULES: Final[tuple[Rule, ...]] = (hasty, request_in_answer, after_next, retry_storms, absent_costs)
+"""The rules of this area."""
