@@ -111,8 +111,13 @@ def stuck(case: Case) -> Iterator[Finding]:
         one = track(case, servo) if len(alarms) else None
         if one is None:
             continue
-        stood = [k for k, t in enumerate(alarms.t_ns.tolist()) if _stands(one, t)]
-        if len(stood) * 2 < len(alarms):
+        back = np.array([s.back_ns or 0 for s in case.ledger.silences.runs(servo)], np.int64)
+        stood = [
+            k
+            for k, t in enumerate(alarms.t_ns.tolist())
+            if _stands(one, t) and not ((back <= t) & (back > t - 2 * NS)).any()
+        ]
+        if not stood or len(stood) * 2 < len(alarms):
             continue
         rows = alarms.take(np.array(stood))
         yield Finding(

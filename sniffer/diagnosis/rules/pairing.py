@@ -146,10 +146,11 @@ def _outages(case: Case, servo: int) -> list[Silence]:
     if not runs:
         return []
     share = min(case.total("missing", servo) / max(asked, 1), 1.0)
+    several = lengths[1] + lengths[2]
+    if lengths[1] and several > max(CHANCE * runs * share, 2 * lengths[0]):
+        return [s for s in kept.runs(servo) if s.missed > 1]
     if lengths[2] > CHANCE * runs * share**2:
         return [s for s in kept.of(servo) if s.back_ns is not None]
-    if lengths[1] > max(CHANCE * runs * share, 2 * lengths[0]):
-        return [s for s in kept.runs(servo) if s.missed > 1]
     return []
 
 

@@ -32,7 +32,7 @@ FINDINGS: Final = (
         "temperature-rising",
         "device",
         "A servo grows hot faster than work makes it.",
-        "At least 10 degrees more than at the beginning, by 0.5 degrees a second or faster, still rising at the end or up to the highest.",
+        "At least 15 degrees more than at the beginning, by a degree a second or faster, still rising at the end or up to the highest.",
     ),
     FindingCode(
         "load-high-and-still",
@@ -53,10 +53,10 @@ NEAR_DEGC: Final = 5.0
 HOT_DEGC: Final = 75.0
 """Small servos are shipped with limits of 70 to 85 degrees."""
 
-RISE_DEGC: Final = 10.0
+RISE_DEGC: Final = 15.0
 
-RATE_DEGC_S: Final = 0.5
-"""Motors in use warm by some degrees a minute."""
+RATE_DEGC_S: Final = 1.0
+"""Motors in use warm by some degrees a minute, under load by tens."""
 
 BEARS: Final = 0.8
 MUCH: Final = 0.6
