@@ -24,7 +24,6 @@ from sniffer.jobs.telling import Teller
 from sniffer.reports.judging import tally
 from sniffer.reports.junit import Suite, junit
 from sniffer.reports.rules import example, read_rules
-from sniffer.sources import open_source
 
 BROKEN: Final = 1
 """Exit status: a rule is not kept."""
@@ -95,7 +94,7 @@ def check(
     options = pipeline_options(protocol, baud, models, latency, tables)
     for file in files:
         if file != "-" and not Path(file).exists():
-            open_source(file)  # it says so, before anything is judged
+            raise InputError(f"{file}: there is no such file")  # before anything is judged
     suites: list[Suite] = []
     status = DONE
     for file in files:

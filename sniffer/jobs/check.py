@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from sniffer.decoding.options import Options
 from sniffer.jobs.hearing import hear
 from sniffer.jobs.telling import Teller
-from sniffer.reports.judging import Heard, judge
+from sniffer.reports.judging import Subject, judge
 from sniffer.reports.rules import read_rules
 from sniffer.sources import open_source
 
@@ -69,5 +69,5 @@ def check(
         options = options.with_facts(opened.facts(), opened.tables)
         name = "standard input" if str(source) == "-" else str(source)
         found = hear(opened, options, name=name, tell=tell, patience=patience)
-    heard = Heard(found.summary, found.collector, found.diagnosis.incidents())
+    heard = Subject(found.summary, found.collector, found.diagnosis.incidents())
     return Checked(tuple(judge(asked, heard)), found.ending, found.damage)

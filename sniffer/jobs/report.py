@@ -21,12 +21,12 @@ from sniffer.jobs.session import Ending, merged
 from sniffer.jobs.telling import Teller
 from sniffer.messages import TOOL
 from sniffer.reports.content import Content
-from sniffer.reports.evidence import Evidence
+from sniffer.reports.evidence import Exhibits
 from sniffer.sources import open_source
 
 if TYPE_CHECKING:
     from sniffer.diagnosis import Incident
-    from sniffer.jobs.hearing import Hearing
+    from sniffer.jobs.hearing import Account
     from sniffer.jobs.session import Patience
     from sniffer.sources import Source
 
@@ -98,7 +98,7 @@ def report(
         hearing = hear(opened, options, name=name, tell=tell, patience=patience)
         notes = tuple(opened.notes)
         incidents = sorted(hearing.diagnosis.incidents(), key=_rank)
-        evidence = Evidence(incidents)
+        evidence = Exhibits(incidents)
         if not evidence.is_done:
             _draw(opened, options, evidence)
         done = Reported(_content(hearing, opened, name, notes, incidents, evidence), hearing.ending)
@@ -121,7 +121,7 @@ def _rank(incident: Incident) -> tuple[int, float, int, int]:
     return -incident.severity, -round(sure, 1), incident.first_ns, incident.number
 
 
-def _draw(opened: Source, options: Options, evidence: Evidence) -> None:
+def _draw(opened: Source, options: Options, evidence: Exhibits) -> None:
     """Read a capture again as far as there is evidence."""
     quiet = Teller(lambda line: None, quiet=True)
     pipeline = Pipeline(options, [evidence])
@@ -134,12 +134,12 @@ def _draw(opened: Source, options: Options, evidence: Evidence) -> None:
 
 
 def _content(
-    hearing: Hearing,
+    hearing: Account,
     opened: Source,
     name: str,
     notes: tuple[str, ...],
     incidents: list[Incident],
-    evidence: Evidence,
+    evidence: Exhibits,
 ) -> Content:
     now = datetime.datetime.now(datetime.UTC)
     return Content(

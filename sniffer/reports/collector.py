@@ -30,7 +30,7 @@ from sniffer.reports.figures import (
     Extreme,
     Range,
     ServoFigures,
-    Wire,
+    WireFigures,
 )
 from sniffer.reports.goals import GoalBook
 from sniffer.reports.grid import Grid
@@ -50,7 +50,7 @@ Found = dict[tuple[int, str, str], "I64"]
 """Rows of samples by servo, quantity and unit."""
 
 
-class Lane:
+class LaneFigures:
     """What one protocol says on one bus; ``bus`` is the wire's name."""
 
     def __init__(self, bus: str, protocol: BusProtocol) -> None:
@@ -161,8 +161,8 @@ class Collector:
 
     def __init__(self) -> None:
         self.grid = Grid()
-        self.lanes: dict[str, Lane] = {}
-        self.wires: dict[str, Wire] = {}
+        self.lanes: dict[str, LaneFigures] = {}
+        self.wires: dict[str, WireFigures] = {}
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing: batches hold every byte."""
@@ -175,7 +175,7 @@ class Collector:
         """Count a batch in."""
         name = bus_of(bus, protocol, batch)
         if name not in self.lanes:
-            self.lanes[name] = Lane(bus, protocol)
+            self.lanes[name] = LaneFigures(bus, protocol)
         self._count_wire(self._wire(bus), batch)
         self.lanes[name].add(batch, self.grid)
 
@@ -188,17 +188,17 @@ class Collector:
             for servo, figures in sorted(lane.servos.items()):
                 yield name, servo, figures
 
-    def lanes_of(self, bus: str) -> Mapping[str, Lane]:
+    def lanes_of(self, bus: str) -> Mapping[str, LaneFigures]:
         """Return the lanes of a wire."""
         return {name: lane for name, lane in self.lanes.items() if lane.bus == bus}
 
-    def _wire(self, bus: str) -> Wire:
+    def _wire(self, bus: str) -> WireFigures:
         if bus not in self.wires:
             names = (BYTES, UNCLAIMED, MISSING, TROUBLE)
-            self.wires[bus] = Wire({name: self.grid.curve() for name in names})
+            self.wires[bus] = WireFigures({name: self.grid.curve() for name in names})
         return self.wires[bus]
 
-    def _count_wire(self, wire: Wire, batch: Batch) -> None:
+    def _count_wire(self, wire: WireFigures, batch: Batch) -> None:
         f, gaps, grid = batch.frames, Gaps.of(batch.gaps), self.grid
         wire.clock = max(wire.clock, batch.clock)
         wire.remarks.update(MarkKind(r.kind).name.lower() for r in batch.remarks)

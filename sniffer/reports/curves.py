@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.model import Incident
     from sniffer.reports.collector import Collector
-    from sniffer.reports.figures import ServoFigures, Wire
-    from sniffer.reports.grid import Curve
+    from sniffer.reports.figures import ServoFigures, WireFigures
+    from sniffer.reports.grid import Trace
 
 BITS: Final = 10
 """Bits of a byte on the line: start, eight, stop."""
@@ -124,12 +124,12 @@ class Charts:
         self.time = Time(grid.first_ns, grid.width_ns * factor, size, factor, clock)
         self._curves = grid.curves()
 
-    def of(self, number: int | None) -> Curve | None:
+    def of(self, number: int | None) -> Trace | None:
         """Return a curve by its number; None: it is empty, or was not kept."""
         curve = self._curves.get(-1 if number is None else number)
         return svg.coarser(curve, self.time.factor) if curve is not None and len(curve) else None
 
-    def value(self, mine: ServoFigures, quantity: str) -> tuple[Curve | None, str]:
+    def value(self, mine: ServoFigures, quantity: str) -> tuple[Trace | None, str]:
         """Return the curve of a quantity, in the unit it has most often."""
         name = mine.unit_of(quantity)
         known = None if name is None else mine.values[quantity, name].curve
@@ -151,7 +151,7 @@ class Charts:
             return tag("p", "No value of it was heard.", cls="dim")
         return self._under(self._marks(incidents), shown)
 
-    def bus(self, wire: Wire, incidents: Sequence[Incident]) -> Markup:
+    def bus(self, wire: WireFigures, incidents: Sequence[Incident]) -> Markup:
         """Return the load of a bus, and how often something was wrong, over time."""
         shown = [t for t in (self._load(wire, incidents), self._trouble(wire, incidents)) if t]
         return self._under(self._marks(incidents), shown)
@@ -238,7 +238,7 @@ class Charts:
         title = "longest response time, at least to at most"
         return self._track(title, "ms", axis, inks, incidents)
 
-    def _load(self, wire: Wire, incidents: Sequence[Incident]) -> Markup | None:
+    def _load(self, wire: WireFigures, incidents: Sequence[Incident]) -> Markup | None:
         """Draw which share of its time a line was busy; nobody knows it without a clock."""
         if wire.pace is None or wire.clock == Clock.NONE:
             return None
@@ -255,7 +255,7 @@ class Charts:
             inks.append(Ink(f"area {style}", name, svg.bars(joint.at * per, axis.y(told), per)))
         return self._track("busy share of the line", "%", axis, inks, incidents)
 
-    def _trouble(self, wire: Wire, incidents: Sequence[Incident]) -> Markup | None:
+    def _trouble(self, wire: WireFigures, incidents: Sequence[Incident]) -> Markup | None:
         curves = {name: self.of(wire.curves[name]) for name in (TROUBLE, MISSING)}
         per = max(1, self.time.size // BARS)
         joint = {n: svg.coarser(c, per) for n, c in curves.items() if c is not None}
@@ -273,7 +273,7 @@ class Charts:
         self,
         title: str,
         unit: str,
-        lines: Sequence[tuple[str, str, Curve | None]],
+        lines: Sequence[tuple[str, str, Trace | None]],
         incidents: Sequence[Incident],
         *,
         tall: bool = False,

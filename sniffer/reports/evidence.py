@@ -53,7 +53,7 @@ def chosen(incident: Incident, most: int = PLACES) -> list[Place]:
     return sorted(out.values(), key=lambda place: (place.t_ns, place.offset))
 
 
-class Evidence:
+class Exhibits:
     """A sink that draws what stands at the places of incidents."""
 
     def __init__(self, incidents: Iterable[Incident]) -> None:

@@ -103,7 +103,7 @@ class ServoFigures:
 
 
 @dataclass(slots=True)
-class Wire:
+class WireFigures:
     """One bus: its curves by name, and what the tap remarked of it."""
 
     curves: dict[str, int]

@@ -38,7 +38,7 @@ _COLUMNS: Final = {"n": "sum", "low": "min", "high": "max", "total": "sum", "las
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class Trace:
     """What is left of one curve: a row for each bucket that holds anything.
 
     ``at`` counts buckets from the grid's first; the others are in the unit of the values.
@@ -93,7 +93,7 @@ class Grid:
             return 0
         return self._span[1] // self.width_ns - self._span[0] // self.width_ns + 1
 
-    def curves(self) -> dict[int, Curve]:
+    def curves(self) -> dict[int, Trace]:
         """Return the curves by number."""
         key, columns = self._rows.table()
         which = key >> _PLACE
@@ -105,7 +105,7 @@ class Grid:
             mine = slice(edges[curve], edges[curve + 1])
             n = columns["n"][mine]
             mean = value["total"][mine] / np.maximum(n, 1)
-            out[curve] = Curve(
+            out[curve] = Trace(
                 at[mine], n, value["low"][mine], value["high"][mine], mean, value["last"][mine]
             )
         return out

@@ -36,7 +36,7 @@ TOLD: Final = 3
 """Incidents that a failed rule names."""
 
 
-class Verdict(enum.IntEnum):
+class Decision(enum.IntEnum):
     """What becomes of a rule; the higher one counts where servos differ."""
 
     PASSED = 0
@@ -58,14 +58,14 @@ class Judged:
     """A rule with what came of it; ``figure`` is the sentence with the number that decided."""
 
     rule: r.Rule
-    verdict: Verdict
+    verdict: Decision
     figure: str
 
     @property
     def holds(self) -> bool:
         """Whether the rule is kept, or may stay undecided."""
-        lenient = self.rule.is_lenient and self.verdict == Verdict.UNDECIDED
-        return self.verdict == Verdict.PASSED or lenient
+        lenient = self.rule.is_lenient and self.verdict == Decision.UNDECIDED
+        return self.verdict == Decision.PASSED or lenient
 
     @property
     def word(self) -> str:
@@ -75,7 +75,7 @@ class Judged:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class Subject:
     """A capture after it was heard to its end, as far as rules ask for it."""
 
     summary: Summary
@@ -83,22 +83,22 @@ class Heard:
     incidents: Sequence[Incident]
 
 
-def judge(rules: Sequence[r.Rule], heard: Heard) -> list[Judged]:
+def judge(rules: Sequence[r.Rule], heard: Subject) -> list[Judged]:
     """Hold rules against a capture, each by itself."""
     out = []
     for rule in rules:
         figures = list(_FIGURES[rule.what](rule, heard))
         if not figures:
-            out.append(Judged(rule, Verdict.UNDECIDED, _nothing(rule, heard)))
+            out.append(Judged(rule, Decision.UNDECIDED, _nothing(rule, heard)))
             continue
         found = [(_verdict(rule, f), _distance(rule, f), f) for f in figures]
         verdict = max(v for v, _, _ in found)
         worst = min((f for f in found if f[0] == verdict), key=lambda f: f[1])[2]
         told = f"{worst.told}; wanted: {rule.asked}"
         silent = set(rule.servos) - {f.servo for f in figures} if rule.what in OF_EACH else set()
-        if silent and verdict == Verdict.PASSED:
+        if silent and verdict == Decision.PASSED:
             ids = ", ".join(map(str, sorted(silent)))
-            verdict, told = Verdict.UNDECIDED, f"{told}; nothing of it was heard of servo {ids}"
+            verdict, told = Decision.UNDECIDED, f"{told}; nothing of it was heard of servo {ids}"
         out.append(Judged(rule, verdict, told))
     return out
 
@@ -106,13 +106,13 @@ def judge(rules: Sequence[r.Rule], heard: Heard) -> list[Judged]:
 def tally(verdicts: Sequence[Judged]) -> str:
     """Return how many rules there are, and what became of them."""
     counts = Counter(judged.verdict for judged in verdicts)
-    told = ", ".join(f"{counts[v]} {v.name.lower()}" for v in Verdict if counts[v])
+    told = ", ".join(f"{counts[v]} {v.name.lower()}" for v in Decision if counts[v])
     return f"{counted(len(verdicts), 'rule')}: {told}"
 
 
-def _verdict(rule: r.Rule, figure: Figure) -> Verdict:
+def _verdict(rule: r.Rule, figure: Figure) -> Decision:
     holds = [_holds(rule, value) for value in (figure.low, figure.high)]
-    return Verdict.PASSED if all(holds) else Verdict.UNDECIDED if any(holds) else Verdict.FAILED
+    return Decision.PASSED if all(holds) else Decision.UNDECIDED if any(holds) else Decision.FAILED
 
 
 def _holds(rule: r.Rule, value: float) -> bool:
@@ -134,7 +134,7 @@ def _distance(rule: r.Rule, figure: Figure) -> float:
     return min(out)
 
 
-def _servos(rule: r.Rule, heard: Heard) -> Iterator[tuple[str, int, ServoFigures]]:
+def _servos(rule: r.Rule, heard: Subject) -> Iterator[tuple[str, int, ServoFigures]]:
     """Yield the servos that a rule is about."""
     lanes = heard.collector.lanes
     for lane, servo, mine in heard.collector.servos():
@@ -142,17 +142,17 @@ def _servos(rule: r.Rule, heard: Heard) -> Iterator[tuple[str, int, ServoFigures
             yield lane, servo, mine
 
 
-def _name(heard: Heard, lane: str, servo: int) -> str:
+def _name(heard: Subject, lane: str, servo: int) -> str:
     return f"{lane} servo {servo}" if len(heard.collector.lanes) > 1 else f"servo {servo}"
 
 
-def _buses(rule: r.Rule, heard: Heard) -> Iterator[tuple[str, BusTotals]]:
+def _buses(rule: r.Rule, heard: Subject) -> Iterator[tuple[str, BusTotals]]:
     for bus, totals in heard.summary.buses.items():
         if rule.bus in ("", bus, *heard.collector.lanes_of(bus)):
             yield bus, totals
 
 
-def _incidents(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
+def _incidents(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
     buses = {name for name, _ in _buses(rule, heard)}
     if not buses:
         return
@@ -173,7 +173,7 @@ def _incidents(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
     yield Figure(len(mine), len(mine), told)
 
 
-def _anomalies(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
+def _anomalies(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
     found: dict[str, int] = {}
     buses = list(_buses(rule, heard))
     for _, totals in buses:
@@ -191,7 +191,7 @@ def _anomalies(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
         yield Figure(total, total, f"{total} {noun} ({named})" if total else "no anomaly")
 
 
-def _response_time(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
+def _response_time(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
     for lane, servo, _ in _servos(rule, heard):
         known = heard.collector.lanes[lane]
         totals = heard.summary.buses[known.bus]
@@ -204,7 +204,7 @@ def _response_time(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
             yield Figure(bounds.low / MS, bounds.high / MS, told, servo)
 
 
-def _value(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
+def _value(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
     for lane, servo, mine in _servos(rule, heard):
         clock = heard.collector.wires[heard.collector.lanes[lane].bus].clock
         for (quantity, unit), values in mine.values.items():
@@ -217,7 +217,7 @@ def _value(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
                 yield Figure(end.value, end.value, f"{told} (byte {end.offset})", servo)
 
 
-def _goals(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
+def _goals(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
     for lane, servo, mine in _servos(rule, heard):
         goals = mine.goals
         wanted = goals["acknowledged"] + goals["refused"] + goals["failed"]
@@ -230,16 +230,16 @@ def _goals(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
             yield Figure(share, share, told, servo)
 
 
-def _missing(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
+def _missing(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
     return _answers(rule, heard, lambda mine: mine.missing, "did not come")
 
 
-def _damaged(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
+def _damaged(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
     return _answers(rule, heard, lambda mine: mine.damaged, "came damaged")
 
 
 def _answers(
-    rule: r.Rule, heard: Heard, count: Callable[[ServoFigures], int], what: str
+    rule: r.Rule, heard: Subject, count: Callable[[ServoFigures], int], what: str
 ) -> Iterator[Figure]:
     for lane, servo, mine in _servos(rule, heard):
         if mine.wanted:
@@ -249,7 +249,7 @@ def _answers(
             yield Figure(share, share, f"{told} ({words.number(100 * share, 3)} %)", servo)
 
 
-def _in_frames(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
+def _in_frames(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
     for bus, totals in _buses(rule, heard):
         if totals.bytes:
             share = totals.bytes_in_frames / totals.bytes
@@ -257,19 +257,19 @@ def _in_frames(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
             yield Figure(share, share, told)
 
 
-def _frames(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
+def _frames(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
     for bus, totals in _buses(rule, heard):
         n = sum(totals.kinds.values())
         yield Figure(n, n, f"{counted(n, 'frame')} on {bus}")
 
 
-def _seconds(rule: r.Rule, heard: Heard) -> Iterator[Figure]:
+def _seconds(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
     for bus, totals in _buses(rule, heard):
         if totals.seconds is not None:
             yield Figure(totals.seconds, totals.seconds, f"{totals.seconds:.3f} s of {bus}")
 
 
-_FIGURES: Final[Mapping[str, Callable[[r.Rule, Heard], Iterator[Figure]]]] = {
+_FIGURES: Final[Mapping[str, Callable[[r.Rule, Subject], Iterator[Figure]]]] = {
     r.INCIDENTS: _incidents,
     r.ANOMALIES: _anomalies,
     r.RESPONSE_TIME: _response_time,
@@ -283,7 +283,7 @@ _FIGURES: Final[Mapping[str, Callable[[r.Rule, Heard], Iterator[Figure]]]] = {
 }
 
 
-def _nothing(rule: r.Rule, heard: Heard) -> str:
+def _nothing(rule: r.Rule, heard: Subject) -> str:
     """Say why there is no figure."""
     if rule.bus and not list(_buses(rule, heard)):
         return f"there is no bus {rule.bus}: {', '.join(heard.summary.buses)} is there"

@@ -10,7 +10,7 @@ import re
 from typing import TYPE_CHECKING, Final, NamedTuple
 from xml.etree import ElementTree as ET
 
-from sniffer.reports.judging import Verdict
+from sniffer.reports.judging import Decision
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,7 +38,7 @@ def junit(suites: Sequence[Suite]) -> str:
             "tests": len(suite.verdicts) + bool(suite.error),
             "failures": sum(not j.holds for j in suite.verdicts),
             "errors": int(bool(suite.error)),
-            "skipped": sum(j.holds and j.verdict != Verdict.PASSED for j in suite.verdicts),
+            "skipped": sum(j.holds and j.verdict != Decision.PASSED for j in suite.verdicts),
         }
         told = {"name": _told(suite.name)} | {key: str(n) for key, n in counts.items()}
         element = ET.SubElement(root, "testsuite", told)
@@ -62,7 +62,7 @@ def _case(parent: ET.Element, suite: Suite, judged: Judged) -> None:
         kind = judged.verdict.name.lower()
         failure = ET.SubElement(case, "failure", message=figure, type=kind)
         failure.text = f"{kind}: {figure}"
-    elif judged.verdict == Verdict.UNDECIDED:
+    elif judged.verdict == Decision.UNDECIDED:
         ET.SubElement(case, "skipped", message=figure)
     ET.SubElement(case, "system-out").text = figure
 

@@ -16,7 +16,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from sniffer.ground.model import F64, I64
-    from sniffer.reports.grid import Curve
+    from sniffer.reports.grid import Trace
 
 HEIGHT: Final = 240
 """Steps of a value axis: finer than the pixels of a chart."""
@@ -58,7 +58,7 @@ def round_up(value: float) -> float:
     return next(k * power for k in (1, 2, 2.5, 5, 10) if k * power >= value * (1 - 1e-9))
 
 
-def coarser(curve: Curve, factor: int) -> Curve:
+def coarser(curve: Trace, factor: int) -> Trace:
     """Return a curve whose buckets are joined, so many to one."""
     if factor == 1 or not len(curve):
         return curve

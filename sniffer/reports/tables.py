@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.summary import BusTotals
     from sniffer.reports.content import Content
-    from sniffer.reports.figures import ServoFigures, Wire
+    from sniffer.reports.figures import ServoFigures, WireFigures
 
 CLOCKS: Final[Mapping[Clock, str]] = MappingProxyType(
     {
@@ -177,7 +177,7 @@ def recorded(content: Content) -> list[tuple[str, str]]:
     return out
 
 
-def _wire(wire: Wire) -> Iterator[tuple[str, str]]:
+def _wire(wire: WireFigures) -> Iterator[tuple[str, str]]:
     clock = CLOCKS[wire.clock]
     if wire.doubt_ns >= 0 and wire.clock != Clock.NONE:
         clock += f"; a frame may be up to {words.lasting(wire.doubt_ns)} earlier than told"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.model import Incident
     from sniffer.reports.content import Content
     from sniffer.reports.figures import ServoFigures
-    from sniffer.reports.grid import Curve, Grid
+    from sniffer.reports.grid import Grid, Trace
 
 COLUMNS: Final = 48
 """Characters of a curve."""
@@ -147,7 +147,7 @@ def _curves(content: Content) -> Iterator[str]:
     yield from ("```", "")
 
 
-def _servo_curves(mine: ServoFigures, curves: dict[int, Curve], grid: Grid) -> Iterator[str]:
+def _servo_curves(mine: ServoFigures, curves: dict[int, Trace], grid: Grid) -> Iterator[str]:
     named = {}
     for quantity in DRAWN:
         unit = mine.unit_of(quantity)
@@ -164,7 +164,7 @@ def _servo_curves(mine: ServoFigures, curves: dict[int, Curve], grid: Grid) -> I
             yield f"  {title:16} {sparkline(curve, grid.size)} {ends}"
 
 
-def sparkline(curve: Curve, size: int) -> str:
+def sparkline(curve: Trace, size: int) -> str:
     """Return a curve as characters: the mean of each of ``COLUMNS`` stretches, none left blank."""
     at = curve.at * COLUMNS // max(size, 1)
     total = np.bincount(at, curve.mean * curve.n, COLUMNS)
