@@ -74,8 +74,10 @@ class Series:
 class Case:
     """All that a rule may ask about one bus; nothing in here changes while it is judged."""
 
-    def __init__(self, ledger: Ledger) -> None:
+    def __init__(self, ledger: Ledger, *, speaks_first: bool = True) -> None:
         self.ledger = ledger
+        self.speaks_first = speaks_first
+        """Of protocols that share a bus: what concerns both is told of this one."""
         self.bus = ledger.bus
         self.protocol: BusProtocol = ledger.protocol
 

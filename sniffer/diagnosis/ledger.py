@@ -22,6 +22,7 @@ from sniffer.diagnosis.refusals import Refusals
 from sniffer.diagnosis.settings import Settings
 from sniffer.diagnosis.silences import Silences
 from sniffer.diagnosis.steps import Steps
+from sniffer.diagnosis.unclaimed import Unclaimed
 from sniffer.diagnosis.unnamed import UnnamedWrites
 from sniffer.diagnostics.found import CODES, Anomalies
 from sniffer.ground.codes import (
@@ -157,6 +158,9 @@ class Ledger:
         self.steps = Steps(protocol)
         self.exchanges = Exchanges(protocol)
         self.unnamed = UnnamedWrites(protocol)
+        self.unclaimed = Unclaimed()
+        self.is_shared = False
+        """Whether another protocol is on the same wire."""
         self.head = b""
         """The first bytes of the bus."""
         self.has_checksum: bool | None = None
@@ -201,6 +205,8 @@ class Ledger:
         self.damages.add(batch, self.byte_ns)
         self.exchanges.add(batch, self.byte_ns)
         self.unnamed.add(batch)
+        self.unclaimed.add(batch)
+        self.is_shared |= batch.is_shared
         self._join_old()
 
     @property

@@ -51,7 +51,7 @@ class LineErrors:
         kind = np.append(f.kind.astype(np.int64), -1)[row]
         # an answer is the asked servo's, whatever it bears
         asked = inside & (kind != REQUEST) & (row > 0)
-        asked &= np.append(f.kind.astype(np.int64), -1)[row - 1] == REQUEST
+        asked &= np.append(f.kind.astype(np.int64), -1)[np.maximum(row - 1, -1)] == REQUEST
         whose = np.where(asked, row - 1, row)
         servo = np.where(inside, np.append(f.servo_id.astype(np.int64), -1)[whose], -1)
         place = np.where(inside, np.where(kind == REQUEST, IN_REQUESTS, IN_ANSWERS), OUTSIDE)
