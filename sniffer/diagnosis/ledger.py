@@ -58,6 +58,9 @@ COARSE: Final = 16
 MILLI: Final = 1000
 """Values are kept in thousandths of their unit: sums of whole numbers are the same in any order."""
 
+FINE_OCTAVE: Final = 64
+"""Periods are known to 1 %: whether one is a multiple of another turns on less than 4."""
+
 HEAD: Final = 1 << 15
 """Bytes kept from the beginning, and of what no frame claims: enough to look for another rate."""
 
@@ -145,7 +148,7 @@ class Ledger:
         self.events = Events()
         self.took = Histograms()
         """Response times by servo and command (``pair_key``)."""
-        self.periods = Histograms()
+        self.periods = Histograms(FINE_OCTAVE)
         """Times from a request to the next like it, by servo, command and address."""
         self.pauses = Histograms()
         """Times between the beginnings of two requests of the bus; key 0."""
