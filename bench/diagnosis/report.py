@@ -22,8 +22,8 @@ HEAD: Final = """# What the diagnosis says of faults that were built in
 hand it on: with an exact clock, through an adapter with a 16 ms timer, as a text log, as bare
 bytes. Servos and controllers are simulated; where senders overlap, rates differ or noise
 strikes, the bits on the line decide (`bench/diagnosis/uart.py`). An incident names a fault if its
-first cause is the fault's and their times overlap. Notes that are wrong count nowhere; warnings and
-errors do.
+first cause is the fault's and their times overlap. Each scenario goes through the first two hosts,
+and through one of the others in turn. Notes that are wrong count nowhere; warnings and errors do.
 """
 
 
