@@ -121,8 +121,8 @@ def record(
         listening: how the ports are opened.
         stops: what ends the recording.
         shown: where it is shown meanwhile.
-        commands: what is run when something happens: a code, a rule or ``any``, and a command of
-            the shell.
+        commands: what is run when something happens: a code, a cause, a rule or ``any``, and a
+            command of the shell.
         wishes: what may be asked of it while it runs.
         tell: takes what should be told; nothing is told without.
 
