@@ -127,11 +127,10 @@ class Unpacker:
 
 
 def _unpacked(body: bytes) -> Parcel:
-    bus, missing, now_ns, columns, words = pickle.loads(
-        body
-    )  # from the process that started this one
+    # from the process that started this one
+    bus, missing, now_ns, columns, words = pickle.loads(body)
     chunks = [
         Chunk(data, t_ns, clock, bus, direction, marks)
         for data, t_ns, clock, direction, marks in zip(*columns, strict=True)
     ]
-    return Parcel(bus, missing, chunks, now_ns, [Word(*word) for word in words])
+    return Parcel(bus, missing, chunks, now_ns, tuple(Word(*word) for word in words))
