@@ -368,7 +368,7 @@ _CAUSES: Final = (
     Cause(
         "bus-saturated",
         CONTROLLER,
-        WARN,
+        NOTE,
         -2.0,
         "the bus is full",
         "There is no time left on the line: cycles cannot be kept.",

@@ -152,7 +152,9 @@ def _explained(best: Weighed, left: Sequence[Finding], all_found: Sequence[Findi
         )
         for w in rivals[:SHOWN]
     )
-    whose = {f.servo_id for f in best.explained if f.servo_id is not None}
+    # What is no servo's fault names those whom its keys are about; all others only suffer from it.
+    keys = [f for f in best.explained if weights[f.code].is_key]
+    whose = {f.servo_id for f in keys if f.servo_id is not None}
     if best.servo_id is not None:
         whose = {best.servo_id}
     return Explained(tuple(sorted(whose)), best.explained, ranked, key)

@@ -10,6 +10,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.losses import alike
+from sniffer.diagnosis.rules.order import Order
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
 from sniffer.ground.model import NS
 
@@ -34,6 +35,13 @@ FINDINGS: Final = (
         "A request runs into an answer: both are torn.",
         "Damage in the place of an answer that begins or ends as one of the controller's own "
         "requests, byte for byte, and not as the answer that is due.",
+    ),
+    FindingCode(
+        "request-swallowed",
+        "controller",
+        "Behind a torn answer the request that always follows is missing: it was said into the answer.",
+        "The kinds of requests in the order in which this controller makes them: where an answer is "
+        "torn that lacks no bytes, one is left out.",
     ),
     FindingCode(
         "answers-after-next",
@@ -67,8 +75,14 @@ CUTS: Final = 0.7
 TAIL: Final = 3
 """Bytes that end, or begin, as a request does: three alike by chance are one in 16 million."""
 
-HEAD: Final = 5
-"""Headers are up to three bytes long, and id and length may be the same in an answer."""
+MORE: Final = 2
+"""Bytes beyond what an answer has in common with a request: both begin with one header."""
+
+SHORT: Final = 2
+"""Bytes that a torn answer may lack; where more are missing they are lost, not torn."""
+
+SHARE: Final = 0.4
+"""Share of torn answers: noise takes a request behind one in a hundred."""
 
 STORM: Final = 4
 """Repetitions that no usual client makes: libraries try three times at most."""
@@ -118,8 +132,8 @@ def hasty(case: Case) -> Iterator[Finding]:
 def request_in_answer(case: Case) -> Iterator[Finding]:
     """Requests that run into answers, by their bytes."""
     places = [d for d in case.damages if d.turn == IN_REPLY and d.asked]
-    if not places:
-        return
+    if not places or case.count("adapter-echo"):
+        return  # of an echo it is what comes back
     known = {*case.ledger.exchanges.kinds.example, *(d.asked for d in places)}
     torn = [d for d in places if _holds_request(d, known)]
     if len(torn) < ENOUGH:
@@ -137,13 +151,45 @@ def request_in_answer(case: Case) -> Iterator[Finding]:
     )
 
 
+def swallowed(case: Case) -> Iterator[Finding]:
+    """Requests that are missing behind torn answers."""
+    exchanges = case.ledger.exchanges
+    torn = {d.at: d for d in case.damages if d.turn == IN_REPLY}
+    if not torn:
+        return
+    order = Order(case)
+    judged, shown = 0, []
+    for f in exchanges.failed:
+        damage = torn.get(f.at + f.length)
+        if damage is None or f.outcome != DAMAGED or f.kind not in order.usual:
+            continue
+        if damage.length + SHORT < len(damage.expected):
+            continue
+        judged += 1
+        if order.skips_one(f.kind, f.next_kind):
+            shown.append(f)
+    if len(shown) < ENOUGH or len(shown) < SHARE * judged:
+        return
+    yield Finding(
+        "request-swallowed",
+        None,
+        shown[0].t_ns,
+        shown[-1].t_ns,
+        len(shown),
+        f"behind {len(shown)} of {judged} torn answers the request is missing that comes next in this "
+        "controller's order",
+        tuple(Place(f.at, f.length, f.t_ns, "behind its answer one is missing") for f in shown[:3]),
+        strength=min(0.5 + len(shown) / 10, 1.0),
+        brief="requests are missing behind torn answers",
+    )
+
+
 def _holds_request(d: Damage, known: Iterable[bytes]) -> bool:
     """Tell whether damage begins or ends as a request, and not as the answer that is due."""
     tail, head = alike(d.got[::-1], d.expected[::-1]), alike(d.got, d.expected)
     for request in known:
-        if tail < TAIL <= alike(d.got[::-1], request[::-1]) or (
-            head < HEAD <= alike(d.got, request)
-        ):
+        ends, begins = alike(d.got[::-1], request[::-1]), alike(d.got, request)
+        if ends >= max(TAIL, tail + MORE) or begins >= max(TAIL, head + MORE):
             return True
     return False
 
@@ -239,5 +285,12 @@ def absent_costs(case: Case) -> Iterator[Finding]:
         )
 
 
-RULES: Final[tuple[Rule, ...]] = (hasty, request_in_answer, after_next, retry_storms, absent_costs)
+RULES: Final[tuple[Rule, ...]] = (
+    hasty,
+    request_in_answer,
+    swallowed,
+    after_next,
+    retry_storms,
+    absent_costs,
+)
 """The rules of this area."""
