@@ -51,7 +51,13 @@ _WAITS: Final = {
     "t_last": "last",
 }
 
-_FOLLOWS: Final = {"n": "sum", "at": "first", "t_first": "first", "t_last": "last"}
+_FOLLOWS: Final = {
+    "n": "sum",
+    "rest_min": "min",
+    "at": "first",
+    "t_first": "first",
+    "t_last": "last",
+}
 
 _RETRIES: Final = {
     "n": "sum",
@@ -111,6 +117,8 @@ class Exchanges:
         self.count = 0
         self.turns = Histograms()
         """Of sound exchanges: from the end of a request to the beginning of the next, by kind."""
+        self.spans = Histograms()
+        """Of sound exchanges: from the end of a request to the end of its answer, by kind."""
         self.idle = Histograms()
         """Of exchanges that did not fail: how long the line was idle behind them; key 0."""
         self.waits = Buckets(_WAITS)
@@ -188,6 +196,7 @@ class Exchanges:
         self._followers.add(
             (r.kind[told] + 1) * _NEXT + r.kind[told + 1] + 1,
             n=1,
+            rest_min=idle[told],
             at=at,
             t_first=r.t_end[told],
             t_last=r.t_end[told],
@@ -198,6 +207,8 @@ class Exchanges:
         self.idle.add(np.zeros(len(rows), np.int64), idle[rows], idle[rows])
         turn = r.t_start[rows + 1] - r.t_end[rows]
         self.turns.add(r.kind[rows], turn, turn)
+        span = r.answer_end[rows] - r.t_end[rows]
+        self.spans.add(r.kind[rows], span, span)
 
     def _rest(self, r: RequestRows, since: I64, idle: I64, sound: Mask) -> None:
         """Keep the longest pauses."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.rules import Rule
+    from sniffer.ground.model import I64
 
 FINDINGS: Final = (
     FindingCode(
@@ -25,7 +26,7 @@ FINDINGS: Final = (
         "Requests are missing from the order in which this controller makes them, and nothing torn "
         "stands in their place.",
         "Which kind of request follows which: where the order is fixed, the places at which some of "
-        "the cycle are left out, behind exchanges that did not fail.",
+        "the cycle are left out, behind exchanges that did not fail, in a pause that has time for them.",
     ),
     FindingCode(
         "requests-torn-short",
@@ -61,6 +62,9 @@ ANSWERED: Final = 0.25
 
 PIECE: Final = 3
 """Bytes alike from the beginning or up to the end: three alike by chance are one in 16 million."""
+
+PART: Final = 0.3
+"""Share of all damage that pieces without a beginning are where bytes are lost."""
 
 BARE: Final = 2
 """Bytes of an answer that has no header (wCK)."""
@@ -113,7 +117,7 @@ def headless(case: Case) -> Iterator[Finding]:
         if d.turn not in (IN_REPLY, IN_REQUEST) and d.at not in ends and d.length >= PIECE
     ]
     pieces = [d for d in idle if d.length not in whole and len(set(d.got)) > 1]
-    if len(pieces) < LEAST or len(pieces) < MOST * len(idle):
+    if len(pieces) < LEAST or len(pieces) < max(MOST * len(idle), PART * len(case.damages)):
         return
     yield _told(
         "headless-frames",
@@ -127,9 +131,14 @@ def requests_missing(case: Case) -> Iterator[Finding]:
     """Requests that are missing from a fixed order, with nothing torn in their place."""
     if not case.answering and not case.ledger.exchanges.silent:
         return
-    pairs, rows = Order(case).breaks()
+    if not case.has_clock:
+        return
+    exchanges, order = case.ledger.exchanges, Order(case)
+    pairs, rows = order.breaks()
+    rows = np.array([r for r in rows.tolist() if _took(case, order, pairs, r)], np.int64)
     n = int(pairs["n"][rows].sum())
-    if n < LEAST:
+    # A controller that waits for an answer in vain may leave out what it has no time for.
+    if n < LEAST or len(exchanges.failed) > n:
         return
     rows = rows[np.argsort(pairs["t_first"][rows], kind="stable")]
     yield Finding(
@@ -148,6 +157,14 @@ def requests_missing(case: Case) -> Iterator[Finding]:
         strength=min(0.4 + n / 15, 1.0),
         brief=f"requests missing {n} times",
     )
+
+
+def _took(case: Case, order: Order, pairs: dict[str, I64], row: int) -> bool:
+    """Tell whether a break in the order has time for an exchange that is missing in it."""
+    turns = case.ledger.exchanges.turns
+    missing = [turns.at(k, 0.05) for k in order.usual.get(int(pairs["kind"][row]), ())]
+    least = min((turn.low for turn in missing if turn is not None), default=0)
+    return least > 0 and int(pairs["rest_min"][row]) - case.latency_ns > least
 
 
 def _told(code: str, found: Sequence[Damage], what: str, each: str) -> Finding:

@@ -59,6 +59,7 @@ class Order:
             if min(kind, after) >= 0
             and busy[kind]
             and busy[after]
+            and after != kind
             and after not in self.usual.get(kind, ())
         ]
         return f, np.array(rows, np.int64)

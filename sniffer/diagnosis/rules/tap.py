@@ -237,7 +237,8 @@ def goes_on(case: Case) -> Iterator[Finding]:
         least, most = exchanges.turns.at(f.kind, 0.05), exchanges.turns.at(f.kind, 0.9)
         if least is None or most is None or exchanges.turns.count(f.kind) < ENOUGH:
             continue
-        if f.unsure_ns > least.low / 2:
+        # Behind the last request of a cycle the next one comes when it is time, answered or not.
+        if f.unsure_ns > least.low / 2 or most.high > PROMPT_NS:
             continue
         judged += 1
         if 0.9 * least.low - f.unsure_ns <= f.wait_ns <= AS_USUAL * most.high + f.unsure_ns:

@@ -55,8 +55,8 @@ FINDINGS: Final = (
 
 MS: Final = 1_000_000
 
-FAILS_MOST: Final = 0.03
-"""Share of requests without a good answer beyond which their timeouts make cycles uneven."""
+FAILS_MOST: Final = 0.05
+"""Share of cycles with something that failed beyond which timeouts make them uneven."""
 
 SPREAD: Final = 0.5
 """Part of a cycle by which cycles differ in an uneven loop; a sleeping script's differ by a third."""
@@ -116,11 +116,13 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
     """A loop whose cycles differ much."""
     exchanges, periods = case.ledger.exchanges, case.ledger.periods
     rest = exchanges.idle.at(0, 0.99)
-    if not case.has_clock or not periods.keys or _failing(case) > FAILS_MOST:
+    if not case.has_clock or not periods.keys:
         return
     if rest is None or rest.high < FREE_RUNNING_NS:
         return
     most = max(map(periods.count, periods.keys))
+    if _failing(case) > FAILS_MOST * most:
+        return
     spreads = [
         found
         for key in periods.keys
@@ -157,10 +159,8 @@ def _cycle(case: Case, key: int) -> tuple[int, int, int, int, int] | None:
     return spread, middle.high, low.high, high.low, periods.count(key)
 
 
-def _failing(case: Case) -> float:
-    requests = max(case.ledger.exchanges.count, 1)
-    failed = case.total("asked") - case.total("ok")
-    return max(failed, case.count(*DAMAGE)) / requests
+def _failing(case: Case) -> int:
+    return max(case.total("asked") - case.total("ok"), case.count(*DAMAGE))
 
 
 def loop_stalls(case: Case) -> Iterator[Finding]:
@@ -187,7 +187,7 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
         p
         for p in stalls
         if before[p.next_kind] <= OFTEN * kinds.n[p.next_kind]
-        and not _explained(p, damaged)
+        and not _explained(p, damaged, usual)
         and not order.leaves_out(p.kind, p.next_kind)  # what is missing was not heard
     ]
     if not stalls or not _is_no_person(stalls):
@@ -227,10 +227,11 @@ def _damaged_at(case: Case) -> I64:
     return np.sort(np.concatenate([rows, held]))
 
 
-def _explained(pause: Pause, damaged: I64) -> bool:
+def _explained(pause: Pause, damaged: I64, usual: float) -> bool:
     """Tell whether something was not understood around a pause, or read late."""
-    first = np.searchsorted(damaged, pause.t_ns - STALL_NS)
-    last = np.searchsorted(damaged, pause.t_ns + pause.sure_ns + STALL_NS)
+    spare = max(STALL_NS, 2 * usual)
+    first = np.searchsorted(damaged, pause.t_ns - spare)
+    last = np.searchsorted(damaged, pause.t_ns + pause.sure_ns + spare)
     return bool(last > first)
 
 
