@@ -6,11 +6,24 @@ from typing import Final
 
 from sniffer.diagnosis.weights.table import for_
 
+_SPEAKS_INTO: Final = (
+    ("request-swallowed", -3.0, "the request that was due stands in the torn answer"),
+    ("request-in-answer", -2.5, "requests run into answers"),
+    ("hasty-request", -1.5, "the controller cuts answers itself"),
+)
+"""What speaks against a fault of the line: the controller tears the answers."""
+
 WEIGHTS: Final = (
+    *(
+        weight
+        for cause in ("bus-noise", "signal-integrity", "bad-cable", "turnaround", "emi-load")
+        for weight in for_(cause, *_SPEAKS_INTO)
+    ),
     *for_(
         "impatient-controller",
         ("hasty-request", 4.0, "it does not wait as long as sound answers take"),
         ("request-in-answer", 3.5, "its requests run into answers"),
+        ("request-swallowed", 3.5, "its requests are lost in answers"),
         ("answers-after-next", 3.0, "answers come when it has asked something else"),
         ("late-response", 0.5, "answers are late for it"),
         ("damaged-response", 0.5, "answers are cut by requests"),
@@ -27,7 +40,8 @@ WEIGHTS: Final = (
         ("line-error", 0.3, "two senders at once"),
         ("unknown-command", 0.2, "a torn frame may hold by chance"),
         ("goes-on-unanswered", -2.0, "it waits as long as behind sound answers"),
-        ("damage-everywhere", -1.0, "frames are torn where nobody speaks into them"),
+        ("damage-everywhere", 0.3, "answers of all servos are torn"),
+        ("damage-one-servo", 0.3, "answers of one servo are torn: it is the slowest"),
         ("coarse-stamps", -0.5, "the stamps cannot tell what came first"),
     ),
     *for_(
@@ -86,8 +100,8 @@ WEIGHTS: Final = (
     *for_(
         "malformed-command",
         ("odd-commands", 3.0, "the same odd request, time and again"),
-        ("malformed-body", 2.5, "frames whose body their command cannot have"),
-        ("unknown-command", 2.0, "commands that stand in no manual"),
+        ("malformed-body", 1.0, "frames whose body their command cannot have"),
+        ("unknown-command", 1.0, "commands that stand in no manual"),
         ("modifier-misused", 3.0, "a modifier that the command does not have"),
         ("gain-read-sets-id", 3.0, "the command is not the one that was meant"),
         ("id-changed", 0.3, "servos are given an id that nobody meant"),
