@@ -106,6 +106,12 @@ def test_every_place_of_an_incident_that_is_shown_has_its_bytes_as_they_are_in_t
     squeezed = re.sub(r"\s", "", page)
     for exhibit in shown:
         assert exhibit.pieces, exhibit.place
+        first, length = exhibit.place[:2]
+        for piece in (*exhibit.before, *exhibit.behind):
+            assert stream[piece.offset : piece.offset + len(piece.raw)] == piece.raw
+            is_before = piece in exhibit.before
+            assert (piece.offset + len(piece.raw) <= first) is is_before
+            assert (piece.offset >= first + length) is not is_before
         for piece in exhibit.pieces:
             assert stream[piece.offset : piece.offset + len(piece.raw)] == piece.raw
             assert piece.offset < exhibit.place.offset + exhibit.place.length
@@ -376,7 +382,7 @@ def test_very_many_buses_and_facts_have_a_page_of_bounded_size(
 ) -> None:
     capture = tmp_path / "many.mcap"
     part = simulated("mightyzap", 0.3)
-    facts = {f"fact {k}": "x y " * 10_000 for k in range(300)}
+    facts = {f"fact {k}": "x y " * 2_000 for k in range(300)}
     sink = McapSink(capture, facts)
     for k in range(120):
         sink.raw(f"bus{k}", [replace(chunk, bus=f"bus{k}") for chunk in part])

@@ -25,6 +25,7 @@ from sniffer.reports.shapes import shape
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from sniffer.decoding.drawing import Drawn
     from sniffer.diagnosis.model import Incident
     from sniffer.reports.content import Content
     from sniffer.reports.evidence import Exhibit
@@ -41,6 +42,9 @@ INCIDENTS: Final = 50
 
 FINDINGS: Final = 40
 """Findings of an incident that are told."""
+
+WIDE: Final = 24
+"""Bytes of a frame that is told in a line."""
 
 ROWS: Final = 512
 """Rows of a table."""
@@ -218,7 +222,21 @@ def _exhibit(exhibit: Exhibit, clock: Clock) -> Markup:
     place = exhibit.place
     when = words.moment(place.t_ns, clock)
     caption = tag("figcaption", tag("b", when), f" byte {place.offset}: {place.what}")
-    return tag("figure", caption, *map(drawing, exhibit.pieces), cls="exhibit")
+    return tag(
+        "figure",
+        caption,
+        *_beside("before it", exhibit.before),
+        *map(drawing, exhibit.pieces),
+        *_beside("behind it", exhibit.behind),
+        cls="exhibit",
+    )
+
+
+def _beside(where: str, frames: Sequence[Drawn]) -> Iterator[Markup]:
+    """Yield frames in a line each."""
+    for frame in frames:
+        shown = frame.raw[:WIDE].hex(" ").upper() + (" …" if len(frame.raw) > WIDE else "")
+        yield tag("p", f"{where}: {frame.title} ", tag("code", shown), cls="beside")
 
 
 def _buses(content: Content, charts: Charts) -> Iterator[Markup]:
