@@ -14,12 +14,14 @@ from sniffer.diagnosis.rules import (
     controller,
     foreign,
     goals,
+    held,
     identity,
     joints,
     jumps,
     line,
     losses,
     masters,
+    motors,
     outages,
     pairing,
     patience,
@@ -38,7 +40,31 @@ if TYPE_CHECKING:
 
 Rule = Callable[[Case], Iterable[Finding]]
 
-_AREAS: Final = (tap, losses, line, bits, pairing, timing, joints, patience, controller, goals, complaints, foreign, identity, jumps, masters, outages, restarts, slowness, supply, twins, warmth)
+_AREAS: Final = (
+    tap,
+    losses,
+    line,
+    bits,
+    pairing,
+    timing,
+    joints,
+    patience,
+    controller,
+    goals,
+    complaints,
+    foreign,
+    held,
+    identity,
+    jumps,
+    masters,
+    motors,
+    outages,
+    restarts,
+    slowness,
+    supply,
+    twins,
+    warmth,
+)
 
 RULES: Final[tuple[Rule, ...]] = (
     *(rule for area in _AREAS for rule in area.RULES),
