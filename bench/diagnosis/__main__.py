@@ -107,6 +107,7 @@ def main() -> None:
     else:
         RESULTS.write_text(page, encoding="utf-8")
     sys.stderr.write(f"{len(figures.scores)} cases in {time.perf_counter() - began:.0f} s\n")
+    raise SystemExit(bool(figures.failures))
 
 
 if __name__ == "__main__":
