@@ -72,7 +72,8 @@ class Damage:
     the request right before it (empty: none). ``alike`` are sound frames that stood in such a place
     not long before: the servo's answers to the same request, or requests of that length, the
     likeliest first. ``since_ns`` is how long the frame before was over, ``until_ns`` how long it
-    took until the next frame began; -1 where nobody knows.
+    took until the next frame began; -1 where nobody knows. ``is_answered``: a sound answer to the
+    same request follows. ``earlier_id`` is the servo asked before the one that ``asked`` is to.
     """
 
     at: int
@@ -86,6 +87,8 @@ class Damage:
     alike: tuple[bytes, ...]
     since_ns: int = -1
     until_ns: int = -1
+    is_answered: bool = False
+    earlier_id: int = -1
 
     @property
     def expected(self) -> bytes:
@@ -131,6 +134,7 @@ class _Told(NamedTuple):
     until_ns: I64
     row: I64
     asks: Mask
+    follows: Mask
 
 
 class Damages:
@@ -308,7 +312,7 @@ class Damages:
         who = np.where(asks | (turn == AT_TURN), servo, runs.servo_id)
         next_ns = np.append(f.t_start, -1)[after]
         until = np.where((next_ns >= 0) & (timed >= 0), next_ns - runs.t_ns, -1)
-        return _Told(turn, who, since, until, row, asks)
+        return _Told(turn, who, since, until, row, asks, follows)
 
     def _count(self, counts: Buckets, runs: TornRuns, told: _Told) -> None:
         counts.add(
@@ -334,11 +338,12 @@ class Damages:
             else:
                 got = batch.data[at - base : at - base + min(size, BYTES)]
             turn = int(told.turn[i])
-            asked = b""
+            asked, earlier = b"", -1
             alike: tuple[bytes, ...] = ()
             if told.asks[i]:
                 asked = self.likes.last(batch, row)
                 alike = self.likes.answers(batch, row, asked)
+                earlier = self.likes.asked_before(batch, row, int(told.who[i]))
             elif turn == IN_REQUEST and size <= BYTES:
                 alike = self.likes.requests(batch, row, got)
             yield Damage(
@@ -353,6 +358,8 @@ class Damages:
                 alike,
                 int(told.since_ns[i]),
                 int(told.until_ns[i]),
+                bool(told.asks[i] and told.follows[i]),
+                earlier,
             )
 
 

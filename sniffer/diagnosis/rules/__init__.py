@@ -10,6 +10,7 @@ from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules import (
     bits,
+    collisions,
     complaints,
     controller,
     goals,
@@ -40,6 +41,7 @@ _AREAS: Final = (
     losses,
     line,
     bits,
+    collisions,
     outages,
     pairing,
     timing,

@@ -6,7 +6,9 @@ from typing import Final
 
 from sniffer.diagnosis.weights.table import Weight, for_
 
-_TORN: Final = (
+_Row = tuple[str, float, str]
+
+_TORN: Final[tuple[_Row, ...]] = (
     ("bad-checksum", 0.3, "frames fail their checksum"),
     ("damaged-frame", 0.3, "frames contradict themselves"),
     ("truncated-frame", 0.3, "frames are cut"),
@@ -27,7 +29,7 @@ _TORN: Final = (
 )
 """What torn frames bring with them, whatever tears them."""
 
-_LOST: Final = (
+_LOST: Final[tuple[_Row, ...]] = (
     ("misses-now-and-then", 0.2, "torn requests are not answered"),
     ("away-again-and-again", 0.1, "torn requests in a row are not answered"),
     ("answered-though-torn", 0.2, "what is torn at the tap may be whole at the servo"),
@@ -106,6 +108,8 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         "clock-drift",
         ("clock-off", 5.0, "a clock that is off explains its torn answers"),
+        ("answers-mixed", -2.5, "two answers at once explain it"),
+        ("answers-always-torn", 0.5, "each of its answers is misread"),
         ("last-bits", 4.0, "its bytes are misread at their end"),
         ("damage-one-servo", 2.0, "only its answers are hit"),
         ("late-edges", 1.0, "its bits are read too early"),
@@ -119,11 +123,39 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         *_LOST,
     ),
     *for_(
+        "duplicate-id",
+        ("answers-twice", 4.5, "two answers come to one request"),
+        ("answers-mixed", 4.5, "two of its answers lie over each other"),
+        ("answers-always-torn", 3.5, "each of its answers meets another one"),
+        ("damage-one-servo", 1.5, "only its answers are hit"),
+        ("duplicate-response", 0.5, "a second answer of the same id"),
+        ("comes-and-goes", 0.2, "two answers at once are none"),
+        ("position-jumps", 0.5, "two joints stand at two places"),
+        ("doubtful-value", 0.3, "two joints measure two things"),
+        ("damage-in-answers", 0.2, "its answers run into others"),
+        ("damage-in-requests", 0.2, "its second answer runs into the next request"),
+        ("damage-everywhere", 0.2, "its second answer runs into what comes next"),
+        ("strays-anywhere", 0.2, "the end of the longer answer is left over"),
+        ("strays-at-turn", 0.2, "the end of the longer answer is left over"),
+        ("first-byte-torn", 0.1, "the second answer begins within the first byte"),
+        ("one-way-bits", 0.1, "who pulls low wins"),
+        ("last-bits", 0.1, "the second answer is some bits late"),
+        ("clock-off", -3.0, "a clock that is off explains its torn answers"),
+        ("same-bit", -2.0, "two answers do not choose a bit"),
+        ("voltage-sag", 0.1, "what holds by chance says anything"),
+        ("device-alarm", 0.1, "what holds by chance says anything"),
+        *_TORN,
+        *(w for w in _LOST if w[0] != "doubtful-value"),
+    ),
+    *for_(
         "bad-cable",
         ("comes-and-goes", 4.0, "its answers get lost for moments, and others' do not"),
         ("lost-together", 1.5, "servos behind one place of the chain fail together"),
         ("damage-one-servo", 1.0, "only these servos' answers are hit"),
         ("away-for-a-while", 0.5, "it is away for moments"),
+        ("answers-twice", -2.0, "a contact does not make a second answer"),
+        ("answers-mixed", -2.0, "two answers at once explain it"),
+        ("answers-always-torn", -2.0, "a contact holds now and then"),
         ("last-bits", -2.0, "a contact does not look at the bits"),
         ("clock-off", -3.0, "a clock that is off explains the torn answers"),
         ("same-bit", -2.0, "a contact does not choose a bit"),
