@@ -25,6 +25,9 @@ BEFORE: Final = 256
 NEAR: Final = 12
 """Frames before a place among which whoever was asked before is looked for."""
 
+NOBODY: Final = (-1, -1)
+"""Who asked nobody, at no time."""
+
 MOST: Final = 4
 """Sound frames that are returned for one place."""
 
@@ -100,14 +103,23 @@ class Likes:
         at = int(held.frames.start[k])
         return held.data[at : at + int(held.frames.length[k])]
 
-    def asked_before(self, batch: Batch | None, row: int, servo_id: int) -> int:
-        """Return whom the last request up to a row asked that was not to a servo; -1: nobody."""
+    def asked_before(
+        self, batch: Batch | None, row: int
+    ) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Return whom the last request up to a row asked, and whom the last one that asked another.
+
+        Each with when it was over, in ns; -1 where there is none.
+        """
+        first = NOBODY
         for held, rows in self._backwards(batch, row, NEAR):
             f = held.frames
-            others = rows[(f.kind[rows] == REQUEST) & (f.servo_id[rows] != servo_id)]
-            if len(others):
-                return int(f.servo_id[others[-1]])
-        return -1
+            for k in rows[f.kind[rows] == REQUEST][::-1].tolist():
+                who = int(f.servo_id[k]), int(f.t_end[k])
+                if first == NOBODY:
+                    first = who
+                elif who[0] != first[0]:
+                    return first, who
+        return first, NOBODY
 
     def answers(self, batch: Batch | None, row: int, asked: bytes) -> tuple[bytes, ...]:
         """Return answers to the same request before a row of a batch, the latest first.

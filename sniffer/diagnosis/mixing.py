@@ -57,7 +57,9 @@ def _mixes(begin: bytes) -> dict[bytes, Mix]:
             for middle in MIDDLES:
                 got = bytes(b.value for b in received(edges, middle) if b.t + BITS <= sure)
                 got = got[:MOST]
-                if len(got) >= LEAST and _wrong(got, begin) >= WRONG:
+                # what only lacks its first bytes is not two
+                lacks = any(begin[k:].startswith(got[: len(begin) - k]) for k in (1, 2, 3))
+                if len(got) >= LEAST and _wrong(got, begin) >= WRONG and not lacks:
                     out.setdefault(got, Mix(shift, how))
     return out
 

@@ -6,17 +6,14 @@ from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.damage import IN_REPLY
-from sniffer.diagnosis.misread import BITS_FEW, FRONT, alike_of
-from sniffer.diagnosis.mixing import LEAST as SURE_BYTES
-from sniffer.diagnosis.mixing import beginning, mix_of
+from sniffer.diagnosis.misread import BITS_FEW, FRONT
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.twins import LEAST, PART, torn_answers
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from sniffer.diagnosis.case import Case
-    from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.rules import Rule
 
 FINDINGS: Final = (
@@ -40,14 +37,6 @@ FINDINGS: Final = (
     ),
 )
 
-LEAST: Final = 3
-
-SHARE: Final = 0.02
-"""Part of a servo's answers that must come twice."""
-
-PART: Final = 0.25
-"""Part of the torn answers that must be two at once."""
-
 ALWAYS: Final = 8
 NEARLY: Final = 0.9
 """How many torn answers, and which part of all, are always."""
@@ -61,68 +50,65 @@ PLAIN: Final = 0.5
 
 def answers_twice(case: Case) -> Iterator[Finding]:
     """Find servos of which two answers come."""
-    for servo in case.servos:
-        torn = [
-            d for d in case.damages if d.is_answered and d.turn == IN_REPLY and d.servo_id == servo
-        ]
-        rows = case.alarm_rows("duplicate-response", servo_id=servo)
-        whole = int(case.alarms["n"][rows].sum())
-        n, answers = whole + len(torn), case.total("ok", servo)
-        if n < LEAST or n < SHARE * answers:
+    for servo, twin in case.twins.items():
+        if twin.twice < LEAST:
             continue
-        events = case.anomalies("duplicate-response", servo_id=servo)
-        times = [d.t_ns for d in torn] + events.t_ns.tolist()
-        places = [
-            Place(d.at, d.length, d.t_ns, "a torn answer before a whole one") for d in torn[:2]
+        told = [
+            f"{n} times {what}"
+            for n, what in (
+                (twin.whole, "two whole answers to one request"),
+                (len(twin.torn), "a torn answer before a whole one"),
+                (len(twin.stray), "stray bytes behind its exchanges and nobody else's"),
+                (len(twin.crossed), "a torn request behind its exchanges"),
+                (len(twin.foreign), "the beginning of its answer where another's is due"),
+            )
+            if n
         ]
-        places += case.places(events, "a second answer", 2)
+        traces = [*twin.torn, *twin.stray, *twin.foreign, *twin.crossed]
+        times = [d.t_ns for d in traces] + twin.times
+        events = case.anomalies("duplicate-response", servo_id=servo)
         yield Finding(
             "answers-twice",
             servo,
             min(times),
             max(times),
-            n,
-            f"servo {servo} answers twice: {whole} times two whole answers to one request, "
-            f"{len(torn)} times a torn one and a whole one, in {answers} exchanges",
-            tuple(places),
-            strength=min(0.5 + n / 20, 1.0),
-            brief=f"servo {servo} answers {n} requests twice",
+            twin.twice,
+            f"servo {servo} answers twice in {case.total('ok', servo)} exchanges: "
+            + ", ".join(told),
+            tuple(Place(d.at, d.length, d.t_ns, "a trace of a second answer") for d in traces[:2])
+            + case.places(events, "a second answer", 2),
+            strength=min(0.5 + twin.twice / 20, 1.0),
+            brief=f"servo {servo} answers {twin.twice} requests twice",
         )
 
 
 def answers_mixed(case: Case) -> Iterator[Finding]:
     """Find servos whose torn answers are two of theirs at once."""
-    known = case.ledger.damages.likes.known
-    for servo, torn in _torn(case).items():
-        tried = [(d, b) for d in torn if len(b := beginning(alike_of(d, known))) >= SURE_BYTES]
-        found = [(d, mix) for d, b in tried if (mix := mix_of(d.got, b)) is not None]
-        if len(found) < max(LEAST, PART * len(tried)):
+    for servo, twin in case.twins.items():
+        if len(twin.mixed) < max(LEAST, PART * twin.tried):
             continue
-        shifts = sorted(mix.shift for _, mix in found)
-        how = Counter(mix.how for _, mix in found).most_common(1)[0][0]
+        shifts = sorted(mix.shift for _, mix in twin.mixed)
+        how = Counter(mix.how for _, mix in twin.mixed).most_common(1)[0][0]
         yield Finding(
             "answers-mixed",
             servo,
-            torn[0].t_ns,
-            torn[-1].t_ns,
-            len(torn),
-            f"{len(found)} of {len(tried)} torn answers of servo {servo} are two of its answers at "
-            f"once ({how}), {shifts[0]:.1f} to {shifts[-1]:.1f} bits apart",
+            twin.mixed[0][0].t_ns,
+            twin.mixed[-1][0].t_ns,
+            len(twin.mixed),
+            f"{len(twin.mixed)} of {twin.tried} torn answers of servo {servo} are two of its answers "
+            f"at once ({how}), {shifts[0]:.1f} to {shifts[-1]:.1f} bits apart",
             tuple(
                 Place(d.at, d.length, d.t_ns, f"two answers {mix.shift:.1f} bits apart ({mix.how})")
-                for d, mix in found[:3]
+                for d, mix in twin.mixed[:3]
             ),
-            strength=min(0.5 + len(found) / 12, 1.0),
+            strength=min(0.5 + len(twin.mixed) / 12, 1.0),
             brief=f"answers of servo {servo} lie over each other",
         )
 
 
 def always_torn(case: Case) -> Iterator[Finding]:
     """Find servos of which hardly an answer is whole, and none is missing."""
-    by_servo = _torn(case)
-    for servo, torn in by_servo.items():
-        ok, bad = case.total("ok", servo), case.total("damaged", servo)
-        missing = case.total("missing", servo)
+    for servo, torn in torn_answers(case).items():
         # from the first torn one on: a twin may come later
         since = torn[0].t_ns
         a = case.answers
@@ -152,29 +138,6 @@ def always_torn(case: Case) -> Iterator[Finding]:
             brief=f"hardly an answer of servo {servo} is whole",
         )
 
-
-def _torn(case: Case) -> dict[int, Sequence[Damage]]:
-    """Return the torn answers of each servo that is worth a look."""
-    out: dict[int, list[Damage]] = {}
-    for d in case.damages:
-        if d.turn == IN_REPLY and d.servo_id >= 0:
-            out.setdefault(d.servo_id, []).append(d)
-    rest = max(case.ledger.frames, 1)
-    total = sum(len(torn) for torn in out.values())
-    return {
-        s: torn[:LOOKED]
-        for s, torn in sorted(out.items())
-        if len(torn) >= LEAST
-        and len(torn) / max(case.total("ok", s) + len(torn), 1)
-        >= AHEAD * (total - len(torn)) / rest
-    }
-
-
-AHEAD: Final = 3.0
-"""How many times the others' share of torn answers a servo must have to be looked at."""
-
-LOOKED: Final = 100
-"""Torn answers of a servo that are looked at."""
 
 RULES: Final[tuple[Rule, ...]] = (answers_twice, answers_mixed, always_torn)
 """The rules of this area."""
