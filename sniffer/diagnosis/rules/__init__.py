@@ -10,6 +10,7 @@ from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules import (
     bits,
+    collisions,
     complaints,
     controller,
     foreign,
@@ -51,6 +52,7 @@ _AREAS: Final = (
     patience,
     controller,
     goals,
+    collisions,
     complaints,
     foreign,
     held,

@@ -306,7 +306,8 @@ def strays_before(case: Case) -> Iterator[Finding]:
         and m.damage.got[0] in EDGES
         and len(m.damage.expected) <= BARE
     ]
-    if len(before) >= LEAST and len(before) >= MOST * len(answers):
+    alone = len({m.servo_id for m in before}) == 1 and len(case.answering) > 1
+    if len(before) >= 2 * LEAST and len(before) >= MOST * len(answers) and not alone:
         yield _finding(
             "strays-at-turn",
             before,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -11,6 +12,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.twins import of_twins
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -59,6 +61,8 @@ FINDINGS: Final = (
     ),
 )
 
+STRAYS: Final = (AT_TURN, IN_IDLE)
+
 LEAST: Final = 3
 """Places that make a pattern."""
 
@@ -88,10 +92,18 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
     """Tell whose frames are damaged: some servos' answers, all answers, all requests, or all."""
     d = case.damage
     in_reply, in_request = d["turn"] == IN_REPLY, d["turn"] == IN_REQUEST
-    torn = {s: n for s, n in sums(_rows(d, in_reply), "servo_id", "n").items() if s >= 0}
+    others = Counter(  # what twins tear is a matter of its own
+        (x.turn, x.servo_id) for x in case.damages if case.twins and of_twins(case, x)
+    )
+    torn = {
+        s: n - others[IN_REPLY, s]
+        for s, n in sums(_rows(d, in_reply), "servo_id", "n").items()
+        if s >= 0 and n > others[IN_REPLY, s]
+    }
     answered = {s: case.total("ok", s) + case.total("damaged", s) for s in {*torn, *case.servos}}
     answered = {s: max(n, torn.get(s, 0)) for s, n in answered.items() if n or torn.get(s)}
     asked_torn = int(d["n"][in_request].sum())
+    asked_torn -= sum(n for (turn, _), n in others.items() if turn == IN_REQUEST)
     requests = int(case.traffic["requests"].sum()) + asked_torn
     total = sum(torn.values()) + asked_torn
     if total < LEAST:
@@ -164,9 +176,11 @@ def strays(case: Case) -> Iterator[Finding]:
     """Tell where single bytes of nobody stand."""
     d = case.damage
     at_turn, idle = d["turn"] == AT_TURN, d["turn"] == IN_IDLE
+    if case.twins and sum(of_twins(case, x) for x in case.damages if x.turn in STRAYS) >= LEAST:
+        return  # they are what is left of second answers
     turns, between = int(d["n"][at_turn].sum()), int(d["n"][idle].sum())
     torn = int(d["n"][np.isin(d["turn"], (IN_REPLY, IN_REQUEST))].sum())
-    seen = sorted({x.got.hex(" ").upper() for x in case.damages if x.turn in (AT_TURN, IN_IDLE)})
+    seen = sorted({x.got.hex(" ").upper() for x in case.damages if x.turn in STRAYS})
     shown = ", ".join(seen[:4])
     both = at_turn | idle
     if turns >= LEAST and turns >= 3 * between:

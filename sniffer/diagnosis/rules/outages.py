@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -9,7 +10,9 @@ import numpy as np
 from sniffer.diagnosis.case import BUCKET_NS, episodes
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.twins import of_twins
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -101,7 +104,13 @@ class _Lost:
 
 def losses(case: Case) -> Iterator[Finding]:
     """Find servos that lose answers now and then, and those that do it together."""
-    lost = [one for s in case.answering if (one := _Lost(case, s)).ok + one.bad > LEAST]
+    torn = Counter(d.servo_id for d in case.damages if d.turn == IN_REPLY)
+    twins = Counter(d.servo_id for d in case.damages if d.turn == IN_REPLY and of_twins(case, d))
+    lost = [
+        one
+        for s in case.answering
+        if 2 * twins[s] <= torn[s] and (one := _Lost(case, s)).ok + one.bad > LEAST
+    ]
     bad = sorted((one for one in lost if one.bad), key=lambda one: -one.share)
     if not bad or bad[0].bad < LEAST or bad[0].moments < MOMENTS:
         return
