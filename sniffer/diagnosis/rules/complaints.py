@@ -192,7 +192,7 @@ def chatty(case: Case) -> Iterator[Finding]:
     for servo, n in unasked.items():
         others = sum(unasked.values()) - n
         missing = case.total("missing", servo) + case.total("damaged", servo)
-        if n < UNASKED or others > n / 5 or missing > n / 2 or torn > n / 2:
+        if n < UNASKED or others > n / 5 or missing > n / 2 or torn > n:
             continue
         if servo < 0 or not case.total("ok", servo):
             continue

@@ -78,6 +78,9 @@ ALARMS: Final = (
 )
 """Alarms upon which servos switch their motor off, or are about to."""
 
+HARD: Final = 1.25
+"""A motor that gives up and tries again pushes less in the middle than it does at its hardest."""
+
 SHORTLY_NS: Final = NS // 10
 """Before an alarm of overload a motor pushes for tenths of a second; less tells nothing."""
 
@@ -143,14 +146,18 @@ def _stands(one: Track, t_ns: int) -> bool:
     row = int(np.searchsorted(p.t_first, t_ns, "right")) - 1
     if row > 0 and t_ns - int(p.t_first[row]) < SHORTLY_NS:
         row -= 1  # it has just begun: what was before tells more
-    if row < 0 or p.n[row] < LOOKS:
+    first = row
+    while first > 0 and p.n[first : row + 1].sum() < LOOKS and row - first < 2:
+        first -= 1
+    if row < 0 or p.n[first : row + 1].sum() < LOOKS - 1:
         return False
-    since, until = int(p.t_first[row]), t_ns
+    since, until = int(p.t_first[first]), t_ns
     goals = np.flatnonzero((g.t >= since) & (g.t_first < until))
     if not len(goals):
         return False
     asked = float(g.high[goals].max() - g.low[goals].min())
-    return asked > one.far / 4 and float(p.high[row] - p.low[row]) < asked / 4
+    went = float(p.high[first : row + 1].max() - p.low[first : row + 1].min())
+    return asked > one.far / 4 and went < asked / 4
 
 
 def _moves(one: Track) -> bool:
@@ -165,7 +172,7 @@ def _kind(case: Case, one: Track, away: Away) -> str:
     if motor is None:
         return "joint-not-following"
     steady, peaks = motor.between(away.first_ns + NS // 2, away.last_ns)
-    if steady >= motor.pushes_from:
+    if steady >= motor.pushes_from or peaks >= HARD * motor.pushes_from:
         return "joint-stalled"
     if not peaks <= motor.idles_to:
         return "joint-not-following"
