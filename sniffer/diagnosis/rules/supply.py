@@ -80,7 +80,7 @@ def steady(case: Case) -> Iterator[Finding]:
     """Servos that fell silent with their supply in order."""
     for servo in case.measured_by("voltage"):
         v = case.series(servo, "voltage")
-        spells = case.ledger.silences.of(servo)
+        spells = [s for s in case.ledger.silences.runs(servo) if s.missed > 1]
         if v is None or not spells or len(v) < 2:
             continue
         usual = float(np.quantile(v.mean, USUALLY))
