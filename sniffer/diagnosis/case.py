@@ -14,6 +14,7 @@ from sniffer.diagnosis.model import Place
 from sniffer.diagnosis.twins import twins
 from sniffer.diagnostics.found import CODES, NUMBER
 from sniffer.ground.model import NS, Clock
+from sniffer.ground.register import unseen_scale
 from sniffer.ground.timing import LATENCY_NS
 
 if TYPE_CHECKING:
@@ -62,6 +63,11 @@ class Series:
     def unit(self) -> str:
         """The unit of its numbers, empty where they are raw."""
         return self.register.unit
+
+    @property
+    def scale(self) -> float:
+        """What one step of the raw number is, in the unit; where a mode scales it, the finest."""
+        return abs(unseen_scale(self.register))
 
     def told(self, value: float) -> str:
         """Return a number with the unit."""

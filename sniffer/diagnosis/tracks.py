@@ -79,8 +79,8 @@ class Track:
         least = FAR.get(self.position.unit, 0.0)
         if not least:
             low, high = register.range or (0, 0)
-            least = FAR_SHARE * (high - low) * abs(register.scale)
-        return max(least, OF_RANGE * self.span, 4 * abs(register.scale))
+            least = FAR_SHARE * (high - low) * self.position.scale
+        return max(least, OF_RANGE * self.span, 4 * self.position.scale)
 
     @functools.cached_property
     def ends(self) -> I64:
@@ -175,7 +175,7 @@ class Track:
         error_then = np.maximum(np.maximum(goal_low - began, began - goal_high), 0.0)
         moved = high - low
         nearer = error_then - self._error
-        step = 4 * abs(p.register.scale)
+        step = 4 * p.scale
         comes = (nearer > step) & (nearer > 0.3 * moved)
         away: Mask = (gap > self.far) & ~comes
         # goals that pass over the place where it hangs: slow ones, for fast ones nobody follows

@@ -219,7 +219,7 @@ def _now_and_then(case: Case, servo: int) -> Iterator[Finding]:
         f"servo {servo} left {missing} of {asked} requests without an answer, one by one; "
         f"all others {others_missing} of {others}",
         tuple(Place(s.at, s.length, s.first_ns, "a request without an answer") for s in runs[:3]),
-        strength=min(0.6 + missing / 50, 1.0),
+        strength=min(0.8 + missing / 50, 1.0),
         brief=f"servo {servo} misses requests",
     )
 

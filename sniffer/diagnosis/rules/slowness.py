@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.protocols.base import reply_delay_ns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -124,16 +125,18 @@ def beyond_delay(case: Case) -> Iterator[Finding]:
     """Servos slower than their own delay register, where that is in microseconds."""
     if not case.has_clock:
         return
-    registers = case.protocol.registers
-    delays = [i for i, r in enumerate(registers) if "delay" in r.name and r.unit == "us"]
-    if not delays:
-        return
     took = case.ledger.took
     for servo in case.answering:
-        told = case.settings(*(registers[i].name for i in delays), servo_id=servo)
-        if not len(told):
+        delays = [
+            (row, delay)
+            for row, (what, raw) in enumerate(_settings(case, servo))
+            if (delay := reply_delay_ns(case.protocol, case.protocol.registers[what], raw))
+            is not None
+        ]
+        if not delays:
             continue
-        delay_ns = int(told.after.max() * registers[int(told.what[0])].scale * 1000)
+        told = case.settings(servo_id=servo).take(np.array([row for row, _ in delays]))
+        delay_ns = max(delay for _, delay in delays)
         keys = [k for k in took.keys if (k >> 32) - 1 == servo]
         key = max(keys, key=took.count, default=None)
         usual = None if key is None else took.at(key, 0.5)
@@ -152,6 +155,11 @@ def beyond_delay(case: Case) -> Iterator[Finding]:
                 strength=0.8,
                 brief=f"servo {servo} answers slowly",
             )
+
+
+def _settings(case: Case, servo: int) -> list[tuple[int, int]]:
+    h = case.settings(servo_id=servo)
+    return [*zip(h.what.tolist(), h.after.tolist(), strict=True)]
 
 
 RULES: Final[tuple[Rule, ...]] = (slow, beyond_delay)

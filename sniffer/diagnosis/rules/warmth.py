@@ -10,7 +10,7 @@ from sniffer.diagnosis.case import runs
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.efforts import Effort, effort
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.tracks import track
+from sniffer.diagnosis.tracks import LOOKS, track
 from sniffer.ground.codes import CONFIG
 from sniffer.ground.model import NS
 
@@ -44,7 +44,7 @@ FINDINGS: Final = (
         "load-high",
         "device",
         "A servo bears nearly all that it can, for long.",
-        "For a second or longer a load of 80 % (60 %, if that is four times what the servos of the bus usually have), or a current twice that of a motor that pushes.",
+        "For a second or longer, four times or more in a row, a load of 80 % (60 %, if that is four times what the servos of the bus usually have), or a current twice that of a motor that pushes.",
     ),
 )
 
@@ -152,7 +152,11 @@ def load(case: Case) -> Iterator[Finding]:
             heavy |= motor.steady >= max(MUCH * motor.full, TIMES * usual)
         else:
             heavy = motor.steady >= max(2 * motor.pushes_from, TIMES * usual)
-        stretches = runs(heavy, motor.series.t, LASTS_NS)
+        stretches = [
+            (a, b)
+            for a, b in runs(heavy, motor.series.t, LASTS_NS)
+            if motor.series.n[a:b].sum() >= LOOKS
+        ]
         if not stretches:
             continue
         s = motor.series

@@ -110,6 +110,10 @@ class Rs30x:
         """Return the reply window, alike for every request."""
         return np.full(len(frames), WINDOW_NS)
 
+    def reply_delay_ns(self, name: str, raw: int) -> int | None:
+        """Return the return delay. Source: RS305CR manual, 4.2 No. 7."""
+        return 100_000 + 50_000 * raw if name == "return_delay" else None
+
     def status_names(self, status: int) -> tuple[str, ...]:
         """Name the errors and alarms of a return packet, or a NACK."""
         return status_names(status)
