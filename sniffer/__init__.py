@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from sniffer.decoding.decoder import Decoder
     from sniffer.decoding.pipeline import Options
     from sniffer.decoding.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
+    from sniffer.doctor.examine import Examined, examine
+    from sniffer.doctor.records import Level, Observation
     from sniffer.ground.codes import Kind, Outcome, Provenance, Reply, Role
     from sniffer.ground.model import (
         Anomaly,
@@ -29,8 +31,17 @@ if TYPE_CHECKING:
         Transactions,
     )
     from sniffer.jobs.api import Capture, decode, frames_table, records, samples_table
-    from sniffer.jobs.record import Files, Recorded, Shown, record
+    from sniffer.jobs.check import Checked, check
+    from sniffer.jobs.convert import Converted, convert
+    from sniffer.jobs.diagnose import Diagnosed, diagnose
+    from sniffer.jobs.files import Files, Flight
+    from sniffer.jobs.record import Recorded, Shown, record
+    from sniffer.jobs.replay import Window, replay
+    from sniffer.jobs.report import Reported, report
+    from sniffer.jobs.session import Ending
     from sniffer.protocols import PROTOCOLS
+    from sniffer.simulation.play.run import Played, play
+    from sniffer.simulation.play.scenario import Scenario
     from sniffer.tap.listen import Listening
     from sniffer.tap.stops import Stops
     from sniffer.tap.tap import PortSpec
@@ -41,46 +52,76 @@ __all__ = [
     "AnomalyRow",
     "Batch",
     "Capture",
+    "Checked",
     "Chunk",
     "Clock",
+    "Converted",
     "DamagedInputError",
     "Decoder",
+    "Diagnosed",
     "Direction",
+    "Ending",
+    "Examined",
     "Files",
+    "Flight",
     "FrameRow",
     "Frames",
     "Gap",
     "GapRow",
     "InputError",
     "Kind",
+    "Level",
     "Listening",
+    "Observation",
     "Options",
     "Outcome",
     "OutputError",
+    "Played",
     "PortSpec",
     "Provenance",
     "Recorded",
     "Reply",
+    "Reported",
     "Role",
     "SampleRow",
     "Samples",
+    "Scenario",
     "Severity",
     "Shown",
     "SnifferError",
     "Stops",
     "TransactionRow",
     "Transactions",
+    "Window",
     "__version__",
+    "check",
+    "convert",
     "decode",
+    "diagnose",
+    "examine",
     "frames_table",
+    "play",
     "record",
     "records",
+    "replay",
+    "report",
     "samples_table",
 ]
 
 _ROOMS: Final = {
     "ground.codes": ("Kind", "Outcome", "Provenance", "Reply", "Role"),
-    "jobs.record": ("Files", "Recorded", "Shown", "record"),
+    "jobs.check": ("Checked", "check"),
+    "jobs.convert": ("Converted", "convert"),
+    "jobs.diagnose": ("Diagnosed", "diagnose"),
+    "jobs.replay": ("Window", "replay"),
+    "jobs.report": ("Reported", "report"),
+    "jobs.session": ("Ending",),
+    "jobs.files": ("Files", "Flight"),
+    "jobs.record": ("Recorded", "Shown", "record"),
+    "doctor.examine": ("Examined", "examine"),
+    "doctor.records": ("Observation", "Level"),
+    "simulation.play.run": ("Played", "play"),
+    "simulation.play.scenario": ("Scenario",),
     "tap.listen": ("Listening",),
     "tap.stops": ("Stops",),
     "tap.tap": ("PortSpec",),

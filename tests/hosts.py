@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 MS: Final = 1_000_000
 
+
 def reads(frames: Sequence[TrueFrame], baud: int, **host: int) -> list[Chunk]:
     """Return a log that has a line a read."""
     return [Chunk(data, t, Clock.FILE) for t, data in delivered(frames, baud, **host)]

@@ -57,6 +57,9 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """What may be imported in few places only."""
 
+RUNS: Final = {"Decoder", "Pipeline", "open_outputs", "open_port", "open_sink", "open_source"}
+"""What does the work of a command: the library calls it, so that a program can, too."""
+
 LAZY: Final = ("mcap", "mcap_protobuf", "google", "rerun", "pyarrow", "serial")
 """What starting the program may not draw in: files that import these are imported in functions."""
 
@@ -157,6 +160,14 @@ def test_the_core_knows_no_input_and_no_output(file: Path) -> None:
         assert module != "sniffer.ground.files", file
 
 
+@pytest.mark.parametrize("file", [f for f in FILES if f.parts[0] == "cli"], ids=str)
+def test_the_command_line_holds_arguments_and_runs_nothing_itself(file: Path) -> None:
+    for node in ast.walk(tree(file)):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            assert not RUNS & {name.name for name in node.names}, f"{file}:{node.lineno}"
+    assert not {"selectors", "tempfile", "time"} & {*imports(file)}, file
+
+
 @pytest.mark.parametrize("library", ONLY)
 def test_a_library_is_imported_where_it_belongs_and_nowhere_else(library: str) -> None:
     for file in FILES:
@@ -188,7 +199,7 @@ def test_libraries_that_load_slowly_are_loaded_when_they_are_needed() -> None:
     }
     commands = {c.callback.__module__ for c in cli.commands.values() if c.callback is not None}
     files = loaded_with("sniffer", "sniffer.__main__", "sniffer.cli", *commands, *rooms)
-    assert {Path("decoding/decoder.py"), Path("cli/decode.py"), Path("cli/session.py")} <= files
+    assert {Path("decoding/decoder.py"), Path("cli/decode.py"), Path("cli/simulate.py")} <= files
     for file in files:
         drawn = {m.split(".")[0] for m in imports(file, lazy=False, typing=False)} & {*LAZY}
         assert not drawn, f"{file} imports {drawn} before it is needed"

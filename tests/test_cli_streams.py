@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import importlib
 import signal
 import subprocess
 import sys
@@ -13,9 +12,12 @@ from typing import TYPE_CHECKING
 import pyarrow.parquet as pq
 import pytest
 
-from sniffer.cli import session
+from sniffer.cli.signals import patient
+from sniffer.cli.streams import say
 from sniffer.decoding.pipeline import Options
 from sniffer.ground.model import Chunk, OutputError
+from sniffer.jobs.session import Ending, run_source
+from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
 from tests.commands import (
     COMMAND,
@@ -144,14 +146,17 @@ def test_ctrl_c_never_parts_two_outputs(good: Path, capsys: Capsys) -> None:
     first, second, last = Keeping(), Interrupting(), Keeping()
     data = good.read_bytes()
     groups = ([Chunk(data)] for _ in range(10))
-    _, status = session.run_source(
-        open_source(good),
-        Options("mightyzap"),
-        [first, second, last],
-        name="x",
-        groups=groups,
-    )
-    assert status == 130
+    with patient() as patience:
+        _, ending = run_source(
+            open_source(good),
+            Options("mightyzap"),
+            [first, second, last],
+            name="x",
+            tell=Teller(say),
+            patience=patience,
+            groups=groups,
+        )
+    assert ending == Ending.INTERRUPTED
     assert first.data == last.data == data
     assert first.closed
     assert second.closed
@@ -166,8 +171,7 @@ def test_ctrl_c_before_anything_was_read_is_told_in_one_line(
     def interrupted(*_: object) -> object:
         raise KeyboardInterrupt
 
-    command = importlib.import_module("sniffer.cli.decode")
-    monkeypatch.setattr(command, "open_source", interrupted)
+    monkeypatch.setattr("sniffer.jobs.convert.open_source", interrupted)
     ran = within(capsys, "decode", good)
     assert (ran.status, ran.out) == (130, "")
     assert ran.complaint == "interrupted"
@@ -185,7 +189,7 @@ class Failing(Keeping):
 def test_every_output_is_closed_once_even_if_closing_one_fails(good: Path) -> None:
     sinks = [Keeping(), Failing(), Keeping()]
     with pytest.raises(OutputError, match="full"):
-        session.run_source(open_source(good), Options("mightyzap"), sinks, name="x")
+        run_source(open_source(good), Options("mightyzap"), sinks, name="x", tell=Teller(say))
     assert all(sink.closed for sink in sinks)
     assert sinks[0].data == sinks[2].data == good.read_bytes()
 

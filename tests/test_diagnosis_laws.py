@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 @functools.cache
 def bus(protocol: str, seed: int, seconds: float = 1.5, rate: float = 0.02) -> list[Chunk]:
-    faults = [Fault(kind, rate) for kind in FAULTS]
+    kinds = [kind for kind in FAULTS if kind not in BUSES[protocol].unknown_faults]
+    faults = [Fault(kind, rate) for kind in kinds]
     return chunks_of(simulate(protocol, seed=seed, faults=faults, duration_s=seconds))
 
 
@@ -34,9 +35,21 @@ def tables(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Return all that a ledger remembers, as plain lists."""
     out: list[dict[str, Any]] = []
     for case in diagnosis.cases():
-        for name in ("traffic", "answers", "line", "alarms", "writes", "damage", "_values"):
+        for name in (
+            "traffic",
+            "answers",
+            "line",
+            "alarms",
+            "writes",
+            "damage",
+            "_values",
+            "orders",
+        ):
             table = getattr(Case(case.ledger), name)
             out.append({name: {key: column.tolist() for key, column in table.items()}})
+        out.append({"refusals": {k: c.tolist() for k, c in case.ledger.refusals.counted().items()}})
+        places = [(s, k) for s in case.servos for k in range(len(case.protocol.registers))]
+        out.append({"steps": [list(case.ledger.steps.of(*place)) for place in places]})
         out.append({"damages": list(case.damages)})
         rows = case.happenings
         out.append({"events": [getattr(rows, n).tolist() for n in ("kind", "what", "t_ns", "at")]})

@@ -16,7 +16,7 @@ import pytest
 from sniffer.cli import cli
 from sniffer.cli.doctor import lines as doctor_lines
 from sniffer.cli.ports import lines as port_lines
-from sniffer.doctor import diagnose
+from sniffer.doctor import judged
 from sniffer.doctor.adapter import RULE
 from sniffer.ground.model import Clock
 from sniffer.ground.timing import LATENCY_NS
@@ -95,7 +95,7 @@ def test_the_list_of_ports_is_printed_so() -> None:
 
 def test_the_verdicts_on_an_adapter_are_printed_so() -> None:
     case = replace(heard("mightyzap"), info=SLOW)
-    printed = "\n".join(one.plain for one in doctor_lines(case, diagnose(case), 80))
+    printed = "\n".join(one.plain for one in doctor_lines(judged(case), 80))
     assert printed in text_of("recording.md")
 
 

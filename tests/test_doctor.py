@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
+from sniffer.cli.naming import worded
 from sniffer.doctor import (
-    Finding,
     Level,
     Listened,
+    Observation,
     Trial,
     diagnose,
     understand,
@@ -85,7 +86,7 @@ def heard(name: str = "mightyzap", *, every_ns: int = MS) -> Listened:
     )
 
 
-def said(about: str, case: Listened) -> Finding:
+def said(about: str, case: Listened) -> Observation:
     (verdict,) = (v for v in diagnose(case) if v.about == about)
     return verdict
 
@@ -171,14 +172,16 @@ def test_silence_is_bad_and_nothing_more_is_guessed() -> None:
 def test_silence_with_line_errors_is_a_line_read_wrongly() -> None:
     verdict = said("bytes", replace(heard(), chunks=(), risen=Counters(brk=7)))
     assert "7 line errors" in verdict.text
-    assert "--baud" in verdict.advice
+    assert "try another `baud`" in verdict.advice
+    assert "try another --baud" in worded(verdict.advice)
 
 
 def test_a_few_bytes_are_too_few_to_judge_by() -> None:
     case = heard()
     few = replace(case, chunks=case.chunks[:2])
     assert said("bytes", few).level == Level.NOTE
-    assert "--seconds" in said("bytes", few).advice
+    assert said("bytes", few).advice == "listen longer: `seconds=30`"
+    assert worded(said("bytes", few).advice) == "listen longer: --seconds 30"
     assert worst(diagnose(few)) < Level.BAD
 
 
@@ -377,6 +380,6 @@ def test_a_name_that_changes_with_plugging_is_told_with_one_that_stays() -> None
 def test_nothing_is_known_of_a_port_elsewhere_and_nothing_is_claimed() -> None:
     case = replace(heard(), path="socket://tap:4000", info=None, facts={}, has_line=False)
     case = replace(case, latency_ns=None, risen=None, marks_errors=False)
-    levels: Iterable[Finding] = diagnose(case)
+    levels: Iterable[Observation] = diagnose(case)
     assert {v.about: v.level for v in levels if v.level > Level.NOTE} == {}
     assert "any baud will do" in said("baud", case).text

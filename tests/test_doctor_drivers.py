@@ -8,7 +8,7 @@ from typing import Final
 import pytest
 
 from sniffer.cli.doctor import lines
-from sniffer.doctor import Level, Listened, diagnose
+from sniffer.doctor import Level, Listened, diagnose, judged
 from sniffer.ground.model import MarkKind
 from sniffer.ports import Counters
 from sniffer.ports.drivers import DRIVERS, UART, Tells
@@ -74,7 +74,7 @@ def test_a_line_is_not_called_clean_where_the_driver_may_be_deaf(
     assert "no framing error" not in errors.text
     if DRIVERS[driver].marks is None:
         assert errors.text == f"{DRIVERS[driver].words}: only checksums are sure to show damage"
-    text = " ".join(line.plain for line in lines(case, diagnose(case), 120))
+    text = " ".join(line.plain for line in lines(judged(case), 120))
     assert "no byte lost on this side" not in text
 
 

@@ -12,7 +12,8 @@ from serial.urlhandler import protocol_socket
 
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.model import DamagedInputError, MarkKind
-from sniffer.jobs.record import Files, open_files, run_recording
+from sniffer.jobs.files import Files, open_files
+from sniffer.jobs.record import run_recording
 from sniffer.jobs.telling import Teller
 from sniffer.ports import Port, open_port
 from sniffer.ports.remote import SerialPort

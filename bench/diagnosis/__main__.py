@@ -8,11 +8,12 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench.diagnosis.catalogue import scenarios
 from bench.diagnosis.figures import gathered
-from bench.diagnosis.hosts import HOSTS
+from bench.diagnosis.hosts import HOSTS, written
 from bench.diagnosis.judging import case_of, score
 from bench.diagnosis.report import RESULTS, report
 
@@ -23,11 +24,18 @@ if TYPE_CHECKING:
 
 
 def scores(
-    hosts: Sequence[str], seeds: Sequence[int], only: str = "", *, say: bool = False
+    hosts: Sequence[str],
+    seeds: Sequence[int],
+    only: str = "",
+    *,
+    sound: Sequence[int] = (),
+    say: bool = False,
 ) -> Iterator[Score]:
-    """Yield the score of each scenario, host and seed."""
-    for seed in seeds:
+    """Yield the score of each scenario, host and seed; of sound traffic, of more seeds."""
+    for seed in (*seeds, *sound):
         for scenario in scenarios(seed, only):
+            if seed in sound and scenario.truths:
+                continue
             heard = scenario.make(seed)
             for host in hosts:
                 it = score(case_of(scenario, heard, host, seed))
@@ -51,18 +59,38 @@ def _show(it: Score) -> None:
         sys.stderr.write(f"  said: {causes} {told.servo_ids} ({sign}; {codes})\n")
 
 
+def write(folder: Path, seeds: Sequence[int], only: str) -> None:
+    """Write each scenario as a log, for `sniffer diagnose`, and its truth beside it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for seed in seeds:
+        for scenario in scenarios(seed, only):
+            path = folder / f"{scenario.name}-{seed}.log"
+            path.write_text(written(scenario, scenario.make(seed)), encoding="utf-8")
+            told = [
+                f"{t.cause} {t.servo_ids} {t.first_s:.2f} {t.last_s:.2f}\n" for t in scenario.truths
+            ]
+            path.with_suffix(".truth").write_text("".join(told) or "sound\n", encoding="utf-8")
+
+
 def main() -> None:
     """Measure what the arguments say."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="scenarios whose names hold this")
     parser.add_argument("--seeds", type=int, default=1, help="how many draws of each scenario")
     parser.add_argument("--first-seed", type=int, default=0, help="the first of them")
+    parser.add_argument("--sound", type=int, default=0, help="further draws of sound traffic")
     parser.add_argument("--host", choices=tuple(HOSTS), action="append", help="only this one")
     parser.add_argument("--show", action="store_true", help="tell what was said of each")
+    parser.add_argument("--write", type=Path, help="write the captures to this folder, as logs")
     given = parser.parse_args()
     seeds = range(given.first_seed, given.first_seed + given.seeds)
+    sound = range(seeds.stop, seeds.stop + given.sound)
+    if given.write:
+        write(given.write, seeds, given.only)
+        return
     began = time.perf_counter()
-    figures = gathered(scores(given.host or tuple(HOSTS), seeds, given.only, say=given.show))
+    hosts = given.host or tuple(HOSTS)
+    figures = gathered(scores(hosts, seeds, given.only, sound=sound, say=given.show))
     if not figures.scores:
         parser.error(f"no scenario's name holds {given.only!r}")
     page = report(figures)

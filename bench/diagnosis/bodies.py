@@ -49,6 +49,8 @@ class Body:
         self.current_a = 0.0
         self.temperature = AMBIENT_DEGC + rng.uniform(3, 10)
         self.is_on = True
+        self.hand: Path | None = None
+        """Where somebody holds it while it is off."""
         self.settings: dict[str, int] = {}
         """What a controller wrote beside goals, by the register's name."""
         self._tau_s = rng.uniform(0.04, 0.09)
@@ -68,6 +70,8 @@ class Body:
         if self.is_on:
             way = (self.goal - self.position) * (1 - math.exp(-dt / self._tau_s))
             way = min(max(way, -1.8 * dt), 1.8 * dt)
+        elif self.hand is not None:
+            way = min(max(self.hand(now_s), 0.0), 1.0) - self.position
         else:
             way = 0.0
         self.position += way

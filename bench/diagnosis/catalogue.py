@@ -17,14 +17,11 @@ if TYPE_CHECKING:
 def scenarios(draw: int = 0, only: str = "") -> Iterator[Scenario]:
     """Yield the scenarios whose names hold ``only``, drawn anew for each ``draw``.
 
-    A module says which it has by a function ``scenarios(draw)``, or by a constant ``SCENARIOS``
-    where there is nothing to be drawn.
+    A module says which it has by a function ``scenarios(draw)``.
     """
     for found in sorted(pkgutil.iter_modules(bench.diagnosis.__path__), key=lambda m: m.name):
         if found.name in (__name__.rpartition(".")[2], "__main__"):
             continue
         module = importlib.import_module(f"bench.diagnosis.{found.name}")
-        given = getattr(module, "SCENARIOS", None)
-        if given is None:
-            given = module.scenarios(draw) if hasattr(module, "scenarios") else ()
+        given = module.scenarios(draw) if hasattr(module, "scenarios") else ()
         yield from (scenario for scenario in given if only in scenario.name)

@@ -94,6 +94,8 @@ def _two(it: Plan, rate_hz: float, ratio: float, begin: float) -> Scenario:
     their_reads, their_goals = rng.choice(
         (("state", "none"), ("position", "none"), ("turn", "turn"))
     )
+    # where the line sets both rates, they would keep step
+    off = rng.uniform(0.72, 0.95)
     clash = rng.choice((Clash.AND, Clash.MIX))
 
     def make(seed: int) -> list[Heard]:
@@ -107,7 +109,7 @@ def _two(it: Plan, rate_hz: float, ratio: float, begin: float) -> Scenario:
         theirs = p.loop(
             bench,
             own,
-            rate_hz=fitting(their_hz, their_gap, their_goals, their_reads),
+            rate_hz=off * fitting(their_hz, their_gap, their_goals, their_reads),
             goals=their_goals,
             reads=their_reads,
         )

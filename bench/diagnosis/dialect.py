@@ -68,6 +68,10 @@ class Dialect(abc.ABC):
         """Let it hold its place."""
 
     @abc.abstractmethod
+    def switch_off(self, body: Body) -> Asked:
+        """Let it go limp."""
+
+    @abc.abstractmethod
     def whom(self, request: bytes) -> int | None:
         """Return whom a whole request is for, None for all; -1: it is no whole request."""
 

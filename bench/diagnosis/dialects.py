@@ -83,6 +83,9 @@ class MightyZap(Dialect):
     def switch_on(self, body: Body) -> Asked:
         return self._store(body, self.FORCE_ON, b"\x01")
 
+    def switch_off(self, body: Body) -> Asked:
+        return self._store(body, self.FORCE_ON, b"\x00")
+
     def whom(self, request: bytes) -> int | None:
         whole = len(request) >= 7 and request[:3] == b"\xff\xff\xff"
         if not whole or len(request) != 5 + request[4] or ~sum(request[3:-1]) & 255 != request[-1]:
@@ -106,6 +109,8 @@ class MightyZap(Dialect):
                     body.goal = int.from_bytes(factors[k + 1 : k + 3], "little") / 4095
         elif code == self.STORE and factors[0] == self.GOAL:
             body.goal = int.from_bytes(factors[1:3], "little") / 4095
+        elif code == self.STORE and factors[0] == self.FORCE_ON:
+            body.is_on = factors[1] == 1
         elif code == self.LOAD:
             told = (self._measured(body) + bytes(64))[factors[0] - self.MEASURED :][: factors[1]]
             answers = True
@@ -184,6 +189,9 @@ class Rs30x(Dialect):
     def switch_on(self, body: Body) -> Asked:
         return self._write(body, self.TORQUE_ON, b"\x01")
 
+    def switch_off(self, body: Body) -> Asked:
+        return self._write(body, self.TORQUE_ON, b"\x00")
+
     def whom(self, request: bytes) -> int | None:
         if len(request) < 8 or request[:2] != b"\xfa\xaf":
             return -1
@@ -202,6 +210,8 @@ class Rs30x(Dialect):
             return b""
         if data and address == self.GOAL:
             self._go(body, data[:2])
+        elif data and address == self.TORQUE_ON:
+            body.is_on = data[0] == 1
         if flag & 0xF == self.ACK:
             return b"\x07"
         if flag & 0xF == self.BLOCK:

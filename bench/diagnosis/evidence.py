@@ -53,6 +53,41 @@ ALSO_RIGHT: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 """By how a scenario's name begins, what is as right in the first place, if the truth is listed."""
 
 
+FINDINGS: Final[Mapping[tuple[str, str], tuple[str, ...]]] = MappingProxyType(
+    {
+        ("bus-noise", ""): ("damage-everywhere", "strays-anywhere"),
+        ("signal-integrity", "signal-integrity-last-byte"): ("last-byte-torn",),
+        ("turnaround", "turnaround-first-byte"): ("first-byte-torn", "damage-in-answers"),
+        ("turnaround", "turnaround-stray"): ("strays-at-turn",),
+        ("clock-drift", "clock-drift"): ("damage-one-servo", "last-bits"),
+        ("echo", ""): ("adapter-echo",),
+        ("tap-loss", "tap-loss-told"): ("bytes-lost",),
+        ("tap-swapped", ""): ("direction-mismatch",),
+        ("tap-one-way", "tap-one-way-requests"): ("no-answer-heard",),
+        ("tap-one-way", "tap-one-way-answers"): ("no-request-heard",),
+        ("bad-cable", "bad-cable-falls-out"): ("away-for-a-while",),
+    }
+)
+"""By cause and how a scenario's name begins: the findings that must be there, where its truth names
+none."""
+
+UNHEARD: Final = frozenset((host, code) for host in ("log", "raw") for code in ("bytes-lost",))
+"""Findings that a host cannot hand on: the driver's own words are not in its format."""
+
+
+def findings(truth: Truth, name: str, host: str) -> tuple[str, ...]:
+    """Return the findings that must be there."""
+    known = truth.findings or next(
+        (
+            codes
+            for (cause, start), codes in FINDINGS.items()
+            if cause == truth.cause and name.startswith(start)
+        ),
+        (),
+    )
+    return tuple(code for code in known if (host, code) not in UNHEARD)
+
+
 def excuse(truth: Truth, host: str) -> str:
     """Return why a host cannot show a fault; nothing where it can."""
     return UNSHOWN.get((host, truth.cause), "")

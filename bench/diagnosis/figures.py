@@ -7,6 +7,8 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
+from bench.diagnosis.evidence import findings
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
@@ -134,9 +136,10 @@ class Figures:
             for h in s.held:
                 if h.excused:
                     continue
+                known = findings(h.truth, s.case.name, s.case.host)
                 near = {code for t in s.case.told for code in t.codes}
-                must.update(h.truth.findings)
-                there.update(code for code in h.truth.findings if code in near)
+                must.update(known)
+                there.update(code for code in known if code in near)
         for code in sorted({*right, *wrong, *must}):
             yield code, right[code], wrong[code], must[code], there[code]
 

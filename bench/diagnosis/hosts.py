@@ -96,14 +96,20 @@ def usb16(scenario: Scenario, heard: Sequence[Heard], seed: int) -> Capture:
     return Capture(chunks, options, _clocked(heard))
 
 
-def log(scenario: Scenario, heard: Sequence[Heard], seed: int) -> Capture:
-    """Write a line a row of bytes, and read the text as the command line does."""
-    del seed
+def written(scenario: Scenario, heard: Sequence[Heard]) -> str:
+    """Return the log that has a line a row of bytes."""
     text = candump((START_NS + h.t_end_ns, h.wire) for h in heard if h.wire)
     if isinstance(scenario, TwoWires):
         sides = ["TX#" if h.tx else "RX#" for h in heard if h.wire]
         lines = zip(text.splitlines(), sides, strict=True)
         text = "".join(line.replace("#", side, 1) + "\n" for line, side in lines)
+    return text
+
+
+def log(scenario: Scenario, heard: Sequence[Heard], seed: int) -> Capture:
+    """Read the text of such a log as the command line does."""
+    del seed
+    text = written(scenario, heard)
     chunks = [chunk for group in open_source(text.encode()) for chunk in group]
     return Capture(chunks, Options(scenario.protocol), _clocked(heard))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from bench.diagnosis.bodies import sway
 from bench.diagnosis.dialect import MS, US, Asked
 from bench.diagnosis.line import Bench, Pattern, Pause
 from sniffer.ground.model import NS
@@ -104,6 +105,14 @@ def bursts(bench: Bench, rng: random.Random, *, rate_hz: float) -> Pattern:
         yield bench.dialect.position(rng.choice(list(bench.ids)))
         cycle += 1
         yield Pause(until_ns=int(cycle * NS / rate_hz))
+
+
+def taught(bench: Bench, rng: random.Random, *, rate_hz: float) -> Pattern:
+    """Let all servos go, and read where a hand moves them."""
+    for body in bench.bodies.values():
+        body.hand = sway(rng)
+        yield bench.dialect.switch_off(body)
+    yield from loop(bench, rng, rate_hz=rate_hz, goals="none", reads="position")
 
 
 def moves(bench: Bench, rng: random.Random) -> Pattern:

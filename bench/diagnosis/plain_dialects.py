@@ -25,7 +25,7 @@ class Wck(Dialect):
     patience_ns = 15 * MS
     delay_ns = (320 * US, 900 * US)
 
-    STATUS, EVERYONE, SET, READ_10BIT = 5, 31, 0xE0, 0xC9
+    STATUS, PASSIVE, EVERYONE, SET, READ_10BIT = 5, 6, 31, 0xE0, 0xC9
     TORQUE: Final = 2
 
     @staticmethod
@@ -59,6 +59,9 @@ class Wck(Dialect):
     def switch_on(self, body: Body) -> Asked:
         return self.move(body, body.goal)
 
+    def switch_off(self, body: Body) -> Asked:
+        return Asked(self.packet(self.PASSIVE << 5 | body.servo_id, 0x10), self.patience_ns)
+
     def whom(self, request: bytes) -> int | None:
         if len(request) < 4 or request[0] != 0xFF:
             return -1
@@ -75,14 +78,17 @@ class Wck(Dialect):
         mode = request[1] >> 5
         if request[1] & 0x1F == self.EVERYONE and mode < 5:
             if body.servo_id < request[2]:
-                body.goal = request[3 + body.servo_id] / 254
+                body.goal, body.is_on = request[3 + body.servo_id] / 254, True
             return b""
         if mode == 7:
             place = round(min(max(body.position, 0), 1) * 1022)
             return bytes((place >> 7, (place & 0x7F) << 1))
-        if mode < 5:
-            body.goal = request[2] / 254
         place = min(max(round(body.position * 254), 0), 254)
+        if mode == self.PASSIVE:
+            body.is_on = False
+            return bytes((request[2], place))
+        if mode < 5:
+            body.goal, body.is_on = request[2] / 254, True
         return bytes((round(min(abs(body.load), 1) * 200), place))
 
 
@@ -122,6 +128,9 @@ class Lss(Dialect):
     def switch_on(self, body: Body) -> Asked:
         return Asked(f"#{body.servo_id}H\r".encode())
 
+    def switch_off(self, body: Body) -> Asked:
+        return Asked(f"#{body.servo_id}L\r".encode())
+
     @staticmethod
     def _tenths(place: float) -> int:
         return round((min(max(place, 0.0), 1.0) - 0.5) * 1800)
@@ -150,9 +159,13 @@ class Lss(Dialect):
             return b""
         _, word, number = told
         if word == "D" and number.lstrip("-"):
-            body.goal = int(number) / 1800 + 0.5
+            body.goal, body.is_on = int(number) / 1800 + 0.5, True
+        elif word == "H":
+            body.goal, body.is_on = body.position, True
+        elif word == "L":
+            body.is_on = False
         values = {
-            "Q": 6 if abs(body.speed) < 0.02 else 4,
+            "Q": 1 if not body.is_on else 6 if abs(body.speed) < 0.02 else 4,
             "QD": self._tenths(body.position),
             "QV": round(body.supply.voltage * 1000),
             "QT": round(body.temperature * 10),

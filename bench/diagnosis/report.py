@@ -9,8 +9,10 @@ from bench.diagnosis.evidence import ALSO_RIGHT, UNSHOWN
 from bench.diagnosis.figures import MILLION, percent, share, table
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from bench.diagnosis.figures import Figures
-    from bench.diagnosis.judging import Held, Told
+    from bench.diagnosis.judging import Told
 
 RESULTS: Final = Path(__file__).parents[1] / "DIAGNOSIS.md"
 
@@ -123,35 +125,45 @@ def _ids(ids: tuple[int, ...]) -> str:
 def _said(told: Told | None) -> str:
     if told is None:
         return "nothing"
-    causes = ", ".join(f"{cause} {sure:.2f}" for cause, sure in told.causes[:3])
+    causes = ", ".join(f"{cause} {sure:.1f}" for cause, sure in told.causes[:3])
     return f"{causes} (servos: {_ids(told.servo_ids)})"
 
 
-def miss(held: Held) -> tuple[object, ...]:
-    """Return a line of the list of misses."""
-    case, truth = held.case, held.truth
-    return (
-        case.name,
-        case.host,
-        case.seed,
-        f"{truth.cause} (servos: {_ids(truth.servo_ids)})",
-        _said(held.told),
-    )
+def _together(rows: Iterable[tuple[tuple[str, ...], str]]) -> list[tuple[str, ...]]:
+    """Return rows that only differ by their host as one, with all of these hosts."""
+    hosts: dict[tuple[str, ...], list[str]] = {}
+    for row, host in rows:
+        hosts.setdefault(row, []).append(host)
+    return [(*row, ", ".join(of)) for row, of in hosts.items()]
 
 
 def _misses(figures: Figures) -> str:
-    rows = [miss(held) for held in figures.misses()]
-    lines = table(("scenario", "host", "seed", "it is", "said"), rows)
-    return "\n".join([f"## Every miss ({len(rows)})", "", *lines, ""])
+    held = figures.misses()
+    rows = [
+        (
+            (
+                h.case.name,
+                str(h.case.seed),
+                f"{h.truth.cause} (servos: {_ids(h.truth.servo_ids)})",
+                _said(h.told),
+            ),
+            h.case.host,
+        )
+        for h in held
+    ]
+    lines = table(("scenario", "seed", "it is", "said", "hosts"), _together(rows))
+    return "\n".join([f"## Every miss ({len(held)})", "", *lines, ""])
 
 
 def _extras(figures: Figures) -> str:
+    extras = list(figures.extras())
     rows = [
-        (s.case.name, s.case.host, s.case.seed, _said(told), ", ".join(told.codes))
-        for s, told in figures.extras()
+        ((s.case.name, str(s.case.seed), _said(told), ", ".join(told.codes)), s.case.host)
+        for s, told in extras
     ]
-    lines = table(("scenario", "host", "seed", "said", "findings"), rows)
-    return "\n".join([f"## Every alarm about what was not built in ({len(rows)})", "", *lines, ""])
+    lines = table(("scenario", "seed", "said", "findings", "hosts"), _together(rows))
+    title = f"## Every alarm about what was not built in ({len(extras)})"
+    return "\n".join([title, "", *lines, ""])
 
 
 def _excused() -> str:

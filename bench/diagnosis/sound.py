@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from bench.diagnosis import patterns as p
-from bench.diagnosis.bodies import ramps, stays, sway
+from bench.diagnosis.bodies import ramps, stays, steps, sway
 from bench.diagnosis.dialect import MS
 from bench.diagnosis.ear import tapped
 from bench.diagnosis.hosts import TwoWires
@@ -67,6 +67,8 @@ PATTERNS: Final[Mapping[str, tuple[Build, Mapping[str, Any]]]] = {
     "moves": (lambda it, bench, rng: p.moves(bench, rng), {"seconds": (20, 40)}),
     "person": (lambda it, bench, rng: p.person(bench, rng), {"seconds": (60, 120)}),
     "still": (_loop(goals="each"), {}),
+    "steps": (_loop(goals="each"), {}),
+    "taught": (lambda it, bench, rng: p.taught(bench, rng, rate_hz=it.rate_hz / 5), {}),
     "start-up": (
         lambda it, bench, rng: p.one_after_the_other(p.start_up(bench), _loop()(it, bench, rng)),
         {},
@@ -81,6 +83,7 @@ def scenarios(draw: int = 0) -> Iterator[Scenario]:
         for name in PATTERNS:
             yield of(name, protocol, draw)
         yield two_wires(protocol, draw)
+        yield cut(protocol, draw)
 
 
 def of(name: str, protocol: str, draw: int = 0) -> Scenario:
@@ -88,7 +91,7 @@ def of(name: str, protocol: str, draw: int = 0) -> Scenario:
     build, fixed = PATTERNS[name]
     told = {"seconds": (8, 16), "servos": (1, 9), "slow_lines": True, **fixed}
     it = plan(f"sound-{name}", protocol, draw, **told)
-    paths = stays if name == "still" else it.rng.choice((sway, ramps))
+    paths = {"still": stays, "steps": steps}.get(name) or it.rng.choice((sway, ramps))
 
     def make(seed: int) -> list[Heard]:
         bench = bench_of(it, seed, paths)
@@ -102,3 +105,23 @@ def two_wires(protocol: str, draw: int) -> Scenario:
     """Return the log of a tap that tells the wires apart, rightly."""
     it = of("poll-each", protocol, draw)
     return TwoWires(f"sound-two-wires-{protocol}", protocol, (), it.baud, it.make)
+
+
+def cut(protocol: str, draw: int) -> Scenario:
+    """Return a capture that begins and ends in the middle of a frame."""
+    it = of("poll-all", protocol, draw)
+
+    def make(seed: int) -> list[Heard]:
+        rng = random.Random(f"{it.name} cut {seed}")
+        first, *between, last = it.make(seed)[rng.randint(5, 60) : -rng.randint(1, 20)]
+        byte_ns = (first.t_end_ns - first.t_start_ns) // len(first.wire)
+        lost, kept = rng.randrange(1, len(first.wire)), rng.randrange(1, len(last.wire))
+        begins = first.t_start_ns + lost * byte_ns
+        ends = last.t_start_ns + kept * byte_ns
+        return [
+            first._replace(t_start_ns=begins, wire=first.wire[lost:]),
+            *between,
+            last._replace(t_end_ns=ends, wire=last.wire[:kept]),
+        ]
+
+    return Scenario(f"sound-cut-{protocol}", protocol, (), it.baud, make)

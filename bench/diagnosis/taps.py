@@ -151,7 +151,7 @@ def lost(protocol: str, draw: int, *, told: bool) -> Scenario:
     """The tap has no room for some bytes, across frames of all; its driver tells, or does not."""
     it = plan("tap-loss-told" if told else "tap-loss", protocol, draw, seconds=(12, 25))
     rng, (a, b) = it.rng, episode(it)
-    size, every_s = rng.choice(((8, 40), (30, 120), (60, 300))), rng.uniform(0.2, 1.2)
+    size, every_s = rng.choice(((8, 40), (30, 120), (60, 300))), rng.uniform(0.12, 0.5)
 
     def make(seed: int) -> list[Heard]:
         heard = sound(it, seed)

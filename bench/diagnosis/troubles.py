@@ -264,6 +264,19 @@ class LooseContact(Trouble):
 
 
 @dataclass(slots=True)
+class BrokenWire(Trouble):
+    """Servos are off the line for the windows: nothing gets through, either way."""
+
+    windows: Windows
+    servos: frozenset[int]
+
+    def reaches(self, bench: Bench, servo_id: int, said: Said) -> bool:
+        """Tell whether they are on the line."""
+        del bench
+        return servo_id not in self.servos or not _inside(self.windows, said.t_ns)
+
+
+@dataclass(slots=True)
 class DriftingClock(Trouble):
     """One servo's bits are longer (error > 0) or shorter than they should be.
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import enum
 import heapq
+import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -183,31 +184,32 @@ def receive(
         point: where in a bit it samples.
         rng: draws how late it sees each falling edge; None: at once.
     """
-    times = [t for t, _ in edges]
-
-    def at(t: float) -> int:
-        k = bisect_right(times, t) - 1
-        return edges[k][1] if k >= 0 else HIGH
-
-    k, n = 0, len(edges)
+    edges = [*edges, (math.inf, HIGH)]
+    spread = bit_ns / OVERSAMPLING if rng is not None else 0.0
+    k, n = 0, len(edges) - 1
     while k < n:
-        if edges[k][1] != LOW:
-            k += 1
+        begin, level = edges[k]
+        k += 1
+        if level != LOW:
             continue
-        begin = edges[k][0]
-        late = bit_ns / OVERSAMPLING * rng.random() if rng is not None else 0.0
-        first = begin + late + point * bit_ns
-        if at(first) == HIGH:  # too short for a start bit
-            k = bisect_right(times, first)
+        sample = begin + point * bit_ns
+        if rng is not None:
+            sample += spread * rng.random()
+        while edges[k][0] <= sample:
+            k += 1
+        if edges[k - 1][1] == HIGH:  # too short for a start bit
             continue
         value = 0
         for bit in range(8):
-            value |= at(first + (bit + 1) * bit_ns) << bit
-        last = first + 9 * bit_ns
-        stop = at(last) == HIGH
-        yield SampledByte(begin, value, stop)
+            sample += bit_ns
+            while edges[k][0] <= sample:
+                k += 1
+            value |= edges[k - 1][1] << bit
+        sample += bit_ns
+        while edges[k][0] <= sample:
+            k += 1
         # without a stop bit it waits until the line is high again
-        k = bisect_right(times, last)
+        yield SampledByte(begin, value, edges[k - 1][1] == HIGH)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from bench.diagnosis.ear import tapped
 from bench.diagnosis.making import Plan, bench_of, episode, plan, some, talked
 from bench.diagnosis.scenario import Heard, Scenario, Truth
 from bench.diagnosis.troubles import (
+    BrokenWire,
     EarlyRelease,
     HeldLine,
     LooseContact,
@@ -58,6 +59,7 @@ def scenarios(draw: int = 0) -> Iterator[Scenario]:
         yield chatter(protocol, draw)
         yield loose_servo(protocol, draw)
         yield loose_branch(protocol, draw)
+        yield plug_falls_out(protocol, draw)
 
 
 def noise(protocol: str, draw: int) -> Scenario:
@@ -189,6 +191,20 @@ def loose_branch(protocol: str, draw: int) -> Scenario:
     chain = rng.sample(it.ids, len(it.ids))
     who = tuple(sorted(chain[rng.randint(1, len(chain) - 2) :]))
     return _loose("bad-cable", it, who, (a, b))
+
+
+def plug_falls_out(protocol: str, draw: int) -> Scenario:
+    """A plug in the chain falls out, and somebody puts it back: all behind it go and come."""
+    it = plan("bad-cable-falls-out", protocol, draw, seconds=(18, 28), servos=(4, 7))
+    rng = it.rng
+    chain = rng.sample(it.ids, len(it.ids))
+    who = tuple(sorted(chain[rng.randint(1, len(chain) - 2) :]))
+    windows, t = [], rng.uniform(2, 5)
+    for _ in range(rng.randint(2, 4)):
+        windows.append((t, t + rng.uniform(0.6, 2.5)))
+        t = windows[-1][1] + rng.uniform(0.8, 3)
+    truth = Truth("bad-cable", who, windows[0][0], windows[-1][1])
+    return troubled(it, [truth], lambda seed: [BrokenWire(windows, frozenset(who))])
 
 
 def _loose(cause: str, it: Plan, who: tuple[int, ...], window: tuple[float, float]) -> Scenario:

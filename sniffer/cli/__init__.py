@@ -21,9 +21,11 @@ from typing import Any, Final, TextIO
 import click
 
 from sniffer import __version__
+from sniffer.cli.naming import worded
 from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED, MISTAKE
-from sniffer.cli.streams import say, silence, silence_stdout
+from sniffer.cli.streams import say, silence_stdout
 from sniffer.ground.loading import Loading, PluginWarning
+from sniffer.ground.streams import silence
 
 DEBUG: Final = "SNIFFER_DEBUG"
 """Set to anything, it has what nobody has foreseen shown with its traceback."""
@@ -36,6 +38,8 @@ COMMANDS: Final = {
     "view": "Show a recording or a capture in Rerun.",
     "replay": "Play a recording or a capture again.",
     "recover": "Repair a recording that was cut off.",
+    "report": "Write a page on a capture: what was wrong, and the bytes.",
+    "check": "Hold captures to rules, for CI.",
     "explain": "Draw one frame byte by byte.",
     "ports": "List the serial ports.",
     "doctor": "Check whether a port is fit to record from.",
@@ -187,7 +191,7 @@ def _failed(error: Exception) -> int:
     if isinstance(error, PluginError):
         _debug()
     if isinstance(error, SnifferError):
-        return _tell(str(error), DAMAGED if isinstance(error, DamagedInputError) else MISTAKE)
+        return _tell(worded(error), DAMAGED if isinstance(error, DamagedInputError) else MISTAKE)
     _debug()
     return _last_resort(error)
 

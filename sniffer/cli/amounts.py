@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from pathlib import Path
@@ -12,8 +11,8 @@ import click
 
 from sniffer.decoding.names import AND, is_known, joined, protocols_named
 from sniffer.decoding.pipeline import AUTO
+from sniffer.ground.amounts import size_in, time_in
 from sniffer.ground.limits import BAUDS
-from sniffer.ground.model import NS
 from sniffer.messages import TOPICS
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
 from sniffer.tap.tap import PortSpec
@@ -23,25 +22,6 @@ if TYPE_CHECKING:
 else:
     _Number = click.ParamType  # click 8.1 has no other name for it
 
-_NS: Final = {
-    "ms": NS // 1000,
-    "s": NS,
-    "sec": NS,
-    "m": 60 * NS,
-    "min": 60 * NS,
-    "h": 3600 * NS,
-    "d": 86400 * NS,
-}
-_BYTES: Final = {
-    "b": 1,
-    **{prefix + "b": 1000**n for n, prefix in enumerate("kmgt", 1)},
-    **{prefix + "ib": 1024**n for n, prefix in enumerate("kmgt", 1)},
-}
-_LETTERS: Final = {letter: 1000**n for n, letter in enumerate("KMGT", 1)}
-"""As many tools write them; a small m is a minute."""
-
-_AMOUNT: Final = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*([a-zA-Z]*)")
-
 
 class Duration(_Number):
     """A time like ``90``, ``90s``, ``10min``, ``2h``; in ns."""
@@ -50,7 +30,7 @@ class Duration(_Number):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
         """Read a time."""
-        ns = value if isinstance(value, int) else _time(value, bare=True)
+        ns = value if isinstance(value, int) else time_in(value, bare=True)
         if ns is None:
             self.fail(f"{value!r} is no time: write it like 90s, 10min or 2h", param, ctx)
         return ns
@@ -63,7 +43,7 @@ class Size(_Number):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
         """Read a size."""
-        size = value if isinstance(value, int) else _size(value, bare=True)
+        size = value if isinstance(value, int) else size_in(value, bare=True)
         if size is None:
             self.fail(f"{value!r} is no size: write it like 512MB or 2GiB", param, ctx)
         return size
@@ -75,7 +55,7 @@ def sizes_and_times(
     """Read either of both, or one of each: ``bytes`` and ``ns`` by their units."""
     out: dict[str, int] = {}
     for text in given:
-        read = {"bytes": _size(text, bare=False), "ns": _time(text, bare=False)}
+        read = {"bytes": size_in(text, bare=False), "ns": time_in(text, bare=False)}
         told = {kind: amount for kind, amount in read.items() if amount is not None}
         if not told:
             raise click.BadParameter(f"{text!r} is no size or time: write it like 512MB or 10min")
@@ -83,29 +63,6 @@ def sizes_and_times(
             raise click.BadParameter(f"{text!r}: one size and one time at most")
         out |= told
     return out
-
-
-def _time(text: str, *, bare: bool) -> int | None:
-    """Return ns; ``bare``: a number alone is one in seconds."""
-    amount, unit = _parts(text)
-    return _product(amount, _NS.get(unit, NS if bare and not unit else None))
-
-
-def _size(text: str, *, bare: bool) -> int | None:
-    """Return bytes; ``bare``: a number alone is one in bytes."""
-    amount, unit = _parts(text)
-    known = _LETTERS.get(unit) or _BYTES.get(unit.lower())
-    return _product(amount, known or (1 if bare and not unit else None))
-
-
-def _parts(text: str) -> tuple[float, str]:
-    match = _AMOUNT.fullmatch(text.strip())
-    return (float(match[1]), match[2]) if match is not None else (0.0, "")
-
-
-def _product(amount: float, unit: int | None) -> int | None:
-    total = amount * unit if unit is not None else 0.0
-    return int(total) if math.isfinite(total) and total >= 1 else None
 
 
 FORM: Final = "[NAME=]PORT[=PROTOCOL][@BAUD]"

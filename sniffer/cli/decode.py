@@ -9,13 +9,25 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options, printed, with_force
-from sniffer.cli.session import Standard, run_source, tell_lost
+from sniffer.cli.options import (
+    decoding,
+    examples,
+    pipeline_options,
+    printed,
+    with_alarms,
+    with_force,
+)
+from sniffer.cli.signals import patient
+from sniffer.cli.statuses import status_of
+from sniffer.cli.streams import say
 from sniffer.decoding.sink import Sink
+from sniffer.diagnosis import Diagnosis
+from sniffer.diagnostics.alarms import Alarm
 from sniffer.ground.model import Severity
 from sniffer.ground.registers import RegisterMap
-from sniffer.jobs.outputs import open_outputs, session_facts
-from sniffer.sources import open_source
+from sniffer.jobs.convert import convert
+from sniffer.jobs.telling import Teller
+from sniffer.sinks.standard import Standard
 
 
 @click.command(
@@ -24,11 +36,13 @@ from sniffer.sources import open_source
         "sniffer decode dump.hex",
         "sniffer decode capture.bin --protocol wck --baud 115200 -o capture.mcap",
         "sniffer decode capture.bin --model 3=mightyzap-12lf -o samples.parquet --summary",
+        "sniffer decode walk.mcap --alarm 'temperature > 70 for 2s' --fail-on warn",
         "candump-like-logger | sniffer decode - --format jsonl",
     ),
 )
 @click.argument("file")
 @decoding
+@with_alarms
 @printed
 @click.option(
     "-o",
@@ -46,6 +60,9 @@ from sniffer.sources import open_source
     help="Exit with status 1 if there are anomalies of this level or above.",
 )
 @click.option("--summary", is_flag=True, help="Print the summary only.")
+@click.option(
+    "--verbose", is_flag=True, help="In the summary, list the anomalies that an incident explains."
+)
 @click.option("--quiet", is_flag=True, help="Print nothing; the files and the exit status speak.")
 def decode(
     file: str,
@@ -55,11 +72,13 @@ def decode(
     models: dict[int | None, str],
     tables: tuple[RegisterMap, ...],
     latency: float | None,
+    alarms: tuple[Alarm, ...],
     output_format: str,
     outputs: tuple[Path, ...],
     force: bool,
     fail_on: str | None,
     summary: bool,
+    verbose: bool,
     quiet: bool,
 ) -> int:
     """Decode FILE (- is standard input): raw bytes, a hex dump, a log, or a recording.
@@ -67,26 +86,35 @@ def decode(
     What goes wrong on the bus is part of the output. Exit status: 0 done; 1 anomalies at or above
     --fail-on; 2 a mistake of yours; 3 the input breaks off (what could be read is written).
     """
-    options = pipeline_options(protocol, baud, models, latency, tables)
-    source = open_source(file, input_format)
-    options = options.with_facts(source.facts(), source.tables)
-    facts = session_facts(file, options, source.facts())
-    sinks: list[Sink] = open_outputs(outputs, facts, file, force=force)
+    options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms)
+    printed: list[Sink] = []
+    diagnosis = Diagnosis() if summary and not quiet and output_format == "text" else None
+    if diagnosis is not None:
+        printed.append(diagnosis)
     if not quiet and not summary:
-        sinks.append(Standard(_printer(output_format), alone=not outputs))
-    name = "standard input" if file == "-" else file
-    pipeline, status = run_source(source, options, sinks, name=name, quiet=quiet)
-    lost = tell_lost(outputs)
-    status = status or lost
+        printed.append(Standard(_printer(output_format), sys.stdout, alone=not outputs))
+    with patient() as patience:
+        done = convert(
+            file,
+            outputs,
+            options,
+            input_format=input_format,
+            overwrite=force,
+            sinks=printed,
+            patience=patience,
+            tell=Teller(say, quiet=quiet),
+        )
+    status = status_of(done.ending, is_lost=bool(done.gone))
     if summary and not quiet and output_format == "jsonl":
-        click.echo(json.dumps(pipeline.summary.as_dict()))
-    elif summary and not quiet:
+        click.echo(json.dumps(done.summary.as_dict()))
+    elif diagnosis is not None:
         from rich.console import Console
 
         from sniffer.sinks.report import print_summary
 
-        print_summary(pipeline.summary, Console(highlight=False))
-    worst = pipeline.summary.worst()
+        incidents = () if verbose else diagnosis.incidents()
+        print_summary(done.summary, Console(highlight=False), incidents)
+    worst = done.summary.worst()
     if not status and fail_on and worst is not None and worst >= Severity[fail_on.upper()]:
         return 1
     return status

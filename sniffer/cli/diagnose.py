@@ -6,11 +6,15 @@ import json
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options
-from sniffer.cli.session import run_source
-from sniffer.diagnosis import Diagnosis
+from sniffer.cli.options import Finite, decoding, examples, pipeline_options, with_alarms
+from sniffer.cli.signals import patient
+from sniffer.cli.statuses import DONE, status_of
+from sniffer.cli.streams import say
+from sniffer.diagnostics.alarms import Alarm
 from sniffer.ground.registers import RegisterMap
-from sniffer.sources import open_source
+from sniffer.jobs.diagnose import diagnose as diagnose_file
+from sniffer.jobs.replay import Window
+from sniffer.jobs.telling import Teller
 
 
 @click.command(
@@ -18,11 +22,13 @@ from sniffer.sources import open_source
     epilog=examples(
         "sniffer diagnose run.mcap",
         "sniffer diagnose capture.log --format json",
+        "sniffer diagnose run.mcap --from 10 --to 20",
         "sniffer diagnose run.mcap --why 1",
     ),
 )
 @click.argument("files", metavar="FILE...", nargs=-1, required=True)
 @decoding
+@with_alarms
 @click.option(
     "--format",
     "output_format",
@@ -31,6 +37,15 @@ from sniffer.sources import open_source
     show_default=True,
     help="What is printed.",
 )
+@click.option(
+    "--from",
+    "start",
+    type=Finite(0),
+    default=0.0,
+    metavar="S",
+    help="Judge what was said from second S on.",
+)
+@click.option("--to", "stop", type=Finite(0), metavar="S", help="... and until second S.")
 @click.option("--why", metavar="ID", help="Show how the causes of an incident were weighed.")
 def diagnose(
     files: tuple[str, ...],
@@ -40,28 +55,40 @@ def diagnose(
     models: dict[int | None, str],
     tables: tuple[RegisterMap, ...],
     latency: float | None,
+    alarms: tuple[Alarm, ...],
     output_format: str,
+    start: float,
+    stop: float | None,
     why: str | None,
 ) -> int:
-    """Say what is wrong on the bus in each FILE: incidents, their causes, what to do next."""
-    worst = 0
+    """Say what is wrong on the bus in each FILE: incidents, their causes, what to do next.
+
+    Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is judged).
+    """
+    if stop is not None and stop <= start:
+        raise click.UsageError("--to must lie behind --from")
+    options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms)
+    status = DONE
     for file in files:
-        options = pipeline_options(protocol, baud, models, latency, tables)
-        source = open_source(file, input_format)
-        options = options.with_facts(source.facts(), source.tables)
-        diagnosis = Diagnosis()
-        name = "standard input" if file == "-" else file
-        _, status = run_source(source, options, [diagnosis], name=name, quiet=False)
-        worst = max(worst, status)
-        incidents = diagnosis.incidents()
+        with patient() as patience:
+            done = diagnose_file(
+                file,
+                options,
+                input_format=input_format,
+                window=Window(start, stop),
+                patience=patience,
+                tell=Teller(say),
+            )
+        status = max(status, status_of(done.ending, is_lost=False))
         if output_format == "json":
-            told = {"incidents": [i.as_dict() for i in incidents], "judged": diagnosis.judged()}
-            click.echo(json.dumps(told))
+            click.echo(json.dumps(done.as_dict()))
             continue
         from sniffer.sinks.story import print_incidents, print_weighing
 
+        if len(files) > 1:
+            click.echo(f"{file}:")
         if why is not None:
-            print_weighing(incidents, why)
+            print_weighing(done.incidents, why)
         else:
-            print_incidents(incidents, diagnosis.sentence(), clock=diagnosis.has_clock)
-    return worst
+            print_incidents(done.incidents, done.sentence, clock=done.has_clock)
+    return status

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from sniffer.decoding.names import is_known, protocols_named
 from sniffer.decoding.pipeline import AUTO, Options
+from sniffer.diagnostics.alarms import Alarm, alarm_in
 from sniffer.ground.limits import BAUDS, IDS, number_in
+from sniffer.ground.model import InputError
 from sniffer.ground.registers import RegisterMap
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import BusProtocol
-from sniffer.protocols.tables import known_models, owner_of, with_tables
 from sniffer.sources import SOURCES
 
 if TYPE_CHECKING:
@@ -115,24 +116,6 @@ def models(
     return dict(sorted(out.items(), key=lambda e: e[0] is not None))
 
 
-def check_models(
-    models: Mapping[int | None, str],
-    tables: Iterable[RegisterMap] = (),
-    protocols: Iterable[str | BusProtocol] = (),
-) -> None:
-    """Refuse a model that nobody has: no protocol that is known, and none of the tables.
-
-    Raises:
-        click.BadParameter: there is no such model.
-    """
-    also = [protocol for p in protocols if p != AUTO for protocol in protocols_named(p)]
-    for model in models.values():
-        if owner_of(model, tables, also) is None:
-            known = ", ".join(known_models(tables, also))
-            told = f"no model {model[:40]!r}: one of {known}"
-            raise click.BadParameter(told, param_hint="'--model'")
-
-
 def tables_of(
     context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
 ) -> tuple[RegisterMap, ...]:
@@ -151,29 +134,26 @@ with_registers = click.option(
 """Of every command that has ``--model``, but ``simulate``."""
 
 
-def check_tables(tables: Iterable[RegisterMap], protocols: Iterable[str | BusProtocol]) -> None:
-    """Refuse tables that nothing of what is decoded can be read by.
+def alarms_of(
+    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
+) -> tuple[Alarm, ...]:
+    """Read ``--alarm 'temperature > 70 for 2s'``."""
+    try:
+        return tuple(map(alarm_in, given))
+    except InputError as error:
+        raise click.BadParameter(str(error)) from None
 
-    ``protocols`` are those that were named; ``auto`` among them stands for all.
 
-    Raises:
-        click.BadParameter: a table names no protocol, or another one.
-        SnifferError: its protocol does not take it.
-    """
-    named = tuple(protocols)
-    own = {p.name: p for n in named if n != AUTO for p in protocols_named(n)}
-    for table in tables:
-        name = table.protocol
-        why = ""
-        if not name:
-            why = 'it does not say whose it is: write protocol = "..." into its head'
-        elif name not in own and AUTO not in named:
-            why = f"it is a table of {name}, and what is named is {', '.join(own)}"
-        elif name not in own and name not in PROTOCOLS:
-            why = f"no protocol {name[:40]!r}: one of {', '.join(PROTOCOLS)}"
-        if why:
-            raise click.BadParameter(f"{table.model}: {why}", param_hint="'--registers'")
-        with_tables(own[name] if name in own else PROTOCOLS[name], tables)
+with_alarms = click.option(
+    "--alarm",
+    "alarms",
+    multiple=True,
+    callback=alarms_of,
+    metavar="RULE",
+    help="A rule of your own, such as 'temperature > 70 for 2s', '3.voltage < 9' or "
+    "'position_error > 5'; may be repeated.",
+)
+"""Of every command that judges values by rules of the user's own."""
 
 
 def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -223,19 +203,20 @@ def pipeline_options(
     latency: float | None,
     tables: tuple[RegisterMap, ...],
     also: Iterable[str | BusProtocol] = (),
+    alarms: tuple[Alarm, ...] = (),
 ) -> Options:
     """Return the options as the pipeline takes them; ``also`` are protocols of single buses.
 
     Raises:
-        click.BadParameter: a model is not known, or a table is of no use.
+        SnifferError: a model is not known, or a table or a rule is of no use.
     """
-    named = (protocol, *also)
-    check_tables(tables, named)
-    check_models(models, tables, named)
-    return Options(
+    options = Options(
         protocol=protocol,
         baud=baud,
         models=models,
         latency_ns=None if latency is None else int(latency * 1e6),
         tables=tables,
+        alarms=alarms,
     )
+    options.check(also)
+    return options

@@ -10,6 +10,7 @@ from typing import Final, Literal
 import click
 
 from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times, topics
+from sniffer.cli.naming import worded
 from sniffer.cli.options import (
     SHARED,
     Finite,
@@ -18,21 +19,31 @@ from sniffer.cli.options import (
     examples,
     models,
     pipeline_options,
+    with_alarms,
     with_force,
     with_registers,
 )
 from sniffer.cli.signals import signals
 from sniffer.cli.statuses import DONE, INTERRUPTED, MISTAKE
+from sniffer.cli.waits import commands_on, waited_for
 from sniffer.decoding.pipeline import AUTO
-from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.diagnostics.alarms import Alarm
 from sniffer.ground.limits import BAUDS
+from sniffer.ground.model import NS
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import one_line
 from sniffer.tap.stops import Stops
 from sniffer.tap.tap import PortSpec
+from sniffer.tap.watching import Awaited
 
 RECORDING: Final = ".mcap"
 """Suffix of the output that is the recording; the others are made of it."""
+
+INCIDENT: Final = "incident.mcap"
+"""What the files of a flight recorder are called in a folder, but for their numbers."""
+
+POST_NS: Final = 10 * NS
+"""How long a flight recorder goes on after what has happened, where nobody says."""
 
 WORD_S: Final = 0.5
 """How long a line on standard error may take before it is left out."""
@@ -45,6 +56,7 @@ WORD_S: Final = 0.5
         "sniffer record /dev/ttyUSB0=mightyzap@57600 left=/dev/ttyUSB1=wck@115200 -o run.mcap",
         "sniffer record /dev/ttyUSB0=lss --rerun --duration 10min",
         "sniffer record arm=/dev/ttyUSB0=rs30x /dev/ttyUSB1 --pair",
+        "sniffer record /dev/ttyUSB0 --ring 60s --trigger any --trigger 'voltage < 9'",
         "sniffer record /dev/ttyUSB0 --quiet --rotate 512MB --keep 20 -o /var/log/bus.mcap",
     ),
 )
@@ -68,6 +80,7 @@ WORD_S: Final = 0.5
     help="Register table of a servo, or of all.",
 )  # fmt: skip
 @with_registers
+@with_alarms
 @click.option("--latency", type=Finite(0, 1000), metavar="MS", help="What the adapter delays.")
 @click.option(
     "--pair", is_flag=True,
@@ -87,7 +100,7 @@ WORD_S: Final = 0.5
 @click.option(
     "--topics", callback=topics, metavar="TOPIC,...",
     help="Write only these beside the raw bytes: raw (nothing else), frames, transactions, state, "
-    "gaps, anomalies, log, stats.  [default: all]",
+    "gaps, anomalies, log, stats, incidents.  [default: all]",
 )  # fmt: skip
 @click.option("--durable", is_flag=True, help="Wait for the disk after each round, 50 ms.")
 @click.option(
@@ -100,8 +113,28 @@ WORD_S: Final = 0.5
 @click.option("--frames", type=Whole(1), metavar="N", help="Stop after N frames.")
 @click.option("--idle", type=Duration(), help="Stop when no byte has come for this time.")
 @click.option(
-    "--until", multiple=True, type=click.Choice(sorted(CATALOGUE)), metavar="CODE",
-    help="Stop at an anomaly of this code (docs/anomalies.md).",
+    "--until", multiple=True, callback=waited_for, metavar="WHAT",
+    help="Stop when this happens: a cause (docs/causes.md), a code (docs/anomalies.md), a rule "
+    "like that of --alarm, any incident.",
+)  # fmt: skip
+@click.option(
+    "--on", "commands", multiple=True, nargs=2, callback=commands_on, metavar="WHAT COMMAND",
+    help="Run a command of the shell when this happens, once an incident.",
+)  # fmt: skip
+@click.option(
+    "--ring", multiple=True, callback=sizes_and_times, metavar="TIME|SIZE",
+    help="Keep the last 60s (or 64MB) and write a file each time a --trigger is met.",
+)  # fmt: skip
+@click.option(
+    "--trigger", "triggers", multiple=True, callback=waited_for, metavar="WHAT",
+    help="With --ring: write a file when this happens, as for --until.",
+)  # fmt: skip
+@click.option(
+    "--post", type=Duration(), help="With --ring: go on for this time after it.  [default: 10s]"
+)
+@click.option(
+    "--ring-file", type=click.Path(path_type=Path), metavar="FILE.mcap",
+    help="With --ring: keep it in this file, too, for a recorder that is killed.",
 )  # fmt: skip
 @click.option("--log", is_flag=True, help="Print each frame on standard output.")
 @click.option("--quiet", is_flag=True, help="Say nothing but what went wrong.")
@@ -118,6 +151,7 @@ def record(
     baud: int | None,
     chosen: dict[int | None, str],
     tables: tuple[RegisterMap, ...],
+    alarms: tuple[Alarm, ...],
     latency: float | None,
     pair: bool,
     modem: Literal["low", "keep"],
@@ -132,7 +166,12 @@ def record(
     max_size: int | None,
     frames: int | None,
     idle: int | None,
-    until: tuple[str, ...],
+    until: tuple[Awaited, ...],
+    commands: tuple[tuple[Awaited, str], ...],
+    ring: dict[str, int],
+    triggers: tuple[Awaited, ...],
+    post: int | None,
+    ring_file: Path | None,
     log: bool,
     quiet: bool,
     in_rerun: bool,
@@ -147,7 +186,8 @@ def record(
     new file, SIGUSR1 prints statistics.
     """
     # What only this command needs is loaded only by it, and before a port is opened.
-    from sniffer.jobs.record import Files, Shown
+    from sniffer.jobs.files import Files, Flight
+    from sniffer.jobs.record import Shown
     from sniffer.jobs.record import record as recorded_from
     from sniffer.jobs.telling import Teller
     from sniffer.tap.listen import Listening
@@ -156,7 +196,7 @@ def record(
     from sniffer.viewers.screen import LOG, usual_mode
 
     def say(line: str) -> None:
-        write_within(sys.stderr, f"sniffer: {one_line(line)}\n", WORD_S)
+        write_within(sys.stderr, f"sniffer: {one_line(worded(line))}\n", WORD_S)
 
     if log and quiet:
         raise click.UsageError("--log prints, --quiet does not: choose one")
@@ -164,15 +204,22 @@ def record(
     if sum(views.values()) > 1:
         raise click.UsageError("choose one of --rerun, --rerun-web, --rerun-connect")
     said = [spec.protocol for spec in ports if spec.protocol is not None]
-    options = pipeline_options(protocol, baud, chosen, latency, tables, said)
+    wanted = (*until, *triggers, *(what for what, _ in commands))
+    rules = (*alarms, *(what.alarm for what in wanted if what.alarm is not None))
+    options = pipeline_options(protocol, baud, chosen, latency, tables, said, rules)
     paths = outputs or (Path(f"sniffer-{datetime.datetime.now():%Y%m%d-%H%M%S}.mcap"),)
+    flight = None
+    if ring:
+        if not triggers:
+            raise click.UsageError("--ring goes with --trigger: say what a file is written for")
+        names = tuple(map(str, triggers))
+        flight = Flight(ring.get("ns"), ring.get("bytes"), names, post or POST_NS, ring_file)
+        paths = tuple(path / INCIDENT if path.is_dir() else path for path in paths)
+    elif triggers or post or ring_file:
+        raise click.UsageError("--trigger, --post and --ring-file go with --ring 60s")
     recordings = [path for path in paths if path.suffix.lower() == RECORDING]
     if len(recordings) > 1:
         raise click.UsageError("one .mcap is enough: give -o only one of them")
-    if (rotate or keep) and not recordings:
-        raise click.UsageError("--rotate and --keep are about a recording: -o x.mcap")
-    if topics is not None and not recordings:
-        raise click.UsageError("--topics is about a recording: -o x.mcap")
     # An address may take long to be connected to: until then a signal ends everything.
     wishes = Wishes(is_heard=not any("://" in spec.port for spec in ports))
     with signals(wishes):
@@ -187,16 +234,18 @@ def record(
                 topics=topics,
                 durable=durable,
                 overwrite=force,
+                flight=flight,
             ),
             options,
             listening=Listening(modem, pair=pair, shared=shared),
-            stops=Stops(duration, max_size, frames, idle, until),
+            stops=Stops(duration, max_size, frames, idle, tuple(map(str, until))),
             shown=Shown(
                 None if quiet else LOG if log else usual_mode(sys.stderr),
                 next((mode for mode, wanted in views.items() if wanted), None),
                 rerun_connect,
                 window,
             ),
+            commands=[(str(what), command) for what, command in commands],
             wishes=wishes,
             tell=Teller(say, quiet=quiet),
         )

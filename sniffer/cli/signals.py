@@ -1,12 +1,17 @@
-"""The signals that end or steer a recording."""
+"""The signals that end or steer what is under way."""
 
 from __future__ import annotations
 
 import contextlib
 import signal
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
-from sniffer.tap.recorder import Wishes
+from sniffer.jobs.session import Patience
+
+if TYPE_CHECKING:
+    from sniffer.tap.recorder import Wishes
 
 
 @contextlib.contextmanager
@@ -41,3 +46,35 @@ def signals(wishes: Wishes) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
+    """Let Ctrl-C, a polite kill and a closed terminal end what is under way.
+
+    Only the main thread hears them.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = [getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP")]
+    before = {n: signal.signal(n, lambda *_: stop()) for n in numbers if n is not None}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def patient() -> Iterator[Patience]:
+    """Take Ctrl-C over for what decodes a source; in other threads it does not arrive anyway."""
+    patience = Patience()
+    if threading.current_thread() is not threading.main_thread():
+        yield patience
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: patience.interrupt())
+    try:
+        yield patience
+    finally:
+        signal.signal(signal.SIGINT, before)

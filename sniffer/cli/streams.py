@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sys
-from typing import TextIO
 
 import click
 
+from sniffer.cli.naming import worded
+from sniffer.ground.streams import silence
 from sniffer.ground.wording import one_line
 
 
@@ -17,14 +17,7 @@ def silence_stdout() -> None:
     silence(sys.stdout)
 
 
-def silence(stream: TextIO) -> None:
-    """Let what is written to a stream go nowhere."""
-    devnull = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(devnull, stream.fileno())
-    os.close(devnull)
-
-
 def say(message: str) -> None:
     """Talk to the user: one line on standard error; where that cannot be written, nobody hears."""
     with contextlib.suppress(OSError):
-        click.echo(f"sniffer: {one_line(message)}", err=True)
+        click.echo(f"sniffer: {one_line(worded(message))}", err=True)

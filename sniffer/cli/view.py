@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
 import click
 
 from sniffer.cli.options import Whole, decoding, examples, pipeline_options, with_force
-from sniffer.cli.session import run_source, tell_lost
+from sniffer.cli.signals import patient
+from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
 from sniffer.ground.needs import need_rerun
 from sniffer.ground.registers import RegisterMap
-from sniffer.jobs.outputs import open_outputs, session_facts
-from sniffer.sources import open_source
+from sniffer.jobs.convert import convert
+from sniffer.jobs.telling import Teller
+from sniffer.jobs.view import view as shown
 
 
 @click.command(
@@ -49,31 +50,36 @@ def view(
     port: int | None,
 ) -> int:
     """Open FILE (a recording, or any capture) in Rerun: position, load, voltage, alarms."""
-    from sniffer.viewers import viewer
-
     if output is not None and web:
         raise click.UsageError("-o writes a file, --web serves one: choose one")
     if port is not None and not web:
         raise click.UsageError("--port goes with --web")
     need_rerun()
     options = pipeline_options(protocol, baud, models, latency, tables)
-    source = open_source(file, input_format)
-    options = options.with_facts(source.facts(), source.tables)
-    if output is None and not web:
-        viewer.need_display(file)
-    name = "standard input" if file == "-" else file
-    if output is not None:
+    tell = Teller(say)
+    with patient() as patience:
+        if output is None:
+            done = shown(
+                file,
+                options,
+                input_format=input_format,
+                web=web,
+                port=port,
+                patience=patience,
+                tell=tell,
+            )
+            return status_of(done.ending)
         if output.suffix != ".rrd":
             raise click.UsageError(f"{output}: the viewer's files end in .rrd")
-        sinks = open_outputs([output], session_facts(file, options), file, force=force)
-        _, status = run_source(source, options, sinks, name=name)
-        if lost := tell_lost([output]):
-            return status or lost
+        done = convert(
+            file,
+            [output],
+            options,
+            input_format=input_format,
+            overwrite=force,
+            patience=patience,
+            tell=tell,
+        )
+    if not done.gone:
         say(f"wrote {output}: open it with `rerun {output}`")
-        return status
-    with tempfile.TemporaryDirectory(prefix="sniffer-") as folder:
-        path = Path(folder) / f"{Path(file).stem or 'stdin'}.rrd"
-        sinks = open_outputs([path], session_facts(file, options), file, force=True)
-        _, status = run_source(source, options, sinks, name=name)
-        viewer.show(path, web=web, port=port, say=say)
-        return status
+    return status_of(done.ending, is_lost=bool(done.gone))

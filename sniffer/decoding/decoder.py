@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from sniffer.decoding.pairing import Paired
+    from sniffer.diagnostics.alarms import Alarm
     from sniffer.protocols.base import BusProtocol
 
 
@@ -81,6 +82,7 @@ class Decoder:
         slowest: the slowest rate that the line may have, where nobody stated it: no silence and no
             late answer is told that it would explain. As ``baud`` where None.
         doubtful: the line may well be as slow as that: uncertainties cover it.
+        alarms: rules of the user's own that are judged.
         is_alone: no other decoder is on this wire: what concerns the wire is told here.
 
     Raises:
@@ -98,6 +100,7 @@ class Decoder:
         base: int = 0,
         slowest: int | None = None,
         doubtful: bool = False,
+        alarms: Sequence[Alarm] = (),
         is_alone: bool = True,
     ) -> None:
         self.protocol = protocol_named(protocol)
@@ -133,7 +136,7 @@ class Decoder:
         self._pairing = Pairing(self.protocol)
         self._expectations = Expectations()
         self._scaling = Scaling(self.protocol, models)
-        self._diagnostics = Diagnostics(self.protocol, is_alone=is_alone)
+        self._diagnostics = Diagnostics(self.protocol, alarms=alarms, is_alone=is_alone)
 
     def feed(self, *chunks: Chunk | bytes | bytearray | memoryview) -> Batch:
         """Decode chunks, each with its own time, in one pass: group them, a pass costs ~200 us.

@@ -24,6 +24,7 @@ from sniffer.decoding.names import AND
 from sniffer.ground.framing import Block
 from sniffer.ground.model import MALFORMED, UNKNOWN, Chunk, InputError
 from sniffer.ground.timing import Stamps
+from sniffer.ground.wording import Sentence
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -173,10 +174,11 @@ class Scores:
             return Detection(first, GUESSED, self.shares, share)
         shown = _shares(self.shares, [n for n in (first, *others[:1]) if self.shares[n] >= 0.001])
         why = f" ({shown or 'none explains any of them'})"
-        raise UndecidedError(
-            f"cannot tell the protocol of these {self.size} bytes{why}: "
-            "name it with --protocol, or check that this is a bus capture"
+        told = (
+            "cannot tell the protocol of these {size} bytes{why}: name it with {protocol}, or "
+            "check that this is a bus capture"
         )
+        raise UndecidedError(Sentence(told, size=self.size, why=why))
 
     def _beside(self, first: str, others: Sequence[str]) -> Detection | None:
         """Return the best with another one that explains much of what it leaves over."""

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.decoder import Met
     from sniffer.decoding.sink import Part
+    from sniffer.diagnostics.alarms import Alarm
     from sniffer.protocols.base import BusProtocol
 
 
@@ -62,6 +63,7 @@ class MixedDecoder:
         base: offset of the first byte.
         slowest: the slowest rate that the line may have.
         doubtful: the line may well be as slow as that.
+        alarms: each protocol takes those that its servos can meet.
 
     Raises:
         SnifferError: as ``Decoder`` does, and where a model is none of these protocols'.
@@ -77,6 +79,7 @@ class MixedDecoder:
         base: int = 0,
         slowest: int | None = None,
         doubtful: bool = False,
+        alarms: Sequence[Alarm] = (),
     ) -> None:
         self.protocols = tuple(sorted(protocols, key=lambda p: p.name))
         self.name = joined(self.protocols)
@@ -98,6 +101,7 @@ class MixedDecoder:
                 base=base,
                 slowest=slowest,
                 doubtful=doubtful,
+                alarms=alarms,
                 is_alone=False,
             )
             for protocol, known in zip(self.protocols, each, strict=True)
@@ -257,6 +261,7 @@ class How(TypedDict, total=False):
     base: int
     slowest: int | None
     doubtful: bool
+    alarms: Sequence[Alarm]
 
 
 def decoder_of(protocols: Sequence[BusProtocol], **how: Unpack[How]) -> Decoder | MixedDecoder:

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.names import is_known, joined, protocols_named
 from sniffer.decoding.pacing import ASSUMED
+from sniffer.diagnostics.alarms import alarm_in, refusal
 from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, number_in
-from sniffer.ground.model import InputError
-from sniffer.protocols import is_file, protocol_named
-from sniffer.protocols.tables import owner_of, with_tables
+from sniffer.ground.model import InputError, SnifferError
+from sniffer.ground.wording import Sentence
+from sniffer.protocols import PROTOCOLS, is_file, protocol_named
+from sniffer.protocols.tables import check_tables, known_models, owner_of, with_tables
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from sniffer.diagnostics.alarms import Alarm
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import BusProtocol
 
 AUTO: Final = "auto"
 """Stands for a protocol that is to be told from the bytes."""
+
+ALARM: Final = "alarm."
+"""Facts ``alarm.1`` and so on: the user's own rules."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +34,7 @@ class Options:
     """How to decode: ``protocols``, ``bauds``, ``latencies`` by bus, the others for all buses.
 
     A protocol is a name, a file that defines one, or the protocol itself; ``"a+b"`` are two that
-    share the wire. ``tables`` are models beside those they have.
+    share the wire. ``tables`` are models beside those they have, ``alarms`` the user's own rules.
     """
 
     protocol: str | BusProtocol = AUTO
@@ -38,11 +45,35 @@ class Options:
     latency_ns: int | None = None
     latencies: Mapping[str, int] = field(default_factory=dict)
     tables: tuple[RegisterMap, ...] = ()
+    alarms: tuple[Alarm, ...] = ()
 
     @property
     def name(self) -> str:
         """Return the name of the protocol of all buses, or ``auto``."""
         return AUTO if self.protocol == AUTO else joined(protocols_named(self.protocol))
+
+    def check(self, also: Iterable[str | BusProtocol] = ()) -> None:
+        """Refuse models, tables and rules that are of no use, before anything is opened for them.
+
+        ``also`` are the protocols of single buses that were named.
+
+        Raises:
+            SnifferError: nobody has such a model; a table is not for what is spoken; no servo can
+                meet a rule.
+        """
+        named = (self.protocol, *self.protocols.values(), *also)
+        own = {p.name: p for n in named if n != AUTO for p in protocols_named(n)}
+        check_tables(self.tables, own, others=AUTO in named)
+        for model in self.models.values():
+            if owner_of(model, self.tables, own.values()) is None:
+                known = ", ".join(known_models(self.tables, own.values()))
+                raise SnifferError(f"no model {str(model)[:40]!r}: one of {known}")
+        if self.alarms:
+            every = {p.name: p for p in PROTOCOLS.values()} if AUTO in named else {}
+            speakers = [with_tables(p, self.tables) for p in (every | own).values()]
+            for alarm in self.alarms:
+                if (why := refusal(alarm, speakers)) is not None:
+                    raise SnifferError(f"{alarm}: {why}")
 
     def spoken(self, named: str | BusProtocol) -> BusProtocol:
         """Return a protocol, with the further models that these options bring.
@@ -78,6 +109,8 @@ class Options:
             if every is not None:
                 told = replace(told, latency_ns=every)
             told = replace(told, latencies={**latencies, **self.latencies})
+        if not self.alarms:
+            told = replace(told, alarms=_alarms(facts))
         if not self.models:
             models: dict[int | None, str] = {}
             for key, model in facts.items():
@@ -98,11 +131,12 @@ class Options:
         if self.protocol == AUTO:
             for bus, name in known.items():
                 if bus not in self.protocols and name != AUTO and not is_known(name):
-                    package = f" ({told})" if (told := facts.get(f"plugin.{bus}")) else ""
-                    raise InputError(
-                        f"{bus} needs the protocol {name[:40]!r}{package}: install the package "
-                        "that has it, or give its file with --protocol"
+                    package = f" ({owner})" if (owner := facts.get(f"plugin.{bus}")) else ""
+                    told = (
+                        "{bus} needs the protocol {name}{package}: install the package that has "
+                        "it, or give its file as {protocol}"
                     )
+                    raise InputError(Sentence(told, bus=bus, name=repr(name[:40]), package=package))
             return dict(known)
         if is_file(self.protocol):
             own = protocol_named(self.protocol).name
@@ -125,3 +159,18 @@ def _numbers(facts: Mapping[str, str], name: str, least: int, most: int) -> dict
     told = {k.removeprefix(name): v for k, v in facts.items() if k.startswith(name)}
     numbers = {bus: number_in(text, least, most) for bus, text in told.items()}
     return {bus: number for bus, number in numbers.items() if number is not None}
+
+
+def alarm_facts(alarms: Sequence[Alarm]) -> dict[str, str]:
+    """Return what a recording says of the rules that it was judged by."""
+    return {f"{ALARM}{nth}": str(alarm) for nth, alarm in enumerate(alarms, 1)}
+
+
+def _alarms(facts: Mapping[str, str]) -> tuple[Alarm, ...]:
+    """Return the rules that a recording was judged by; one of a later version is left out."""
+    out = []
+    for key, text in facts.items():
+        if key.startswith(ALARM):
+            with contextlib.suppress(InputError):
+                out.append(alarm_in(text))
+    return tuple(out)

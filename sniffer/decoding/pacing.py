@@ -100,11 +100,11 @@ class Pace:
         """What a person should know, in words."""
         out = []
         if self.rate == ESTIMATED and self.baud != self.usual:
-            out.append(f"by its stamps the line runs at {self.baud} baud (--baud states it)")
+            out.append(f"by its stamps the line runs at {self.baud} baud; state it to be sure")
         if self.doubtful and self.slowest * FAR <= self.baud:
             out.append(
                 f"{self.baud} baud are assumed, but no answer came faster than {self.slowest} baud "
-                "would have it: times are that uncertain (--baud states it)"
+                "would have it: times are that uncertain; state the rate"
             )
         if self.faster:
             out.append(
@@ -114,7 +114,7 @@ class Pace:
         if self.latency == ESTIMATED and self.latency_ns is not None:
             out.append(
                 f"the host seems to have held bytes for up to {self.latency_ns / MS:.0f} ms: "
-                "times are that uncertain (--latency states it)"
+                "times are that uncertain; state its latency"
             )
         return tuple(out)
 

@@ -23,6 +23,7 @@ from sniffer.decoding.options import AUTO, Options
 from sniffer.decoding.pacing import Pace, pace
 from sniffer.decoding.sink import Paced, act, closed, taken, written
 from sniffer.decoding.summary import Summary
+from sniffer.diagnostics.alarms import refusal
 from sniffer.ground.model import Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.ground.timing import LATENCY_NS
 
@@ -220,6 +221,12 @@ class Pipeline:
                     out.append(Mistake(bus, totals.protocol, share, found))
         return out
 
+    def unmet(self) -> list[str]:
+        """Tell of rules that no servo of any bus can meet, each in a sentence."""
+        spoken = {p.name: p for d in self._decoders.values() for p in d.protocols}
+        told = ((a, refusal(a, spoken.values())) for a in self._options.alarms if spoken)
+        return [f"the rule {str(a)!r} judges nothing: {why}" for a, why in told if why]
+
     def finish(self) -> None:
         """Close every sink, once, also if one of them fails; the first failure is raised."""
         sinks, self._sinks = self._sinks, []
@@ -325,6 +332,7 @@ class Pipeline:
             latency_ns=told.latency_ns,
             slowest=told.slowest,
             doubtful=told.doubtful,
+            alarms=self._options.alarms,
             base=self._begin.get(bus, 0),
         )
 

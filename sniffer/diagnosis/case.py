@@ -9,6 +9,7 @@ import numpy as np
 
 from sniffer.diagnosis.events import ANOMALY, REMARK, SETTING, Happenings
 from sniffer.diagnosis.ledger import BUCKET_NS, MILLI, Ledger
+from sniffer.diagnosis.misread import misread
 from sniffer.diagnosis.model import Place
 from sniffer.diagnostics.found import CODES, NUMBER
 from sniffer.ground.model import NS, Clock
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.misread import Misread
     from sniffer.ground.model import F64, I64, Mask
     from sniffer.ground.register import Register
     from sniffer.protocols.base import BusProtocol
@@ -36,8 +38,9 @@ class Series:
     many there were, ``at`` the byte of the first.
     """
 
-    def __init__(self, register: Register, rows: Table) -> None:
+    def __init__(self, register: Register, rows: Table, index: int = -1) -> None:
         self.register = register
+        self.index = index
         self.bucket = rows["bucket"]
         self.t, self.t_first, self.at, self.n = (
             rows["t_last"],
@@ -71,8 +74,10 @@ class Series:
 class Case:
     """All that a rule may ask about one bus; nothing in here changes while it is judged."""
 
-    def __init__(self, ledger: Ledger) -> None:
+    def __init__(self, ledger: Ledger, *, speaks_first: bool = True) -> None:
         self.ledger = ledger
+        self.speaks_first = speaks_first
+        """Of protocols that share a bus: what concerns both is told of this one."""
         self.bus = ledger.bus
         self.protocol: BusProtocol = ledger.protocol
 
@@ -97,6 +102,15 @@ class Case:
     def seconds(self) -> float:
         """How long it was listened to."""
         return max((self.last_ns - self.first_ns) / NS, 0.0)
+
+    @property
+    def has_checksum(self) -> bool:
+        """Whether answers have one: else damage may pass for a value."""
+        return self.ledger.has_checksum is not False
+
+    def since(self, t_ns: int) -> str:
+        """Return when it was, counted from the first frame, in words."""
+        return f"{(t_ns - self.first_ns) / NS:.3f} s"
 
     @property
     def baud(self) -> int:
@@ -137,14 +151,35 @@ class Case:
         return self.ledger.settings.written()
 
     @functools.cached_property
+    def orders(self) -> Table:
+        """Commands that end a goal, by bucket, servo and kind (``protocols.base.LETS_GO`` ...)."""
+        return self.ledger.orders.counted()
+
+    def order_times(self, servo_id: int, *kinds: int) -> I64:
+        """Return when a servo was last given such commands, a moment a bucket and kind."""
+        o = self.orders
+        to_it = np.isin(o["servo_id"], [servo_id, *self.protocol.everyone])
+        return np.sort(o["t_last"][to_it & np.isin(o["kind"], kinds)])
+
+    @functools.cached_property
     def damage(self) -> Table:
         """Damaged places by bucket, servo and turn (``damage.TURNS``)."""
         return self.ledger.damages.counted()
+
+    @functools.cached_property
+    def line_errors(self) -> Table:
+        """Bytes without a stop bit by bucket, servo and place (``lineerrors``)."""
+        return self.ledger.line_errors.counted()
 
     @property
     def damages(self) -> Sequence[Damage]:
         """The first damaged places with their bytes."""
         return self.ledger.damages.kept
+
+    @functools.cached_property
+    def misreads(self) -> Sequence[Misread]:
+        """The first torn frames of each sender by their bits."""
+        return misread(self.protocol, self.damages, self.ledger.damages.likes.known)
 
     @functools.cached_property
     def happenings(self) -> Happenings:
@@ -176,24 +211,36 @@ class Case:
         return int(self.answers[column][rows].sum())
 
     @functools.cached_property
-    def _series(self) -> Mapping[tuple[int, str], Series]:
+    def _series(self) -> Mapping[tuple[int, str], Sequence[Series]]:
         values = self._values
-        out: dict[tuple[int, str], Series] = {}
+        out: dict[tuple[int, str], list[Series]] = {}
         key = values["servo_id"] * len(self.protocol.registers) + values["register"]
         order = np.argsort(key, kind="stable")
         edges = np.flatnonzero(np.diff(key[order], prepend=-2, append=-2))
         for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
             rows = order[a:b]
-            register = self.protocol.registers[int(values["register"][rows[0]])]
+            index = int(values["register"][rows[0]])
+            register = self.protocol.registers[index]
             who = int(values["servo_id"][rows[0]]), register.quantity
-            series = Series(register, {name: column[rows] for name, column in values.items()})
-            if who not in out or len(series) > len(out[who]):
-                out[who] = series  # of registers that state one quantity, the one stated oftener
+            series = Series(
+                register, {name: column[rows] for name, column in values.items()}, index
+            )
+            out.setdefault(who, []).append(series)
+        for several in out.values():
+            several.sort(key=lambda s: (-len(s), s.index))
         return out
 
     def series(self, servo_id: int, quantity: str) -> Series | None:
-        """Return a quantity of a servo (``Register.quantity``) over time; None: never stated."""
-        return self._series.get((servo_id, quantity))
+        """Return a quantity of a servo (``Register.quantity``) over time; None: never stated.
+
+        Of registers that state one quantity it is the one stated oftener.
+        """
+        several = self._series.get((servo_id, quantity))
+        return several[0] if several else None
+
+    def every(self, servo_id: int, quantity: str) -> Sequence[Series]:
+        """Return a quantity of a servo by each register that states it, the most stated first."""
+        return self._series.get((servo_id, quantity), ())
 
     def measured_by(self, quantity: str) -> tuple[int, ...]:
         """Return the servos of which a quantity was stated."""

@@ -1,45 +1,56 @@
 """Damaged places with what stood around them: whose turn it was, and what should have stood there.
 
-The first ``KEPT`` are kept with their bytes; all of them are counted by servo and by whose turn it
-was.
+A place is a run of bytes that no frame claims, in one go. The first ``KEPT`` are kept with their
+bytes; all of them are counted by servo and by whose turn it was.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from sniffer.diagnosis.buckets import Buckets
-from sniffer.ground.codes import MANY, NEVER, REQUEST, RESPONSE
-from sniffer.ground.gaps import BLANK, IDLE_TAIL, NOISE, Gaps
-from sniffer.ground.model import NS
+from sniffer.diagnosis.likes import Likes
+from sniffer.ground.codes import MANY, NEVER, NOT_EXPECTED, OK, REQUEST, RESPONSE
+from sniffer.ground.gaps import BLANK, CHECKSUM, IDLE_TAIL, NOISE, Gaps
+from sniffer.ground.model import ECHO, NS, Clock, Columns, Frames
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sniffer.ground.model import I64, Batch
+    from sniffer.ground.model import I64, Batch, Mask
     from sniffer.protocols.base import BusProtocol
 
-IN_REQUEST, IN_REPLY, AT_TURN, IN_IDLE = range(4)
-"""Whose turn it was: a request torn; an answer torn; stray bytes before or behind a sound answer;
-stray bytes elsewhere."""
+IN_REQUEST, IN_REPLY, AT_TURN, IN_IDLE, HELD = range(5)
+"""Whose turn it was: a request torn; an answer torn; stray bytes right before or behind a sound
+answer; stray bytes elsewhere; one value over and over."""
 
-TURNS: Final = ("requests", "replies", "turns", "idle")
+TURNS: Final = ("requests", "replies", "turns", "idle", "held")
 
 KEPT: Final = 2000
 
 BYTES: Final = 80
 """Bytes kept of each place: more than a frame of any protocol here needs to be compared."""
 
-BEFORE: Final = 256
-"""Frames before a place in which its like is looked for."""
+STRAY: Final = 4
+"""Fewer bytes of no frame are stray: no frame with a header is so short."""
 
-NEAR: Final = 64
-"""Frames before a torn request among which the one that it resembles most is looked for."""
+STEADY: Final = 6
+"""So many bytes of one value are of no frame: the line is held. Headers have three at most."""
+
+NEAR_BYTES: Final = 2
+"""What comes within so many byte times behind a frame comes with its end."""
+
+BLANKS: Final = 2
+"""So many bytes without a meaning (line feeds) may stand between a frame and what follows it."""
+
+APART_BYTES: Final = 3
+"""Pieces of one run that are further apart than so many byte times are two."""
+
+PAUSE_NS: Final = 100_000
+"""What a sender may pause within a frame beside that: some clients wait between bytes."""
 
 _BUCKET_NS: Final = NS // 4
 
@@ -58,8 +69,10 @@ class Damage:
     """One place without a frame.
 
     ``kind`` is that of the gap, ``servo_id`` who was asked or is named (-1: nobody). ``asked`` is
-    the request right before it (empty: none), ``expected`` the last sound frame that stood in such
-    a place: the servo's answer to the same request, or the nearest request (empty: none known).
+    the request right before it (empty: none). ``alike`` are sound frames that stood in such a place
+    not long before: the servo's answers to the same request, or requests of that length, the
+    likeliest first. ``since_ns`` is how long the frame before was over, ``until_ns`` how long it
+    took until the next frame began; -1 where nobody knows.
     """
 
     at: int
@@ -70,18 +83,54 @@ class Damage:
     servo_id: int
     got: bytes
     asked: bytes
-    expected: bytes
+    alike: tuple[bytes, ...]
+    since_ns: int = -1
+    until_ns: int = -1
+
+    @property
+    def expected(self) -> bytes:
+        """What should have stood there, empty where nothing is known."""
+        return self.alike[0] if self.alike else b""
 
 
-class _Frame(NamedTuple):
-    """A sound frame; places are absolute."""
+@dataclass(frozen=True, slots=True)
+class TornRuns(Columns):
+    """Runs of unclaimed bytes; places are absolute, ``value`` is their only one or -1."""
 
-    start: int
+    start: I64
+    length: I64
+    begins_ns: I64
+    t_ns: I64
+    kind: I64
+    servo_id: I64
+    value: I64
+
+
+class _Edge(NamedTuple):
+    """The last frame before a batch, as far as a run needs it; ``end`` is absolute."""
+
     end: int
     kind: int
     servo_id: int
     reply: int
-    data: bytes
+    t_end: int
+    uncertainty: int
+    window_ns: int
+    outcome: int
+
+
+_NOBODY: Final = _Edge(-1 << 40, -1, -1, 0, 0, -1, 0, -1)
+
+
+class _Told(NamedTuple):
+    """What is known of runs: whose turn each was, whom it is about, and the frame before."""
+
+    turn: I64
+    who: I64
+    since_ns: I64
+    until_ns: I64
+    row: I64
+    asks: Mask
 
 
 class Damages:
@@ -89,98 +138,32 @@ class Damages:
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._protocol = protocol
-        self.counts = Buckets(_COUNTS)
-        """By bucket, servo (+1) and turn."""
-        self.kept: list[Damage] = []
-        self._recent: deque[Batch] = deque()  # those with the last frames
+        self._counts = Buckets(_COUNTS)
+        self.likes = Likes()
+        self._kept: list[Damage] = []
+        self._open = TornRuns.empty()
+        self._begun = b""
+        self._edge: _Edge | None = None
+        self._byte_ns = 0
 
-    def add(self, batch: Batch) -> None:
-        """Take the gaps of a batch."""
-        gaps = Gaps.of(batch.gaps)
-        rows = np.flatnonzero(gaps.kind != BLANK)
-        if len(rows):
-            self._gaps(batch, gaps, rows)
-        if len(batch.frames):
-            self._recent.append(batch)
-            later = sum(len(b.frames) for b in self._recent)
-            while later - len(self._recent[0].frames) >= BEFORE:
-                later -= len(self._recent.popleft().frames)
-
-    def _gaps(self, batch: Batch, gaps: Gaps, rows: I64) -> None:
-        f = batch.frames
-        start, length = gaps.start[rows], gaps.length[rows]
-        before = np.searchsorted(f.end, start, "right") - 1
-        after = np.searchsorted(f.start, start + length)
-        last = _frame(self._recent[-1], -1) if self._recent else None
-        kind, servo, end, reply = (
-            np.append(column, edge)
-            for column, edge in (
-                (f.kind.astype(np.int64), -1 if last is None else last.kind),
-                (f.servo_id.astype(np.int64), -1 if last is None else last.servo_id),
-                (f.end, -1 if last is None else last.end - batch.base),
-                (f.reply.astype(np.int64), 0 if last is None else last.reply),
-            )
-        )  # row -1, before the first frame of the batch, is the last one of the batch before
-        follows = np.append(f.kind.astype(np.int64), -1)
-        asks = (kind[before] == REQUEST) & (end[before] == start)
-        asks &= (reply[before] != NEVER) & (reply[before] != MANY)
-        next_is_answer = (follows[after] == RESPONSE) & (
-            np.append(f.start, -1)[after] == start + length
-        )
-        stray = (gaps.kind[rows] == NOISE) | (gaps.kind[rows] == IDLE_TAIL)
-        behind_answer = (kind[before] == RESPONSE) & (end[before] == start) & stray
-        turn = np.where(
-            asks & next_is_answer,
-            AT_TURN,
-            np.where(
-                asks,
-                IN_REPLY,
-                np.where(behind_answer, AT_TURN, np.where(stray, IN_IDLE, IN_REQUEST)),
-            ),
-        )
-        who = np.where(asks | (turn == AT_TURN), servo[before], gaps.servo_id[rows])
-        self.counts.add(
-            ((gaps.t_ns[rows] // _BUCKET_NS) * 512 + who + 1) * len(TURNS) + turn,
-            n=1,
-            bytes=length,
-            at=start + batch.base,
-            length=length,
-            t_first=gaps.t_ns[rows],
-            t_last=gaps.t_ns[rows],
-        )
-        for i in range(min(len(rows), KEPT - len(self.kept))):
-            row = int(before[i])
-            at, size = int(start[i]), int(length[i])
-            turned = int(turn[i])
-            asked = next(self._earlier(batch, row)).data if asks[i] else b""
-            self.kept.append(
-                Damage(
-                    at + batch.base,
-                    size,
-                    int(gaps.t_ns[rows[i]]),
-                    int(gaps.kind[rows[i]]),
-                    turned,
-                    int(who[i]),
-                    batch.data[at : at + min(size, BYTES)],
-                    asked,
-                    _like(self._earlier(batch, row), asked, batch.data[at : at + min(size, BYTES)]),
-                )
-            )
-
-    def _earlier(self, batch: Batch, row: int) -> Iterator[_Frame]:
-        """Yield the frames up to a row, the latest first, no more than ``BEFORE``."""
-        left = BEFORE
-        for r in range(row, max(-1, row - BEFORE), -1):
-            left -= 1
-            yield _frame(batch, r)
-        for recent in reversed(self._recent):
-            for k in range(min(left, len(recent.frames))):
-                left -= 1
-                yield _frame(recent, len(recent.frames) - 1 - k)
+    @property
+    def kept(self) -> list[Damage]:
+        """The first places, with the one that may still go on."""
+        left = KEPT - len(self._kept)
+        if not len(self._open) or not left:
+            return self._kept
+        told = self._told(self._open, None)
+        return [*self._kept, *self._made(self._open, told, None, left)]
 
     def counted(self) -> dict[str, I64]:
         """Return the counts as columns, with ``bucket``, ``servo_id`` and ``turn``."""
-        key, columns = self.counts.table()
+        counts = self._counts
+        if len(self._open):
+            key, columns = counts.table()
+            counts = Buckets(_COUNTS)
+            counts.add(key, **columns)
+            self._count(counts, self._open, self._told(self._open, None))
+        key, columns = counts.table()
         rest = key // len(TURNS)
         return {
             **columns,
@@ -189,33 +172,211 @@ class Damages:
             "bucket": rest // 512,
         }
 
+    def add(self, batch: Batch, byte_ns: int) -> None:
+        """Take the gaps of a batch; ``byte_ns`` is how long a byte takes on the line."""
+        self._byte_ns = byte_ns
+        if len(batch.data) and (len(batch.gaps) or len(self._open)):
+            self._places(batch)
+        if len(batch.frames):
+            self._edge = self._last(batch)
+            self.likes.add(batch)
 
-def _frame(batch: Batch, r: int) -> _Frame:
-    f = batch.frames
-    start, size = int(f.start[r]), int(f.length[r])
-    return _Frame(
-        start + batch.base,
-        start + size + batch.base,
-        int(f.kind[r]),
-        int(f.servo_id[r]),
-        int(f.reply[r]),
-        batch.data[start : start + size],
-    )
+    def _last(self, batch: Batch) -> _Edge:
+        """Return the last frame of a batch."""
+        f = batch.frames
+        last = f.take(slice(len(f) - 1, None))
+        return _Edge(
+            int(last.end[0]) + batch.base,
+            int(last.kind[0]),
+            int(last.servo_id[0]),
+            int(last.reply[0]),
+            int(last.t_end[0]),
+            int(last.uncertainty[0]),
+            int(self._protocol.window_ns(last)[0]),
+            int(_outcomes(batch)[len(f) - 1]),
+        )
+
+    def _places(self, batch: Batch) -> None:
+        """Join gaps in a row; take those to which nothing more can be joined."""
+        runs = self._runs(batch)
+        if not len(runs):
+            return
+        last = runs.take(slice(len(runs) - 1, None))
+        self._open = TornRuns.empty()
+        if int(last.start[0] + last.length[0]) == batch.base + len(batch.data):
+            self._open = last
+            runs = runs.take(slice(0, len(runs) - 1))
+        if len(runs):
+            told = self._told(runs, batch)
+            self._count(self._counts, runs, told)
+            self._kept += self._made(runs, told, batch, KEPT - len(self._kept))
+        if len(self._open):
+            at = int(last.start[0]) - batch.base
+            self._begun = ((self._begun if at < 0 else b"") + batch.data[max(at, 0) :])[:BYTES]
+
+    def _runs(self, batch: Batch) -> TornRuns:
+        """Return the runs of a batch, the one that is open first."""
+        gaps = Gaps.of(batch.gaps)
+        rows = np.flatnonzero(gaps.kind != BLANK)
+        start, length, t_ns = gaps.start[rows], gaps.length[rows], gaps.t_ns[rows]
+        pieces = TornRuns(
+            start + batch.base,
+            length,
+            t_ns - length * self._byte_ns,
+            t_ns,
+            gaps.kind[rows].astype(np.int64),
+            gaps.servo_id[rows],
+            _only_value(batch.data, start, length),
+        )
+        if len(self._open):
+            pieces = TornRuns.concat([self._open, pieces])
+        if len(pieces) < 2:
+            return pieces
+        end, p = pieces.start + pieces.length, pieces
+        apart = p.start[1:] != end[:-1]
+        if batch.clock != Clock.NONE:
+            pause = p.begins_ns[1:] - p.t_ns[:-1]
+            apart |= pause > APART_BYTES * self._byte_ns + PAUSE_NS
+        held = _is_held(p)
+        # two frames that are whole but for their checksums are two
+        apart |= (p.kind[1:] == CHECKSUM) & (p.kind[:-1] == CHECKSUM)
+        # what is held for long is not what was torn beside it
+        apart |= (p.value[1:] != p.value[:-1]) & (held[1:] | held[:-1])
+        first = np.flatnonzero(np.concatenate([[True], apart]))
+        last = np.append(first[1:], len(p)) - 1
+        one = np.maximum.reduceat(p.value, first) == np.minimum.reduceat(p.value, first)
+        return TornRuns(
+            p.start[first],
+            end[last] - p.start[first],
+            p.begins_ns[first],
+            p.t_ns[last],
+            np.maximum.reduceat(p.kind, first),
+            np.maximum.reduceat(p.servo_id, first),
+            np.where(one, p.value[first], -1),
+        )
+
+    def _told(self, runs: TornRuns, batch: Batch | None) -> _Told:
+        """Judge whose turn each run was, by the frames before and behind it.
+
+        Row -1, before the first frame of a batch, is the last one of the batch before.
+        """
+        f = Frames.empty() if batch is None else batch.frames
+        base = 0 if batch is None else batch.base
+        start, end = runs.start - base, runs.start + runs.length - base
+        row = np.searchsorted(f.end, start, "right") - 1
+        after = np.searchsorted(f.start, end)
+        edge = self._edge or _NOBODY
+        kind, servo, reply, ends, ended, doubt = (
+            np.append(column.astype(np.int64), last)[row]
+            for column, last in (
+                (f.kind, edge.kind),
+                (f.servo_id, edge.servo_id),
+                (f.reply, edge.reply),
+                (f.end, edge.end - base),
+                (f.t_end, edge.t_end),
+                (f.uncertainty, edge.uncertainty),
+            )
+        )
+        follows = (np.append(f.kind.astype(np.int64), -1)[after] == RESPONSE) & (
+            np.append(f.start, -1)[after] == end
+        )
+        known = _outcomes(batch)[:-1] if batch is not None else np.empty(0, np.int64)
+        outcome = np.append(known, edge.outcome)[row]
+        timed = np.append(f.uncertainty, -1)[after]
+        since = np.where(doubt >= 0, runs.begins_ns - ended, -1)
+        next_to = (start - ends <= BLANKS) & (kind >= 0)
+        asks = next_to & (kind == REQUEST) & (reply != NEVER) & (reply != MANY)
+        asks &= (outcome != NOT_EXPECTED) & ((outcome != OK) | follows)
+        inside = asks & (doubt >= 0)
+        if inside.any():
+            own = row[inside] >= 0
+            window = np.full(len(own), edge.window_ns)
+            window[own] = self._protocol.window_ns(f.take(row[inside][own]))
+            asks[inside] = since[inside] - doubt[inside] <= window
+        stray = ((runs.kind == NOISE) | (runs.kind == IDLE_TAIL)) & (runs.length < STRAY)
+        near = next_to & (doubt >= 0) & (doubt <= self._byte_ns)
+        near &= since <= NEAR_BYTES * self._byte_ns + PAUSE_NS
+        turn = np.where(
+            _is_held(runs),
+            HELD,
+            np.where(
+                stray & ((asks & follows) | (near & ~asks)),
+                AT_TURN,
+                np.where(asks, IN_REPLY, np.where(stray, IN_IDLE, IN_REQUEST)),
+            ),
+        )
+        who = np.where(asks | (turn == AT_TURN), servo, runs.servo_id)
+        next_ns = np.append(f.t_start, -1)[after]
+        until = np.where((next_ns >= 0) & (timed >= 0), next_ns - runs.t_ns, -1)
+        return _Told(turn, who, since, until, row, asks)
+
+    def _count(self, counts: Buckets, runs: TornRuns, told: _Told) -> None:
+        counts.add(
+            ((runs.t_ns // _BUCKET_NS) * 512 + told.who + 1) * len(TURNS) + told.turn,
+            n=1,
+            bytes=runs.length,
+            at=runs.start,
+            length=runs.length,
+            t_first=runs.begins_ns,
+            t_last=runs.t_ns,
+        )
+
+    def _made(
+        self, runs: TornRuns, told: _Told, batch: Batch | None, most: int
+    ) -> Iterator[Damage]:
+        """Make the first few of some runs, each with what should have stood there."""
+        base = 0 if batch is None else batch.base
+        for i in range(min(len(runs), most)):
+            at, size = int(runs.start[i]), int(runs.length[i])
+            row = int(told.row[i])
+            if batch is None or at < base:
+                got = (self._begun + (b"" if batch is None else batch.data))[:size][:BYTES]
+            else:
+                got = batch.data[at - base : at - base + min(size, BYTES)]
+            turn = int(told.turn[i])
+            asked = b""
+            alike: tuple[bytes, ...] = ()
+            if told.asks[i]:
+                asked = self.likes.last(batch, row)
+                alike = self.likes.answers(batch, row, asked)
+            elif turn == IN_REQUEST and size <= BYTES:
+                alike = self.likes.requests(batch, row, got)
+            yield Damage(
+                at,
+                size,
+                int(runs.t_ns[i]),
+                int(runs.kind[i]),
+                turn,
+                int(told.who[i]),
+                got,
+                asked,
+                alike,
+                int(told.since_ns[i]),
+                int(told.until_ns[i]),
+            )
 
 
-def _like(earlier: Iterator[_Frame], asked: bytes, got: bytes) -> bytes:
-    """Return the last sound frame that stood where this damage stands."""
-    if asked:
-        for answer, request in itertools.pairwise(itertools.islice(earlier, 1, None)):
-            if answer.kind == RESPONSE and request.kind == REQUEST and request.data == asked:
-                return answer.data
-        return b""
-    best, least = b"", len(got) // 2 + 1
-    for frame in itertools.islice(earlier, NEAR):
-        if frame.kind == REQUEST and len(frame.data) == len(got):
-            differ = sum(a != b for a, b in zip(frame.data, got, strict=True))
-            if differ < least:
-                best, least = frame.data, differ
-                if differ == 1:
-                    break
-    return best
+def _only_value(data: bytes, start: I64, length: I64) -> I64:
+    """Return the value that each run of bytes consists of, -1 where there are several."""
+    if not len(start):
+        return np.empty(0, np.int64)
+    edges = np.stack([start, start + length], 1).reshape(-1)
+    whole = np.append(np.frombuffer(data, np.uint8), 0)
+    low = np.minimum.reduceat(whole, edges)[::2].astype(np.int64)
+    high = np.maximum.reduceat(whole, edges)[::2]
+    return np.where(low == high, low, -1)
+
+
+def _is_held(runs: TornRuns) -> Mask:
+    return (runs.value >= 0) & (runs.length >= STEADY)
+
+
+def _outcomes(batch: Batch) -> I64:
+    """Return what became of each frame's request, -1 for others; an echo's is its request's."""
+    t, f = batch.transactions, batch.frames
+    out = np.full(len(f) + 1, -1, np.int64)
+    mine = np.flatnonzero(t.request >= 0)
+    out[t.request[mine]] = t.outcome[mine]
+    echo = np.flatnonzero(f.flags & ECHO)
+    out[echo] = out[echo - 1]
+    return out

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.decoding.joining import joined, runs
 from sniffer.decoding.sink import bus_of
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.incidents import incidents
@@ -20,6 +21,11 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
 
 
+TOGETHER: Final = 1 << 16
+"""Bytes that go into a ledger at once, unless somebody asks before: a pass over a few frames costs
+as much as one over thousands."""
+
+
 class Diagnosis:
     """Takes what a decode gives and says what is wrong with each bus, and why.
 
@@ -28,6 +34,7 @@ class Diagnosis:
 
     def __init__(self) -> None:
         self._ledgers: dict[str, Ledger] = {}
+        self._waiting: dict[str, list[Batch]] = {}
         self._paces: dict[str, Pace] = {}
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
@@ -44,14 +51,28 @@ class Diagnosis:
         if ledger is None:
             ledger = self._ledgers[name] = Ledger(bus, protocol)
             ledger.pace = self._paces.get(bus)
-        ledger.add(batch)
+        waiting = self._waiting.setdefault(name, [])
+        waiting.append(batch)
+        if sum(len(b.data) for b in waiting) >= TOGETHER:
+            self._take(name)
+
+    def _take(self, name: str) -> None:
+        """Let a ledger have what waits for it."""
+        for run in runs(self._waiting.pop(name, [])):
+            self._ledgers[name].add(joined(run))
 
     def close(self) -> None:
         """Finish; the diagnosis can be asked for afterwards."""
 
     def cases(self) -> list[Case]:
         """Return each bus as the rules see it."""
-        return [Case(ledger) for ledger in self._ledgers.values()]
+        for name in list(self._waiting):
+            self._take(name)
+        first = {ledger.bus: ledger for ledger in reversed(self._ledgers.values())}
+        return [
+            Case(ledger, speaks_first=first[ledger.bus] is ledger)
+            for ledger in self._ledgers.values()
+        ]
 
     def incidents(self) -> tuple[Incident, ...]:
         """Return the incidents of all buses so far, by bus and beginning."""

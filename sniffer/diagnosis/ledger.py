@@ -11,13 +11,18 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from sniffer.diagnosis.buckets import Buckets, in_groups
+from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.damage import Damages
 from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happened
 from sniffer.diagnosis.exchanges import Exchanges
 from sniffer.diagnosis.histograms import Histograms
+from sniffer.diagnosis.lineerrors import LineErrors
+from sniffer.diagnosis.orders import KINDS, Orders
+from sniffer.diagnosis.refusals import Refusals
 from sniffer.diagnosis.settings import Settings
 from sniffer.diagnosis.silences import Silences
+from sniffer.diagnosis.steps import Steps
+from sniffer.diagnosis.unclaimed import Unclaimed
 from sniffer.diagnosis.unnamed import UnnamedWrites
 from sniffer.diagnostics.found import CODES, Anomalies
 from sniffer.ground.codes import (
@@ -146,14 +151,24 @@ class Ledger:
         """Times between the beginnings of two requests of the bus; key 0."""
         self.settings = Settings(protocol)
         self.damages = Damages(protocol)
+        self.line_errors = LineErrors()
         self.silences = Silences()
+        self.orders = Orders(protocol)
+        self.refusals = Refusals(protocol)
+        self.steps = Steps(protocol)
         self.exchanges = Exchanges(protocol)
         self.unnamed = UnnamedWrites(protocol)
+        self.unclaimed = Unclaimed()
+        self.is_shared = False
+        """Whether another protocol is on the same wire."""
         self.head = b""
         """The first bytes of the bus."""
+        self.has_checksum: bool | None = None
+        """Whether answers of more than a byte have one; None: there was none yet."""
+        self.answer_length = 0
+        """Bytes of the first such answer."""
         self._asked_at: dict[int, int] = {}
         self._last_asked: int | None = None
-        self._steps: dict[int, int] = {}
         self._fine_from: int | None = None
         registers = protocol.registers
         self._is_value = np.array([bool(r.quantity) for r in registers], bool)
@@ -174,20 +189,39 @@ class Ledger:
         if len(batch.transactions):
             self._answers(batch)
             self.silences.add(batch)
+            self.refusals.add(batch)
         if len(f):
             self.frames += len(f)
+            if self.has_checksum is None:
+                self._look_for_checksum(batch)
             if self.first_ns is None:
                 self.first_ns = int(f.t_start[0])
             self.last_ns = max(self.last_ns, int(f.t_end[-1]))
             self._traffic(batch)
             self._periods(f)
+            self.orders.add(batch)
         if len(batch.values):
             self._values(batch)
-        self.damages.add(batch)
-        baud = self.protocol.baud if self.pace is None else self.pace.baud
-        self.exchanges.add(batch, byte_time_ns(baud))
+        self.damages.add(batch, self.byte_ns)
+        self.exchanges.add(batch, self.byte_ns)
         self.unnamed.add(batch)
+        self.unclaimed.add(batch)
+        self.is_shared |= batch.is_shared
         self._join_old()
+
+    @property
+    def byte_ns(self) -> int:
+        """How long a byte takes at the rate by which the bus is decoded."""
+        return byte_time_ns(self.protocol.baud if self.pace is None else self.pace.baud)
+
+    def _look_for_checksum(self, batch: Batch) -> None:
+        f = batch.frames
+        rows = np.flatnonzero((f.kind != REQUEST) & (f.length > 1))
+        if len(rows):
+            start, length = int(f.start[rows[0]]), int(f.length[rows[0]])
+            raw = batch.data[start : start + length]
+            self.answer_length = length
+            self.has_checksum = self.protocol.checksum_of(raw) is not None
 
     def bucket(self, t_ns: I64) -> I64:
         """Return the numbers of the buckets of moments."""
@@ -243,11 +277,10 @@ class Ledger:
             t_first=t_ns,
             t_last=t_ns,
         )
-        if sound:
-            self.took.add(pair_key(servo.astype(np.int64), frames.op[rows]), least, took + spread)
-        elif timed.any():
-            whose = pair_key(servo[timed].astype(np.int64), frames.op[rows][timed])
-            self.took.add(whose, least[timed], took[timed] + spread[timed])
+        # Who answers behind others, to requests in one go, waited for them.
+        alone = timed & (response == request + 1)
+        whose = pair_key(servo[alone].astype(np.int64), frames.op[rows[alone]])
+        self.took.add(whose, least[alone], took[alone] + spread[alone])
 
     def _periods(self, f: Frames) -> None:
         """Count the times between requests that are alike, and between any two."""
@@ -304,6 +337,7 @@ class Ledger:
         register = v.register[mine].astype(np.int64)
         who = (v.servo_id[mine].astype(np.int64) + 1) * len(self._is_value) + register
         t_ns = v.t_ns[mine]
+        at = batch.frames.start[v.row[mine]] + batch.base
         self.values.add(
             self.bucket(t_ns) * (SERVOS * len(self._is_value)) + who,
             n=1,
@@ -312,26 +346,11 @@ class Ledger:
             total=milli,
             first=milli,
             last=milli,
-            step=self._stepped(who, milli),
-            at=batch.frames.start[v.row[mine]] + batch.base,
+            step=self.steps.add(who, milli, t_ns, at),
+            at=at,
             t_first=t_ns,
             t_last=t_ns,
         )
-
-    def _stepped(self, who: I64, value: I64) -> I64:
-        """Return how far each value is from the one before of its servo and register."""
-        order, begins = in_groups(who)
-        v = value[order]
-        sizes = np.diff(np.append(begins, len(order)))
-        step = np.empty(len(v), np.int64)
-        step[1:] = v[1:] - v[:-1]
-        of, now = who[order[begins]].tolist(), v[begins].tolist()
-        known = [self._steps.get(key, own) for key, own in zip(of, now, strict=True)]
-        step[begins] = v[begins] - np.array(known, np.int64)
-        self._steps.update(zip(of, v[begins + sizes - 1].tolist(), strict=True))
-        out = np.empty(len(value), np.int64)
-        out[order] = np.abs(step)
-        return out
 
     def _line(self, batch: Batch) -> None:
         f = batch.frames
@@ -374,6 +393,7 @@ class Ledger:
     def _remarks(self, batch: Batch) -> None:
         if not batch.remarks:
             return
+        self.line_errors.add(batch)
         rows = np.array(
             [(int(r.kind), r.t_ns, r.start, r.length, r.count) for r in batch.remarks], np.int64
         )
@@ -398,6 +418,7 @@ class Ledger:
             (self.line, 1),
             (self.values, SERVOS * len(self._is_value)),
             (self.alarms, SERVOS * len(CODES)),
+            (self.orders.counts, SERVOS * KINDS),
         )
         for buckets, width in tables:
             key, _ = buckets.table()

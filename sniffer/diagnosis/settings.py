@@ -12,6 +12,7 @@ from sniffer.ground.codes import MEASURED, REQUEST, WHOLE
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, Batch
+    from sniffer.ground.register import Register
     from sniffer.protocols.base import BusProtocol
 
 MOVING: Final = frozenset(
@@ -32,15 +33,23 @@ _WRITES: Final = {
 }
 
 
+def _is_setting(register: Register) -> bool:
+    """Tell whether a register keeps what it is until something happens.
+
+    A reason that a servo gives for its state is one of few words, too.
+    """
+    if register.role == MEASURED:
+        return bool(register.values) and not register.quantity
+    return register.quantity not in MOVING
+
+
 class Settings:
     """Counts writes by servo and register, and remembers what each setting was last."""
 
     def __init__(self, protocol: BusProtocol) -> None:
         registers = protocol.registers
         self._count = len(registers)
-        self._is_setting = np.array(
-            [r.role != MEASURED and r.quantity not in MOVING for r in registers], bool
-        )
+        self._is_setting = np.array([_is_setting(r) for r in registers], bool)
         self._known: dict[int, int] = {}
         self.writes = Buckets(_WRITES)
         """By servo and register: every value that a request states, of whatever register."""

@@ -39,6 +39,8 @@ class Silences:
     def __init__(self) -> None:
         self._open: dict[int, Silence] = {}
         self._over: dict[int, list[Silence]] = {}
+        self._runs: dict[int, list[Silence]] = {}
+        self._lengths: dict[int, list[int]] = {}
         self.heard: set[int] = set()
         """Servos that answered at least once."""
 
@@ -84,6 +86,11 @@ class Silences:
 
     def _close(self, who: int, t_ns: int) -> None:
         one = self._open.pop(who)._replace(back_ns=t_ns)
+        lengths = self._lengths.setdefault(who, [0] * LEAST)
+        lengths[min(one.missed, LEAST) - 1] += 1
+        runs = self._runs.setdefault(who, [])
+        if len(runs) < KEPT:
+            runs.append(one)
         if one.missed >= LEAST:
             over = self._over.setdefault(who, [])
             if len(over) > KEPT:
@@ -95,3 +102,11 @@ class Silences:
         last = self._open.get(servo_id)
         over = self._over.get(servo_id, [])
         return [*over, last] if last is not None and last.missed >= LEAST else over
+
+    def runs(self, servo_id: int) -> Sequence[Silence]:
+        """Return the first stretches of a servo that were over, also those of one request."""
+        return self._runs.get(servo_id, ())
+
+    def lengths(self, servo_id: int) -> tuple[int, ...]:
+        """Return how many stretches that were over had one request, two, and ``LEAST`` or more."""
+        return tuple(self._lengths.get(servo_id, (0,) * LEAST))

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sniffer.diagnosis.causes import CAUSES, SERVO
+from sniffer.diagnosis.causes import CAUSES, CONTROLLER, SERVO
 from sniffer.diagnosis.model import Ranked, Reason
 from sniffer.diagnosis.weights import WEIGHTS
 from sniffer.ground.model import NS
@@ -152,12 +152,18 @@ def _explained(best: Weighed, left: Sequence[Finding], all_found: Sequence[Findi
         )
         for w in rivals[:SHOWN]
     )
-    # What is no servo's fault names those whom its keys are about; all others only suffer from it.
-    keys = [f for f in best.explained if weights[f.code].is_key]
-    whose = {f.servo_id for f in keys if f.servo_id is not None}
+    return Explained(_whose(best), best.explained, ranked, key)
+
+
+def _whose(best: Weighed) -> tuple[int, ...]:
+    """Return the servos that a cause is about: what it does to others is not about them."""
     if best.servo_id is not None:
-        whose = {best.servo_id}
-    return Explained(tuple(sorted(whose)), best.explained, ranked, key)
+        return (best.servo_id,)
+    if best.cause.of != CONTROLLER:
+        return ()
+    weights = WEIGHTS[best.cause.slug]
+    keys = {f.servo_id for f in best.explained if weights[f.code].is_key}
+    return tuple(sorted(servo for servo in keys if servo is not None))
 
 
 def _why(w: Weighed) -> str:

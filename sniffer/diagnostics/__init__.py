@@ -20,8 +20,12 @@ from sniffer.diagnostics.hearing import Hearing
 from sniffer.diagnostics.models import ModelRules
 from sniffer.diagnostics.rules import CaptureRules, gap_anomalies, protocol_anomalies
 from sniffer.diagnostics.tap import TORN_OFF, TapRules, without_our_fault
+from sniffer.diagnostics.thresholds import AlarmRules
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.diagnostics.alarms import Alarm
     from sniffer.diagnostics.learned import Meaning
     from sniffer.ground.model import Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
@@ -42,14 +46,18 @@ class WireRules:
 class Diagnostics:
     """Runs all rules over batch after batch of one bus.
 
-    ``is_alone``: no other protocol is on the wire, so that what concerns the wire is told here.
+    ``alarms`` are rules of the user's own. ``is_alone``: no other protocol is on the wire, so that
+    what concerns the wire is told here.
     """
 
-    def __init__(self, protocol: BusProtocol, *, is_alone: bool = True) -> None:
+    def __init__(
+        self, protocol: BusProtocol, *, alarms: Sequence[Alarm] = (), is_alone: bool = True
+    ) -> None:
         self._protocol = protocol
         self._pairing = PairingRules(protocol)
         self._device = DeviceRules(protocol)
         self._models = ModelRules(protocol)
+        self._alarms = AlarmRules(protocol, alarms)
         self._wire = WireRules() if is_alone else None
         self._doubled = DoubledAnswers(protocol)
         self._hearing = Hearing()
@@ -60,6 +68,7 @@ class Diagnostics:
             *self._device.judge(batch, () if meaning is None else meaning.resets),
             *(self._models.judge(batch, meaning) if meaning is not None else ()),
             *(self._wire.judge(batch) if self._wire is not None else ()),
+            *self._alarms.judge(batch),
         ]
         found = Anomalies.joined(
             [

@@ -248,6 +248,22 @@ _CODES: Final = (
         "Two recordings joined, or a clock that was set while recording.",
         "Do not trust times across the step.",
     ),
+    Code(
+        "alarm",
+        "yours",
+        WARN,
+        "A rule of your own (`--alarm`) is met: what is said begins with the rule.",
+        "What you wrote it for.",
+        "Look at what was commanded before it, and at the same servo's other values.",
+    ),
+    Code(
+        "alarm-over",
+        "yours",
+        NOTE,
+        "A rule of your own that was met no longer is.",
+        "The value has come back.",
+        "Nothing to do.",
+    ),
 )
 
 _DEVICE: Final[Mapping[str, tuple[Severity, str, str, str]]] = MappingProxyType(

@@ -1,47 +1,29 @@
-"""Is this port fit to be recorded from? Verdicts on what was heard in a few seconds.
+"""Is this port fit to be recorded from? Listened to for a few seconds, and judged.
 
-Each verdict has its numbers and, where something is wrong, what to do. Reads and facts in, verdicts
-out: nothing here opens a port.
+``examine`` opens a port and listens; everything else takes reads and facts, and gives verdicts.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from sniffer.doctor.adapter import about_adapter, about_echo
-from sniffer.doctor.line import about_bytes, about_line
-from sniffer.doctor.reads import about_reads
-from sniffer.doctor.records import Finding, Level, Listened, Trial
+from sniffer.doctor.adapter import about_echo
+from sniffer.doctor.examine import Examined, examine, judged, prepare
+from sniffer.doctor.records import Level, Listened, Observation, Trial
 from sniffer.doctor.understanding import Understanding, understand, usual_bauds
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from sniffer.doctor.verdicts import diagnose, worst
 
 __all__ = [
-    "Finding",
+    "Examined",
     "Level",
     "Listened",
+    "Observation",
     "Trial",
     "Understanding",
     "about_echo",
     "diagnose",
+    "examine",
+    "judged",
+    "prepare",
     "understand",
     "usual_bauds",
     "worst",
 ]
-
-
-def diagnose(heard: Listened) -> list[Finding]:
-    """Return the verdicts, from the plug to the times."""
-    found = understand(heard.chunks, heard.protocol, heard.line_baud)
-    return [
-        *about_adapter(heard),
-        *about_bytes(heard, found),
-        *about_line(heard, found),
-        *about_reads(heard, found),
-    ]
-
-
-def worst(verdicts: Sequence[Finding]) -> Level:
-    """Return the gravest level."""
-    return max((v.level for v in verdicts), default=Level.OK)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Final
 
-from sniffer.doctor.records import Finding, Level, Listened
+from sniffer.doctor.records import Level, Listened, Observation
+from sniffer.ground.wording import Sentence
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -27,7 +28,7 @@ _PREPARE: Final = (
 )
 
 
-def about_adapter(heard: Listened) -> Iterator[Finding]:
+def about_adapter(heard: Listened) -> Iterator[Observation]:
     """Is it the right one, ours alone, quick, and silent itself?"""
     yield _port(heard)
     yield _access(heard)
@@ -37,13 +38,13 @@ def about_adapter(heard: Listened) -> Iterator[Finding]:
     yield _latency(heard)
 
 
-def _port(heard: Listened) -> Finding:
+def _port(heard: Listened) -> Observation:
     info = heard.info
     if info is None:
         text = "no serial hardware of this machine"
         if not heard.has_line:
             text += ", but a program or a connection behind it"
-        return Finding(Level.NOTE, "port", text, numbers={"device": heard.path})
+        return Observation(Level.NOTE, "port", text, numbers={"device": heard.path})
     words = [
         info.chip or ("adapter of an unknown chip" if info.usb else "UART on board"),
         *([f"({info.driver})"] if info.driver else []),
@@ -52,26 +53,26 @@ def _port(heard: Listened) -> Finding:
     numbers = {"device": info.path, "stable": info.stable or None, "chip": info.chip or None}
     if info.stable and heard.path == info.path:
         advice = f"{info.path} may be another adapter after the next plugging; this name stays:"
-        return Finding(Level.NOTE, "port", " ".join(words), advice, (info.stable,), numbers)
-    return Finding(Level.OK, "port", " ".join(words), numbers=numbers)
+        return Observation(Level.NOTE, "port", " ".join(words), advice, (info.stable,), numbers)
+    return Observation(Level.OK, "port", " ".join(words), numbers=numbers)
 
 
-def _access(heard: Listened) -> Finding:
+def _access(heard: Listened) -> Observation:
     also = heard.facts.get("also_open_in", "not known")
     locked = heard.facts.get("locked") == "yes"
     numbers = {"locked": locked, "also_open_in": None if also in ("none", "not known") else also}
     if numbers["also_open_in"]:
         text = f"also open in {also}: each byte goes to one reader only, the other misses it"
-        return Finding(Level.BAD, "access", text, "end the other program", numbers=numbers)
+        return Observation(Level.BAD, "access", text, "end the other program", numbers=numbers)
     lock = "locked for others" if locked else "not locked: another program may read along"
     if also == "none":
-        return Finding(Level.OK, "access", f"open here alone, {lock}", numbers=numbers)
+        return Observation(Level.OK, "access", f"open here alone, {lock}", numbers=numbers)
     text = f"open and {lock}; whether others have it open is not to be seen from here"
     advice = "" if locked else "if bytes are missing, look with `sudo fuser -v` who reads them"
-    return Finding(Level.OK if locked else Level.NOTE, "access", text, advice, numbers=numbers)
+    return Observation(Level.OK if locked else Level.NOTE, "access", text, advice, numbers=numbers)
 
 
-def about_echo(facts: Mapping[str, str]) -> Finding | None:
+def about_echo(facts: Mapping[str, str]) -> Observation | None:
     """Return whether opening the port can have sent anything; None where it does not say.
 
     A port that nobody has set up sends back what it hears until the first call after opening.
@@ -85,51 +86,58 @@ def about_echo(facts: Mapping[str, str]) -> Finding | None:
     so_far = f"the port has sent {sent} bytes in all since it was plugged in"
     if echo == "off":
         text = "it was off when the port was opened: nothing was sent back"
-        return Finding(Level.OK, "echo", text + (f"; {so_far}" if sent else ""), numbers=numbers)
+        return Observation(
+            Level.OK, "echo", text + (f"; {so_far}" if sent else ""), numbers=numbers
+        )
     text = "it was on when the port was opened, and switched off at once: it stays so until the "
     text += "port is unplugged"
     if sent == 0:
-        return Finding(Level.NOTE, "echo", f"{text}; nothing was sent back", _PREPARE, (), numbers)
+        return Observation(
+            Level.NOTE, "echo", f"{text}; nothing was sent back", _PREPARE, (), numbers
+        )
     text += f"; {so_far}" if sent else ""
     advice = f"what the bus said in that moment was sent back to it: leave TX open. {_PREPARE}"
-    return Finding(Level.WARN, "echo", text, advice, numbers=numbers)
+    return Observation(Level.WARN, "echo", text, advice, numbers=numbers)
 
 
-def _modem(heard: Listened) -> Finding:
+def _modem(heard: Listened) -> Observation:
     opened = heard.facts.get("modem_after_open")
     after = heard.facts.get("modem_after_lowering")
     numbers = {"after_open": opened, "after_lowering": after}
     if opened is None:
         text = "what RTS and DTR do is not known here"
         advice = "an adapter that sends while RTS is up must be connected with RX and ground only"
-        return Finding(Level.NOTE, "modem", text, advice, numbers=numbers)
+        return Observation(Level.NOTE, "modem", text, advice, numbers=numbers)
     raised = [line for line in ("RTS", "DTR") if line in opened.split()]
     if not raised:
         text = "no such lines" if opened == "none" else "RTS and DTR are low"
-        return Finding(Level.OK, "modem", text, numbers=numbers)
+        return Observation(Level.OK, "modem", text, numbers=numbers)
     told = " and ".join(raised)
     verb = "was" if len(raised) == 1 else "were"
     still = [line for line in raised if line in (after or "").split()]
     if heard.facts.get("modem") == "keep":
-        text = f"{told} {verb} raised by opening the port, and stay so (--modem keep)"
+        said = "{told} {verb} raised by opening the port, and stay so ({modem:keep})"
+        text = Sentence(said, told=told, verb=verb)
         level = Level.WARN if "RTS" in raised else Level.NOTE
-        advice = "if the adapter sends while RTS is up, it now holds the bus: use --modem low"
-        return Finding(level, "modem", text, advice, numbers=numbers)
+        advice = Sentence(
+            "if the adapter sends while RTS is up, it now holds the bus: use {modem:low}"
+        )
+        return Observation(level, "modem", text, advice, numbers=numbers)
     if still:
         text = f"{' and '.join(still)} cannot be lowered"
         advice = (
             "if the adapter sends while RTS is up, it holds the bus: connect RX and ground only"
         )
-        return Finding(Level.BAD, "modem", text, advice, numbers=numbers)
+        return Observation(Level.BAD, "modem", text, advice, numbers=numbers)
     text = f"{told} {verb} raised by opening the port, and lowered at once"
     advice = (
         "an adapter that sends while RTS is up has held the bus for that moment: connect RX and "
         "ground only"
     )
-    return Finding(Level.NOTE, "modem", text, advice, numbers=numbers)
+    return Observation(Level.NOTE, "modem", text, advice, numbers=numbers)
 
 
-def _latency(heard: Listened) -> Finding:
+def _latency(heard: Listened) -> Observation:
     info = heard.info
     told = heard.facts.get("latency_timer_ms", "")
     timer = int(told) if told.isdecimal() else info.latency_ms if info else None
@@ -139,18 +147,18 @@ def _latency(heard: Listened) -> Finding:
     if timer is not None and timer > TIMER_MS:
         text = f"the adapter's timer is {timer} ms: frames that are closer come as one"
         advice = f"the first line lowers it now, the second one, in {RULES_FILE}, at each plugging:"
-        return Finding(Level.WARN, "latency", text, advice, _commands(heard, info), numbers)
+        return Observation(Level.WARN, "latency", text, advice, _commands(heard, info), numbers)
     if timer is not None:
         text = f"the adapter's timer is {timer} ms"
         if before is not None and before > TIMER_MS:
             text += f"; it was {before} ms before the port was opened for low latency"
-        return Finding(Level.OK, "latency", text, numbers=numbers)
+        return Observation(Level.OK, "latency", text, numbers=numbers)
     if ms is None:
         text = "how long this adapter holds bytes back is not known; it has no timer to set"
-        return Finding(Level.NOTE, "latency", text, numbers=numbers)
+        return Observation(Level.NOTE, "latency", text, numbers=numbers)
     text = f"bytes are held back for {ms:.1f} ms at most"
     level = Level.OK if ms <= TIMER_MS + 1 else Level.NOTE
-    return Finding(level, "latency", text, numbers=numbers)
+    return Observation(level, "latency", text, numbers=numbers)
 
 
 def _commands(heard: Listened, info: PortInfo | None) -> tuple[str, ...]:

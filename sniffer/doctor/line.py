@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.detect import WORTH_TELLING, ranked
 from sniffer.decoding.names import AND
-from sniffer.doctor.records import Finding, Level, Listened, Trial
+from sniffer.doctor.records import Level, Listened, Observation, Trial
 from sniffer.doctor.understanding import FEW, GOOD, POOR, Understanding, usual_bauds
 from sniffer.ground.model import MarkKind
+from sniffer.ground.wording import Sentence
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -36,12 +37,12 @@ def percent(share: float) -> str:
     return f"{100 * share:.{0 if share in (0, 1) else 1}f}%"
 
 
-def about_bytes(heard: Listened, found: Understanding) -> Iterator[Finding]:
+def about_bytes(heard: Listened, found: Understanding) -> Iterator[Observation]:
     """Is there anything at all?"""
     size, seconds = heard.size, heard.seconds
     numbers = {"bytes": size, "seconds": round(seconds, 3), "reads": len(heard.chunks)}
     if heard.gone_s is not None:
-        yield Finding(
+        yield Observation(
             Level.BAD,
             "bytes",
             f"the port went away after {heard.gone_s:.1f} s; {size} bytes had come",
@@ -57,10 +58,10 @@ def about_bytes(heard: Listened, found: Understanding) -> Iterator[Finding]:
         )
         if heard.line_errors:
             text += f", but {heard.line_errors} line errors: something moves there"
-            advice = (
-                "try another --baud; if that does not help, A and B are swapped or TTL inverted"
+            advice = Sentence(
+                "try another {baud}; if that does not help, A and B are swapped or TTL inverted"
             )
-        yield Finding(Level.BAD, "bytes", text, advice, numbers=numbers)
+        yield Observation(Level.BAD, "bytes", text, advice, numbers=numbers)
         return
     load = size * 10 / heard.baud / seconds
     numbers["load"] = round(load, 4)
@@ -71,15 +72,16 @@ def about_bytes(heard: Listened, found: Understanding) -> Iterator[Finding]:
         advice = (
             "no UART keeps the time here (a pseudo terminal, or an adapter that ignores the baud)"
         )
-        yield Finding(Level.NOTE, "bytes", text, advice, numbers=numbers)
+        yield Observation(Level.NOTE, "bytes", text, advice, numbers=numbers)
     elif size < FEW:
         text += ": too few to judge by"
-        yield Finding(Level.NOTE, "bytes", text, "listen longer: --seconds 30", numbers=numbers)
+        advice = Sentence("listen longer: {seconds:30}")
+        yield Observation(Level.NOTE, "bytes", text, advice, numbers=numbers)
     else:
-        yield Finding(Level.OK, "bytes", text, numbers=numbers)
+        yield Observation(Level.OK, "bytes", text, numbers=numbers)
 
 
-def about_line(heard: Listened, found: Understanding) -> Iterator[Finding]:
+def about_line(heard: Listened, found: Understanding) -> Iterator[Observation]:
     """Is it understood, at this baud, without errors and whole?"""
     if found.size:
         yield _protocol(heard, found)
@@ -88,7 +90,7 @@ def about_line(heard: Listened, found: Understanding) -> Iterator[Finding]:
     yield _losses(heard)
 
 
-def _protocol(heard: Listened, found: Understanding) -> Finding:
+def _protocol(heard: Listened, found: Understanding) -> Observation:
     scores = {name: round(share, 4) for name, share in found.scores.items()}
     numbers = {"protocol": found.protocol, "share": round(found.share, 4), "scores": scores}
     least = 0.0 if found.protocol is None else WORTH_TELLING
@@ -103,20 +105,20 @@ def _protocol(heard: Listened, found: Understanding) -> Finding:
         text = f"none explains these {found.size} bytes: {others}"
         advice = "the baud may be wrong (see there), or it is none of the protocols known here"
         level = Level.NOTE if found.size < FEW else Level.BAD
-        return Finding(level, "protocol", text, advice, numbers=numbers)
+        return Observation(level, "protocol", text, advice, numbers=numbers)
     text = f"{found.protocol} explains {percent(found.share)} of the bytes"
     text += f" ({others})" if others else ""
     if found.share >= GOOD:
-        return Finding(Level.OK, "protocol", text, numbers=numbers)
+        return Observation(Level.OK, "protocol", text, numbers=numbers)
     if best != found.protocol and found.scores[best] >= GOOD:
         advice = f"this is {best}: sniffer doctor {heard.path}={best}@{heard.baud}"
-        return Finding(Level.BAD, "protocol", text, advice, numbers=numbers)
+        return Observation(Level.BAD, "protocol", text, advice, numbers=numbers)
     level = Level.NOTE if found.size < FEW else Level.WARN if found.share >= POOR else Level.BAD
     advice = "the rest is damaged or of another kind: `sniffer decode` shows it byte by byte"
-    return Finding(level, "protocol", text, advice, numbers=numbers)
+    return Observation(level, "protocol", text, advice, numbers=numbers)
 
 
-def _baud(heard: Listened, found: Understanding) -> Finding:
+def _baud(heard: Listened, found: Understanding) -> Observation:
     baud = heard.baud
     flat = sum(byte in _FLAT_BYTES for chunk in heard.chunks for byte in chunk.data) / heard.size
     faulty = min(heard.line_errors / heard.size, 1.0)
@@ -129,14 +131,14 @@ def _baud(heard: Listened, found: Understanding) -> Finding:
     }
     if not heard.has_line:
         text = f"no line, so any baud will do; times are reckoned at {baud}"
-        return Finding(Level.OK, "baud", text, numbers=numbers)
+        return Observation(Level.OK, "baud", text, numbers=numbers)
     if max(found.scores.values()) >= GOOD and found.size >= FEW:
-        return Finding(Level.OK, "baud", f"{baud} is right: frames hold", numbers=numbers)
+        return Observation(Level.OK, "baud", f"{baud} is right: frames hold", numbers=numbers)
     if best is not None and _better(best, found):
         now = f"{best.baud} baud explain {percent(best.found.share)} of the bytes as "
         text = f"{now}{best.found.protocol}, {baud} only {percent(found.share)}"
         command = f"sniffer doctor {heard.path}={heard.named(best.found.protocol)}@{best.baud}"
-        return Finding(Level.BAD, "baud", text, "it is most likely:", (command,), numbers)
+        return Observation(Level.BAD, "baud", text, "it is most likely:", (command,), numbers)
     signs = [f"{percent(faulty)} of the bytes with line errors"] if faulty else []
     signs.append(f"{percent(flat)} are 00, FF, 80 or alike, with one edge at most")
     told = ", ".join(signs)
@@ -144,11 +146,15 @@ def _baud(heard: Listened, found: Understanding) -> Finding:
         doubt = found.size >= FEW and found.share < POOR
         advice = _others(heard, "if it is wrong, try") if doubt else ""
         text = f"{baud} can be neither proved nor ruled out ({told})"
-        return Finding(Level.WARN if doubt else Level.NOTE, "baud", text, advice, numbers=numbers)
+        return Observation(
+            Level.WARN if doubt else Level.NOTE, "baud", text, advice, numbers=numbers
+        )
     side = "too high" if flat >= FLAT else "wrong"
     level = Level.BAD if found.share < POOR else Level.WARN
     text = f"{baud} is most likely {side}: {told}"
-    return Finding(level, "baud", text, _others(heard, "try", lower=flat >= FLAT), numbers=numbers)
+    return Observation(
+        level, "baud", text, _others(heard, "try", lower=flat >= FLAT), numbers=numbers
+    )
 
 
 def _tried(trial: Trial) -> dict[str, int | float | str | None]:
@@ -171,12 +177,15 @@ def _others(heard: Listened, word: str, *, lower: bool = False) -> str:
     """Return which bauds are left to try."""
     if heard.trials:
         tried = ", ".join(str(t.baud) for t in heard.trials)
-        return f"none of {tried} is better; give the controller's own with --baud"
+        told = "none of {tried} is better; give the controller's own with {baud}"
+        return Sentence(told, tried=tried)
     bauds = [b for b in usual_bauds(heard.protocol, heard.baud) if not lower or b < heard.baud]
-    return f"{word} --baud with {', '.join(map(str, bauds))}" if bauds else ""
+    if not bauds:
+        return ""
+    return Sentence("{word} {baud} with {bauds}", word=word, bauds=", ".join(map(str, bauds)))
 
 
-def _errors(heard: Listened, found: Understanding) -> Finding:
+def _errors(heard: Listened, found: Understanding) -> Observation:
     errors, size = heard.line_errors, heard.size
     counted = heard.counts_errors if heard.risen is not None else False
     risen = heard.risen is not None and bool(
@@ -188,7 +197,7 @@ def _errors(heard: Listened, found: Understanding) -> Finding:
         *(["counted by the driver"] if counted or risen else []),
     ]
     if not heard.has_line:
-        return Finding(Level.OK, "errors", "no line, so no errors of one")
+        return Observation(Level.OK, "errors", "no line, so no errors of one")
     numbers = {
         "line_errors": errors if told else None,
         "marked": heard.marks_errors,
@@ -198,10 +207,10 @@ def _errors(heard: Listened, found: Understanding) -> Finding:
         text = "this port neither marks nor counts errors of the line: only checksums show damage"
         if heard.marks_errors is None or counted is None:
             text = f"{_how(heard)}: only checksums are sure to show damage"
-        return Finding(Level.NOTE, "errors", text, numbers=numbers)
+        return Observation(Level.NOTE, "errors", text, numbers=numbers)
     if not errors:
         text = f"no framing error, parity error or break ({', '.join(told)})"
-        return Finding(Level.OK, "errors", text, numbers=numbers)
+        return Observation(Level.OK, "errors", text, numbers=numbers)
     share = errors / size if size else 1.0
     text = f"{errors} line errors in {size} bytes ({_kinds(heard)}; {', '.join(told)})"
     if share >= WRONG_BAUD_ERRORS and found.share < POOR:
@@ -212,7 +221,7 @@ def _errors(heard: Listened, found: Understanding) -> Finding:
             "look the same"
         )
     level = Level.BAD if share >= NOISY else Level.WARN
-    return Finding(level, "errors", text, advice, numbers=numbers)
+    return Observation(level, "errors", text, advice, numbers=numbers)
 
 
 def _how(heard: Listened) -> str:
@@ -233,7 +242,7 @@ def _kinds(heard: Listened) -> str:
     return ", ".join(f"{kind} {n}" for kind, n in counts.items() if n)
 
 
-def _losses(heard: Listened) -> Finding:
+def _losses(heard: Listened) -> Observation:
     marked = heard.marked(MarkKind.OVERRUN)
     risen = heard.risen
     counted = risen.overrun + risen.buf_overrun if risen is not None else 0
@@ -243,13 +252,13 @@ def _losses(heard: Listened) -> Finding:
     if lost:
         text = f"bytes were lost {lost} times on this side, between adapter and program"
         advice = "another USB port, without a hub; less load on this machine; close other programs"
-        return Finding(Level.BAD, "losses", text, advice, numbers=numbers)
+        return Observation(Level.BAD, "losses", text, advice, numbers=numbers)
     if risen is None and not heard.has_line:
-        return Finding(Level.OK, "losses", "none are known", numbers=numbers)
+        return Observation(Level.OK, "losses", "none are known", numbers=numbers)
     if risen is None:
         text = "this driver does not count them: they would look like damaged frames"
-        return Finding(Level.NOTE, "losses", text, numbers=numbers)
+        return Observation(Level.NOTE, "losses", text, numbers=numbers)
     if not counts:
         text = "none are told, but whether this adapter counts them is not known"
-        return Finding(Level.NOTE, "losses", text, numbers=numbers)
-    return Finding(Level.OK, "losses", "no byte lost on this side", numbers=numbers)
+        return Observation(Level.NOTE, "losses", text, numbers=numbers)
+    return Observation(Level.OK, "losses", "no byte lost on this side", numbers=numbers)

@@ -11,7 +11,7 @@ from sniffer.decoding.mixed import decoder_of, parts_of
 from sniffer.decoding.names import protocols_named
 from sniffer.doctor.adapter import TIMER_MS
 from sniffer.doctor.line import percent
-from sniffer.doctor.records import Finding, Level, Listened
+from sniffer.doctor.records import Level, Listened, Observation
 from sniffer.ground.codes import OK
 from sniffer.ground.model import I64, Clock
 from sniffer.ground.timing import LATENCY_NS
@@ -44,7 +44,7 @@ class _Pairs:
     uncertainty_ns: I64
 
 
-def about_reads(heard: Listened, found: Understanding) -> Iterator[Finding]:
+def about_reads(heard: Listened, found: Understanding) -> Iterator[Observation]:
     """Are request and reply still apart, and when were they?"""
     if not found.size:
         return
@@ -74,7 +74,7 @@ def _pairs(heard: Listened, protocol: str) -> _Pairs:
     return _Pairs(count, merged, np.concatenate(response), np.concatenate(uncertainty))
 
 
-def _reads(heard: Listened, pairs: _Pairs | None) -> Finding:
+def _reads(heard: Listened, pairs: _Pairs | None) -> Observation:
     sizes = np.array([len(chunk.data) for chunk in heard.chunks if chunk.data])
     times = np.array([c.t_ns for c in heard.chunks if c.data and c.t_ns is not None])
     gaps = np.diff(times) / 1e6
@@ -94,23 +94,23 @@ def _reads(heard: Listened, pairs: _Pairs | None) -> Finding:
         text += f"; {np.median(gaps):.1f} ms apart"
     if pairs is None or pairs.count < ENOUGH:
         text += "; too few requests with replies to tell whether they stay apart"
-        return Finding(Level.NOTE, "reads", text, numbers=numbers)
+        return Observation(Level.NOTE, "reads", text, numbers=numbers)
     share = pairs.merged / pairs.count
     text += f"; {percent(share)} of {pairs.count} replies came in one read with their request"
     if share < SOME:
-        return Finding(Level.OK, "reads", text, numbers=numbers)
+        return Observation(Level.OK, "reads", text, numbers=numbers)
     advice = "order is right all the same, response times are not"
     quick = heard.latency_ns is not None and heard.latency_ns <= (TIMER_MS + 1) * 1_000_000
     if share < MERGED or quick:
-        return Finding(Level.NOTE, "reads", text, advice, numbers=numbers)
+        return Observation(Level.NOTE, "reads", text, advice, numbers=numbers)
     if heard.latency_ns is None:
         advice += ": use an adapter with a latency timer (FTDI) at 1 ms, or a logic analyser"
     else:
         advice += ": lower the latency (see there)"
-    return Finding(Level.WARN, "reads", text, advice, numbers=numbers)
+    return Observation(Level.WARN, "reads", text, advice, numbers=numbers)
 
 
-def _times(heard: Listened, pairs: _Pairs | None) -> Finding:
+def _times(heard: Listened, pairs: _Pairs | None) -> Observation:
     bound = LATENCY_NS[Clock.READ] if heard.latency_ns is None else heard.latency_ns
     known = pairs is not None and len(pairs.uncertainty_ns) > 0
     typical = float(np.median(pairs.uncertainty_ns)) if pairs and known else float(bound)
@@ -128,8 +128,8 @@ def _times(heard: Listened, pairs: _Pairs | None) -> Finding:
         numbers["response_ms_median"] = round(response / 1e6, 3)
         text += f"; replies begin after {response / 1e6:.2f} ms (median)"
     if typical <= EXACT_NS:
-        return Finding(Level.OK, "times", text, numbers=numbers)
+        return Observation(Level.OK, "times", text, numbers=numbers)
     advice = "short response times cannot be measured here; a logic analyser's capture is exact"
     # A guess is nothing to warn of.
     level = Level.NOTE if heard.latency_ns is None else Level.WARN
-    return Finding(level, "times", text, advice, numbers=numbers)
+    return Observation(level, "times", text, advice, numbers=numbers)

@@ -27,7 +27,7 @@ class Level(enum.IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Observation:
     """One finding. ``commands`` are to be typed, or put into a file, as they are."""
 
     level: Level

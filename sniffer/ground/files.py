@@ -7,6 +7,7 @@ import stat
 from typing import TYPE_CHECKING, BinaryIO, Final, Protocol, TextIO
 
 from sniffer.ground.model import OutputError
+from sniffer.ground.wording import Sentence
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -68,7 +69,8 @@ def refuse_occupied(files: Iterable[Path]) -> None:
     """
     for file in files:
         if occupied(file):
-            raise OutputError(f"{file} is there already: choose another name, or --force")
+            told = "{file} is there already: choose another name, or {overwrite:True}"
+            raise OutputError(Sentence(told, file=file))
 
 
 def probe(path: Path) -> None:

@@ -132,6 +132,29 @@ class Gaps(Lazy[Gap]):
         out._made = tuple(gaps)
         return out
 
+    @classmethod
+    def joined(cls, parts: Sequence[tuple[Gaps, int]]) -> Sequence[Gap]:
+        """Return the gaps of batches in a row as those of one: each with what it is moved by."""
+        if not parts:
+            return ()
+        begins = np.cumsum([0, *(int(part._run.max(initial=-1)) + 1 for part, _ in parts)])
+
+        def explain(run: int) -> list[Gap]:
+            nth = int(np.searchsorted(begins, run, "right")) - 1
+            part, shift = parts[nth]
+            return [
+                gap._replace(start=gap.start + shift) for gap in part._of(run - int(begins[nth]))
+            ]
+
+        columns = [
+            np.concatenate([getattr(part, name) for part, _ in parts])
+            for name in ("length", "kind", "servo_id", "t_ns")
+        ]
+        start = np.concatenate([part.start + shift for part, shift in parts])
+        run = np.concatenate([part._run + b for (part, _), b in zip(parts, begins, strict=False)])
+        length, kind, servo_id, t_ns = columns
+        return cls(start, length, kind, servo_id, t_ns, run, explain)
+
     def _all(self) -> Iterator[Gap]:
         times = iter(self.t_ns.tolist())
         tails = iter((self.kind == IDLE_TAIL).tolist())

@@ -1,9 +1,13 @@
-"""Texts that come from outside, as a line for people shows them."""
+"""Texts for people: those that come from outside, and sentences that name arguments."""
 
 from __future__ import annotations
 
 import re
-from typing import Final
+import string
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 WORD: Final = 300
 """A name longer than this is shown by its beginning and its end: paths in use are shorter."""
@@ -33,3 +37,67 @@ def one_line(message: str) -> str:
 def and_(words: list[str]) -> str:
     """Return words as a list that people read: ``a, b and c``."""
     return ", ".join(words[:-1]) + " and " + words[-1] if len(words) > 1 else "".join(words)
+
+
+class Sentence(str):
+    """A sentence that names arguments of a call, written once for all faces.
+
+    As text it has the names of the Python API; ``spelled`` gives it in those of another face, the
+    command line's options for instance. Fields in braces without a value are arguments, more than
+    one behind ``|`` where several are meant; what stands behind a colon is what an argument is set
+    to. Values may be sentences themselves.
+
+    >>> text = Sentence("{file} is there already: say {overwrite:True}", file="run.mcap")
+    >>> str(text)
+    'run.mcap is there already: say `overwrite=True`'
+    >>> text.spelled(lambda names, value: "--force")
+    'run.mcap is there already: say --force'
+    """
+
+    __slots__ = ("_template", "_values")
+    _template: str
+    _values: dict[str, object]
+
+    def __new__(cls, template: str, **values: object) -> Sentence:
+        """Write a sentence."""
+        out = super().__new__(cls, _filled(template, values, _argument))
+        out._template, out._values = template, values
+        return out
+
+    def spelled(self, spell: Callable[[tuple[str, ...], str], str]) -> str:
+        """Return it with arguments as ``spell`` has them: their names, and the value or nothing."""
+        return _filled(self._template, self._values, spell)
+
+
+def spelled(text: object, spell: Callable[[tuple[str, ...], str], str]) -> str:
+    """Return a text, or what an exception says, in the words of another face."""
+    if isinstance(text, BaseException) and text.args:
+        text = text.args[0] if isinstance(text.args[0], Sentence) else text
+    return text.spelled(spell) if isinstance(text, Sentence) else str(text)
+
+
+def _argument(names: tuple[str, ...], value: str) -> str:
+    """Return arguments as Python has them."""
+    bare = not value or value in ("True", "False", "None") or value.isdecimal()
+    told = value if bare else repr(value)
+    return " or ".join(f"`{name}={told}`" if value else f"`{name}`" for name in names)
+
+
+def _filled(
+    template: str, values: dict[str, object], spell: Callable[[tuple[str, ...], str], str]
+) -> str:
+    out = []
+    for text, field, setting, _ in string.Formatter().parse(template):
+        out.append(text)
+        if field is None:
+            continue
+        if field in values:
+            out.append(spelled(values[field], spell))
+        else:
+            out.append(spell(tuple(field.split("|")), _filled(setting or "", values, spell)))
+    return "".join(out)
+
+
+def counted(n: int, what: str) -> str:
+    """Return a number with its noun."""
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.decoding.rows import Row, rows, rows_of
+from sniffer.diagnostics.alarms import alarm_in
 from sniffer.ground.limits import BAUDS, whole
 from sniffer.ground.model import Batch, Chunk, DamagedInputError
 from sniffer.ground.needs import need_pyarrow
@@ -116,6 +117,7 @@ def decode(
     models: Mapping[int | None, str] | None = None,
     latency_ns: int | None = None,
     registers: Iterable[str | Path | RegisterMap] = (),
+    alarms: Iterable[str] = (),
 ) -> Capture:
     """Decode a file (or the bytes of one) as a whole.
 
@@ -129,9 +131,10 @@ def decode(
         models: servo id (None: all) -> model name.
         latency_ns: how long the adapter may have held bytes back.
         registers: register tables of further models, each a TOML file or what one was read into.
+        alarms: rules of your own, such as ``"temperature > 70 for 2s"``.
 
     Raises:
-        InputError: the input cannot be read, or its protocol cannot be told.
+        InputError: the input cannot be read, its protocol cannot be told, or a rule is none.
         SnifferError: unknown protocol or model, or a number that cannot be.
     """
     if baud is not None:
@@ -140,7 +143,12 @@ def decode(
     given = open_source(source, input_format)
     tables = tuple(t if isinstance(t, RegisterMap) else RegisterMap.from_toml(t) for t in registers)
     options = Options(
-        protocol=protocol, baud=baud, models=models or {}, latency_ns=latency_ns, tables=tables
+        protocol=protocol,
+        baud=baud,
+        models=models or {},
+        latency_ns=latency_ns,
+        tables=tables,
+        alarms=tuple(map(alarm_in, alarms)),
     ).with_facts(given.facts(), given.tables)
     pipeline = Pipeline(options, [keep])
     damage = None

@@ -7,11 +7,12 @@ import datetime
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sniffer import __version__
+from sniffer.decoding.options import alarm_facts
 from sniffer.decoding.pacing import ASSUMED
-from sniffer.ground.files import files_of, is_lost, occupied, probe, refuse_occupied
+from sniffer.ground.files import files_of, is_lost, occupied, open_binary, probe, refuse_occupied
 from sniffer.ground.model import OutputError
 from sniffer.messages import TOOL
 from sniffer.sinks import open_sink, suffix_known
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.pipeline import Options
     from sniffer.decoding.sink import Sink
+    from sniffer.jobs.telling import Teller
+
+GONE: Final = "{} is gone: it was deleted or renamed while it was written"
+"""What is told of an output that is no more where it was."""
 
 
 def session_facts(
@@ -49,7 +54,7 @@ def session_facts(
         facts |= {k: v for k, v in told.items() if k.startswith("latency_ns.")}
     for servo, model in options.models.items():
         facts["model" if servo is None else f"model.{servo}"] = model
-    return facts
+    return facts | alarm_facts(options.alarms)
 
 
 def open_outputs(
@@ -63,16 +68,7 @@ def open_outputs(
     files = [file for path in paths for file in files_of(path)]
     for path in paths:
         suffix_known(path)
-    for file in files:
-        if _is_input(file, source):
-            raise OutputError(f"{file} is the input: choose another output")
-    for nth, file in enumerate(files):
-        if any(_is_same(file, other) for other in files[:nth]):
-            raise OutputError(f"{file} would be written twice: choose another output")
-    if not force:
-        refuse_occupied(files)
-    for file in files:
-        probe(file)
+    check_outputs(files, [source], force=force)
     new = [file for file in files if not file.exists()]
     out: dict[int, Sink] = {}
     try:
@@ -87,6 +83,31 @@ def open_outputs(
                 file.unlink()
         raise
     return [out[nth] for nth in range(len(paths))]
+
+
+def check_outputs(
+    files: Sequence[Path], sources: Sequence[str], *, force: bool, later: bool = False
+) -> None:
+    """Refuse files that cannot be outputs, before anything is opened.
+
+    ``later``: they are made at the end only, so it is tried now whether they can be.
+
+    Raises:
+        OutputError: one is an input, is named twice, holds something, or may not be written.
+    """
+    for file in files:
+        if any(_is_input(file, source) for source in sources):
+            raise OutputError(f"{file} is the input: choose another output")
+    for nth, file in enumerate(files):
+        if any(_is_same(file, other) for other in files[:nth]):
+            raise OutputError(f"{file} would be written twice: choose another output")
+    if not force:
+        refuse_occupied(files)
+    for file in files:
+        probe(file)
+        if later and not file.exists():
+            open_binary(file).close()
+            file.unlink()
 
 
 def _is_same(file: Path, other: Path) -> bool:
@@ -105,6 +126,9 @@ def _is_input(file: Path, source: str) -> bool:
         return False
 
 
-def lost(paths: Sequence[Path]) -> list[Path]:
-    """Return which files are gone although they were written: deleted, or renamed."""
-    return [file for path in paths for file in files_of(path) if is_lost(file)]
+def gone(paths: Sequence[Path], tell: Teller) -> tuple[Path, ...]:
+    """Tell which files are gone although they were written: deleted, or renamed; return them."""
+    files = tuple(file for path in paths for file in files_of(path) if is_lost(file))
+    for file in files:
+        tell.warn(GONE.format(file))
+    return files

@@ -12,14 +12,17 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.pipeline import AUTO, Options, Pipeline
-from sniffer.ground.files import files_of, refuse_occupied
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
 from sniffer.ground.needs import need_rerun
-from sniffer.jobs.outputs import lost, open_outputs, session_facts
+from sniffer.jobs.files import check_files, open_files
+from sniffer.jobs.incidents import LiveIncidents
+from sniffer.jobs.outputs import GONE, session_facts
+from sniffer.jobs.outputs import gone as told_gone
+from sniffer.jobs.reactions import Reactions, Waits
 from sniffer.jobs.telling import Teller, result
-from sniffer.mcapfile.rotation import RotatingMcap
+from sniffer.mcapfile.flight import FlightRecorder
+from sniffer.messages import INCIDENTS
 from sniffer.protocols import PROTOCOLS
-from sniffer.sinks import suffix_known
 from sniffer.tap.listen import Listening, Tapping, listen
 from sniffer.tap.recorder import DECODE_S, UNSEEN_S, Recorder, Wishes
 from sniffer.tap.stops import Stops
@@ -28,10 +31,11 @@ from sniffer.viewers.leaving import leaving
 from sniffer.viewers.screen import LOG, Screen
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from sniffer.decoding.sink import Sink
     from sniffer.decoding.summary import Summary
+    from sniffer.jobs.files import Files, RecordingFiles
     from sniffer.tap.reader import Anchor
     from sniffer.tap.tap import PortSpec
     from sniffer.viewers.companion.parent import LiveView
@@ -74,74 +78,6 @@ class Recorded:
     hurried: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Files:
-    """Where a recording goes.
-
-    ``recording`` is the MCAP file; the suffixes of ``others`` name their formats (.jsonl, .csv,
-    .parquet, .rrd). ``topics`` are what the recording has beside the raw bytes, None for everything
-    (names of ``sniffer.messages.TOPICS``). A new file is begun after ``rotate_bytes`` or
-    ``rotate_ns``, and only the last ``keep`` of them stay. ``durable``: each round waits for the
-    disk. ``overwrite``: files that are there already are replaced.
-    """
-
-    recording: Path | None
-    others: Sequence[Path] = ()
-    rotate_bytes: int | None = None
-    rotate_ns: int | None = None
-    keep: int | None = None
-    topics: Sequence[str] | None = None
-    durable: bool = False
-    overwrite: bool = False
-
-    @property
-    def rotates(self) -> bool:
-        """Whether there will be several files: their names are numbered."""
-        return self.rotate_bytes is not None or self.rotate_ns is not None
-
-
-def check_files(files: Files) -> None:
-    """Refuse what cannot be meant, before a port is opened for it.
-
-    Raises:
-        OutputError: a file is there already, or its suffix is not known.
-        SnifferError: old files are to be removed, and no new ones begun.
-    """
-    if files.keep is not None and not files.rotates:
-        raise SnifferError("--keep goes with --rotate")
-    own = () if files.recording is None else (files.recording,)
-    for path in (*own, *files.others):
-        suffix_known(path)
-        numbered = files.rotates and path in own  # their names are looked at later
-        if not numbered and not files.overwrite:
-            refuse_occupied(files_of(path))
-
-
-def open_files(files: Files, facts: Mapping[str, str]) -> tuple[RotatingMcap | None, list[Sink]]:
-    """Open the outputs; where one cannot be opened, none is left behind."""
-    recording: RotatingMcap | None = None
-    if files.recording is not None:
-        recording = RotatingMcap(
-            files.recording,
-            facts,
-            rotate_bytes=files.rotate_bytes,
-            rotate_ns=files.rotate_ns,
-            keep=files.keep,
-            durable=files.durable,
-            topics=files.topics,
-            overwrite=files.overwrite,
-        )
-    try:
-        others = open_outputs(files.others, facts, "", force=files.overwrite)
-    except OutputError:
-        if recording is not None:
-            recording.close()
-            for path in recording.files:
-                path.unlink(missing_ok=True)
-        raise
-    return recording, [*([recording] if recording is not None else []), *others]
-
-
 def live_view(
     show: Shown, tapping: Tapping, name: str, tell: Callable[[str], None]
 ) -> LiveView | None:
@@ -169,6 +105,7 @@ def record(
     listening: Listening | None = None,
     stops: Stops | None = None,
     shown: Shown | None = None,
+    commands: Sequence[tuple[str, str]] = (),
     wishes: Wishes | None = None,
     tell: Teller | None = None,
 ) -> Recorded:
@@ -184,6 +121,8 @@ def record(
         listening: how the ports are opened.
         stops: what ends the recording.
         shown: where it is shown meanwhile.
+        commands: what is run when something happens: a code, a cause, a rule or ``any``, and a
+            command of the shell.
         wishes: what may be asked of it while it runs.
         tell: takes what should be told; nothing is told without.
 
@@ -196,6 +135,10 @@ def record(
     options, shown = options or Options(), shown or Shown()
     tell, wishes = tell or Teller(lambda line: None, quiet=True), wishes or Wishes()
     check_files(files)
+    stops = stops or Stops()
+    waits = Waits.of(stops, files, commands)
+    options = waits.judged(options)
+    options.check([spec.protocol for spec in ports if spec.protocol is not None])
     if any((spec.protocol or options.protocol) == AUTO for spec in ports):
         PROTOCOLS.candidates()  # plug-ins take their time to be imported: not while ports are read
     tapping = listen(ports, options, listening or Listening())
@@ -205,7 +148,9 @@ def record(
         view = live_view(shown, tapping, first.stem, tell.talk)
         source = ", ".join(spec.port for spec in ports)
         facts = {**session_facts(source, options, tapping.facts), **tapping.facts}
-        file, sinks = open_files(files, facts)
+        file, sinks = open_files(
+            files, facts, tapping.options, now=tapping.anchor.now, tell=tell.talk
+        )
     except BaseException:
         tapping.listener.stop()
         if view is not None:
@@ -215,20 +160,20 @@ def record(
         tapping,
         file,
         sinks,
-        stops or Stops(),
+        stops,
         tell=tell,
         mode=shown.mode,
         wishes=wishes,
         view=view,
+        waits=waits,
+        diagnoses=files.topics is None or INCIDENTS in files.topics,
     )
-    for path in (others := lost(files.others)):
-        tell.warn(f"{path} is gone: it was deleted or renamed while it was written")
-    return replace(recorded, gone=(*recorded.gone, *others))
+    return replace(recorded, gone=(*recorded.gone, *told_gone(files.others, tell)))
 
 
 def run_recording(
     tapping: Tapping,
-    file: RotatingMcap | None,
+    file: RecordingFiles | None,
     sinks: Sequence[Sink],
     stops: Stops,
     *,
@@ -236,8 +181,12 @@ def run_recording(
     mode: str | None,
     wishes: Wishes | None = None,
     view: LiveView | None = None,
+    waits: Waits | None = None,
+    diagnoses: bool = True,
 ) -> Recorded:
     """Record from ports that are listened to until something ends it; tell what became of it.
+
+    ``diagnoses``: the recording has incidents; else there are some only where somebody looks on.
 
     Raises:
         DamagedInputError: the ports could not be read any more; what was read is recorded.
@@ -247,8 +196,9 @@ def run_recording(
     beside: list[Callable[[Recorder], None]] = [tell.look]
     pipeline = Pipeline(tapping.options, sinks, on_detection=tell.found, live=True)
     # who follows a recording, or ends it by what it says, waits no longer than eyes do
-    is_followed = mode is not None or list(sinks) != [file] or stops.frames or stops.until
-    is_cut = file is not None and file.rotates
+    reactions = Reactions(waits, file, tell) if waits is not None and waits.every else None
+    is_followed = mode is not None or list(sinks) != [file] or stops.frames or reactions
+    is_cut = isinstance(file, FlightRecorder) or (file is not None and file.rotates)
     recorder = Recorder(
         tapping.listener,
         tapping.taps,
@@ -263,6 +213,16 @@ def run_recording(
         decode_s=DECODE_S if is_followed or is_cut else UNSEEN_S,
     )
     beside.append(functools.partial(_has_outputs, sinks))
+    board = Board() if mode is not None else None
+    live: LiveIncidents | None = None
+    if diagnoses or board is not None or view is not None or reactions is not None:
+        watch = None if reactions is None else reactions.watch
+        live = LiveIncidents(tapping.anchor, file, tell, board=board, view=view, watch=watch)
+        pipeline.add(live.sink)
+        beside.append(live.look)
+    if reactions is not None:
+        pipeline.add(reactions.watch)
+        beside.append(reactions.look)
     if file is not None:
         beside.append(functools.partial(_deleted, file, tell))
     if view is not None:
@@ -277,7 +237,7 @@ def run_recording(
     try:
         if mode is not None:
             stream = sys.stdout if mode == LOG else sys.stderr
-            screen = tell.screen = Screen(mode, recorder.status, stream=stream, board=Board())
+            screen = tell.screen = Screen(mode, recorder.status, stream=stream, board=board)
             pipeline.add(screen)
         beside.append(functools.partial(_statistics, screen, tell))
         sys.setswitchinterval(SWITCH_S)
@@ -285,7 +245,7 @@ def run_recording(
         gc.collect()
         gc.freeze()
         with leaving(screen):
-            ended, failure = _recorded(recorder, pipeline, file)
+            ended, failure = _recorded(recorder, pipeline, file, live, reactions)
     finally:
         gc.unfreeze()
         sys.setswitchinterval(before)
@@ -293,6 +253,8 @@ def run_recording(
         if screen is not None:
             screen.close()
             tell.screen = None
+        if reactions is not None:
+            reactions.close()
     if failure is not None and not isinstance(failure, DamagedInputError):
         raise failure
     result(recorder, ended, file, tapping.anchor, tell)
@@ -311,7 +273,7 @@ def run_recording(
         _deleted(file, tell, recorder)
         gone += file.deleted
         if file.is_lost and file.path not in file.deleted:
-            tell.warn(f"{file.path} is gone: it was deleted or renamed while it was written")
+            tell.warn(GONE.format(file.path))
             gone.append(file.path)
     return Recorded(
         ended,
@@ -325,7 +287,11 @@ def run_recording(
 
 
 def _recorded(
-    recorder: Recorder, pipeline: Pipeline, file: RotatingMcap | None
+    recorder: Recorder,
+    pipeline: Pipeline,
+    file: RecordingFiles | None,
+    live: LiveIncidents | None,
+    reactions: Reactions | None,
 ) -> tuple[str, SnifferError | None]:
     """Run the recorder and finish every output, whatever happens; return what ended it."""
     ended, failure = "", None
@@ -338,6 +304,13 @@ def _recorded(
             pipeline.close()
         except UndecidedError:
             pass  # its bytes are recorded; the result tells
+        except OutputError as error:
+            failure = failure or error
+        try:
+            if live is not None:
+                live.finish(recorder)
+            if reactions is not None:
+                reactions.look(recorder)
         except OutputError as error:
             failure = failure or error
         if file is not None and pipeline.has(file):
@@ -360,7 +333,7 @@ def _idle(view: LiveView, anchor: Anchor, recorder: Recorder) -> None:
     view.idle(anchor.now())
 
 
-def _deleted(file: RotatingMcap, tell: Teller, recorder: Recorder) -> None:
+def _deleted(file: RecordingFiles, tell: Teller, recorder: Recorder) -> None:
     """Tell which files somebody has deleted while they were written."""
     for path in file.deleted:
         tell.once(f"{path} was deleted while it was written: what it held is lost")

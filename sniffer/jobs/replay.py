@@ -2,15 +2,37 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError, InputError, Mark, MarkKind
+from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
+from sniffer.decoding.pipeline import AUTO, Options
+from sniffer.ground.limits import FALLBACK_BAUD
+from sniffer.ground.model import (
+    NS,
+    Chunk,
+    Clock,
+    DamagedInputError,
+    InputError,
+    Mark,
+    MarkKind,
+    SnifferError,
+)
 from sniffer.ground.timing import byte_time_ns
+from sniffer.ground.wording import Sentence
+from sniffer.jobs.session import Ending, merged, run_source
+from sniffer.jobs.telling import Teller
+from sniffer.sources import open_source
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from sniffer.decoding.sink import Sink
+    from sniffer.jobs.session import Patience
+    from sniffer.protocols.base import BusProtocol
 
 STEP_NS: Final = 50_000_000
 """Chunks within 50 ms of the recording go out together: a decoder pass costs about the same for
@@ -23,6 +45,11 @@ class Window:
 
     start: float = 0.0
     stop: float | None = None
+
+    @property
+    def is_part(self) -> bool:
+        """Whether something is left out."""
+        return bool(self.start) or self.stop is not None
 
 
 def peek(chunks: Iterable[Chunk], size: int) -> tuple[list[Chunk], Iterator[Chunk]]:
@@ -136,3 +163,106 @@ def paced(
                 sleep(wait / NS)
         # a pace given for want of a clock is no time to be decoded
         yield [replace(k, t_ns=None) if k.clock == Clock.NONE else k for k in group]
+
+
+def replay(
+    source: str | Path,
+    show: Callable[[], Sink],
+    options: Options | None = None,
+    *,
+    input_format: str = "auto",
+    window: Window | None = None,
+    speed: float = 1.0,
+    loop: bool = False,
+    patience: Patience | None = None,
+    tell: Teller | None = None,
+) -> Ending:
+    """Play a recording, or any capture, again in real time; return how it ended.
+
+    Args:
+        source: a path, or ``"-"`` for standard input.
+        show: opens what it is shown in; called once each time that it is played.
+        options: how it is decoded.
+        input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        window: which part of it; all of it where None.
+        speed: times real time; 0 does not wait at all.
+        loop: begin again at the end, until it is interrupted.
+        patience: takes interruptions.
+        tell: takes what should be told.
+
+    Raises:
+        InputError: the input cannot be read, its protocol cannot be told, or the window is empty.
+        SnifferError: standard input can be read only once.
+    """
+    if loop and str(source) == "-":
+        raise SnifferError(Sentence("{loop} needs a file: standard input can be read only once"))
+    options, window = options or Options(), window or Window()
+    options.check()
+    tell = tell or Teller(lambda line: None, quiet=True)
+    again = tell.quieter()
+    name = "standard input" if str(source) == "-" else str(source)
+    ending, played = Ending.DONE, False
+    while ending == Ending.DONE and (loop or not played):
+        now = again if played else tell
+        opened = open_source(source, input_format)
+        options = options.with_facts(opened.facts(), opened.tables)
+        heard = merged(opened, opened, options, now)
+        chunks: Iterable[Chunk] = (chunk for group in heard for chunk in group)
+        # looked at beforehand: what is to be played in real time cannot wait for it
+        head, chunks = peek(chunks, ENOUGH)
+        if options.protocol == AUTO and not played:
+            told = {**_told(head, options, now), **options.protocols}
+            options = replace(options, protocols=told)
+        part = within(timed(chunks, _baud(options)), window, ends=True)
+        groups: Iterable[Sequence[Chunk]] = paced(steps(part), speed)
+        if window.is_part:
+            groups = _as_part(groups, window, now)
+        _, ending = run_source(
+            opened,
+            options,
+            [show()],
+            name=name,
+            tell=now,
+            patience=patience,
+            groups=groups,
+            ahead=head,
+        )
+        played = True
+    return ending
+
+
+def _as_part(
+    groups: Iterable[Sequence[Chunk]], window: Window, tell: Teller
+) -> Iterator[Sequence[Chunk]]:
+    """Pass groups on; that they are a part is said once there is one."""
+    start = window.start
+    until = "its end" if window.stop is None else f"second {window.stop:g}"
+    for number, group in enumerate(groups):
+        if not number:
+            tell.talk(
+                f"a part of it: from second {start:g} to {until}; what is open at its edges is cut"
+            )
+        yield group
+
+
+def _told(head: Iterable[Chunk], options: Options, tell: Teller) -> dict[str, str | BusProtocol]:
+    """Return the protocol of each bus, and say so; what cannot be told yet is left out.
+
+    What a recording says of itself is known: the bytes are not asked against it.
+    """
+    by_bus: dict[str, list[Chunk]] = {}
+    for chunk in head:
+        by_bus.setdefault(chunk.bus, []).append(chunk)
+    out: dict[str, str | BusProtocol] = {}
+    for bus, chunks in by_bus.items():
+        with contextlib.suppress(UndecidedError):
+            found = detect(chunks, options.bauds.get(bus, options.baud))
+            if options.protocols.get(bus, found.protocol) == found.protocol:
+                tell.found(bus, found)
+            out[bus] = found.protocol
+    return out
+
+
+def _baud(options: Options) -> int:
+    named = next(iter(options.protocols.values()), options.protocol)
+    return options.baud or (FALLBACK_BAUD if named == AUTO else options.all_spoken(named)[0].baud)

@@ -6,12 +6,13 @@ import time
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS
+from sniffer.ground.wording import Sentence
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from sniffer.decoding.detect import Detection
-    from sniffer.mcapfile.rotation import RotatingMcap
+    from sniffer.jobs.files import RecordingFiles
     from sniffer.tap.reader import Anchor
     from sniffer.tap.recorder import Recorder
     from sniffer.viewers.screen import Screen
@@ -38,6 +39,10 @@ class Teller:
         self._told: set[str] = set()
         self._look_at = time.monotonic() + MISTAKES_S
 
+    def quieter(self) -> Teller:
+        """Return one that says only what went wrong."""
+        return Teller(self._say, quiet=True)
+
     def talk(self, message: str) -> None:
         """Tell something, unless quiet was asked for."""
         if not self._quiet:
@@ -62,6 +67,9 @@ class Teller:
 
     def mistaken(self, recorder: Recorder) -> None:
         """Tell of buses that speak something else than was said."""
+        if all(recorder.pipeline.speaks(tap.spec.bus) for tap in recorder.taps):
+            for rule in recorder.pipeline.unmet():
+                self.once(rule)
         for mistake in recorder.pipeline.mistaken():
             if mistake.bus not in self._told:
                 self._told.add(mistake.bus)
@@ -77,7 +85,7 @@ class Teller:
 
 
 def result(
-    recorder: Recorder, ended: str, file: RotatingMcap | None, anchor: Anchor, tell: Teller
+    recorder: Recorder, ended: str, file: RecordingFiles | None, anchor: Anchor, tell: Teller
 ) -> None:
     """Say what there is now; what went wrong is said also where quiet was asked for."""
     if ended:
@@ -103,10 +111,11 @@ def result(
             tell.talk(f"{tap.spec.bus}: no byte was heard; `sniffer doctor {port}` tells more")
     for bus, heard in by_bus.items():
         if heard and recorder.pipeline.speaks(bus) is None:
-            tell.warn(
-                f"{bus}: its protocol could not be told from {heard} bytes: they are recorded; "
-                "decode them with --protocol, or see `sniffer doctor`"
+            told = (
+                "{bus}: its protocol could not be told from {heard} bytes: they are recorded; "
+                "decode them with {protocol}, or see `sniffer doctor`"
             )
+            tell.warn(Sentence(told, bus=bus, heard=heard))
     tell.mistaken(recorder)
     if recorder.skipped:
         tell.warn(
@@ -119,9 +128,11 @@ def result(
         )
 
 
-def _where(file: RotatingMcap | None) -> str:
+def _where(file: RecordingFiles | None) -> str:
     """Return which files there are now."""
     if file is None:
         return ""
+    if not file.files:
+        return ": nothing happened that a file was to be written for"
     last = ", ".join(str(path) for path in file.files[-3:])
     return f": {len(file.files)} files, the last {last}" if len(file.files) > 3 else f": {last}"

@@ -1,18 +1,15 @@
-"""What is held between calls: batches to be joined, arrival times, the counts of a second."""
+"""What is held between calls: arrival times, the counts of a second."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.ground.model import NS, Batch, Frames, Gap, Samples, Transactions
+from sniffer.ground.model import NS
 from sniffer.messages.recording_pb2 import Stats
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
     import numpy.typing as npt
 
     from sniffer.ground.model import I64
@@ -95,52 +92,3 @@ class Seconds:
             out.append(Stats(t_ns=second * NS, **dict(row)))
             self._last = second
         return out
-
-
-def runs(batches: Sequence[Batch]) -> Iterator[list[Batch]]:
-    """Yield the batches that follow on each other, each lot a list."""
-    run: list[Batch] = []
-    for batch in batches:
-        if run and run[-1].base + len(run[-1].data) != batch.base:
-            yield run
-            run = []
-        run.append(batch)
-    if run:
-        yield run
-
-
-def joined(batches: Sequence[Batch]) -> Batch:
-    """Return batches that follow on each other as one."""
-    if len(batches) == 1:
-        return batches[0]
-    frames, transactions, values, before = [], [], [], [Frames.empty()]
-    gaps: list[Gap] = []
-    rows = earlier = 0
-    for b in batches:
-        shift = b.base - batches[0].base
-        f, t, v = b.frames, b.transactions, b.values
-        frames.append(replace(f, start=f.start + shift, data_start=f.data_start + shift))
-        request = np.where(t.request < 0, t.request, t.request + rows)
-        request[t.request < -1] -= earlier
-        if b.before is not None:
-            asked = b.before
-            before.append(
-                replace(asked, start=asked.start + shift, data_start=asked.data_start + shift)
-            )
-            earlier += len(asked)
-        response = np.where(t.response < 0, -1, t.response + rows)
-        transactions.append(replace(t, request=request, response=response))
-        values.append(replace(v, row=v.row + rows))
-        gaps += (g._replace(start=g.start + shift) for g in b.gaps)
-        rows += len(f)
-    return Batch(
-        batches[0].base,
-        b"".join(b.data for b in batches),
-        batches[-1].clock,
-        Frames.concat(frames),
-        tuple(gaps),
-        Transactions.concat(transactions),
-        Samples.concat(values),
-        tuple(a for b in batches for a in b.anomalies),
-        before=Frames.concat(before) if earlier else None,
-    )

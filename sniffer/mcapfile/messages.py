@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
 
+from sniffer.decoding.joining import joined, runs
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import OK
 from sniffer.ground.distinct import distinct
@@ -23,7 +24,7 @@ from sniffer.ground.model import I64, NS, Clock, Severity
 from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.encoder import U16, Blob, Encoder, Heads, Loose
 from sniffer.mcapfile.fields import FIRST_VALUE, state_field
-from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds, joined, runs
+from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds
 from sniffer.mcapfile.raw import HeldChunks
 from sniffer.messages.log_pb2 import Log
 from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, RawChunk, Transaction

@@ -23,19 +23,22 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.names import joined
-from sniffer.ground.cutting import cut
+from sniffer.ground.cutting import behind
 from sniffer.ground.files import is_lost, writing
 from sniffer.ground.limits import BAUDS, number_in
-from sniffer.ground.model import Chunk, OutputError
+from sniffer.ground.model import OutputError
 from sniffer.ground.timing import byte_time_ns
+from sniffer.mcapfile.open import OpenIncidents
 from sniffer.messages import OFFSET, TIME
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from sniffer.decoding.sink import Part
-    from sniffer.ground.model import Batch
+    from sniffer.diagnosis.tracking import IncidentChange
+    from sniffer.ground.cutting import Placed
+    from sniffer.ground.model import Batch, Chunk
     from sniffer.mcapfile.sink import McapSink
     from sniffer.protocols.base import BusProtocol
 
@@ -46,9 +49,6 @@ them again. What they cost beside many others is less, and twice as long saves l
 STEP_NS: Final = 10_000_000
 """How long a file is ended in one go: the index of an hour takes some tenths of a second, in which
 nothing that comes would be written."""
-
-Placed = tuple[int, Chunk]
-"""A chunk, and the offset of its first byte in the stream."""
 
 
 @dataclass(slots=True)
@@ -124,6 +124,7 @@ class RotatingMcap:
         self._asked = self._closed = False
         self._began: int | None = None
         self._failure: str | None = None
+        self._open = OpenIncidents()
         self._old: McapSink | None = None
         self._ending: Iterator[None] = iter(())
         numbered = rotate_bytes is not None or rotate_ns is not None
@@ -186,6 +187,12 @@ class RotatingMcap:
         self._protocols[bus] = [protocol for protocol, _ in parts]
         self._sink.write_together(bus, parts)
 
+    def incidents(self, changes: Sequence[IncidentChange]) -> None:
+        """Take what has become of incidents; a new file begins with those that are open."""
+        self._check()
+        self._open.take(changes)
+        self._sink.incidents(changes)
+
     def turn(self, decided: Mapping[str, int]) -> None:
         """Learn up to which offset each bus is decoded; here a new file may begin.
 
@@ -238,7 +245,7 @@ class RotatingMcap:
         undecided: dict[str, list[Placed]] = {}
         for bus, state in self._buses.items():
             ends[f"{OFFSET}.{bus}"] = str(places[bus])
-            undecided[bus], t_ns = _behind(state.kept, places[bus], self._byte_ns(bus))
+            undecided[bus], t_ns = behind(state.kept, places[bus], self._byte_ns(bus))
             if t_ns is not None:
                 ends[f"{TIME}.{bus}"] = str(t_ns)
         self._end_old()
@@ -250,6 +257,7 @@ class RotatingMcap:
         except OutputError as error:
             self._fail(error)
         self.path = path
+        self._sink.incidents(self._open.changes)
         self._asked, self._began = False, None
         for bus, placed in undecided.items():
             self._buses[bus].kept = placed
@@ -362,17 +370,3 @@ def _identity(path: Path) -> tuple[int, int]:
 
 def _end(placed: Placed) -> int:
     return placed[0] + len(placed[1].data)
-
-
-def _behind(placed: Iterable[Placed], place: int, byte_ns: int) -> tuple[list[Placed], int | None]:
-    """Return the chunks behind a place, and where one is cut there the time of the byte before."""
-    behind: list[Placed] = []
-    t_ns: int | None = None
-    for start, chunk in placed:
-        rest = start + len(chunk.data) - place
-        if start > place or (start == place and rest):
-            behind.append((start, chunk))
-        elif rest > 0:
-            t_ns = None if chunk.t_ns is None else chunk.t_ns - rest * byte_ns
-            behind.append((place, cut(chunk, place - start, t_ns)[1]))
-    return behind, t_ns

@@ -25,6 +25,7 @@ import contextlib
 import time
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
 from mcap.records import Attachment
 
 from sniffer import __version__
@@ -33,10 +34,12 @@ from sniffer.ground.limits import BAUDS, number_in
 from sniffer.ground.model import NS, OutputError
 from sniffer.ground.registers import schema_path
 from sniffer.mcapfile.container import Container
+from sniffer.mcapfile.encoder import Heads, Loose
+from sniffer.mcapfile.incidents import message_of
 from sniffer.mcapfile.messages import BusWriter
 from sniffer.mcapfile.queue import Queue
 from sniffer.mcapfile.raw import RawEncoder
-from sniffer.messages import BULK, BUS, END, OFFSET, SESSION, SHOWN, TABLES, TOOL, TOPICS
+from sniffer.messages import BULK, BUS, END, INCIDENTS, OFFSET, SESSION, SHOWN, TABLES, TOOL, TOPICS
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -44,6 +47,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.decoding.sink import Part
+    from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.model import Batch, Chunk
     from sniffer.mcapfile.queue import Sorted
     from sniffer.protocols.base import BusProtocol
@@ -111,6 +115,7 @@ class McapSink:
         self._since: int | None = None
         self._round_at = 0
         self._round_from = 0
+        self._told_ns = 0
         with self._guard():
             self._file.metadata(SESSION, self._session)
             for proto in sorted(schema_path("messages").glob("*.proto")):
@@ -185,6 +190,31 @@ class McapSink:
                     self._file.metadata(END, {_told(k): v for k, v in end.items()})
                 yield from self._file.finishing()
         self._closed = True
+
+    def incidents(self, changes: Sequence[IncidentChange]) -> None:
+        """Take what has become of incidents; it is written with what was decoded."""
+        with self._guard():
+            if not changes or not self._queue.wants(INCIDENTS):
+                return
+            messages = [message_of(change) for change in changes]
+            channel = self._file.channel(f"/{INCIDENTS}", type(messages[0]), {})
+            n = len(messages)
+            times = np.array([change.t_ns for change in changes], np.int64)
+            times = np.maximum.accumulate(np.maximum(times, self._told_ns))
+            self._told_ns = int(times[-1])
+            ids, sequence = np.full(n, channel, np.uint16), np.zeros(n, np.uint32)
+            heads = Heads(ids, sequence, times, times, self._queue.ranks(n))
+            self._queue.add(INCIDENTS, Loose.of(messages, heads))
+
+    def note(self, name: str, facts: Mapping[str, str]) -> None:
+        """Write facts that are known only now, as a metadata record of that name."""
+        with self._guard():
+            self._file.metadata(name, {_told(k): _told(v) for k, v in facts.items()})
+
+    def abandon(self) -> None:
+        """Let go of the file as it is: nobody will read it to its end."""
+        self._closed = True
+        self._file.abandon()
 
     @contextlib.contextmanager
     def _guard(self) -> Iterator[None]:

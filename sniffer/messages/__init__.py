@@ -29,6 +29,9 @@ TIME: Final = "t_ns"
 TABLES: Final = "registers/"
 """What the names of the register tables begin with that are attached: ``<TABLES><model>.toml``."""
 
+TRIGGER: Final = "servo_sniffer.trigger"
+"""Metadata records of a flight recorder's file: what has happened, one for each time."""
+
 RECOVERED: Final = "servo_sniffer.recovered"
 """Metadata record: the recorder did not finish the file; ``why`` says what was wrong with it."""
 
@@ -36,8 +39,11 @@ BULK: Final = ("frames", "transactions")
 """Topics that a live recording does not index: nobody plots them, and with ``raw``, of which the
 same is true, the index would be thrice the raw bytes of a busy bus and more."""
 
-SHOWN: Final = ("state", "gaps", "anomalies", "log", "stats")
+INCIDENTS: Final = "incidents"
+"""The topic ``/incidents``, which is of all buses."""
+
+SHOWN: Final = ("state", "gaps", "anomalies", "log", "stats", INCIDENTS)
 """Topics that viewers look up message by message."""
 
 TOPICS: Final = ("raw", *BULK, *SHOWN)
-"""All of a bus, by the last part of their names."""
+"""All topics, by the last part of their names."""

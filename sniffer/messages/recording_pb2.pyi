@@ -50,6 +50,7 @@ class Mark(_message.Message):
         HELD: _ClassVar[Mark.Kind]
         MERGED: _ClassVar[Mark.Kind]
         SILENT: _ClassVar[Mark.Kind]
+        TUNED: _ClassVar[Mark.Kind]
     UNKNOWN: Mark.Kind
     FRAMING: Mark.Kind
     PARITY: Mark.Kind
@@ -63,6 +64,7 @@ class Mark(_message.Message):
     HELD: Mark.Kind
     MERGED: Mark.Kind
     SILENT: Mark.Kind
+    TUNED: Mark.Kind
     KIND_FIELD_NUMBER: _ClassVar[int]
     START_FIELD_NUMBER: _ClassVar[int]
     LENGTH_FIELD_NUMBER: _ClassVar[int]
@@ -201,6 +203,87 @@ class Anomaly(_message.Message):
     detail: str
     evidence: _containers.RepeatedCompositeFieldContainer[Anomaly.Evidence]
     def __init__(self, t_ns: _Optional[int] = ..., severity: _Optional[_Union[Anomaly.Severity, str]] = ..., group: _Optional[str] = ..., code: _Optional[str] = ..., servo_id: _Optional[int] = ..., detail: _Optional[str] = ..., evidence: _Optional[_Iterable[_Union[Anomaly.Evidence, _Mapping]]] = ...) -> None: ...
+
+class Incident(_message.Message):
+    __slots__ = ("t_ns", "stage", "id", "severity", "bus", "servo_ids", "first_t_ns", "last_t_ns", "count", "story", "causes", "findings", "evidence", "against", "next")
+    class Stage(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = ()
+        OPENED: _ClassVar[Incident.Stage]
+        CHANGED: _ClassVar[Incident.Stage]
+        OVER: _ClassVar[Incident.Stage]
+        WITHDRAWN: _ClassVar[Incident.Stage]
+        ENDED: _ClassVar[Incident.Stage]
+    OPENED: Incident.Stage
+    CHANGED: Incident.Stage
+    OVER: Incident.Stage
+    WITHDRAWN: Incident.Stage
+    ENDED: Incident.Stage
+    class Cause(_message.Message):
+        __slots__ = ("cause", "confidence", "why")
+        CAUSE_FIELD_NUMBER: _ClassVar[int]
+        CONFIDENCE_FIELD_NUMBER: _ClassVar[int]
+        WHY_FIELD_NUMBER: _ClassVar[int]
+        cause: str
+        confidence: float
+        why: str
+        def __init__(self, cause: _Optional[str] = ..., confidence: _Optional[float] = ..., why: _Optional[str] = ...) -> None: ...
+    class Finding(_message.Message):
+        __slots__ = ("code", "count", "servo_id", "first_t_ns", "last_t_ns", "what")
+        CODE_FIELD_NUMBER: _ClassVar[int]
+        COUNT_FIELD_NUMBER: _ClassVar[int]
+        SERVO_ID_FIELD_NUMBER: _ClassVar[int]
+        FIRST_T_NS_FIELD_NUMBER: _ClassVar[int]
+        LAST_T_NS_FIELD_NUMBER: _ClassVar[int]
+        WHAT_FIELD_NUMBER: _ClassVar[int]
+        code: str
+        count: int
+        servo_id: int
+        first_t_ns: int
+        last_t_ns: int
+        what: str
+        def __init__(self, code: _Optional[str] = ..., count: _Optional[int] = ..., servo_id: _Optional[int] = ..., first_t_ns: _Optional[int] = ..., last_t_ns: _Optional[int] = ..., what: _Optional[str] = ...) -> None: ...
+    class Evidence(_message.Message):
+        __slots__ = ("offset", "length", "t_ns", "what")
+        OFFSET_FIELD_NUMBER: _ClassVar[int]
+        LENGTH_FIELD_NUMBER: _ClassVar[int]
+        T_NS_FIELD_NUMBER: _ClassVar[int]
+        WHAT_FIELD_NUMBER: _ClassVar[int]
+        offset: int
+        length: int
+        t_ns: int
+        what: str
+        def __init__(self, offset: _Optional[int] = ..., length: _Optional[int] = ..., t_ns: _Optional[int] = ..., what: _Optional[str] = ...) -> None: ...
+    T_NS_FIELD_NUMBER: _ClassVar[int]
+    STAGE_FIELD_NUMBER: _ClassVar[int]
+    ID_FIELD_NUMBER: _ClassVar[int]
+    SEVERITY_FIELD_NUMBER: _ClassVar[int]
+    BUS_FIELD_NUMBER: _ClassVar[int]
+    SERVO_IDS_FIELD_NUMBER: _ClassVar[int]
+    FIRST_T_NS_FIELD_NUMBER: _ClassVar[int]
+    LAST_T_NS_FIELD_NUMBER: _ClassVar[int]
+    COUNT_FIELD_NUMBER: _ClassVar[int]
+    STORY_FIELD_NUMBER: _ClassVar[int]
+    CAUSES_FIELD_NUMBER: _ClassVar[int]
+    FINDINGS_FIELD_NUMBER: _ClassVar[int]
+    EVIDENCE_FIELD_NUMBER: _ClassVar[int]
+    AGAINST_FIELD_NUMBER: _ClassVar[int]
+    NEXT_FIELD_NUMBER: _ClassVar[int]
+    t_ns: int
+    stage: Incident.Stage
+    id: str
+    severity: Anomaly.Severity
+    bus: str
+    servo_ids: _containers.RepeatedScalarFieldContainer[int]
+    first_t_ns: int
+    last_t_ns: int
+    count: int
+    story: str
+    causes: _containers.RepeatedCompositeFieldContainer[Incident.Cause]
+    findings: _containers.RepeatedCompositeFieldContainer[Incident.Finding]
+    evidence: _containers.RepeatedCompositeFieldContainer[Incident.Evidence]
+    against: str
+    next: str
+    def __init__(self, t_ns: _Optional[int] = ..., stage: _Optional[_Union[Incident.Stage, str]] = ..., id: _Optional[str] = ..., severity: _Optional[_Union[Anomaly.Severity, str]] = ..., bus: _Optional[str] = ..., servo_ids: _Optional[_Iterable[int]] = ..., first_t_ns: _Optional[int] = ..., last_t_ns: _Optional[int] = ..., count: _Optional[int] = ..., story: _Optional[str] = ..., causes: _Optional[_Iterable[_Union[Incident.Cause, _Mapping]]] = ..., findings: _Optional[_Iterable[_Union[Incident.Finding, _Mapping]]] = ..., evidence: _Optional[_Iterable[_Union[Incident.Evidence, _Mapping]]] = ..., against: _Optional[str] = ..., next: _Optional[str] = ...) -> None: ...
 
 class Stats(_message.Message):
     __slots__ = ("t_ns", "bytes", "frames", "gaps", "anomalies", "bus_load_percent")

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import InputError
+from sniffer.ground.wording import Sentence
 from sniffer.ports import kernel
 from sniffer.ports.base import READ_MAX, PortLostError, forbidden, missing, no_port, shown
 from sniffer.ports.drivers import NO_LINE, tells
@@ -327,10 +328,11 @@ def _busy(name: str, who: str) -> InputError:
 
 
 def _shared(name: str, rivals: Sequence[Holder]) -> InputError:
-    return InputError(
-        f"{shown(name)} is open in {_named(rivals)}, and not locked: to open it would change its "
-        "settings under that program, and take bytes from it; end that first, or say --shared"
+    told = (
+        "{name} is open in {who}, and not locked: to open it would change its settings under that "
+        "program, and take bytes from it; end that first, or say {shared:True}"
     )
+    return InputError(Sentence(told, name=shown(name), who=_named(rivals)))
 
 
 def _named(holders: Sequence[Holder]) -> str:

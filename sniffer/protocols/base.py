@@ -7,7 +7,8 @@ rows, gaps and ``explain``) and ``Oracle`` (one frame at a time, for the referen
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from typing import Protocol as TypingProtocol
 
 import numpy as np
@@ -306,6 +307,23 @@ def view(frames: Frames, i: int, registers: Iterable[int] = ()) -> FrameView:
         int(frames.flags[i]),
         tuple(registers),
     )
+
+
+LETS_GO, RESTARTS, TURNS_ELSEWHERE = range(3)
+"""Commands after which a joint does not seek its last goal any more: its motor is off; it begins
+anew; it holds, turns or moves in another way."""
+
+_NONE: Final[Mapping[int, int]] = MappingProxyType({})
+
+
+def ends_goal(protocol: Framing) -> Mapping[int, int]:
+    """Return the commands that end a goal without stating another, and how.
+
+    A protocol may have them as ``ends_goal``, by ``Frames.op``. It is no part of the interface: one
+    that says nothing has none, and a joint that was let go on purpose looks as if it hung limp.
+    """
+    told: Mapping[int, int] = getattr(protocol, "ends_goal", _NONE)
+    return told
 
 
 def no_clues(frame: SlowFrame) -> list[Clue]:

@@ -10,7 +10,7 @@ from sniffer.ground.wording import one_line
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import BusProtocol
@@ -46,6 +46,31 @@ def with_tables(protocol: BusProtocol, tables: Iterable[RegisterMap]) -> BusProt
     except (TypeError, ValueError) as error:  # of one written elsewhere
         raise SnifferError(one_line(f"{mine[0].model}: {protocol.name}: {error}")) from error
     return more
+
+
+def check_tables(
+    tables: Iterable[RegisterMap], own: Mapping[str, BusProtocol], *, others: bool
+) -> None:
+    """Refuse tables that nothing of what is decoded can be read by.
+
+    ``own`` are the protocols that were named; ``others``: any other one may be spoken, too.
+
+    Raises:
+        SnifferError: a table names no protocol, or another one, or its protocol does not take it.
+    """
+    tables = tuple(tables)
+    for table in tables:
+        name = table.protocol
+        why = ""
+        if not name:
+            why = 'it does not say whose it is: write protocol = "..." into its head'
+        elif name not in own and not others:
+            why = f"it is a table of {name}, and what is named is {', '.join(own)}"
+        elif name not in own and name not in PROTOCOLS:
+            why = f"no protocol {name[:40]!r}: one of {', '.join(PROTOCOLS)}"
+        if why:
+            raise SnifferError(f"{table.model}: {why}")
+        with_tables(own[name] if name in own else PROTOCOLS[name], tables)
 
 
 def owner_of(

@@ -22,7 +22,7 @@ LASTS_S: Final = {f.STALL: (1.5, 4.0), f.OVERLOAD: (3.0, 6.0), f.OVERHEAT: (20.0
 HEATER_K_S: Final = (3.0, 6.0)
 """How fast a motor grows hot: faster than a real one, so that it is seen within half a minute."""
 
-BURDEN: Final = (0.88, 0.97)
+BURDEN: Final = (0.92, 0.99)
 """What an overloaded joint bears, in parts of the stall load."""
 
 RESETS_S: Final = (0.4, 2.0)

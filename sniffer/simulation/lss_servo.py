@@ -34,6 +34,9 @@ DISABLED: Final = "DIS"
 LIMIT_DEGC: Final = 85
 """The servo goes limp beyond. Source: protocol page 106.1, Command List 25."""
 
+BLOCKED_BEHIND: Final = 0.07
+"""Part of the travel that it must be behind its goal to call itself blocked."""
+
 BLOCKED_AFTER_S, SAFE_AFTER_S = 0.2, 2.0
 """How long a motor is strained before its servo says so, and before it goes into safe mode: figures
 of the simulation."""
@@ -143,7 +146,8 @@ class LssServo(Servo):
             return "safe_mode" if "safe_mode" in self._states else "error"
         if not self.joint.driven:
             return "limp"
-        if self.joint.strained_s > BLOCKED_AFTER_S and abs(speed_deg_s) < 2:
+        behind = abs(self.joint.goal - self.joint.position) > BLOCKED_BEHIND
+        if behind and self.joint.strained_s > BLOCKED_AFTER_S and abs(speed_deg_s) < 2:
             return "blocked" if "blocked" in self._states else "error"
         if abs(speed_deg_s) < 2:
             return "holding"

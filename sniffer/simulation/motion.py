@@ -100,7 +100,7 @@ class Joint:
         self.heater = 0.0
         """Warmth that it gets while its motor is on, beside that of its own load: K per second."""
         self.strained_s = 0.0
-        """For how long its load has been beyond ``STRAIN``."""
+        """For how long its load has been beyond ``STRAIN``, less the time since that it was not."""
         self._omega = rng.uniform(28, 45)
         self._damping = rng.uniform(0.75, 1.0)
         self._inertia = rng.uniform(0.015, 0.03)
@@ -156,7 +156,7 @@ class Joint:
         self.temperature += (warmth - (self.temperature - AMBIENT_DEGC) / 240) * dt
         if self.heater and self.driven:
             self.temperature += self.heater * dt
-        self.strained_s = self.strained_s + dt if abs(self.load) > STRAIN else 0.0
+        self.strained_s = max(self.strained_s + (dt if abs(self.load) > STRAIN else -dt), 0.0)
 
 
 class Rig:

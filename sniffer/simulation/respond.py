@@ -11,21 +11,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from sniffer.ground.codes import REQUEST as ASKS
-from sniffer.ground.codes import WHOLE
 from sniffer.ground.framing import Block
-from sniffer.ground.model import Spans
 from sniffer.protocols import protocol_named
-from sniffer.protocols.base import State
 from sniffer.simulation.buses import mischief, put_up
+from sniffer.simulation.hearing import NO_BARRIERS, Ears
 from sniffer.simulation.line import NOBODY, Wire
-from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, USUAL, HeardFrame, Message, TrueFrame
+from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, USUAL, Message, TrueFrame
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from sniffer.simulation.faults import Fault
-
-_NO_BARRIERS = np.empty(0, np.int64)
 
 
 class Uttered(NamedTuple):
@@ -56,7 +52,7 @@ class Responder:
         self.bus = put_up(protocol, seed=seed, servo_ids=servo_ids, baud=baud, models=models)
         self._line = Wire(self.bus, mischief(protocol, faults, seed), seed)
         self._protocol = protocol_named(protocol)
-        self._state = State(self._protocol, models)
+        self._ears = Ears(self._protocol, models)
         self._carried = carried
         self._held = bytearray()
         self._heard_ns = 0
@@ -113,7 +109,7 @@ class Responder:
     def _next(self, data: bytes, at: int) -> tuple[int, int, int] | None:
         """Return start, end and kind of the first frame from ``at`` on, as if no more came."""
         for stop in (at + 2 * self._protocol.longest, len(data)):
-            block = Block(np.frombuffer(data[at:stop], np.uint8), _NO_BARRIERS, stop >= len(data))
+            block = Block(np.frombuffer(data[at:stop], np.uint8), NO_BARRIERS, stop >= len(data))
             spans, _ = self._protocol.frame(block)
             if len(spans):
                 return at + int(spans.start[0]), at + int(spans.end[0]), int(spans.kind[0])
@@ -123,7 +119,7 @@ class Responder:
 
     def _hopeless(self, data: bytes, at: int) -> int:
         """Return how many bytes from ``at`` on can be no frame's, whatever follows."""
-        block = Block(np.frombuffer(data, np.uint8)[at:], _NO_BARRIERS, False)
+        block = Block(np.frombuffer(data, np.uint8)[at:], NO_BARRIERS, False)
         spans, decided = self._protocol.frame(block)
         return min(int(spans.start[0]), decided) if len(spans) else decided
 
@@ -140,26 +136,8 @@ class Responder:
         return [Uttered(self._line.say(nobody, NOISE, self._line.free_ns, data, None), False)]
 
     def _frame(self, raw: bytes, kind: int, now_ns: int) -> list[Uttered]:
-        protocol = self._protocol
-        data, behind = self._before + raw, len(self._before)
-        spans = Spans(
-            np.array([0, behind]),
-            np.array([behind, len(data)]),
-            np.array([ASKS, kind], np.uint8),
-        )
-        block = Block(np.frombuffer(data, np.uint8), _NO_BARRIERS, True)
-        frames = protocol.describe(block, spans if behind else spans.take([1]))
-        row = len(frames) - 1
-        heard = HeardFrame.of(frames, row, data)
+        heard, message = self._ears.read(raw, kind, self._before)
         self._before = raw if heard.kind == ASKS else b""
-        v = protocol.values(block, frames, np.array([row]), self._state)
-        columns = (c.tolist() for c in (v.servo_id, v.register, v.raw, v.part))
-        values = tuple(
-            (servo_id, protocol.registers[index].name, value)
-            for servo_id, index, value, part in zip(*columns, strict=True)
-            if part == WHOLE
-        )
-        message = Message(raw, heard.servo_id, protocol.op_name(heard.op), values)
         self._begin(len(raw), now_ns)
         if heard.kind != ASKS:
             return [

@@ -127,6 +127,7 @@ class WckServo(Servo):
         """Turn passive at an overload. Source: manual 1.07, (18) Over Load Set."""
         if self.joint.strained_s > PASSIVE_AFTER_S:
             self.joint.enabled = False
+            self.joint.strained_s = 0.0  # the next move has it try again
 
     def move(self, goal: float) -> None:
         """Go there."""
@@ -372,7 +373,8 @@ class WckBus(Bus):
         return self._exchange("passive", servo_id, fields, {}, act, {"data2": data2})
 
 
-def _fields(op: str, raw: bytes) -> dict[str, int]:
+@functools.lru_cache(KEPT)
+def _fields(op: str, raw: bytes) -> Mapping[str, int]:
     """Return the bytes of a command that its reply may repeat."""
     if op == "position_read_10bit":  # two forms, and nothing is repeated
         return {}

@@ -13,17 +13,19 @@ from rich.text import Text
 
 from sniffer.decoding.pacing import ASSUMED, ESTIMATED
 from sniffer.decoding.summary import FIGURES
+from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import OBSERVED
-from sniffer.ground.wording import plain, short
+from sniffer.ground.wording import and_, counted, plain, short
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from rich.console import Console
 
     from sniffer.decoding.pacing import Pace
     from sniffer.decoding.summary import BusTotals, Summary
+    from sniffer.diagnosis import Incident
 
 GLUE: Final = "\u2800"
 """Stands for a blank at which no line is broken, until all is laid out."""
@@ -39,13 +41,8 @@ _OUTCOMES: Final[Mapping[str, str]] = {"not_expected": "need no reply"}
 """Outcomes in other words than their own."""
 
 
-def counted(n: int, what: str) -> str:
-    """Return a number with its noun."""
-    return f"{n} {what}" if n == 1 else f"{n} {what}s"
-
-
-def print_summary(summary: Summary, console: Console) -> None:
-    """Print the totals of every bus."""
+def print_summary(summary: Summary, console: Console, incidents: Sequence[Incident] = ()) -> None:
+    """Print the totals of every bus; anomalies that incidents explain are told with these."""
     with console.capture() as printed:
         for nth, (name, bus) in enumerate(summary.buses.items()):
             if nth:
@@ -55,7 +52,8 @@ def print_summary(summary: Summary, console: Console) -> None:
             for part, each in enumerate(bus.parts.values() or (bus,)):
                 if part:
                     console.print()
-                _print_bus(name, each, summary.paces.get(name), console)
+                mine = [i for i in incidents if i.bus == name]
+                _print_bus(name, each, summary.paces.get(name), console, mine)
     # tables are padded to their width: nobody wants that in a file
     lines = printed.get().replace(GLUE, " ").splitlines()
     console.file.write("".join(_PADDING.sub(r"\1", line) + "\n" for line in lines))
@@ -65,11 +63,17 @@ def _print_shared(name: str, b: BusTotals, console: Console) -> None:
     """Say what those who share a wire have in common."""
     console.print(Text(short(plain(f"{name}: {b.protocol}, {counted(b.bytes, 'byte')}"))))
     if b.looks_like:
-        console.print(f"  this looks like {b.looks_like}: decode it with --protocol {b.looks_like}")
+        console.print(f"  this looks like {b.looks_like}: decode it as {b.looks_like}")
     console.print()
 
 
-def _print_bus(name: str, b: BusTotals, told: Pace | None, console: Console) -> None:
+def _print_bus(
+    name: str,
+    b: BusTotals,
+    told: Pace | None,
+    console: Console,
+    incidents: Sequence[Incident],
+) -> None:
     frames, gaps = counted(sum(b.kinds.values()), "frame"), counted(sum(b.gaps.values()), "gap")
     share = 100 * b.bytes_in_frames / b.bytes if b.bytes else 0.0
     length = b.seconds
@@ -93,7 +97,7 @@ def _print_bus(name: str, b: BusTotals, told: Pace | None, console: Console) -> 
     if shown:
         lines.append(f"models told by the wire: {shown}")
     if b.looks_like:
-        lines.append(f"this looks like {b.looks_like}: decode it with --protocol {b.looks_like}")
+        lines.append(f"this looks like {b.looks_like}: decode it as {b.looks_like}")
     console.print(Text(short(plain(title)), style="bold"))
     for line in lines:
         console.print(Padding(Text(line), (0, 0, 0, 2)))
@@ -101,10 +105,55 @@ def _print_bus(name: str, b: BusTotals, told: Pace | None, console: Console) -> 
         console.print()
         console.print(_commands(b))
     console.print()
-    if b.codes:
-        console.print(_anomalies(b))
-    else:
+    left = _unexplained(b, incidents)
+    if incidents:
+        console.print(_incidents(incidents))
+        console.print("  `sniffer diagnose` says why, and what to do")
+        if left:
+            console.print()
+    if left:
+        console.print(_anomalies(b, left))
+    elif not incidents:
         console.print("  no anomalies")
+
+
+def _unexplained(b: BusTotals, incidents: Sequence[Incident]) -> Counter[str]:
+    """Return how many anomalies of each code no incident explains."""
+    left = Counter(b.codes)
+    for incident in incidents:
+        for finding in incident.findings:
+            if finding.code in left:
+                left[finding.code] -= finding.count
+    return +left
+
+
+def _incidents(incidents: Sequence[Incident]) -> Table:
+    table = _table()
+    table.add_column("level", no_wrap=True)
+    table.add_column("incident", overflow="fold")
+    table.add_column("sure", justify="right", no_wrap=True)
+    table.add_column("explains", overflow="fold")
+    for incident in incidents:
+        level = incident.severity.name.lower()
+        codes: Counter[str] = Counter()
+        for finding in incident.findings:
+            if finding.code in CATALOGUE:
+                codes[finding.code] += finding.count
+        explains = ", ".join(f"{code}{GLUE}{n}" for code, n in codes.most_common())
+        table.add_row(
+            Text(level, style=_COLOUR[level]),
+            Text(_headline(incident)),
+            f"{100 * incident.causes[0].confidence:.0f}{GLUE}%",
+            explains or incident.findings[0].what,
+        )
+    return table
+
+
+def _headline(incident: Incident) -> str:
+    """Return an incident's cause, and whose it is."""
+    cause = CAUSES[incident.cause].title
+    who = and_([f"servo {i}" for i in incident.servo_ids])
+    return f"{incident.cause}: {cause}" + (f" ({who})" if who else "")
 
 
 def _timing(told: Pace) -> list[str]:
@@ -155,7 +204,7 @@ def _commands(b: BusTotals) -> Table:
     return table
 
 
-def _anomalies(b: BusTotals) -> Table:
+def _anomalies(b: BusTotals, left: Counter[str]) -> Table:
     table = _table()
     table.add_column("level", no_wrap=True)
     table.add_column("anomaly", no_wrap=True)
@@ -164,7 +213,7 @@ def _anomalies(b: BusTotals) -> Table:
         table.add_column("servos", overflow="fold")
     table.add_column("at byte", justify="right", no_wrap=True)
     table.add_column("the first one", overflow="fold")
-    for code, n in sorted(b.codes.items(), key=lambda e: (-CATALOGUE[e[0]].severity, -e[1])):
+    for code, n in sorted(left.items(), key=lambda e: (-CATALOGUE[e[0]].severity, -e[1])):
         level = CATALOGUE[code].severity.name.lower()
         first = b.first[code]
         table.add_row(

@@ -10,6 +10,7 @@ from rich.style import Style
 
 from sniffer.decoding.rows import frame_row, value_ranges
 from sniffer.decoding.summary import Summary
+from sniffer.diagnosis import Diagnosis
 from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE, WHOLE
 from sniffer.ground.model import NS, Batch, Chunk, Clock, Severity
 from sniffer.ground.wording import plain
@@ -82,6 +83,7 @@ class TextSink:
         self._color = self._console.is_terminal and not self._console.no_color
         self._width = self._console.width
         self._summary = Summary()
+        self._diagnosis = Diagnosis()
         self._wide = self._width >= WIDE
         self._room = max(self._width - sum(n + 1 for n in (WIDTHS if self._wide else NARROW)), 12)
         self._with_bytes = self._wide and self._room > VALUES + BYTES
@@ -100,6 +102,7 @@ class TextSink:
         lines: list[tuple[int, str]] = []
         for protocol, batch in parts:
             self._summary.add(bus, protocol, batch)
+            self._diagnosis.write(bus, protocol, batch)
             lines += self._lines(bus, protocol, batch)
         lines.sort(key=lambda e: e[0])
         if not lines:
@@ -127,7 +130,7 @@ class TextSink:
         """Write the summary."""
         if self._headed:
             self._stream.write("\n")
-        print_summary(self._summary, self._console)
+        print_summary(self._summary, self._console, self._diagnosis.incidents())
         self._stream.flush()
 
     def _frame(

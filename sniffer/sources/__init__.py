@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.limits import BUSES_MOST
 from sniffer.ground.model import Chunk, DamagedInputError, InputError, SnifferError
+from sniffer.ground.wording import Sentence
 from sniffer.sources.binary import read_binary
 from sniffer.sources.candump import read_candump
 from sniffer.sources.hexdump import read_hexdump, read_od, read_xxd
@@ -25,7 +26,7 @@ from sniffer.sources.opening import Origin, Spooled, find
 from sniffer.sources.plain import read_decimal, read_hex
 from sniffer.sources.recognise import HEAD, recognise
 from sniffer.sources.refusals import refuse_utf16
-from sniffer.sources.text import FIRST_LINES, Damage, Opened
+from sniffer.sources.text import FIRST_LINES, DamagedLine, Opened
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -107,9 +108,19 @@ class Source:
         self._origin = origin
         self._bus = bus
 
+    @property
+    def label(self) -> str:
+        """What kind of input it is, in words."""
+        return _LABELS[self.format]
+
+    @property
+    def size(self) -> int | None:
+        """Bytes of its file; None where it is none."""
+        return None if self._origin.path is None else self._origin.path.stat().st_size
+
     def describe(self) -> str:
         """Return one line that says what the input is."""
-        return f"{self.name}: {_LABELS[self.format]}"
+        return f"{self.name}: {self.label}"
 
     def __iter__(self) -> Iterator[list[Chunk]]:
         self.notes.clear()
@@ -125,7 +136,7 @@ class Source:
             for group in groups:
                 read = True
                 yield group
-        except Damage as damage:
+        except DamagedLine as damage:
             kind = DamagedInputError if read else InputError
             raise kind(f"{self.name}, {damage}") from None
         except _ManyBusesError as error:
@@ -189,7 +200,7 @@ def _groups(chunks: Iterable[Chunk], lag_s: float) -> Iterator[list[Chunk]]:
             yield group  # what has been read is decoded before the end
         raise
     except DamagedInputError as error:
-        wrong = isinstance(error, Damage) and error.nonsense and error.line <= FIRST_LINES
+        wrong = isinstance(error, DamagedLine) and error.nonsense and error.line <= FIRST_LINES
         if group and not wrong:
             yield group
         raise
@@ -203,11 +214,13 @@ def open_source(
     *,
     bus: str = "bus0",
     radix: str = "hex",
+    again: bool = False,
 ) -> Source:
     """Open a capture; ``"-"`` is standard input, bytes are a file's content themselves.
 
     ``bus`` names the bus where the input does not; ``radix`` ("hex" or "decimal") is that of a
-    plain list of numbers. Raises InputError with what to do instead, in one line.
+    plain list of numbers. ``again``: it will be read more than once; what cannot be (a pipe) is
+    kept in a temporary file. Raises InputError with what to do instead, in one line.
     """
     if input_format != "auto" and input_format not in SOURCES:
         known = ", ".join(("auto", *SOURCES))
@@ -217,7 +230,7 @@ def open_source(
     origin = find(path)
     try:
         chosen = _chosen(origin, input_format, decimal=radix == "decimal")
-        if chosen == "mcap" and origin.path is None:
+        if (again and origin.live) or (chosen == "mcap" and origin.path is None):
             origin = Spooled(origin)  # a recording is read by its index, here and there
         source = Source(origin, chosen, bus)
         if chosen not in ("bin", "mcap"):
@@ -238,5 +251,5 @@ def _chosen(origin: Origin, input_format: str, *, decimal: bool) -> str:
         if input_format not in ("bin", "mcap"):
             refuse_utf16(origin.head)
     except InputError as error:
-        raise InputError(f"{origin.name}: {error}") from None
+        raise InputError(Sentence("{name}: {error}", name=origin.name, error=error)) from None
     return "decimal" if decimal and input_format == "hex" else input_format

@@ -10,6 +10,7 @@ import re
 from typing import Final
 
 from sniffer.ground.model import InputError
+from sniffer.ground.wording import Sentence
 from sniffer.sources import candump, jsonl
 from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, DumpLine, bytes_in, counted, tidy
 from sniffer.sources.plain import BadLineError, bare, decimal_line, hex_line, share_of_hex
@@ -221,7 +222,9 @@ def _refuse_decimal(lines: list[bytes]) -> None:
     except BadLineError:
         return
     if stated:
-        raise InputError("this looks like decimal numbers: say --input-format decimal (or hex)")
+        raise InputError(
+            Sentence("this looks like decimal numbers: say {input_format:decimal} (or hex)")
+        )
 
 
 def _why_not(lines: list[bytes]) -> str:
@@ -232,7 +235,9 @@ def _why_not(lines: list[bytes]) -> str:
                 f"line 1, {quoted(lines[0])}, is no part of a dump, but {found} seems to begin"
                 f" further down: remove the lines before it"
             )
-    return (
-        f"this is text, but no dump that is read ({quoted(lines[0])}): {_FORMATS}; "
-        f"if the text itself is the traffic, say --input-format bin"
+    return Sentence(
+        "this is text, but no dump that is read ({line}): {formats}; if the text itself is the "
+        "traffic, say {input_format:bin}",
+        line=quoted(lines[0]),
+        formats=_FORMATS,
     )

@@ -11,6 +11,7 @@ from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import Direction, SnifferError
 from sniffer.ground.timing import LATENCY_NS
+from sniffer.ground.wording import Sentence
 from sniffer.merge.merger import Merger
 from sniffer.ports import PortOptions, open_port
 from sniffer.tap.reader import BREATH_NS, Anchor, Listener
@@ -119,14 +120,16 @@ def shared(taps: Sequence[Tap]) -> list[str]:
 def _paired(specs: Sequence[PortSpec]) -> tuple[PortSpec, ...]:
     """Return two ports as one bus: what is said of the first holds for the second."""
     if len(specs) != 2:
-        raise SnifferError("--pair takes two ports: the controller's wire, then the servos'")
+        told = "{pair:True} takes two ports: the controller's wire, then the servos'"
+        raise SnifferError(Sentence(told))
     tx, rx = specs
     for what, one, other in (
         ("protocol", tx.protocol, rx.protocol),
         ("baud rate", tx.baud, rx.baud),
     ):
         if None not in (one, other) and one != other:
-            raise SnifferError(f"--pair is one bus: its two ports have one {what}")
+            told = "{pair:True} is one bus: its two ports have one {what}"
+            raise SnifferError(Sentence(told, what=what))
     protocol, baud = tx.protocol or rx.protocol, tx.baud or rx.baud
     return tuple(PortSpec(tx.bus, s.port, protocol, baud) for s in specs)
 

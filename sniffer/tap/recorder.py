@@ -57,7 +57,10 @@ _TOLD: Final = (MarkKind.LOST, MarkKind.BACK)
 class RecordingFile(Sink, Protocol):
     """The file of a recording, which may be a row of files."""
 
-    path: Path
+    @property
+    def path(self) -> Path:
+        """The file that is being written."""
+        ...
 
     @property
     def size(self) -> int:

@@ -16,7 +16,7 @@ class Stops:
     """Conditions that end a recording; None: not that one. The first that is met counts.
 
     ``max_size`` is in bytes, of all files of the recording together. ``idle_ns`` counts from the
-    last byte on any bus. ``until`` are codes of anomalies.
+    last byte on any bus. ``until`` are what ``watching.awaited_in`` reads: codes, causes, rules.
     """
 
     duration_ns: int | None = None
@@ -37,8 +37,4 @@ class Stops:
                 return f"{frames} frames are decoded"
         if self.idle_ns is not None and silent_ns >= self.idle_ns:
             return f"no byte for {silent_ns / NS:.1f} s"
-        for bus, totals in summary.buses.items():
-            for code in self.until:
-                if totals.codes[code]:
-                    return f"{code} on {bus}: {totals.first[code].detail}"
         return None

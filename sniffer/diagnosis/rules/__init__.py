@@ -9,16 +9,27 @@ from typing import TYPE_CHECKING, Final
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules import (
+    bits,
+    complaints,
     controller,
-    device,
+    foreign,
     goals,
+    identity,
+    joints,
+    jumps,
     line,
     losses,
+    outages,
     pairing,
     patience,
+    restarts,
+    slowness,
+    supply,
     symptoms,
     tap,
     timing,
+    twins,
+    warmth,
 )
 
 if TYPE_CHECKING:
@@ -26,7 +37,28 @@ if TYPE_CHECKING:
 
 Rule = Callable[[Case], Iterable[Finding]]
 
-_AREAS: Final = (tap, losses, line, pairing, timing, device, patience, controller, goals)
+_AREAS: Final = (
+    tap,
+    losses,
+    line,
+    bits,
+    pairing,
+    timing,
+    joints,
+    patience,
+    controller,
+    goals,
+    complaints,
+    foreign,
+    identity,
+    jumps,
+    outages,
+    restarts,
+    slowness,
+    supply,
+    twins,
+    warmth,
+)
 
 RULES: Final[tuple[Rule, ...]] = (
     *(rule for area in _AREAS for rule in area.RULES),

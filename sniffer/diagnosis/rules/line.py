@@ -1,4 +1,4 @@
-"""What happens to bytes on the line: who is damaged, where, in which bits, and when."""
+"""Who is damaged on the line, and when: everybody or some, always or while motors work."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
+from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 
 if TYPE_CHECKING:
@@ -15,90 +17,204 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
+    from sniffer.ground.model import I64, Mask
 
 FINDINGS: Final = (
     FindingCode(
         "damage-everywhere",
         "line",
         "Frames of several senders are damaged, in about the share of what each says.",
-        "At least three damaged places, of two senders or more, and no sender has far more than its share.",
+        "At least three torn frames, of two senders or more, and no sender has far more than its share.",
     ),
     FindingCode(
         "damage-one-servo",
         "line",
-        "The answers of one servo are damaged, and those of others hardly ever.",
-        "Three damaged answers or more, and a share of its answers that is ten times that of all others.",
+        "The answers of this servo are damaged, and those of others hardly ever.",
+        "Three torn answers or more, and a share of its answers that is five times that of all other frames and no chance.",
+    ),
+    FindingCode(
+        "damage-in-answers",
+        "line",
+        "Answers are damaged, of several servos alike, and requests hardly ever.",
+        "Three torn answers or more, of two servos, and fewer torn requests than chance would have it.",
+    ),
+    FindingCode(
+        "damage-in-requests",
+        "line",
+        "Requests are damaged, and answers hardly ever.",
+        "Three torn requests or more, and fewer torn answers than chance would have it.",
+    ),
+    FindingCode(
+        "strays-at-turn",
+        "line",
+        "Single bytes of nobody stand where the direction changes: between a request and its answer, or right behind a frame.",
+        "Three of them or more, and three times as many as elsewhere between frames.",
+    ),
+    FindingCode(
+        "strays-anywhere",
+        "line",
+        "Single bytes of nobody come while nobody speaks.",
+        "Three of them or more, not at the turn of the direction.",
     ),
 )
 
 LEAST: Final = 3
-"""Damaged places that make a pattern."""
+"""Places that make a pattern."""
 
-AHEAD: Final = 10.0
-"""How many times its share a servo must have to be the only one."""
+AHEAD: Final = 5.0
+"""How many times the others' share a sender must have to be one of few."""
+
+CHANCE: Final = 1e-3
+"""What is as likely as that by chance is no pattern."""
+
+CLEARLY: Final = 0.05
+"""What each of several servos must show; all of them together are beyond doubt then."""
+
+PLENTY: Final = 12
+"""So many places are beyond doubt."""
 
 
 def who_is_damaged(case: Case) -> Iterator[Finding]:
-    """Tell whether one servo's answers are damaged, or everybody's frames."""
+    """Tell whose frames are damaged: some servos' answers, all answers, all requests, or all."""
     d = case.damage
-    torn = np.isin(d["turn"], (IN_REPLY, IN_REQUEST))
-    total = int(d["n"][torn].sum())
-    if total < LEAST or not case.ledger.frames:
+    in_reply, in_request = d["turn"] == IN_REPLY, d["turn"] == IN_REQUEST
+    torn = {s: n for s, n in sums(_rows(d, in_reply), "servo_id", "n").items() if s >= 0}
+    answered = {s: case.total("ok", s) + case.total("damaged", s) for s in {*torn, *case.servos}}
+    answered = {s: max(n, torn.get(s, 0)) for s, n in answered.items() if n or torn.get(s)}
+    asked_torn = int(d["n"][in_request].sum())
+    requests = int(case.traffic["requests"].sum()) + asked_torn
+    total = sum(torn.values()) + asked_torn
+    if total < LEAST:
         return
-    replies = d["turn"] == IN_REPLY
-    answered = {s: case.total("ok", s) + case.total("damaged", s) for s in case.servos}
-    by_servo = {
-        s: int(d["n"][replies & (d["servo_id"] == s)].sum()) for s in case.servos if answered[s]
-    }
-    rates = {s: n / max(answered[s], 1) for s, n in by_servo.items()}
-    one = max(rates, key=lambda s: rates[s], default=None)
-    if one is not None and by_servo[one] >= LEAST:
-        others_n = total - by_servo[one]
-        others = others_n / max(case.ledger.frames - answered[one], 1)
-        if rates[one] >= AHEAD * max(others, 1e-9) and len(case.answering) > 1:
-            rows = np.flatnonzero(replies & (d["servo_id"] == one))
-            yield _damage(
-                case,
-                rows,
-                "damage-one-servo",
-                one,
-                f"{by_servo[one]} of {answered[one]} answers of servo {one} are damaged, and "
-                f"{others_n} of all {case.ledger.frames - answered[one]} other frames",
-                f"answers of servo {one} damaged",
-            )
-            return
-    senders = sum(n > 0 for n in by_servo.values()) + bool(d["n"][d["turn"] == IN_REQUEST].sum())
-    if senders > 1:
+    few = _few(torn, answered, asked_torn, requests)
+    for servo in few:
+        rest = total - sum(torn[s] for s in few)
+        frames = requests + sum(n for s, n in answered.items() if s not in few)
+        chance = at_least(torn[servo], answered[servo], (rest + 1) / (frames + 1))
         yield _damage(
             case,
-            np.flatnonzero(torn),
-            "damage-everywhere",
+            in_reply & (d["servo_id"] == servo),
+            "damage-one-servo",
+            servo,
+            f"{torn[servo]} of {answered[servo]} answers of servo {servo} are damaged, and "
+            f"{rest} of {frames} other frames",
+            f"{torn[servo]} answers of servo {servo} damaged",
+            sureness(chance),
+        )
+    torn = {s: n for s, n in torn.items() if s not in few}
+    answered = {s: n for s, n in answered.items() if s not in few}
+    left = sum(torn.values())
+    if left + asked_torn < LEAST:
+        return
+    answers = sum(answered.values())
+    rows = in_request | (in_reply & ~np.isin(d["servo_id"], few))
+    share = answers / max(answers + requests, 1)
+    what = (
+        f"{left} of {answers} answers of {len(torn)} servos and {asked_torn} of {requests} "
+        "requests are damaged"
+    )
+    if left >= LEAST and at_least(left, left + asked_torn, share) < CHANCE:
+        yield _damage(case, rows, "damage-in-answers", None, what, "answers damaged")
+    elif asked_torn >= LEAST and at_least(asked_torn, left + asked_torn, 1 - share) < CHANCE:
+        yield _damage(case, rows, "damage-in-requests", None, what, "requests damaged")
+    else:
+        yield _damage(case, rows, "damage-everywhere", None, what, "frames damaged")
+
+
+def _few(
+    torn: dict[int, int], answered: dict[int, int], asked_torn: int, requests: int
+) -> list[int]:
+    """Return the servos that have far more than their share of the damage."""
+    ahead = sorted(torn, key=lambda s: -torn[s] / answered[s])
+    for count in range(len(answered) - 1, 0, -1):
+        mine, rest = ahead[:count], [s for s in answered if s not in ahead[:count]]
+        if len(mine) < count:
+            continue
+        n = sum(torn.get(s, 0) for s in rest) + asked_torn
+        frames = sum(answered[s] for s in rest) + requests
+        share = (n + 1) / (frames + 1)
+        least = min(torn[s] / answered[s] for s in mine)
+        # each of the others must be better than any of them, and not by chance
+        better = all(
+            torn.get(s, 0) * AHEAD <= least * answered[s]
+            and at_least(answered[s] - torn.get(s, 0), answered[s], 1 - least) < CLEARLY
+            for s in rest
+        )
+        if better and all(
+            torn[s] >= LEAST
+            and torn[s] / answered[s] >= AHEAD * share
+            and at_least(torn[s], answered[s], share) < CHANCE
+            for s in mine
+        ):
+            return sorted(mine)
+    return []
+
+
+def strays(case: Case) -> Iterator[Finding]:
+    """Tell where single bytes of nobody stand."""
+    d = case.damage
+    at_turn, idle = d["turn"] == AT_TURN, d["turn"] == IN_IDLE
+    turns, between = int(d["n"][at_turn].sum()), int(d["n"][idle].sum())
+    seen = sorted({x.got.hex(" ").upper() for x in case.damages if x.turn in (AT_TURN, IN_IDLE)})
+    shown = ", ".join(seen[:4])
+    if turns >= LEAST and turns >= 3 * between:
+        answers = max(case.total("ok"), 1)
+        yield _damage(
+            case,
+            at_turn,
+            "strays-at-turn",
             None,
-            f"{total} damaged places among {case.ledger.frames} frames, of {senders} senders",
-            "frames of all senders damaged",
+            f"{turns} times stray bytes stand at the turn of {answers} exchanges, {between} times "
+            f"elsewhere: {shown}",
+            f"{turns} stray bytes where the direction changes",
+        )
+    elif turns + between >= LEAST and between:
+        yield _damage(
+            case,
+            at_turn | idle,
+            "strays-anywhere",
+            None,
+            f"{turns + between} times stray bytes came while nobody spoke: {shown}",
+            f"{turns + between} stray bytes",
         )
 
 
+def _rows(table: dict[str, I64], rows: Mask) -> dict[str, I64]:
+    return {name: column[rows] for name, column in table.items()}
+
+
 def _damage(
-    case: Case, rows: np.ndarray, code: str, servo: int | None, what: str, brief: str
+    case: Case,
+    rows: Mask,
+    code: str,
+    servo: int | None,
+    what: str,
+    brief: str,
+    strength: float | None = None,
 ) -> Finding:
-    d = case.damage
-    n = int(d["n"][rows].sum())
+    d = _rows(case.damage, rows)
+    n = int(d["n"].sum())
     return Finding(
         code,
         servo,
-        int(d["t_first"][rows].min()),
-        int(d["t_last"][rows].max()),
+        int(d["t_first"].min()),
+        int(d["t_last"].max()),
         n,
         what,
         tuple(
-            Place(int(d["at"][r]), int(d["length"][r]), int(d["t_first"][r]), "damaged")
-            for r in rows[:3]
+            Place(at, length, t, "damaged")
+            for at, length, t in zip(
+                d["at"][:3].tolist(),
+                d["length"][:3].tolist(),
+                d["t_first"][:3].tolist(),
+                strict=True,
+            )
         ),
-        strength=min(0.5 + n / 20, 1.0),
+        strength=min(0.5 + n / (2 * PLENTY), 1.0) if strength is None else max(strength, 0.5),
         brief=brief,
+        values=(("torn", n),),
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (who_is_damaged,)
+RULES: Final[tuple[Rule, ...]] = (who_is_damaged, strays)
 """The rules of this area."""

@@ -11,10 +11,12 @@ from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
+    from sniffer.diagnosis.silences import Silence
+    from sniffer.ground.model import I64
 
 FINDINGS: Final = (
     FindingCode(
@@ -33,79 +35,217 @@ FINDINGS: Final = (
         "away-for-a-while",
         "pairing",
         "A servo answered nothing for some requests in a row, and then again.",
-        "At least three requests in a row without an answer, answers before and behind.",
+        "At least three requests in a row without an answer (two, where single ones are not lost), answers before and behind, more often than chance has it at this rate of losses.",
+    ),
+    FindingCode(
+        "away-again-and-again",
+        "pairing",
+        "A servo goes away for a moment and comes back, time and again, for about as long each time.",
+        "At least three such silences, nine tenths of them within a factor of eight.",
+    ),
+    FindingCode(
+        "misses-now-and-then",
+        "pairing",
+        "One servo leaves requests without an answer now and then; others hardly ever do.",
+        "At least three single losses, a share of its requests that is five times that of all others.",
+    ),
+    FindingCode(
+        "late-replies",
+        "pairing",
+        "Answers of a servo come so late that they are taken for those to later requests, or for nobody's.",
+        "At least three answers behind their window, of this servo more than of others.",
     ),
 )
 
 ENOUGH: Final = 5
 """Requests in a row without an answer that are no accident."""
 
+LOOKS: Final = 3
+"""Quarters of a second in which an id is asked for that is not just looked for."""
+
+AGAIN: Final = 3
+"""Silences that are a habit."""
+
+CHANCE: Final = 3.0
+"""So many times as often as chance would have it, requests in a row are lost for a reason."""
+
+
+SWEEP: Final = 5
+"""Ids without a servo, asked about alike: somebody looks who is there."""
+
+ALIKE: Final = 8
+"""Restarts of one servo take about as long each time; contacts open for as long as they like."""
+
+AHEAD: Final = 5.0
+"""How many times the others' share of losses a servo must have to be the one that misses."""
+
 
 def never_answered(case: Case) -> Iterator[Finding]:
-    """Servos that are asked and were never heard."""
+    """Servos that are asked and were never heard; looking for servos is none of that."""
     a = case.answers
+    if not case.answering:
+        return
+    absent: dict[int, I64] = {}
     for servo in case.servos:
         rows = np.flatnonzero(a["servo_id"] == servo)
         asked, missing = int(a["asked"][rows].sum()), int(a["missing"][rows].sum())
-        if missing < ENOUGH or missing < asked or not case.answering:
-            continue
-        if case.ledger.heard_from(servo):
+        if missing and missing >= asked and not case.ledger.heard_from(servo):
+            absent[servo] = rows
+    counts = [int(a["missing"][rows].sum()) for rows in absent.values()]
+    is_sweep = len(absent) >= SWEEP and max(counts) <= 2 * min(counts) + 1
+    for servo, rows in absent.items():
+        missing = int(a["missing"][rows].sum())
+        first, last = int(a["t_first"][rows].min()), int(a["t_last"][rows].max())
+        asked_along = len(rows) >= LOOKS or last - first > NS
+        if missing < ENOUGH or is_sweep or not asked_along:
             continue
         yield Finding(
             "never-answered",
             servo,
-            int(a["t_first"][rows].min()),
-            int(a["t_last"][rows].max()),
+            first,
+            last,
             missing,
-            f"servo {servo} was asked {asked} times and never answered",
+            f"servo {servo} was asked {missing} times and never answered",
             (Place(int(a["at"][rows[0]]), 1, int(a["t_first"][rows[0]]), "the first request"),),
             brief=f"servo {servo} never answers ({missing} requests)",
         )
 
 
 def silences(case: Case) -> Iterator[Finding]:
-    """Servos that answered and stopped: for ever, or for a while."""
+    """Servos that answered and stopped: for ever, for a while, or now and then."""
     for servo in case.answering:
         spells = case.ledger.silences.of(servo)
-        for_ever = [s for s in spells if s.back_ns is None and s.missed >= ENOUGH]
-        for s in for_ever:
-            took = (case.last_ns - s.first_ns) / NS
-            yield Finding(
-                "silent-since",
-                servo,
-                s.first_ns,
-                case.last_ns,
-                s.missed,
-                f"servo {servo} answered until {_ago(case, s.first_ns)} and not once since, "
-                f"{s.missed} requests in {took:.3g} s",
-                (Place(s.at, s.length, s.first_ns, "the first request without an answer"),),
-                brief=f"servo {servo} silent to the end",
-            )
-        short = [s for s in spells if s.back_ns is not None]
-        if short:
-            longest = max(short, key=lambda s: (s.back_ns or 0) - s.first_ns)
-            took_ms = ((longest.back_ns or 0) - longest.first_ns) / 1e6
-            yield Finding(
-                "away-for-a-while",
-                servo,
-                short[0].first_ns,
-                short[-1].back_ns or 0,
-                len(short),
-                f"servo {servo} was away {len(short)} times, at most for {took_ms:.0f} ms "
-                f"({longest.missed} requests in a row)",
-                tuple(
-                    Place(s.at, s.length, s.first_ns, "the first request without an answer")
-                    for s in short[:3]
-                ),
-                strength=min(0.6 + 0.2 * len(short), 1.0),
-                brief=f"servo {servo} silent for {took_ms:.0f} ms",
-                episodes=tuple((s.first_ns, s.back_ns or 0) for s in short),
-            )
+        for s in spells:
+            if s.back_ns is None and s.missed >= ENOUGH:
+                took = (case.last_ns - s.first_ns) / NS
+                yield Finding(
+                    "silent-since",
+                    servo,
+                    s.first_ns,
+                    case.last_ns,
+                    s.missed,
+                    f"servo {servo} answered until {case.since(s.first_ns)} and not once since, "
+                    f"{s.missed} requests in {took:.3g} s",
+                    (Place(s.at, s.length, s.first_ns, "the first request without an answer"),),
+                    brief=f"servo {servo} silent to the end",
+                )
+        away = _outages(case, servo)
+        if away:
+            yield _away(servo, away)
+            if len(away) >= AGAIN and _alike(away):
+                yield _again(servo, away)
+        if not away:
+            yield from _now_and_then(case, servo)
 
 
-def _ago(case: Case, t_ns: int) -> str:
-    return f"{(t_ns - case.first_ns) / NS:.3f} s"
+def _outages(case: Case, servo: int) -> list[Silence]:
+    """Return the silences that are no chance among single losses."""
+    kept = case.ledger.silences
+    lengths = kept.lengths(servo)
+    runs, asked = sum(lengths), case.total("asked", servo)
+    if not runs:
+        return []
+    share = min(case.total("missing", servo) / max(asked, 1), 1.0)
+    several = lengths[1] + lengths[2]
+    if lengths[1] and several > max(CHANCE * runs * share, 2 * lengths[0]):
+        return [s for s in kept.runs(servo) if s.missed > 1]
+    if lengths[2] > CHANCE * runs * share**2:
+        return [s for s in kept.of(servo) if s.back_ns is not None]
+    return []
 
 
-RULES: Final[tuple[Rule, ...]] = (never_answered, silences)
+def _alike(away: Sequence[Silence]) -> bool:
+    spans = np.array([(s.back_ns or 0) - s.first_ns for s in away], np.int64)
+    low, high = np.quantile(spans, (0.05, 0.95))
+    return bool(high <= ALIKE * low)
+
+
+def _away(servo: int, away: Sequence[Silence]) -> Finding:
+    longest = max(away, key=lambda s: (s.back_ns or 0) - s.first_ns)
+    took_ms = ((longest.back_ns or 0) - longest.first_ns) / 1e6
+    often = "once" if len(away) == 1 else f"{len(away)} times"
+    most = "" if len(away) == 1 else "at most "
+    return Finding(
+        "away-for-a-while",
+        servo,
+        away[0].first_ns,
+        away[-1].back_ns or 0,
+        len(away),
+        f"servo {servo} was away {often}, {most}for {took_ms:.0f} ms "
+        f"({longest.missed} requests in a row)",
+        tuple(
+            Place(s.at, s.length, s.first_ns, "the first request without an answer")
+            for s in away[:3]
+        ),
+        strength=min(0.8 + 0.1 * len(away), 1.0),
+        brief=f"servo {servo} silent for {took_ms:.0f} ms"
+        + ("" if len(away) == 1 else f", {len(away)} times"),
+        episodes=tuple((s.first_ns, s.back_ns or 0) for s in away),
+    )
+
+
+def _again(servo: int, away: Sequence[Silence]) -> Finding:
+    spans = np.array([(s.back_ns or 0) - s.first_ns for s in away]) / 1e6
+    apart = np.diff([s.first_ns for s in away]) / NS
+    return Finding(
+        "away-again-and-again",
+        servo,
+        away[0].first_ns,
+        away[-1].back_ns or 0,
+        len(away),
+        f"servo {servo} went away {len(away)} times, for {np.median(spans):.0f} ms in the middle "
+        f"({spans.min():.0f} to {spans.max():.0f}), every {np.median(apart):.2g} s or so",
+        strength=min(0.55 + 0.15 * len(away), 1.0),
+        episodes=tuple((s.first_ns, s.back_ns or 0) for s in away),
+    )
+
+
+def _now_and_then(case: Case, servo: int) -> Iterator[Finding]:
+    """Yield the single losses of one servo, if it has far more of them than others."""
+    runs = case.ledger.silences.runs(servo)
+    missing, asked = case.total("missing", servo), case.total("asked", servo)
+    others_missing, others = case.total("missing") - missing, case.total("asked") - asked
+    if len(runs) < AGAIN or not others:
+        return
+    # one more than the others lost: few requests tell little
+    if missing / max(asked, 1) < AHEAD * (others_missing + 1) / max(others, 1):
+        return
+    yield Finding(
+        "misses-now-and-then",
+        servo,
+        runs[0].first_ns,
+        runs[-1].back_ns or 0,
+        missing,
+        f"servo {servo} left {missing} of {asked} requests without an answer, one by one; "
+        f"all others {others_missing} of {others}",
+        tuple(Place(s.at, s.length, s.first_ns, "a request without an answer") for s in runs[:3]),
+        strength=min(0.6 + missing / 50, 1.0),
+        brief=f"servo {servo} misses requests",
+    )
+
+
+def late_replies(case: Case) -> Iterator[Finding]:
+    """Servos whose answers come behind their window."""
+    late = {s: case.count("late-response", servo_id=s) for s in case.answering}
+    for servo, n in late.items():
+        others = sum(late.values()) - n
+        if n < AGAIN or others > n:
+            continue
+        told = case.anomalies("late-response", servo_id=servo)
+        answered = case.total("ok", servo)
+        yield Finding(
+            "late-replies",
+            servo,
+            int(told.t_ns.min()),
+            int(told.t_ns.max()),
+            n,
+            f"{n} of {answered} answers of servo {servo} come behind their window, of all others "
+            f"{others}",
+            case.places(told, "a late answer"),
+            strength=min(0.5 + n / 20, 1.0),
+            brief=f"servo {servo} answers late",
+        )
+
+
+RULES: Final[tuple[Rule, ...]] = (never_answered, silences, late_replies)
 """The rules of this area."""

@@ -1,4 +1,7 @@
-"""Anomalies as findings: one for each code and servo, with the places of the first of them."""
+"""Anomalies as findings: one for each code and servo, with the places of the first of them.
+
+What servos complain of themselves has a rule of its own (``complaints``).
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ import numpy as np
 
 from sniffer.diagnosis.case import episodes
 from sniffer.diagnosis.model import Finding
+from sniffer.diagnosis.rules.complaints import COMPLAINTS
 from sniffer.diagnostics.catalogue import CATALOGUE
 
 if TYPE_CHECKING:
@@ -31,7 +35,7 @@ def symptoms(case: Case) -> Iterator[Finding]:
     for one in np.unique(key).tolist():
         rows = np.flatnonzero(key == one)
         code, servo = case.code(one // 512), one % 512 - 1
-        if code in SILENT:
+        if code in SILENT or code in COMPLAINTS:
             continue
         count = int(alarms["n"][rows].sum())
         spans = episodes(alarms["t_first"][rows], alarms["t_last"][rows])

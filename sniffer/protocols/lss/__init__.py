@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from sniffer.ground.codes import REQUEST
-from sniffer.protocols.base import FieldSpan, FrameView
+from sniffer.protocols.base import (
+    LETS_GO,
+    RESTARTS,
+    TURNS_ELSEWHERE,
+    FieldSpan,
+    FrameView,
+)
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.lss import block, lines, slow
 from sniffer.protocols.lss.grammar import (
@@ -19,6 +26,7 @@ from sniffer.protocols.lss.grammar import (
     WORDS,
     Word,
     fitting,
+    packed,
     query_form,
     unpacked,
 )
@@ -35,6 +43,14 @@ libraries give up after 10 to 100 ms, so an answer later than that finds nobody.
 REACH: Final = 512
 """A query is closed after as many bytes: a broadcast one may be answered by every servo on the bus,
 with ten bytes or so each, so there is room for some fifty."""
+
+_ENDS_GOAL: Final = {
+    "L": LETS_GO,
+    "RESET": RESTARTS,
+    "CONFIRM": RESTARTS,
+    **dict.fromkeys(("H", "MD", "WD", "WR"), TURNS_ELSEWHERE),
+}
+"""Source: protocol page 106.1, Command List."""
 
 _FACTORS: Final = {("deg/s", "rpm"): 1 / 6, ("s", "ms"): 1000.0, ("mA", "a"): 0.001}
 """From a register's unit to the one that ends its label."""
@@ -67,6 +83,7 @@ class Lss:
     ordered = False
     models = MODELS
     registers = REGISTERS
+    ends_goal = MappingProxyType({packed(word): how for word, how in _ENDS_GOAL.items()})
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)

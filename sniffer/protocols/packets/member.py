@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sniffer.ground.model import SnifferError
-from sniffer.protocols.base import joined, no_clues
+from sniffer.protocols.base import RESTARTS, joined, no_clues
 from sniffer.protocols.packets.columns import FamilyColumns
 from sniffer.protocols.packets.parts import Readings
 from sniffer.protocols.packets.slow import Slow
@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import SlowFrame
     from sniffer.protocols.packets.declare import PacketFamily
+
+
+RESTART_NAMES: Final = frozenset({"restart", "reboot"})
+"""What manuals call the command by which a servo begins anew."""
 
 
 class Member(Words):
@@ -49,6 +53,8 @@ class Member(Words):
         self.slow_parse, self.slow_describe = slow.parse, slow.describe
         self.slow_parts, self.slow_values = slow.parts, slow.values
         self.slow_clues = no_clues
+        named = ((op, command.name) for op, command in family.commands.items())
+        self.ends_goal = {op: RESTARTS for op, name in named if name in RESTART_NAMES}
 
     def with_models(self, tables: tuple[RegisterMap, ...]) -> Member:
         """Return the protocol with further models behind its own.

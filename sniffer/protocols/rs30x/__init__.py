@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -11,7 +12,7 @@ from construct import ConstructError
 from sniffer.ground.codes import REQUEST
 from sniffer.ground.model import MALFORMED
 from sniffer.ground.registers import numbered
-from sniffer.protocols.base import FieldSpan, joined, no_clues
+from sniffer.protocols.base import RESTARTS, FieldSpan, joined, no_clues
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.rs30x import block, damage, slow
 from sniffer.protocols.rs30x.block import PLAN
@@ -24,6 +25,7 @@ from sniffer.protocols.rs30x.grammar import (
     NACK,
     OPS,
     PACKET,
+    REBOOT,
     REFUSALS,
     RESET_WITH_DATA,
     RETURN,
@@ -73,8 +75,9 @@ class Rs30x:
     blank = b""
     ordered = False
     keeps = "flash_write"
-    """The command before which no setting is written to memory. Source: RS305CR manual, 4.2: No. 4 to
-    29 are in RAM; flag bit 6."""
+    """The command before which no setting is written to memory. Source: RS305CR manual, 4.2 (No. 4 to
+    29 are in RAM) and flag bit 6."""
+    ends_goal = MappingProxyType({REBOOT: RESTARTS})
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)

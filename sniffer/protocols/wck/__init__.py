@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -9,12 +10,20 @@ import numpy as np
 from sniffer.ground.checksums import XOR7
 from sniffer.ground.codes import REQUEST
 from sniffer.ground.model import I16, I64, NS, Frames, Gap, Mask
-from sniffer.protocols.base import FieldSpan, FrameView, joined, no_clues
+from sniffer.protocols.base import (
+    LETS_GO,
+    TURNS_ELSEWHERE,
+    FieldSpan,
+    FrameView,
+    joined,
+    no_clues,
+)
 from sniffer.protocols.dissection import Leaf, leaves
 from sniffer.protocols.wck import block, controller, reading, slow
 from sniffer.protocols.wck.explain import explain
 from sniffer.protocols.wck.grammar import (
     COMMANDS,
+    INDEX,
     INSTRUCTIONS,
     MODELS,
     OPS,
@@ -64,6 +73,9 @@ class Wck:
     ordered = True
     models: tuple[RegisterMap, ...] = MODELS
     registers: tuple[Register, ...] = joined(MODELS)
+    ends_goal = MappingProxyType(
+        {INDEX["passive"]: LETS_GO, INDEX["break"]: LETS_GO, INDEX["wheel"]: TURNS_ELSEWHERE}
+    )
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)

@@ -66,7 +66,8 @@ class Stop:
     def __init__(self) -> None:
         self.asked = False
         self._ear, self._mouth = os.pipe()
-        os.set_blocking(self._mouth, False)
+        if hasattr(os, "set_blocking"):  # not where there are no pseudo-terminals either
+            os.set_blocking(self._mouth, False)
 
     def ask(self) -> None:
         """Let it end soon."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import itertools
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -170,27 +170,39 @@ class Strip(Entity):
         return rr.StateChange.columns(state=list(itertools.chain(*values)))
 
 
+class Line(NamedTuple):
+    """A line of a log: when, how much it matters, and what."""
+
+    t_ns: int
+    severity: Severity
+    text: str
+
+
 class Log(Entity):
-    """A bus's anomalies."""
+    """Lines of text: a bus's anomalies, or incidents."""
 
     def add(self, anomalies: Sequence[Anomaly]) -> None:
         """Take anomalies."""
-        self._add(np.array([a.t_ns for a in anomalies], np.int64), anomalies)
+        self.tell([Line(a.t_ns, a.severity, f"{a.code}: {a.detail}") for a in anomalies])
+
+    def tell(self, lines: Sequence[Line]) -> None:
+        """Take lines."""
+        self._add(np.array([line.t_ns for line in lines], np.int64), lines)
 
     def _columns(self, values: list[Any]) -> Any:
         import rerun as rr
 
-        anomalies = list(itertools.chain(*values))
+        lines = list(itertools.chain(*values))
         return rr.TextLog.columns(
-            text=[_text(a) for a in anomalies], level=[LEVELS[a.severity] for a in anomalies]
+            text=[_dated(line) for line in lines], level=[LEVELS[line.severity] for line in lines]
         )
 
 
-def _text(anomaly: Anomaly) -> str:
-    """Return time of day or seconds, code and detail: the viewer's own time column is cut short."""
-    t = anomaly.t_ns
+def _dated(line: Line) -> str:
+    """Return time of day or seconds, and the text: the viewer's own time column is cut short."""
+    t = line.t_ns
     if t >= DATED_NS:
         time = str(np.datetime64(t, "ns").astype("datetime64[ms]"))[11:]
     else:
         time = f"+{t / 1e9:.3f} s"
-    return f"{time}  {anomaly.code}: {anomaly.detail}"
+    return f"{time}  {line.text}"

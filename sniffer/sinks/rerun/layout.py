@@ -99,7 +99,7 @@ def application_id(name: str) -> str:
 
 def blueprint(
     tracks: Sequence[Track],
-    logs: Mapping[str, str],
+    logs: Mapping[str, Sequence[str]],
     *,
     span_ns: tuple[int, int] | None = None,
     window_s: float | None = None,
@@ -111,7 +111,7 @@ def blueprint(
 
     Args:
         tracks: all plotted entities.
-        logs: bus -> path of its anomaly log, for buses that have one.
+        logs: bus -> paths of its logs of incidents and anomalies, for buses that have some.
         span_ns: first and last time, shown whole.
         window_s: instead, follow the newest time with this much before it.
         doubt_ns: bus -> how far its response times may be off, 99 of 100 of them.
@@ -122,7 +122,7 @@ def blueprint(
     tabs = []
     for bus in buses:
         own = [t for t in tracks if t.bus == bus]
-        tabs += _bus(bus, own, logs.get(bus), (doubt_ns or {}).get(bus, 0))
+        tabs += _bus(bus, own, logs.get(bus, ()), (doubt_ns or {}).get(bus, 0))
     if not tabs:
         return None
     view_range = _view_range(span_ns, window_s)
@@ -166,7 +166,9 @@ def _view_range(span_ns: tuple[int, int] | None, window_s: float | None) -> Any:
     return rr.encodings.TimeRange(start=start, end=end)
 
 
-def _bus(bus: str, tracks: Sequence[Track], log: str | None, doubt_ns: int) -> list[rrb.Container]:
+def _bus(
+    bus: str, tracks: Sequence[Track], log: Sequence[str], doubt_ns: int
+) -> list[rrb.Container]:
     """Lay out one bus, if it has anything to show: one tab, or some where its servos are many."""
     import rerun.blueprint as rrb
 
@@ -196,7 +198,7 @@ def _parted(servos: Sequence[int]) -> list[Sequence[int]]:
 
 
 def _page(
-    name: str, tracks: Sequence[Track], log: str | None, doubt_ns: int, *, crowded: bool
+    name: str, tracks: Sequence[Track], log: Sequence[str], doubt_ns: int, *, crowded: bool
 ) -> rrb.Container:
     """Lay out some servos: plots on the left and the right, states and anomalies below them."""
     import rerun.blueprint as rrb
@@ -219,7 +221,7 @@ def _page(
             time_view=rrb.TimeAxis(link="LinkToGlobal"),
         )
         left.append((min(max(0.5 * len(lanes), 1.0), 4.0), view))
-    if log is not None:
+    if log:
         right.append((2.5, _log(log)))
     columns = [
         rrb.Vertical(contents=[v for _, v in side], row_shares=[share for share, _ in side])
@@ -259,13 +261,13 @@ def _plots(
     return out
 
 
-def _log(path: str) -> rrb.View:
+def _log(paths: Sequence[str]) -> rrb.View:
     import rerun.blueprint as rrb
 
     return rrb.TextLogView(
-        name="Anomalies",
+        name="Anomalies" if len(paths) == 1 else "Incidents and anomalies",
         origin="/",
-        contents=[path],
+        contents=list(paths),
         # A click on the time, which the viewer cuts short, moves the cursor there.
         columns=rrb.TextLogColumns(
             timeline_columns=[TIMELINE], text_log_columns=["LogLevel", "Body"]

@@ -2,8 +2,9 @@
 
 Values become ``Scalars`` at ``/<bus>/servo/<id>/<register>``, whole columns at a time; enumerated
 registers and alarms become ``StateChange``, only where they change; anomalies become ``TextLog`` at
-``/<bus>/anomalies``. A packet without a value adds nothing, so no line drops to zero. rerun is
-imported when a sink is made, not before. Written for rerun-sdk 0.41.
+``/<bus>/anomalies``, incidents at ``/<bus>/incidents`` and at their servos. A packet without a
+value adds nothing, so no line drops to zero. rerun is imported when a sink is made, not before.
+Written for rerun-sdk 0.41.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from sniffer.decoding.summary import FIGURES, Quantiles
 from sniffer.ground.codes import OK, RESPONSE, WHOLE
 from sniffer.ground.files import open_binary
 from sniffer.ground.model import I64, Clock, OutputError
-from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Log, Strip
+from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Line, Log, Strip
 from sniffer.sinks.rerun.layout import (
     ALARMS,
     EVERYONE,
@@ -47,6 +48,9 @@ FLUSH_S: Final = 60.0
 
 ALL: Final = -1
 """The servo id of frames that name none; for protocols that say so, it means all servos."""
+
+INCIDENTS: Final = "incidents"
+"""What entities are called that tell of incidents."""
 
 ROWS: Final = 5000
 """Rows an entity gathers before they are sent: from 1000 on a call costs less than its rows."""
@@ -96,6 +100,8 @@ class RerunSink:
         self._lines: dict[tuple[str, int, int], Curve] = {}
         self._lanes: dict[tuple[str, int, int], Strip] = {}
         self._logs: dict[str, Log] = {}
+        self._stories: dict[str, Log] = {}
+        self._marks: dict[tuple[str, int], Log] = {}
         self._colours = Colours()
         self._dated: bool | None = None
         self._span: tuple[int, int] | None = None
@@ -123,6 +129,24 @@ class RerunSink:
         self._send(1 if self._live else ROWS)
         if self._live:
             self._style()
+            self._layout()
+
+    def incident(self, bus: str, servo_ids: Sequence[int], line: Line) -> None:
+        """Take what has become of an incident: it stands at the bus and at each of its servos."""
+        import rerun as rr
+
+        path = rr.new_entity_path([bus, INCIDENTS])
+        if bus not in self._stories:
+            self._stories[bus] = Log(Track(path, bus, EVERYONE, ""))
+        self._stories[bus].tell([line])
+        for servo in servo_ids:
+            mark = self._marks.get((bus, servo))
+            if mark is None:
+                track = Track(_path(bus, servo, INCIDENTS), bus, servo, "")
+                mark = self._marks[bus, servo] = Log(track)
+            mark.tell([line])
+        self._send(1 if self._live else ROWS)
+        if self._live:
             self._layout()
 
     def close(self) -> None:
@@ -239,7 +263,7 @@ class RerunSink:
         return servo, f"servo {servo}", self._colours.of(servo)
 
     def _entities(self) -> Iterator[Entity]:
-        for entities in (self._lines, self._lanes, self._logs):
+        for entities in (self._lines, self._lanes, self._logs, self._stories, self._marks):
             yield from entities.values()
 
     def _send(self, least: int) -> None:
@@ -273,11 +297,15 @@ class RerunSink:
 
     def _layout(self) -> None:
         """Send the layout, if it is another than the one last sent."""
-        logs = {bus: log.track.path for bus, log in self._logs.items()}
+        logs: dict[str, list[str]] = {}
+        for entities in (self._stories, self._logs):
+            for bus, log in entities.items():
+                logs.setdefault(bus, []).append(log.track.path)
         tracks = self._tracks()
-        if len(tracks) + len(logs) == self._laid_out:
+        shown = len(tracks) + sum(map(len, logs.values()))
+        if shown == self._laid_out:
             return
-        self._laid_out = len(tracks) + len(logs)
+        self._laid_out = shown
         plan = blueprint(
             tracks,
             logs,

@@ -22,10 +22,11 @@ def line(status: Status, board: Board) -> str:
 
     ``elapsed`` in s; ``bytes`` read; ``frames`` decoded and ``frames_per_s`` over the last 3 s;
     ``load.BUS`` in percent of the line's time over the last 2 s, one a bus; ``missing`` replies;
-    anomalies as ``errors``, ``warnings`` and ``notes``; ``lost``: times that bytes were lost on the
-    tap's side; ``line_errors``, or ``unknown`` where no bus tells; how many buses are ``silent``
-    and ``away``; bytes ``waiting`` to be decoded; frames ``not_shown``, which are missing in the
-    counts of this line alone; ``size`` in bytes of the ``file``, which is last and may hold blanks.
+    anomalies as ``errors``, ``warnings`` and ``notes``; ``incidents`` that are open; ``lost``:
+    times that bytes were lost on the tap's side; ``line_errors``, or ``unknown`` where no bus
+    tells; how many buses are ``silent`` and ``away``; bytes ``waiting`` to be decoded; frames
+    ``not_shown``, which are missing in the counts of this line alone; ``size`` in bytes of the
+    ``file``, which is last and may hold blanks.
     Blanks and ``=`` in a bus's name stand as ``_``.
     """
     end_ns = board.end_ns(status)
@@ -45,6 +46,7 @@ def line(status: Status, board: Board) -> str:
         "errors": levels[Severity.ERROR],
         "warnings": levels[Severity.WARN],
         "notes": levels[Severity.NOTE],
+        "incidents": sum(not one.is_over for one in board.incidents),
         "lost": sum(b.lost for b in status.buses),
         "line_errors": sum(errors) if errors else "unknown",
         "silent": states.count("silent"),

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Final
 from rich.cells import cell_len
 
 from sniffer.ground.model import NS, Severity
-from sniffer.ground.wording import plain
-from sniffer.sinks.report import counted
+from sniffer.ground.wording import counted, plain
 from sniffer.viewers.board.cells import (
     ALARMS,
     COLUMNS,
@@ -22,11 +21,12 @@ from sniffer.viewers.board.cells import (
     fitted,
     size,
 )
-from sniffer.viewers.board.state import RECENT_NS
+from sniffer.viewers.board.state import RECENT_NS, latest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.diagnosis.tracking import Tracked
     from sniffer.tap.status import BusStatus, Status
     from sniffer.viewers.board.cells import Column
     from sniffer.viewers.board.remembered import Remembered
@@ -44,6 +44,9 @@ BEHIND: Final = 1 << 16
 
 SPARE: Final = 8
 """Lines that must be left over for two of them to stay blank."""
+
+OVER_SHOWN: Final = 3
+"""Incidents that are over and still have a line."""
 
 LEVELS: Final = ((Severity.ERROR, "error"), (Severity.WARN, "warning"), (Severity.NOTE, "note"))
 
@@ -77,12 +80,13 @@ class Picture:
         spoken = max((len(b.protocol) for b in status.buses if b.protocol), default=0)
         self._tails = [_tail(bus, spoken) for bus in status.buses]
         self._tail = max((_length(tail) for tail in self._tails), default=0)
+        self._incidents = shown(board.incidents)
 
     def lines(self) -> list[Line]:
         """Return the lines, the most important ones where not all fit."""
         buses = range(len(self._rows))
         servos = [(nth, row) for nth in buses if (r := self._rows[nth]) for row in r.order]
-        wanted = min(len(self._board.troubles), 3)
+        wanted = min(len(self._incidents) + len(self._board.troubles), 3)
         room = self._height - 3  # titles, the head of the anomalies, the footer
         heads = 2
         if 2 * len(buses) + len(servos) + wanted > room:
@@ -93,7 +97,9 @@ class Picture:
             body = self._cut(room - wanted, servos)
         left = max(room - len(body), 0)
         blank: list[Line] = [[]] if left >= SPARE else []
-        told = self._anomalies(left - 2 * len(blank))
+        room = left - 2 * len(blank)
+        told = [self._incident(one) for one in self._incidents[: max(room, 0)]]
+        told += self._anomalies(room - len(told))
         out = [self._titles(), *body, *blank, self._levels(), *told, *blank]
         return [*out[: self._height - 1], self._footer()] if self._height > 0 else []
 
@@ -235,12 +241,44 @@ class Picture:
             for level, noun in LEVELS:
                 style = level.name.lower() if found[level] else "dim"
                 out.append((f"  {counted(found[level], noun)}", style))
+        still = sum(not one.is_over for one in self._board.incidents)
+        if self._board.incidents:
+            out.append((f"  {counted(still, 'open incident')}", "bad" if still else "dim"))
         hint = "reply times: last 10 s"
         room = self._width - _length(out) - len(hint)
         return [*out, (" " * room + hint, "dim")] if room > 1 else out
 
+    def _incident(self, one: Tracked) -> Line:
+        """Say what is wrong, why and how often: dim once it is over."""
+        i = one.incident
+        moment = datetime.datetime.fromtimestamp(i.first_ns // NS, datetime.UTC)
+        level = i.severity.name.lower()
+        who = ",".join(map(str, i.servo_ids))
+        style = "dim" if one.is_over else ""
+        out: Line = [
+            (f"{who if len(who) <= 3 else 'all':>3}  ", style or "id"),
+            (f"{moment:%H:%M:%S}.{i.first_ns % NS // 1_000_000:03d}  ", style),
+            (f"{level:5}  ", style or level),
+        ]
+        if len(self._names) > 1:
+            out.append((fitted(plain(i.bus), self._name) + "  ", style or "bus"))
+        if self._wide:
+            out.append((fitted(i.cause, 20) + "  ", style or level))
+        out.append((f"{f'×{i.count}':>6}  ", style))
+        sure = f"{100 * i.causes[0].confidence:.0f} % "
+        room = self._width - _length(out)
+        told = f"{sure}{plain(i.story)}" if self._wide else f"{sure}{i.cause}: {plain(i.story)}"
+        return [*out, (fitted(told, room).rstrip(), style or "id")]
+
     def _anomalies(self, room: int) -> list[Line]:
-        return [self._anomaly(e) for e in self._board.troubles.latest(room)]
+        """Return the latest anomalies; those that an incident explains come where room is left."""
+        held = self._board.troubles.latest(len(self._board.troubles))
+        every = [one.incident for one in self._incidents]
+        told = {(i.bus, f.code) for i in every for f in i.findings}
+        free = [e for e in held if (e.bus, e.last.code) not in told]
+        rest = [e for e in held if (e.bus, e.last.code) in told]
+        kept = [*latest(rest, room - len(free)), *latest(free, room)]
+        return [self._anomaly(e) for e in held if e in kept]
 
     def _anomaly(self, trouble: Trouble) -> Line:
         a = trouble.last
@@ -279,6 +317,13 @@ class Picture:
         name = plain(s.file) or "not recorded"
         room = self._width - 2 - len(time) - _length(tail)
         return _shortened([(time, "bus"), (_port(name, max(room, 0)), ""), *tail], self._width - 2)
+
+
+def shown(incidents: Sequence[Tracked]) -> list[Tracked]:
+    """Return the incidents worth a line: those that are open, then those that were not long ago."""
+    still = [one for one in incidents if not one.is_over]
+    over = [one for one in incidents if one.is_over]
+    return [*reversed(still), *list(reversed(over))[:OVER_SHOWN]]
 
 
 def columns(width: int) -> list[Column]:

@@ -13,6 +13,7 @@ from sniffer.viewers.board.state import LOAD_NS, BusTally, Sliding, Troubles, st
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.diagnosis.tracking import Tracked
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
     from sniffer.tap.status import BusStatus, Status
@@ -31,6 +32,8 @@ class Remembered:
     def __init__(self) -> None:
         self.buses: dict[str, BusTally] = {}
         self.troubles = Troubles()
+        self.incidents: tuple[Tracked, ...] = ()
+        """Incidents as they were judged last; whoever judges them sets this."""
         self.left_out = 0
         self.newest_ns = 0
         self._bytes: dict[str, Sliding] = {}

@@ -360,13 +360,17 @@ class Troubles:
 
     def latest(self, n: int) -> list[Trouble]:
         """Return the ``n`` that happened last, in the order in which they first did."""
-        if n <= 0:
-            return []
-        held = list(self._held.values())
-        if len(held) <= n:
-            return held
-        edge = sorted((e.last.t_ns for e in held), reverse=True)[n - 1]
-        return [e for e in held if e.last.t_ns >= edge][-n:]
+        return latest(list(self._held.values()), n)
+
+
+def latest(held: list[Trouble], n: int) -> list[Trouble]:
+    """Return the ``n`` that happened last, in their order."""
+    if n <= 0:
+        return []
+    if len(held) <= n:
+        return held
+    edge = sorted((e.last.t_ns for e in held), reverse=True)[n - 1]
+    return [e for e in held if e.last.t_ns >= edge][-n:]
 
 
 def stamps(chunks: Sequence[Chunk]) -> tuple[I64, I64]:

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Final, NoReturn
 from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.ground.model import OutputError
+from sniffer.sinks.rerun.entities import Line
 from sniffer.viewers import viewer
 from sniffer.viewers.companion.parcels import (
     CONNECT,
@@ -101,8 +102,8 @@ class Watcher:
 
         with self._target() as address:
             self._recording = viewer.stream(self._setup.name, address)
-            sink = RerunSink(recording=self._recording, window_s=self._setup.window_s)
-            self._pipeline = Pipeline(self._setup.options, [sink], live=True)
+            self._sink = RerunSink(recording=self._recording, window_s=self._setup.window_s)
+            self._pipeline = Pipeline(self._setup.options, [self._sink], live=True)
             self._flush()
             self._tell(READY, "")
             self._show(self._unpacker.parcels())
@@ -156,8 +157,10 @@ class Watcher:
         """Decode all parcels, those of a bus in one pass, and wait until the viewer has them."""
         waiting: dict[str, list[Chunk]] = {}
         now_ns = 0
-        for bus, missing, chunks, now in parcels:
+        for bus, missing, chunks, now, words in parcels:
             now_ns = now or now_ns
+            for word in words:
+                self._sink.incident(bus, word.servo_ids, Line(word.t_ns, word.severity, word.text))
             self._has_shown |= bool(chunks)
             if missing and chunks:
                 self._decode(waiting)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sniffer.decoding.pipeline import Options
+    from sniffer.ground.model import Severity
 
 WINDOW: Final = "window"
 WEB: Final = "web"
@@ -54,16 +55,32 @@ class Setup:
         return _SIZE.pack(len(data)) + data
 
 
+class Word(NamedTuple):
+    """A line about an incident of a bus and some of its servos."""
+
+    t_ns: int
+    severity: Severity
+    servo_ids: tuple[int, ...]
+    text: str
+
+
 class Parcel(NamedTuple):
-    """Chunks of one bus, ``missing`` bytes behind those before; or only what time it is."""
+    """Chunks of one bus, ``missing`` bytes behind those before; or what time it is, or words."""
 
     bus: str
     missing: int
     chunks: Sequence[Chunk]
     now_ns: int = 0
+    words: Sequence[Word] = ()
 
 
-def packed(bus: str, chunks: Sequence[Chunk], missing: int = 0, now_ns: int = 0) -> bytes:
+def packed(
+    bus: str,
+    chunks: Sequence[Chunk],
+    missing: int = 0,
+    now_ns: int = 0,
+    words: Sequence[Word] = (),
+) -> bytes:
     """Return a parcel as bytes."""
     columns = (
         [c.data for c in chunks],
@@ -72,7 +89,7 @@ def packed(bus: str, chunks: Sequence[Chunk], missing: int = 0, now_ns: int = 0)
         [c.direction for c in chunks],
         [c.marks for c in chunks],
     )
-    body = pickle.dumps((bus, missing, now_ns, columns))
+    body = pickle.dumps((bus, missing, now_ns, columns, list(map(tuple, words))))
     return _SIZE.pack(len(body)) + body
 
 
@@ -110,9 +127,11 @@ class Unpacker:
 
 
 def _unpacked(body: bytes) -> Parcel:
-    bus, missing, now_ns, columns = pickle.loads(body)  # from the process that started this one
+    bus, missing, now_ns, columns, words = pickle.loads(
+        body
+    )  # from the process that started this one
     chunks = [
         Chunk(data, t_ns, clock, bus, direction, marks)
         for data, t_ns, clock, direction, marks in zip(*columns, strict=True)
     ]
-    return Parcel(bus, missing, chunks, now_ns)
+    return Parcel(bus, missing, chunks, now_ns, [Word(*word) for word in words])

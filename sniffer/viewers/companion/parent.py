@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import OutputError
+from sniffer.ground.wording import Sentence
 from sniffer.viewers import viewer
 from sniffer.viewers.companion.parcels import (
     CONNECT,
@@ -29,6 +30,7 @@ from sniffer.viewers.companion.parcels import (
     WEB,
     WINDOW,
     Setup,
+    Word,
     packed,
 )
 
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from sniffer.decoding.pipeline import Options
+    from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
@@ -133,6 +136,15 @@ class LiveView:
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Take what was decided; the other process decides for itself."""
+
+    def incidents(self, changes: Sequence[IncidentChange]) -> None:
+        """Take what has become of incidents; where the pipe is full it is left out."""
+        if not self._is_alive or len(self._backlog) > BACKLOG_BYTES:
+            return
+        for change in changes:
+            i = change.incident
+            word = Word(i.last_ns, i.severity, i.servo_ids, str(change))
+            self._backlog += packed(i.bus, (), words=[word])
 
     def idle(self, now_ns: int) -> None:
         """Send what waits, and how late it is, also where nothing is said on the buses.
@@ -255,10 +267,11 @@ def _checked(mode: str, url: str | None) -> str:
     if mode == CONNECT:
         return viewer.data_address(url or "")[0]
     if mode == WINDOW and not viewer.has_display():
-        raise OutputError(
-            "there is no display for the Rerun viewer: let a browser show it with --rerun-web, or "
-            "a viewer elsewhere with --rerun-connect URL"
+        told = (
+            "there is no display for the Rerun viewer: let a browser show it with {view:web}, or a "
+            "viewer elsewhere with {view:connect}"
         )
+        raise OutputError(Sentence(told))
     viewer.executable()
     return ""
 

@@ -1,0 +1,89 @@
+"""How hard a motor works, by what its servo measures: idle, at work, or pushing."""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis.case import Case, Series
+    from sniffer.ground.model import F64
+
+QUANTITIES: Final = ("load", "current", "operating_rate")
+"""What tells it, the best first."""
+
+PUSHES: Final = 0.4
+"""Part of the greatest load that no motor has for a second but where it presses or bears."""
+
+IDLES: Final = 0.12
+"""Part of it that friction and give of a joint have, with the motor off."""
+
+PUSHING_MA: Final = 300.0
+"""Currents of small servos at rest are some tens of mA, their stall currents 800 mA and more."""
+
+TIMES: Final = 3.0
+"""A current so many times the least on the bus is more than that of electronics alone."""
+
+
+class Effort:
+    """Load or current of one servo, as parts of what it can or against what its peers have."""
+
+    def __init__(self, case: Case, series: Series) -> None:
+        self._case = case
+        self.series = series
+        r = series.register
+        top = (1 << r.sign_bit) - 1 if r.sign_bit is not None else (r.range or (0, 0))[1]
+        self.full = top * abs(r.scale) if not series.unit else 0.0
+        """The greatest that the register states; 0 where it is in a unit."""
+        self.size: F64 = np.maximum(np.abs(series.low), np.abs(series.high))
+        self.steady: F64 = np.abs(series.mean)
+
+    @functools.cached_property
+    def _least(self) -> float:
+        """What the idlest servo of the bus has."""
+        quantity = self.series.register.quantity
+        known = (self._case.series(i, quantity) for i in self._case.measured_by(quantity))
+        return min(
+            (
+                float(np.quantile(np.abs(s.mean), 0.1))
+                for s in known
+                if s is not None and s.unit == self.series.unit
+            ),
+            default=0.0,
+        )
+
+    @property
+    def pushes_from(self) -> float:
+        """From which number on the motor pushes."""
+        return PUSHES * self.full if self.full else max(PUSHING_MA, TIMES * self._least)
+
+    @property
+    def idles_to(self) -> float:
+        """Up to which number the motor may be off."""
+        if self.full:
+            return IDLES * self.full
+        return min(max(1.6 * self._least, PUSHING_MA / 5), PUSHING_MA)
+
+    def between(self, first_ns: int, last_ns: int) -> tuple[float, float]:
+        """Return the usual steady effort in a stretch of time, and the usual peaks; NaN: none."""
+        rows = (self.series.t >= first_ns) & (self.series.t_first <= last_ns)
+        if not rows.any():
+            return float("nan"), float("nan")
+        return float(np.median(self.steady[rows])), float(np.median(self.size[rows]))
+
+    def told(self, value: float) -> str:
+        """Return a number in words."""
+        if self.full:
+            return f"{self.series.register.quantity.replace('_', ' ')} {value / self.full:.0%}"
+        return f"{self.series.register.quantity} {self.series.told(value)}"
+
+
+def effort(case: Case, servo_id: int) -> Effort | None:
+    """Return how hard a servo works; None: it does not say."""
+    for quantity in QUANTITIES:
+        series = case.series(servo_id, quantity)
+        if series is not None:
+            return Effort(case, series)
+    return None

@@ -1,0 +1,144 @@
+"""Sound frames of late: what should have stood where something is torn.
+
+Nothing is done for sound traffic but to hold on to the last batches, and, in a stretch of frames
+now and then, to remember which answers a request has had: a servo whose answers are all torn from
+some time on is compared with what it said before.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.ground.codes import REQUEST, RESPONSE
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.ground.model import I64, Batch
+
+BEFORE: Final = 256
+"""Frames before a place in which its like is looked for: some cycles of a bus."""
+
+MOST: Final = 4
+"""Sound frames that are returned for one place."""
+
+EVERY: Final = 8192
+AT_ONCE: Final = 256
+"""Of every so many frames so many are looked at for answers: enough for a cycle of many servos."""
+
+KNOWN: Final = 512
+"""Requests whose answers are remembered."""
+
+
+class Likes:
+    """Finds sound frames that are like torn ones."""
+
+    def __init__(self) -> None:
+        self._recent: deque[Batch] = deque()
+        self._seen = 0
+        self._known: dict[bytes, tuple[bytes, ...]] = {}
+
+    @property
+    def known(self) -> Mapping[bytes, tuple[bytes, ...]]:
+        """Requests that were answered, each with some of its answers, the latest first."""
+        return self._known
+
+    def add(self, batch: Batch) -> None:
+        """Take the frames of a batch, once its torn places have been looked up."""
+        n = len(batch.frames)
+        if not n:
+            return
+        self._learn(batch)
+        self._seen += n
+        self._recent.append(batch)
+        later = sum(len(b.frames) for b in self._recent)
+        while later - len(self._recent[0].frames) >= BEFORE:
+            later -= len(self._recent.popleft().frames)
+
+    def _learn(self, batch: Batch) -> None:
+        """Remember the answers in those frames whose turn it is."""
+        n, seen = len(batch.frames), self._seen
+        first = seen // EVERY * EVERY
+        for begin in range(first, seen + n, EVERY):
+            a, b = max(begin - seen, 0), min(begin + AT_ONCE - seen, n)
+            if a < b:
+                self._answers(batch, a, b)
+
+    def _answers(self, batch: Batch, a: int, b: int) -> None:
+        f = batch.frames
+        kind, start, end, who = f.kind[a:b], f.start[a:b], f.end[a:b], f.servo_id[a:b]
+        pairs = np.flatnonzero(
+            (kind[:-1] == REQUEST)
+            & (kind[1:] == RESPONSE)
+            & (end[:-1] == start[1:])
+            & ((who[1:] < 0) | (who[1:] == who[:-1]))
+        )
+        for k in pairs.tolist():
+            request = batch.data[int(start[k]) : int(end[k])]
+            answer = batch.data[int(start[k + 1]) : int(end[k + 1])]
+            before = self._known.pop(request, ())
+            if len(self._known) >= KNOWN:
+                del self._known[next(iter(self._known))]
+            self._known[request] = (answer, *(x for x in before if x != answer))[:MOST]
+
+    def last(self, batch: Batch | None, row: int) -> bytes:
+        """Return the bytes of a row; of the last frame known where there is no batch, or row -1."""
+        held = batch if batch is not None and row >= 0 else self._recent[-1]
+        k = row if held is batch else -1
+        at = int(held.frames.start[k])
+        return held.data[at : at + int(held.frames.length[k])]
+
+    def answers(self, batch: Batch | None, row: int, asked: bytes) -> tuple[bytes, ...]:
+        """Return answers to the same request before a row of a batch, the latest first.
+
+        ``row`` is that of the request; where the batch is None it is the last frame known.
+        """
+        out: dict[bytes, None] = {}
+        for held, rows in self._backwards(batch, row):
+            f = held.frames
+            same = (f.kind[rows[:-1]] == REQUEST) & (f.kind[rows[1:]] == RESPONSE)
+            same &= (f.length[rows[:-1]] == len(asked)) & (f.end[rows[:-1]] == f.start[rows[1:]])
+            # an answer that bears another id holds by chance, or is another's
+            same &= (f.servo_id[rows[1:]] < 0) | (f.servo_id[rows[1:]] == f.servo_id[rows[:-1]])
+            for k in rows[:-1][same][::-1].tolist():
+                at = int(f.start[k])
+                if held.data[at : at + len(asked)] == asked:
+                    out[held.data[int(f.start[k + 1]) : int(f.end[k + 1])]] = None
+                    if len(out) >= MOST:
+                        return tuple(out)
+        return tuple(out)
+
+    def requests(self, batch: Batch | None, row: int, got: bytes) -> tuple[bytes, ...]:
+        """Return requests before a row that are nearest to torn bytes, and of their length.
+
+        What differs in more than half of the bytes is not alike.
+        """
+        alike: dict[bytes, int] = {}
+        for held, rows in self._backwards(batch, row):
+            f = held.frames
+            mine = rows[(f.kind[rows] == REQUEST) & (f.length[rows] == len(got))]
+            for k in mine[::-1].tolist():
+                data = held.data[int(f.start[k]) : int(f.end[k])]
+                if data not in alike:
+                    alike[data] = sum(a != b for a, b in zip(data, got, strict=True))
+        near = [data for data, differ in alike.items() if differ <= len(got) // 2]
+        return tuple(sorted(near, key=lambda data: alike[data])[:MOST])
+
+    def _backwards(self, batch: Batch | None, row: int) -> list[tuple[Batch, I64]]:
+        """Return the batches before a row with their rows, the latest first; ``BEFORE`` in all."""
+        out: list[tuple[Batch, I64]] = []
+        left = BEFORE
+        if batch is not None and row >= 0:
+            a = max(row + 1 - left, 0)
+            out.append((batch, np.arange(a, row + 1)))
+            left -= row + 1 - a
+        for held in reversed(self._recent):
+            if left <= 0:
+                break
+            n = len(held.frames)
+            out.append((held, np.arange(max(n - left, 0), n)))
+            left -= min(n, left)
+        return out

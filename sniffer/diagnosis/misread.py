@@ -1,0 +1,313 @@
+"""What happened to the bits of a torn frame: which of them were read wrong, and as what.
+
+A frame whose checksum fails is tried with each of its bits turned: where one of these frames holds,
+one bit was misread, and which way tells the sound frame nearest to what stood there before. Where
+none holds, only the bytes that never change are compared. The protocol itself is asked what holds,
+so nothing here knows a checksum.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
+from sniffer.ground.framing import Block
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from sniffer.diagnosis.damage import Damage
+    from sniffer.protocols.base import BusProtocol
+
+LONGEST: Final = 48
+"""Bytes of a frame whose bits are tried one by one: more are hardly ever read in a loop."""
+
+LEAST: Final = 3
+"""Shorter frames have no bytes that never change."""
+
+BITS: Final = 8
+
+OF_EACH: Final = 60
+"""Torn frames of one sender that are looked at: their bits differ no more after so many."""
+
+NEAR_BYTES: Final = 3
+"""A torn frame differs from what it was in no more bytes than that, or it is not it."""
+
+BITS_FEW, FRONT, BACK, LONGER, OTHER = range(5)
+"""What was torn: some bits; the first bytes; the last bytes; there is more than one frame's bytes;
+anything else."""
+
+
+class Flip(NamedTuple):
+    """One bit that was read wrong: of which byte, which (0 is sent first), and as what.
+
+    ``lags``: it was read as the bit before it on the line; ``leads``: as the one behind it. Where
+    several bytes may be meant, ``byte`` is -1, and neither of the two is told.
+    """
+
+    byte: int
+    bit: int
+    up: bool
+    lags: bool
+    leads: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Misread:
+    """A torn frame by its bits. ``servo_id`` -1: the controller's."""
+
+    damage: Damage
+    shape: int
+    flips: tuple[Flip, ...]
+    meant: bytes
+    """The frame it was, as far as that is known; empty where it is not."""
+
+    @property
+    def servo_id(self) -> int:
+        """Who sent it; -1: the controller."""
+        return self.damage.servo_id if self.damage.turn == IN_REPLY else -1
+
+    @property
+    def bytes_hit(self) -> tuple[int, ...]:
+        """The numbers of the bytes that are wrong, as far as they are known."""
+        return tuple(sorted({f.byte for f in self.flips if f.byte >= 0}))
+
+
+def misread(
+    protocol: BusProtocol,
+    damages: Iterable[Damage],
+    known: Mapping[bytes, tuple[bytes, ...]],
+) -> list[Misread]:
+    """Return the first torn frames of each sender by their bits.
+
+    Args:
+        protocol: tells what holds.
+        damages: torn places.
+        known: answers of servos by the request.
+    """
+    torn = _first_of_each(damages)
+    alike = [alike_of(d, known) for d in torn]
+    tried = [
+        d.length == len(d.got) and LEAST <= d.length <= LONGEST and _fits(d.got, a)
+        for d, a in zip(torn, alike, strict=True)
+    ]
+    repaired = _repaired(protocol, [d for d, t in zip(torn, tried, strict=True) if t])
+    found = iter(repaired)
+    out = []
+    for d, sound, is_tried in zip(torn, alike, tried, strict=True):
+        out.append(_one(d, sound, next(found) if is_tried else ()))
+    return out
+
+
+def _first_of_each(damages: Iterable[Damage]) -> list[Damage]:
+    """Return the first torn frames of each servo, and of the controller."""
+    met: dict[int, int] = {}
+    out = []
+    for d in damages:
+        if d.turn in (IN_REPLY, IN_REQUEST):
+            sender = d.servo_id if d.turn == IN_REPLY else -1
+            met[sender] = met.get(sender, 0) + 1
+            if met[sender] <= OF_EACH:
+                out.append(d)
+    return out
+
+
+def alike_of(d: Damage, known: Mapping[bytes, tuple[bytes, ...]]) -> tuple[bytes, ...]:
+    """Return what should have stood there: what was near, what was known, what a peer says."""
+    if not d.asked:
+        return d.alike
+    own = tuple(dict.fromkeys((*d.alike, *known.get(d.asked, ()))))
+    return own or of_peers(d.asked, known)
+
+
+def of_peers(asked: bytes, known: Mapping[bytes, tuple[bytes, ...]]) -> tuple[bytes, ...]:
+    """Return answers to requests like this one to other servos, as this one would give them.
+
+    Requests that differ in one byte beside the checksum are to other ids; the answer has the id at
+    the same place. Its checksum is left as it is: it is not to be relied on.
+    """
+    out: list[bytes] = []
+    for request, answers in known.items():
+        differ = [i for i, (a, b) in enumerate(zip(request, asked, strict=False)) if a != b]
+        if len(request) != len(asked) or not 1 <= len(differ) <= 2:
+            continue
+        at = differ[0]
+        if len(differ) == 2 and differ[1] != len(asked) - 1:
+            # rs30x and wCK have the sum last, too; LSS has none
+            continue
+        out += (
+            answer[:at] + asked[at : at + 1] + answer[at + 1 :]
+            for answer in answers
+            if at < len(answer) and answer[at] == request[at]
+        )
+    return tuple(dict.fromkeys(out))
+
+
+def _fits(got: bytes, alike: Sequence[bytes]) -> bool:
+    return not alike or any(len(a) == len(got) for a in alike)
+
+
+_REPAIRED: Final[dict[tuple[str, bytes, bytes], tuple[bytes, ...]]] = {}
+"""What was found for torn frames: a live bus is judged again and again, and most are known."""
+
+REMEMBERED: Final = 1 << 13
+
+
+def _repaired(protocol: BusProtocol, torn: Sequence[Damage]) -> list[tuple[bytes, ...]]:
+    """Return for each torn frame those with one bit turned that hold."""
+    keys = [(protocol.name, d.asked if d.turn == IN_REPLY else b"", d.got) for d in torn]
+    new = [key for key in dict.fromkeys(keys) if key not in _REPAIRED]
+    tries: list[bytes] = []
+    sizes: list[int] = []
+    for _, asked, got in new:
+        for k, byte in enumerate(got):
+            for bit in range(BITS):
+                tries.append(asked + got[:k] + bytes((byte ^ 1 << bit,)) + got[k + 1 :])
+                sizes.append(len(got))
+    holds = held(protocol, tries, sizes)
+    found: dict[tuple[str, bytes, bytes], tuple[bytes, ...]] = {}
+    at = 0
+    for key in new:
+        behind = at + len(key[2]) * BITS
+        found[key] = tuple(tries[i][-sizes[i] :] for i in range(at, behind) if holds[i])
+        at = behind
+    out = [found[key] if key in found else _REPAIRED[key] for key in keys]
+    if len(_REPAIRED) + len(found) > REMEMBERED:
+        _REPAIRED.clear()
+    _REPAIRED.update(found)
+    return out
+
+
+def held(protocol: BusProtocol, tries: Sequence[bytes], sizes: Sequence[int]) -> list[bool]:
+    """Tell of which tries the last so many bytes are one frame, and all of it is frames."""
+    if not tries:
+        return []
+    length = np.array([len(t) for t in tries], np.int64)
+    ends = np.cumsum(length)
+    block = Block(np.frombuffer(b"".join(tries), np.uint8), ends[:-1], True)
+    spans, _ = protocol.frame(block)
+    covered = np.zeros(len(tries), np.int64)
+    np.add.at(covered, block.segment(spans.start), spans.end - spans.start)
+    row = np.searchsorted(spans.end, ends)
+    last = np.append(spans.start, -1)[np.minimum(row, len(spans))]
+    ended = np.append(spans.end, -1)[np.minimum(row, len(spans))] == ends
+    whole: list[bool] = (ended & (covered == length) & (ends - last == sizes)).tolist()
+    return whole
+
+
+def _one(d: Damage, alike: Sequence[bytes], repaired: Sequence[bytes]) -> Misread:
+    same = [a for a in alike if len(a) == d.length]
+    if len(same) > 1:  # several bits may be wrong, and one more make the checksum hold
+        fixed = _fixed(same)
+        repaired = [
+            r
+            for r in repaired
+            if all(a == b for a, b, f in zip(r, same[0], fixed, strict=True) if f)
+        ]
+    if repaired:
+        best = min(_distance(r, same) for r in repaired)
+        near = [r for r in repaired if _distance(r, same) == best]
+        flips = {_flip(d.got, r) for r in near}
+        if len(flips) == 1:
+            return Misread(d, BITS_FEW, tuple(flips), near[0])
+        ways = {(f.bit, f.up) for f in flips}
+        if len(ways) == 1:
+            bit, up = ways.pop()
+            return Misread(d, BITS_FEW, (Flip(-1, bit, up, lags=False, leads=False),), b"")
+        return Misread(d, BITS_FEW, (), b"")
+    return _compared(d, same) or Misread(d, _shape(d, alike), (), b"")
+
+
+def _compared(d: Damage, same: Sequence[bytes]) -> Misread | None:
+    """Compare with a frame that differs in one byte, else the bytes that never change."""
+    near = [(a, k) for a in same if len(k := _differ(a, d.got)) == 1]
+    if near:
+        meant, wrong = near[0]
+        return Misread(d, BITS_FEW, _turned_all(meant, d.got, wrong), meant)
+    if not same:
+        return None
+    fixed = _fixed(same)
+    meant = bytes(a if f else g for a, g, f in zip(same[0], d.got, fixed, strict=True))
+    wrong = _differ(meant, d.got)
+    if not wrong or len(wrong) > NEAR_BYTES:
+        return None
+    return Misread(d, BITS_FEW, _turned_all(meant, d.got, wrong), b"")
+
+
+def _shape(d: Damage, alike: Sequence[bytes]) -> int:
+    """Tell which end of a frame is right, where one is."""
+    for size in dict.fromkeys(len(a) for a in alike):
+        some = [a for a in alike if len(a) == size]
+        fixed = [k for k, f in enumerate(_fixed(some)) if f]
+        one, got = some[0], d.got
+        head = _run(k < len(got) and got[k] == one[k] for k in fixed)
+        behind = [size - k for k in reversed(fixed)]
+        tail = _run(k <= len(got) and got[-k] == one[-k] for k in behind)
+        lacks = size - d.length
+        if 0 < lacks <= LEAST and tail and tail >= sum(k >= lacks for k in fixed) - 1:
+            return FRONT
+        if not head and tail >= 2:
+            return FRONT
+        if head >= 2 and d.length < size and not tail:
+            return BACK
+    if alike and d.length > max(len(a) for a in alike):
+        return LONGER
+    return OTHER
+
+
+def _run(right: Iterable[bool]) -> int:
+    """Return how many are right before the first that is not."""
+    return sum(1 for _ in itertools.takewhile(bool, right))
+
+
+def _differ(a: bytes, b: bytes) -> list[int]:
+    return [k for k, (x, y) in enumerate(zip(a, b, strict=True)) if x != y]
+
+
+def _turned_all(meant: bytes, got: bytes, wrong: Sequence[int]) -> tuple[Flip, ...]:
+    return tuple(
+        _turned(meant, k, bit)
+        for k in wrong
+        for bit in range(BITS)
+        if (meant[k] ^ got[k]) >> bit & 1
+    )
+
+
+def _fixed(same: Sequence[bytes]) -> list[bool]:
+    """Tell which bytes are the same in all frames, from the beginning and from the end on.
+
+    What a servo measures may rest, so it ends with the first that is not; of one frame alone all
+    but the last three are taken.
+    """
+    size = len(same[0])
+    if len(same) == 1:
+        return [k < size - LEAST for k in range(size)]
+    equal = [len(set(column)) == 1 for column in zip(*same, strict=True)]
+    head, tail = _run(equal), _run(reversed(equal))
+    return [k < head or k >= size - tail for k in range(size)]
+
+
+def _distance(frame: bytes, same: Sequence[bytes]) -> int:
+    """Return in how many bytes a frame differs from the nearest of some; 0 where there is none."""
+    return min(
+        (sum(a != b for a, b in zip(frame, one, strict=True)) for one in same),
+        default=0,
+    )
+
+
+def _flip(got: bytes, meant: bytes) -> Flip:
+    at = next(k for k, (a, b) in enumerate(zip(got, meant, strict=True)) if a != b)
+    return _turned(meant, at, (got[at] ^ meant[at]).bit_length() - 1)
+
+
+def _turned(meant: bytes, at: int, bit: int) -> Flip:
+    """Return what it means that a bit of a frame was read wrong."""
+    value = meant[at]
+    was = value >> bit & 1
+    before = value >> (bit - 1) & 1 if bit else 0  # the start bit is low
+    behind = value >> (bit + 1) & 1 if bit < BITS - 1 else 1  # the stop bit is high
+    return Flip(at, bit, up=not was, lags=before != was, leads=behind != was)

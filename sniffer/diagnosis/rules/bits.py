@@ -1,0 +1,313 @@
+"""Which bits of torn frames were read wrong: always the same, always one way, the last, the first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Final
+
+from sniffer.diagnosis.case import sums
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.clocks import LOOKED, clock_of
+from sniffer.diagnosis.damage import IN_REPLY
+from sniffer.diagnosis.lineerrors import IN_ANSWERS, IN_REQUESTS
+from sniffer.diagnosis.misread import BACK, BITS, BITS_FEW, FRONT, alike_of
+from sniffer.diagnosis.model import Finding, Place
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.misread import Flip, Misread
+    from sniffer.diagnosis.rules import Rule
+
+FINDINGS: Final = (
+    FindingCode(
+        "same-bit",
+        "line",
+        "It is always the same bit of a byte that is read wrong.",
+        "At least four torn frames that one bit explains, nine tenths of them by the same bit (0..7), which chance does not do.",
+    ),
+    FindingCode(
+        "one-way-bits",
+        "line",
+        "Bits are read wrong in one direction only: always 1 as 0, or always 0 as 1.",
+        "At least eight torn frames that single bits explain, nineteen in twenty of one direction, more than noise that prefers one by three to one would do.",
+    ),
+    FindingCode(
+        "late-edges",
+        "line",
+        "Bits are read as the one before them on the line: the edge between them came too late.",
+        "At least five misread bits, nine tenths of them equal to the bit sent before, and one way.",
+    ),
+    FindingCode(
+        "last-bits",
+        "line",
+        "Of this servo's bytes the last bits are read wrong, or their stop bits are missed, and nobody else's.",
+        "Misread bits of one servo are bits 5 to 7 of their bytes, or line errors stand in its answers only.",
+    ),
+    FindingCode(
+        "clock-off",
+        "line",
+        "The torn answers of a servo are what a tap hears of a clock that is so much off.",
+        "Its sound answers, played at bits 2.5 to 10 % longer or shorter into a UART, give what was heard, in three of five torn ones.",
+    ),
+    FindingCode(
+        "first-byte-torn",
+        "line",
+        "It is the first byte of answers that is torn or missing.",
+        "At least three torn answers, three quarters of them with nothing wrong but the first byte or two.",
+    ),
+    FindingCode(
+        "last-byte-torn",
+        "line",
+        "It is the last byte of requests that is torn or missing.",
+        "At least three torn requests, three quarters of them with nothing wrong but the last byte.",
+    ),
+)
+
+LEAST: Final = 3
+
+SAME: Final = 4
+ONE_WAY: Final = 8
+LATE: Final = 5
+"""Misread bits that make each pattern: fewer may be chance."""
+
+PURE: Final = 0.9
+"""Part of the misread bits that must agree: another fault may damage a frame now and then."""
+
+PURE_WAY: Final = 0.95
+
+LEANING: Final = 0.75
+"""Noise may prefer one direction: its pulses pull the line up or down."""
+
+CHANCE: Final = 1e-3
+
+MOST: Final = 0.75
+"""Part of the torn frames that must be torn at one end."""
+
+KNOWN: Final = 0.25
+"""Part of the torn frames at least of which one must know where they are torn."""
+
+PROMPT: Final = 0.25
+"""Part of a byte time by which times must be sure, and an answer late, to lack its first byte."""
+
+ENDING: Final = 5
+"""From this bit of a byte on a clock that is off by a twentieth, and edges that are late beside,
+show."""
+
+APART: Final = 10.0
+"""How many times the others' share of line errors a servo must have."""
+
+
+def bits(case: Case) -> Iterator[Finding]:
+    """Tell whether misread bits are always the same, go one way, or follow their neighbour."""
+    read = [m for m in case.misreads if m.shape == BITS_FEW and m.flips]
+    if len(read) < SAME:
+        return
+    singles = [m.flips[0] for m in read if len(m.flips) == 1]
+    every = [m.flips[0] for m in read]  # what befell one byte is one event
+    yield from _same_bit(read, singles)
+    ups = sum(f.up for f in every)
+    n, most = len(every), max(ups, len(every) - ups)
+    way = "0 as 1" if ups == most else "1 as 0"
+    chance = at_least(most, n, LEANING)
+    if n >= ONE_WAY and most >= PURE_WAY * n:
+        yield _finding(
+            "one-way-bits",
+            read,
+            f"{most} of {n} misread bits are {way}",
+            f"bits read {way} only",
+            sureness(chance, 1e-2),
+        )
+    known = [f for f in every if f.byte >= 0]
+    lags = sum(f.lags for f in known)
+    if len(known) >= LATE and lags >= PURE * len(known) and most >= PURE * n:
+        yield _finding(
+            "late-edges",
+            read,
+            f"{lags} of {len(known)} misread bits are read as the bit before them, {way}",
+            "edges come late",
+            sureness(at_least(lags, len(known), 0.5) * chance, CHANCE),
+        )
+
+
+def _same_bit(read: Sequence[Misread], singles: Sequence[Flip]) -> Iterator[Finding]:
+    if len(singles) < SAME:
+        return
+    bit, count = Counter(f.bit for f in singles).most_common(1)[0]
+    chance = BITS * at_least(count, len(singles), 1 / BITS)
+    if count >= PURE * len(singles) and chance < CHANCE:
+        yield _finding(
+            "same-bit",
+            read,
+            f"{count} of {len(singles)} frames with one wrong bit have it at bit {bit} of a byte",
+            f"always bit {bit}",
+            sureness(chance),
+        )
+
+
+def last_bits(case: Case) -> Iterator[Finding]:
+    """Find servos whose last bits are misread: their clock is not the bus's."""
+    if len(case.answering) + len(case.misreads) == 0:
+        return
+    e = case.line_errors
+    errors = sums({k: v[e["place"] == IN_ANSWERS] for k, v in e.items()}, "servo_id", "n")
+    elsewhere = int(e["n"][e["place"] == IN_REQUESTS].sum())
+    answered = {s: case.total("ok", s) + case.total("damaged", s) for s in case.servos}
+    everyone = [(m.servo_id, f) for m in case.misreads if m.shape == BITS_FEW for f in m.flips]
+    ending = sum(f.bit >= ENDING for _, f in everyone)
+    for servo in case.servos:
+        read = [m for m in case.misreads if m.servo_id == servo]
+        flips = [f for m in read if m.shape == BITS_FEW for f in m.flips]
+        late = sum(f.bit >= ENDING for f in flips)
+        mine = errors.get(servo, 0)
+        others = elsewhere + sum(n for s, n in errors.items() if s != servo)
+        rest = max(case.ledger.frames - answered[servo], 1)
+        alone = mine >= LEAST and mine / max(answered[servo], 1) >= APART * (others + 1) / rest
+        bitwise = len(flips) >= SAME and late >= PURE * max(len(flips), ending)
+        if not (alone or bitwise):
+            continue
+        told = []
+        if bitwise:
+            told.append(f"{late} of {len(flips)} misread bits are the last three of their bytes")
+        if alone:
+            told.append(
+                f"{mine} line errors stand in its {answered[servo]} answers, {others} elsewhere"
+            )
+        rows = (e["servo_id"] == servo) & (e["place"] == IN_ANSWERS)
+        times = [m.damage.t_ns for m in read] + e["t_first"][rows].tolist()
+        ends = [m.damage.t_ns for m in read] + e["t_last"][rows].tolist()
+        chance = at_least(late, len(flips), 0.375) if bitwise else 1.0
+        yield Finding(
+            "last-bits",
+            servo,
+            min(times),
+            max(ends),
+            late + mine,
+            f"of servo {servo} " + ", and ".join(told),
+            _places(read)
+            or tuple(
+                Place(at, 1, t, "a byte without a stop bit")
+                for at, t in zip(
+                    e["at"][rows][:3].tolist(), e["t_first"][rows][:3].tolist(), strict=True
+                )
+            ),
+            strength=1.0 if alone and bitwise else max(sureness(chance, 1e-4), 0.8 * alone),
+            brief=f"the last bits of servo {servo} are misread",
+        )
+
+
+def clocks(case: Case) -> Iterator[Finding]:
+    """Find servos whose torn answers are those of a clock that is off."""
+    known = case.ledger.damages.likes.known
+    for servo in case.servos:
+        torn = [d for d in case.damages if d.turn == IN_REPLY and d.servo_id == servo]
+        share = len(torn) / max(case.total("ok", servo) + len(torn), 1)
+        rest = (len(case.damages) - len(torn) + 1) / max(case.ledger.frames, 1)
+        if len(torn) < SAME or share < APART / 2 * rest:
+            continue
+        found = clock_of(tuple((d.got, alike_of(d, known)) for d in torn[:LOOKED]))
+        if found is None or found.explained < SAME:
+            continue
+        slow = "slower" if found.off > 0 else "faster"
+        yield Finding(
+            "clock-off",
+            servo,
+            torn[0].t_ns,
+            torn[-1].t_ns,
+            len(torn),
+            f"{found.explained} of {found.tried} torn answers of servo {servo} are what a tap hears "
+            f"of a clock that is {abs(found.off):.1%} {slow}",
+            tuple(Place(d.at, d.length, d.t_ns, "a torn answer") for d in torn[:3]),
+            strength=min(0.5 + found.explained / 16, 1.0),
+            brief=f"the clock of servo {servo} is {abs(found.off):.0%} {slow}",
+            values=(("off", found.off),),
+        )
+
+
+def ends(case: Case) -> Iterator[Finding]:
+    """Tell whether frames are torn at one end only."""
+    answers = [m for m in case.misreads if m.damage.turn == IN_REPLY]
+    requests = [m for m in case.misreads if m.damage.turn != IN_REPLY]
+    late = _late(case, answers)
+    first = [
+        m
+        for m in answers
+        if m.shape == FRONT or (_hit(m) and max(m.bytes_hit) <= 1) or m.damage.at in late
+    ]
+    if _mostly(first, answers):
+        yield _finding(
+            "first-byte-torn",
+            first,
+            f"{len(first)} of {len(answers)} torn answers lack their first byte, or it is wrong",
+            "the first byte of answers is torn",
+            min(0.4 + 0.1 * len(first), 1.0),
+        )
+    last = [m for m in requests if _cut(m) or (_hit(m) and min(m.bytes_hit) == m.damage.length - 1)]
+    if _mostly(last, requests):
+        yield _finding(
+            "last-byte-torn",
+            last,
+            f"{len(last)} of {len(requests)} torn requests lack their last byte, or it is wrong",
+            "the last byte of requests is torn",
+            min(0.4 + 0.1 * len(last), 1.0),
+        )
+
+
+def _late(case: Case, answers: Sequence[Misread]) -> set[int]:
+    """Return the places of torn answers that begin later than any sound one: they lack a byte."""
+    byte_ns = case.ledger.byte_ns
+    a = case.answers
+    if not len(a["spread_max"]) or a["spread_max"].max() > PROMPT * byte_ns:
+        return set()
+    latest = {
+        servo: int(a["took_max"][(a["servo_id"] == servo) & (a["took_n"] > 0)].max(initial=0))
+        for servo in case.answering
+    }
+    return {
+        m.damage.at
+        for m in answers
+        if m.shape != BITS_FEW
+        and m.damage.since_ns > latest.get(m.servo_id, 1 << 62) + PROMPT * byte_ns
+    }
+
+
+def _mostly(some: Sequence[Misread], torn: Sequence[Misread]) -> bool:
+    """Tell whether most of the torn frames of which one knows where they are torn are these."""
+    known = sum(m in some or m.shape in (FRONT, BACK) or _hit(m) for m in torn)
+    return len(some) >= max(LEAST, MOST * known, KNOWN * len(torn))
+
+
+def _hit(m: Misread) -> bool:
+    return m.shape == BITS_FEW and bool(m.bytes_hit)
+
+
+def _cut(m: Misread) -> bool:
+    return m.shape == BACK and len(m.damage.expected) - m.damage.length == 1
+
+
+def _finding(code: str, read: Sequence[Misread], what: str, brief: str, strength: float) -> Finding:
+    servos = {m.servo_id for m in read}
+    servo = servos.pop() if len(servos) == 1 else -1
+    return Finding(
+        code,
+        servo if servo >= 0 else None,
+        min(m.damage.t_ns for m in read),
+        max(m.damage.t_ns for m in read),
+        len(read),
+        what,
+        _places(read),
+        strength=strength,
+        brief=brief,
+    )
+
+
+def _places(read: Iterable[Misread]) -> tuple[Place, ...]:
+    return tuple(
+        Place(m.damage.at, m.damage.length, m.damage.t_ns, "a torn frame") for m in list(read)[:3]
+    )
+
+
+RULES: Final[tuple[Rule, ...]] = (bits, last_bits, clocks, ends)
+"""The rules of this area."""

@@ -1,0 +1,253 @@
+"""What servos say against it: alarms with what was commanded before, refusals, words unasked."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.case import episodes, sums
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.tracks import in_force
+from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.ground.gaps import NOISE
+from sniffer.ground.model import NS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.rules import Rule
+
+FINDINGS: Final = (
+    FindingCode(
+        "refuses-command",
+        "device",
+        "A servo refuses one and the same command, time and again.",
+        "At least three answers with a refusal (not of a checksum) to one command.",
+    ),
+    FindingCode(
+        "refuses-torque",
+        "device",
+        "A servo refuses to have its torque switched on.",
+        "Each write of its torque register was answered with a refusal.",
+    ),
+    FindingCode(
+        "speaks-unasked",
+        "device",
+        "One device sends answers that nobody asked for.",
+        "At least five whole answers without a request, nearly all of one servo, which answers what it is asked as well; requests are not damaged.",
+    ),
+)
+
+COMPLAINTS: Final = frozenset(
+    code for code in CATALOGUE if code.startswith("device-") and code != "device-recovered"
+)
+"""Alarms by which a servo says itself what is wrong."""
+
+_BRIEF: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "device-input-voltage": "servo {} complains of its supply",
+        "device-overload": "servo {} reports an overload",
+        "device-overheating": "servo {} reports overheating",
+        "device-temperature-alarm": "servo {} warns of its temperature",
+        "device-temperature-limit": "servo {} reaches its temperature limit",
+        "device-stuck": "servo {} says that it is stuck",
+        "device-blocked": "servo {} says that it is blocked",
+        "device-safe-mode": "servo {} goes into safe mode",
+        "device-stroke-limit": "servo {} reports a goal beyond its limits",
+        "device-outside-limits": "servo {} is outside its limits",
+    }
+)
+
+RECENT_NS: Final = 10 * NS
+"""A goal stated longer before an alarm has nothing to do with it."""
+
+LEAST: Final = 3
+"""Refusals of one command that are no accident."""
+
+PLENTY: Final = 10
+
+BARE_SHARE: Final = 0.7
+"""Of bytes that are noise by their looks so many fit one servo if they are its: by chance a tenth."""
+
+NEAR_RAW: Final = 3
+"""Steps that a joint may have moved since its last answer."""
+
+UNASKED: Final = 5
+"""Answers without a request: fewer come from requests that the tap lost."""
+
+
+def complaints(case: Case) -> Iterator[Finding]:
+    """Alarms, by code and servo, with their times and what was commanded before the first."""
+    alarms = case.alarms
+    numbers = [n for n in np.unique(alarms["code"]).tolist() if case.code(n) in COMPLAINTS]
+    for number in numbers:
+        code = case.code(number)
+        mine = alarms["code"] == number
+        for servo in np.unique(alarms["servo_id"][mine]).tolist():
+            rows = np.flatnonzero(mine & (alarms["servo_id"] == servo))
+            count = int(alarms["n"][rows].sum())
+            spans = episodes(alarms["t_first"][rows], alarms["t_last"][rows])
+            first, last = spans[0][0], spans[-1][1]
+            words = code.removeprefix("device-").replace("-", " ")
+            when = f"at {case.since(first)}"
+            if count > 1:
+                when = f"{count} times, first {when}, last at {case.since(last)}"
+            who = None if servo < 0 else servo
+            before = "" if who is None else _commanded(case, who, first)
+            yield Finding(
+                code,
+                who,
+                first,
+                last,
+                count,
+                f"servo {servo} reports {words} {when}{before}",
+                case.places(case.anomalies(code, servo_id=servo), f"servo {servo}: {words}", 2),
+                strength=0.8 if count == 1 else 1.0,
+                brief=_BRIEF.get(code, f"servo {{}} reports {words}").format(servo),
+                episodes=spans,
+            )
+
+
+def _commanded(case: Case, servo: int, t_ns: int) -> str:
+    """Say what the goal was before a moment."""
+    goal = case.series(servo, "goal_position")
+    if goal is None:
+        return ""
+    row = int(np.searchsorted(goal.t_first, t_ns, "right")) - 1
+    if row < 0 or t_ns - int(goal.t[row]) > RECENT_NS:
+        return ""
+    stated = max(t_ns - int(goal.t[row]), 0) / 1e6
+    near = f", stated {stated:.0f} ms before" if int(goal.t[row]) < t_ns else ""
+    return f"; its goal was {goal.told(float(goal.last[row]))}{near}"
+
+
+def refusals(case: Case) -> Iterator[Finding]:
+    """Commands that a servo refuses again and again."""
+    r = case.ledger.refusals.counted()
+    for servo, op in sorted({*zip(r["servo_id"].tolist(), r["op"].tolist(), strict=True)}):
+        rows = np.flatnonzero((r["servo_id"] == servo) & (r["op"] == op))
+        worst = rows[np.argmax(r["n"][rows])]
+        n, status = int(r["n"][rows].sum()), int(r["status"][worst])
+        names = case.protocol.status_names(status) if status > 0 else ()
+        if n < LEAST or "checksum" in names:  # what it got was not what was sent: the line's
+            continue
+        says = f" with {' and '.join(names).replace('_', ' ')}" if names else " with other values"
+        command = _command(case, op, int(r["address"][worst]))
+        others = f", of {len(rows)} addresses" if len(rows) > 1 else ""
+        what = f"servo {servo} answers {command}{says}, {n} times{others}"
+        at, length, t = (int(r[name][worst]) for name in ("at", "length", "t_first"))
+        yield Finding(
+            "refuses-command",
+            servo,
+            int(r["t_first"][rows].min()),
+            int(r["t_last"][rows].max()),
+            n,
+            what,
+            (Place(at, length, t, what),),
+            strength=min(0.7 + n / PLENTY * 0.3, 1.0),
+            brief=f"servo {servo} refuses {command}",
+        )
+
+
+def _command(case: Case, op: int, address: int) -> str:
+    """Return a command with the register that it is for."""
+    named = next((x.name for x in case.protocol.registers if 0 <= x.address == address), "")
+    to = "" if address < 0 else f" of {named}" if named else f" at {address:#04x}"
+    return f"{case.protocol.op_name(op)}{to}"
+
+
+def torque_refused(case: Case) -> Iterator[Finding]:
+    """Servos that refuse to have their torque switched on."""
+    w = case.writes
+    registers = case.protocol.registers
+    is_torque = np.array([r.quantity == "torque_enable" for r in registers], bool)
+    for row in np.flatnonzero((w["refused"] > 0) & is_torque[w["register"]]).tolist():
+        servo, n, refused = (int(w[k][row]) for k in ("servo_id", "n", "refused"))
+        if servo in case.protocol.everyone or refused < n:
+            continue
+        first, last = int(w["t_first"][row]), int(w["t_last"][row])
+        name = registers[int(w["register"][row])].name
+        what = f"servo {servo} refused each of {n} writes of {name}"
+        yield Finding(
+            "refuses-torque",
+            servo,
+            first,
+            last,
+            n,
+            what,
+            (Place(int(w["at"][row]), int(w["length"][row]), first, f"a write of {name}"),),
+            strength=0.7 if n == 1 else 1.0,
+            brief=f"servo {servo} refuses {name}",
+        )
+
+
+def chatty(case: Case) -> Iterator[Finding]:
+    """A device that speaks without being asked."""
+    unasked = sums(case.answers, "servo_id", "unsolicited")
+    torn = int(case.damage["n"].sum())
+    for servo, n in unasked.items():
+        others = sum(unasked.values()) - n
+        missing = case.total("missing", servo) + case.total("damaged", servo)
+        if n < UNASKED or others > n / 5 or missing > n / 2 or torn > n / 2:
+            continue
+        if servo < 0 or not case.total("ok", servo):
+            continue
+        told = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
+        if not len(told):
+            continue
+        yield Finding(
+            "speaks-unasked",
+            servo,
+            int(told.t_ns.min()),
+            int(told.t_ns.max()),
+            n,
+            f"servo {servo} sent {n} answers that nobody asked for, all others {others}",
+            case.places(told, "an answer without a request"),
+            strength=min(0.6 + n / 25, 1.0),
+            brief=f"servo {servo} speaks unasked",
+        )
+
+
+def chatty_bare(case: Case) -> Iterator[Finding]:
+    """A device that speaks unasked where answers are bare bytes: they are noise by their looks."""
+    size = case.ledger.answer_length
+    if not case.protocol.ordered or case.has_checksum or not size:
+        return
+    stray = [d for d in case.damages if d.kind == NOISE]
+    alike = [d for d in stray if len(d.got) == d.length == size]
+    if len(alike) < max(UNASKED, BARE_SHARE * len(stray)):
+        return
+    for servo in case.answering:
+        p = case.series(servo, "position")
+        if p is None or p.register.width != 1:
+            continue
+        t = np.array([d.t_ns for d in alike])
+        low, high = (x / p.register.scale for x in in_force(p, t - NS // 4, t))
+        fits = [
+            d
+            for d, a, b in zip(alike, low.tolist(), high.tolist(), strict=True)
+            if any(a - NEAR_RAW <= byte <= b + NEAR_RAW for byte in d.got)
+        ]
+        chance = float(np.mean(high - low + 2 * NEAR_RAW)) * size / 256
+        if len(fits) < max(UNASKED, BARE_SHARE * len(alike), 2 * chance * len(alike)):
+            continue
+        yield Finding(
+            "speaks-unasked",
+            servo,
+            fits[0].t_ns,
+            fits[-1].t_ns,
+            len(fits),
+            f"{len(fits)} times {size} bytes stand between the frames that would be an answer of "
+            f"servo {servo}, where it is at the moment",
+            tuple(Place(d.at, d.length, d.t_ns, "would be an answer") for d in fits[:3]),
+            strength=min(0.5 + len(fits) / 25, 0.9),
+            brief=f"servo {servo} speaks unasked",
+        )
+
+
+RULES: Final[tuple[Rule, ...]] = (complaints, refusals, torque_refused, chatty, chatty_bare)
+"""The rules of this file."""

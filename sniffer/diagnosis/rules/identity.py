@@ -1,0 +1,118 @@
+"""Servos that were given another id or rate, and are asked as if they had not."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.model import NS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.rules import Rule
+
+FINDINGS: Final = (
+    FindingCode(
+        "old-id-asked",
+        "device",
+        "A servo was given another id, and the old one is asked still and answers nothing.",
+        "A frame that gives the id, then at least three requests to the old one, none with an answer.",
+    ),
+    FindingCode(
+        "silent-at-old-rate",
+        "device",
+        "A servo was told another baud rate and answers nothing at this one since.",
+        "A frame that gives the rate, at least three requests behind it, and none of them answered from some moment on.",
+    ),
+)
+
+LEAST: Final = 3
+
+
+def old_ids(case: Case) -> Iterator[Finding]:
+    """Ids that were given away and are asked still."""
+    told = case.anomalies("id-changed")
+    for k, servo in enumerate(told.servo_id.tolist()):
+        t, at, length = (int(x[k]) for x in (told.t_ns, told.at, told.length))
+        asked, ok, first, last = _since(case, servo, t)
+        if asked < LEAST or ok:
+            continue
+        new = _value(case, "servo_id", servo, t)
+        to = "" if new is None else f" {new}"
+        yield Finding(
+            "old-id-asked",
+            servo,
+            t,
+            last,
+            asked,
+            f"servo {servo} was given the id{to} at {case.since(t)}; {asked} requests to {servo} "
+            f"follow, the first {(first - t) / NS:.3f} s later, and none is answered",
+            (Place(at, length, t, f"servo {servo} is given the id{to}"),),
+            strength=min(0.7 + asked / 20, 1.0),
+            brief=f"servo {servo} becomes{to or ' another'}, {servo} is asked still",
+        )
+
+
+def old_rates(case: Case) -> Iterator[Finding]:
+    """Servos that are silent since they were told another rate."""
+    told = case.anomalies("baud-changed")
+    for k, servo in enumerate(told.servo_id.tolist()):
+        t, at, length = (int(x[k]) for x in (told.t_ns, told.at, told.length))
+        to_all = servo in case.protocol.everyone
+        for one in case.answering if to_all else (servo,):
+            spells = [s for s in case.ledger.silences.of(one) if s.back_ns is None]
+            silent = [s for s in spells if s.first_ns >= t - NS and s.missed >= LEAST]
+            if not silent:
+                continue
+            code = _value(case, "baud", servo, t)
+            rate = _rate(case, code)
+            yield Finding(
+                "silent-at-old-rate",
+                one,
+                t,
+                case.last_ns,
+                silent[0].missed,
+                f"servo {one} was told {rate} at {case.since(t)}, and answers none of "
+                f"{silent[0].missed} requests since {case.since(silent[0].first_ns)}",
+                (
+                    Place(at, length, t, f"servo {one} is told {rate}"),
+                    Place(silent[0].at, silent[0].length, silent[0].first_ns, "no answer"),
+                ),
+                brief=f"servo {one} is told {rate} and falls silent",
+            )
+
+
+def _since(case: Case, servo: int, t_ns: int) -> tuple[int, int, int, int]:
+    """Return how often a servo was asked and answered behind a moment, and when that was.
+
+    Buckets that the moment lies in count by what was asked in them behind it at the least: nothing.
+    """
+    a = case.answers
+    rows = np.flatnonzero((a["servo_id"] == servo) & (a["t_first"] > t_ns))
+    if not len(rows):
+        return 0, 0, t_ns, t_ns
+    asked, ok = int(a["missing"][rows].sum()), int(a["ok"][rows].sum())
+    return asked, ok, int(a["t_first"][rows[0]]), int(a["t_last"][rows[-1]])
+
+
+def _value(case: Case, effect: str, servo: int, t_ns: int) -> int | None:
+    """Return what a servo was told at a moment."""
+    h = case.settings(effect, servo_id=servo)
+    rows = np.flatnonzero((h.written == 1) & (h.t_ns == t_ns))
+    return int(h.after[rows[0]]) if len(rows) else None
+
+
+def _rate(case: Case, code: int | None) -> str:
+    if code is None:
+        return "another rate"
+    named = (r.values.get(code) for r in case.protocol.registers if r.effect == "baud")
+    return f"{next((n for n in named if n), code)} baud"
+
+
+RULES: Final[tuple[Rule, ...]] = (old_ids, old_rates)
+"""The rules of this file."""

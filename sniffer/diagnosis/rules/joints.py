@@ -1,0 +1,222 @@
+"""Whether joints follow their goals: limp, blocked, or away for no reason that is measured."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.efforts import effort
+from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.warmth import hot_times
+from sniffer.diagnosis.tracks import track
+from sniffer.ground.model import NS
+from sniffer.protocols.base import RESTARTS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.rules import Rule
+    from sniffer.diagnosis.tracks import Away, Track
+
+FINDINGS: Final = (
+    FindingCode(
+        "joint-stalled",
+        "device",
+        "A joint is far from its goal, does not come nearer, and its motor pushes.",
+        "For a second or longer: an error beyond a tenth of what the goals range over, no approach, and a load of 40 % or a current three times the least on the bus.",
+    ),
+    FindingCode(
+        "joint-limp",
+        "device",
+        "A joint does not follow its goals, and its motor does nothing about it.",
+        "For a second or longer: an error as above, no approach, and the load or current of a motor that is off.",
+    ),
+    FindingCode(
+        "joint-limp-after-alarm",
+        "device",
+        "A joint does not follow its goals any more since its servo complained.",
+        "As above, and an alarm of that servo, or a temperature at its limit, in the five seconds before.",
+    ),
+    FindingCode(
+        "joint-limp-after-restart",
+        "device",
+        "A joint does not follow its goals any more since its servo was away or told to restart.",
+        "As above, and a silence of that servo, or a restart, that ended in the five seconds before.",
+    ),
+    FindingCode(
+        "stuck-before-alarm",
+        "device",
+        "A joint stood still under moving goals when its servo reported an overload.",
+        "In the quarter second of the alarm the goals range over a fourth of what counts as far, the positions over less than a quarter of that.",
+    ),
+    FindingCode(
+        "joint-not-following",
+        "device",
+        "A joint does not follow its goals, and nothing measured tells whether it pushes.",
+        "As above, without load or current, or with one that is neither idle nor pushing.",
+    ),
+)
+
+BEFORE_NS: Final = 5 * NS
+"""An alarm or a restart may be so long before the joint is seen to hang."""
+
+ALARMS: Final = (
+    "device-overload",
+    "device-overheating",
+    "device-temperature-limit",
+    "device-input-voltage",
+    "device-safe-mode",
+    "device-blocked",
+    "device-stuck",
+)
+"""Alarms upon which servos switch their motor off, or are about to."""
+
+SHORTLY_NS: Final = NS // 10
+"""Before an alarm of overload a motor pushes for tenths of a second; less tells nothing."""
+
+ENOUGH_NS: Final = 2 * NS
+"""A stretch of this length is beyond doubt."""
+
+LONE: Final = 0.6
+"""How much it counts where no joint of the bus ever followed: positions may be no measurements."""
+
+_BRIEF: Final = {
+    "joint-stalled": "servo {} pushes and does not move",
+    "joint-limp": "servo {} hangs limp",
+    "joint-limp-after-alarm": "servo {} lets go",
+    "joint-limp-after-restart": "servo {} limp since",
+    "joint-not-following": "servo {} does not follow its goals",
+}
+
+
+def following(case: Case) -> Iterator[Finding]:
+    """Joints that are away from their goals and do not come nearer."""
+    tracks = [t for t in (track(case, s) for s in case.servos) if t is not None]
+    moved = any(_moves(t) for t in tracks)
+    for one in tracks:
+        kinds: dict[str, list[Away]] = {}
+        for away in one.away:
+            kinds.setdefault(_kind(case, one, away), []).append(away)
+        for code, several in kinds.items():
+            yield _found(case, one, code, several, moved=moved or _moves(one))
+
+
+def stuck(case: Case) -> Iterator[Finding]:
+    """Joints that stood still when their servos reported an overload."""
+    for servo in case.servos:
+        alarms = case.anomalies("device-overload", servo_id=servo)
+        one = track(case, servo) if len(alarms) else None
+        if one is None:
+            continue
+        back = np.array([s.back_ns or 0 for s in case.ledger.silences.runs(servo)], np.int64)
+        stood = [
+            k
+            for k, t in enumerate(alarms.t_ns.tolist())
+            if _stands(one, t) and not ((back <= t) & (back > t - 2 * NS)).any()
+        ]
+        if not stood or len(stood) * 2 < len(alarms):
+            continue
+        rows = alarms.take(np.array(stood))
+        yield Finding(
+            "stuck-before-alarm",
+            servo,
+            int(rows.t_ns[0]) - SHORTLY_NS,
+            int(rows.t_ns[-1]),
+            len(stood),
+            f"servo {servo} stood still under moving goals before {len(stood)} of its "
+            f"{len(alarms)} overload alarms",
+            case.places(rows, "overload reported"),
+            brief=f"servo {servo} is stuck",
+        )
+
+
+def _stands(one: Track, t_ns: int) -> bool:
+    """Tell whether a joint did not move with its goals right before a moment."""
+    p, g = one.position, one.goal
+    row = int(np.searchsorted(p.t_first, t_ns, "right")) - 1
+    if row > 0 and t_ns - int(p.t_first[row]) < SHORTLY_NS:
+        row -= 1  # it has just begun: what was before tells more
+    if row < 0:
+        return False
+    since, until = int(p.t_first[row]), t_ns
+    goals = np.flatnonzero((g.t >= since) & (g.t_first < until))
+    if not len(goals):
+        return False
+    asked = float(g.high[goals].max() - g.low[goals].min())
+    return asked > one.far / 4 and float(p.high[row] - p.low[row]) < asked / 4
+
+
+def _moves(one: Track) -> bool:
+    """Tell whether a joint ever moved as its goals did."""
+    p = one.position
+    return float(p.high.max() - p.low.min()) > one.far / 2
+
+
+def _kind(case: Case, one: Track, away: Away) -> str:
+    """Name what a stretch is, by effort and by what was before it."""
+    motor = effort(case, one.servo_id)
+    if motor is None:
+        return "joint-not-following"
+    steady, peaks = motor.between(away.first_ns + NS // 2, away.last_ns)
+    if steady >= motor.pushes_from:
+        return "joint-stalled"
+    if not peaks <= motor.idles_to:
+        return "joint-not-following"
+    since, until = away.first_ns - BEFORE_NS, away.first_ns + 2 * NS
+    alarms = case.anomalies(*ALARMS, servo_id=one.servo_id).t_ns
+    alarms = np.concatenate([alarms, hot_times(case, one.servo_id)])
+    if ((alarms >= since) & (alarms <= until)).any():
+        return "joint-limp-after-alarm"
+    back = [s.back_ns for s in case.ledger.silences.of(one.servo_id) if s.back_ns is not None]
+    begun = [*back, *case.order_times(one.servo_id, RESTARTS).tolist()]
+    if any(since <= t <= until for t in begun):
+        return "joint-limp-after-restart"
+    return "joint-limp"
+
+
+def _found(case: Case, one: Track, code: str, several: Sequence[Away], *, moved: bool) -> Finding:
+    servo, unit = one.servo_id, one.position.unit
+    longest = max(several, key=lambda a: a.last_ns - a.first_ns)
+    took_ns = longest.last_ns - longest.first_ns
+    motor = effort(case, servo)
+    works = ""
+    if motor is not None:
+        steady, peaks = motor.between(longest.first_ns + NS // 2, longest.last_ns)
+        works = f", with {motor.told(steady if code == 'joint-stalled' else peaks)}"
+    goals = one.goal
+    told = np.flatnonzero((goals.t >= longest.first_ns) & (goals.t_first <= longest.last_ns))
+    span = (
+        f"{goals.low[told].min():.4g} to {goals.high[told].max():.4g} {unit}" if len(told) else ""
+    )
+    during = f" while its goals went from {span}" if span else ""
+    p = one.position
+    rows = range(longest.first, min(longest.last + 1, longest.first + 2))
+    places = tuple(
+        Place(int(p.at[r]), 1, int(p.t_first[r]), f"position {p.told(p.first[r])}") for r in rows
+    )
+    if len(told):
+        g = int(told[0])
+        what = f"goal {goals.told(goals.first[g])}"
+        places += (Place(int(goals.at[g]), 1, int(goals.t_first[g]), what),)
+    sure = 1.0 if took_ns >= ENOUGH_NS or len(several) > 1 else 0.8
+    return Finding(
+        code,
+        servo,
+        several[0].first_ns,
+        several[-1].last_ns,
+        len(several),
+        f"servo {servo} stood at {p.told(p.last[longest.last])} for {took_ns / NS:.1f} s"
+        f"{during}{works}",
+        places,
+        strength=sure if moved else LONE * sure,
+        brief=_BRIEF[code].format(servo),
+        episodes=tuple((a.first_ns, a.last_ns) for a in several),
+        values=(("error", longest.error),),
+    )
+
+
+RULES: Final[tuple[Rule, ...]] = (following, stuck)
+"""The rules of this file."""

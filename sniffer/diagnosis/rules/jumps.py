@@ -1,0 +1,178 @@
+"""Measured values that mechanics forbid: positions and temperatures that jump, and come back."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.ledger import MILLI
+from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.tracks import in_force, track
+from sniffer.ground.model import NS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from sniffer.diagnosis.case import Case, Series
+    from sniffer.diagnosis.rules import Rule
+    from sniffer.diagnosis.steps import Leap
+    from sniffer.diagnosis.tracks import Track
+
+FINDINGS: Final = (
+    FindingCode(
+        "position-jumps",
+        "device",
+        "A measured position jumps as no joint moves.",
+        "A step that would be faster than 1500 degrees (400 mm) a second even if the stamps are as wrong as they can be, and four times the greatest step of most of the time; or such a step and one back with the next value, without a goal there.",
+    ),
+    FindingCode(
+        "doubtful-value",
+        "device",
+        "A single value stands far from those before and behind it, in a protocol whose answers have no checksum.",
+        "A position that jumps and comes back with the next value, or a temperature that does so by ten degrees.",
+    ),
+)
+
+FASTEST: Final = {"deg": 1500.0, "mm": 400.0}
+"""Three times the speed without load of the fastest servos of these kinds (0.11 s for 60 degrees,
+112 mm/s)."""
+
+AHEAD: Final = 4.0
+"""How many times the greatest of the usual steps a jump is."""
+
+USUAL: Final = 0.9
+"""Most of the time has no greater steps than this share of the buckets."""
+
+LEAST_SHARE: Final = 0.04
+"""A jump is at least so much of the register's range, or of what was met."""
+
+WRAPS: Final = 0.8
+"""A step of more than this share of the range is a turn that begins anew."""
+
+SOON_NS: Final = NS // 4
+"""Within longer times a joint may well have been there and back."""
+
+BACK: Final = 0.25
+"""A value is back if no more than this part of the jump is left."""
+
+WARMER_DEGC: Final = 10.0
+
+
+def positions(case: Case) -> Iterator[Finding]:
+    """Positions that jump."""
+    for servo in case.servos:
+        for p in case.every(servo, "position"):
+            steps = case.ledger.steps.of(servo, p.index)
+            jumps = _jumps(case, servo, p, steps)
+            if jumps:
+                yield _jumped(case, servo, p, jumps)
+                break
+
+
+def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Leap]:
+    """Return the steps that no joint does."""
+    if len(p) < 8:
+        return []
+    usual = float(np.quantile(p.step, USUAL))
+    span = _span(p)
+    joint = track(case, servo)
+    out = []
+    for k, s in enumerate(steps):
+        size = s.size / MILLI
+        if size < AHEAD * usual or not LEAST_SHARE * span <= size <= WRAPS * span:
+            continue
+        if joint is not None and joint.position.index == p.index and _was_told(joint, s):
+            continue
+        follows = steps[k + 1] if k + 1 < len(steps) else None
+        comes_back = _comes_back(s, follows) and s.took_ns <= SOON_NS
+        if comes_back or (_is_too_fast(case, p, s) and not _returns(steps, k)):
+            out.append(s)
+    return out
+
+
+def _span(p: Series) -> float:
+    low, high = p.register.range or (0, 0)
+    return (high - low) * abs(p.register.scale) or float(p.high.max() - p.low.min())
+
+
+def _was_told(joint: Track, s: Leap) -> bool:
+    """Tell whether a goal lies at least half the way to where the position jumps."""
+    since, until = np.array([s.t_ns - s.took_ns - NS]), np.array([s.t_ns])
+    low, high = (float(x[0]) * MILLI for x in in_force(joint.goal, since, until))
+    half = (s.before + s.after) / 2
+    return high >= half if s.after > s.before else low <= half
+
+
+def _comes_back(s: Leap, follows: Leap | None) -> bool:
+    """Tell whether the next value is where the one before the step was."""
+    if follows is None or follows.before != s.after or follows.t_ns - follows.took_ns != s.t_ns:
+        return False
+    return abs(follows.after - s.before) <= BACK * s.size
+
+
+def _returns(steps: Sequence[Leap], k: int) -> bool:
+    """Tell whether a step is the way back of the one before."""
+    return k > 0 and _comes_back(steps[k - 1], steps[k])
+
+
+def _is_too_fast(case: Case, p: Series, s: Leap) -> bool:
+    """Tell whether a step is faster than any joint, however late the stamps are."""
+    if not case.has_clock or p.unit not in FASTEST or s.took_ns <= 0:
+        return False
+    seconds = (s.took_ns + case.latency_ns) / NS
+    return s.size / MILLI > FASTEST[p.unit] * seconds
+
+
+def _jumped(case: Case, servo: int, p: Series, jumps: Sequence[Leap]) -> Finding:
+    first = jumps[0]
+    guarded = case.has_checksum
+    to = f"{p.told(first.before / MILLI)} to {p.told(first.after / MILLI)}"
+    took = f" within {first.took_ns / 1e6:.0f} ms" if case.has_clock else ""
+    often = "" if len(jumps) == 1 else f", {len(jumps)} times"
+    return Finding(
+        "position-jumps" if guarded else "doubtful-value",
+        servo,
+        first.t_ns,
+        jumps[-1].t_ns,
+        len(jumps),
+        f"the position of servo {servo} jumps from {to}{took}{often}",
+        tuple(Place(s.at, 1, s.t_ns, f"position {p.told(s.after / MILLI)}") for s in jumps[:3]),
+        strength=min(0.8 + 0.1 * len(jumps), 1.0),
+        brief=f"position of servo {servo} jumps from {to}",
+        episodes=tuple((s.t_ns - s.took_ns, s.t_ns) for s in jumps),
+    )
+
+
+def temperatures(case: Case) -> Iterator[Finding]:
+    """Temperatures that jump and come back: no motor does that."""
+    for servo in case.measured_by("temperature"):
+        t = case.series(servo, "temperature")
+        if t is None:
+            continue
+        steps = case.ledger.steps.of(servo, t.index)
+        jumps = [
+            s
+            for s, follows in itertools.pairwise(steps)
+            if s.size / MILLI >= WARMER_DEGC and _comes_back(s, follows)
+        ]
+        if not jumps:
+            continue
+        first = jumps[0]
+        to = f"{t.told(first.before / MILLI)} to {t.told(first.after / MILLI)}"
+        yield Finding(
+            "doubtful-value",
+            servo,
+            first.t_ns,
+            jumps[-1].t_ns,
+            len(jumps),
+            f"the temperature of servo {servo} jumps from {to} and back",
+            tuple(Place(s.at, 1, s.t_ns, f"temperature {t.told(s.after / MILLI)}") for s in jumps),
+            strength=0.8,
+        )
+
+
+RULES: Final[tuple[Rule, ...]] = (positions, temperatures)
+"""The rules of this file."""

@@ -1,0 +1,204 @@
+"""Heat and strain: temperatures at or on the way to their limit, loads that are borne too long."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.case import runs
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.efforts import Effort, effort
+from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.tracks import track
+from sniffer.ground.codes import CONFIG
+from sniffer.ground.model import NS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.rules import Rule
+    from sniffer.ground.model import I64
+
+FINDINGS: Final = (
+    FindingCode(
+        "temperature-high",
+        "device",
+        "A servo's temperature is at its limit, or close to it.",
+        "Twice or longer within 5 degrees of the limit register (as seen, or as shipped); of 75 degrees where there is none.",
+    ),
+    FindingCode(
+        "temperature-rising",
+        "device",
+        "A servo grows hot faster than work makes it.",
+        "At least 15 degrees more than at the beginning, by a degree a second or faster, still rising at the end or up to the highest.",
+    ),
+    FindingCode(
+        "load-high-and-still",
+        "device",
+        "A servo bears nearly all that it can, for long, and does not move while its goals do.",
+        "As `load-high`; meanwhile the goals range over more than half of what counts as far, and the positions over less than a fifth of that.",
+    ),
+    FindingCode(
+        "load-high",
+        "device",
+        "A servo bears nearly all that it can, for long.",
+        "For a second or longer a load of 80 % (60 %, if that is four times what the servos of the bus usually have), or a current twice that of a motor that pushes.",
+    ),
+)
+
+NEAR_DEGC: Final = 5.0
+
+HOT_DEGC: Final = 75.0
+"""Small servos are shipped with limits of 70 to 85 degrees."""
+
+RISE_DEGC: Final = 15.0
+
+RATE_DEGC_S: Final = 1.0
+"""Motors in use warm by some degrees a minute, under load by tens."""
+
+BEARS: Final = 0.8
+MUCH: Final = 0.6
+"""Parts of the greatest load."""
+
+TIMES: Final = 4.0
+
+LASTS_NS: Final = NS
+PLENTY_NS: Final = 3 * NS
+
+
+def temperature(case: Case) -> Iterator[Finding]:
+    """Servos that are hot, or get so."""
+    for servo in case.measured_by("temperature"):
+        t = case.series(servo, "temperature")
+        if t is None or len(t) < 2:
+            continue
+        limit, of = _limit(case, servo)
+        hot = np.flatnonzero(t.low >= limit - NEAR_DEGC)
+        if len(hot) > 1:
+            most = float(t.high[hot].max())
+            yield Finding(
+                "temperature-high",
+                servo,
+                int(t.t_first[hot[0]]),
+                int(t.t[hot[-1]]),
+                len(hot),
+                f"servo {servo} measures {t.told(most)}, {of} {t.told(limit)}",
+                tuple(
+                    Place(int(t.at[r]), 1, int(t.t_first[r]), f"temperature {t.told(t.high[r])}")
+                    for r in hot[:2]
+                ),
+                strength=1.0 if most >= limit else 0.75,
+                brief=f"servo {servo} is at {t.told(most)}",
+            )
+        begin, top = float(t.mean[0]), int(np.argmax(t.mean))
+        seconds = (int(t.t[top]) - int(t.t[0])) / NS
+        rise = float(t.mean[top]) - begin
+        if rise < RISE_DEGC or rise < RATE_DEGC_S * seconds or not _climbs(t.mean[: top + 1]):
+            continue
+        yield Finding(
+            "temperature-rising",
+            servo,
+            int(t.t_first[0]),
+            int(t.t[top]),
+            1,
+            f"servo {servo} rises from {t.told(begin)} to {t.told(begin + rise)} in "
+            f"{seconds:.1f} s; {of} {t.told(limit)}",
+            (Place(int(t.at[top]), 1, int(t.t_first[top]), f"temperature {t.told(t.high[top])}"),),
+            strength=min(0.4 + rise / 50, 1.0),
+            brief=f"servo {servo} heats up by {rise:.0f} {t.unit}",
+        )
+
+
+def hot_times(case: Case, servo: int) -> I64:
+    """Return when a servo was at its limit of temperature, or close to it."""
+    t = case.series(servo, "temperature")
+    if t is None:
+        return np.empty(0, np.int64)
+    limit, _ = _limit(case, servo)
+    return t.t[t.low >= limit - NEAR_DEGC]
+
+
+def _climbs(mean: np.ndarray) -> bool:
+    """Tell whether a rise goes step by step: a value that jumps is no temperature."""
+    steps = np.diff(mean)
+    return len(steps) > 2 and float(steps.max()) < 0.6 * float(mean[-1] - mean[0])
+
+
+def _limit(case: Case, servo: int) -> tuple[float, str]:
+    """Return the limit, and what is said of it."""
+    for index, register in enumerate(case.protocol.registers):
+        if register.unit != "degC" or register.role != CONFIG or "limit" not in register.name:
+            continue
+        told = case.settings(register.name, servo_id=servo)
+        mine = told.after[told.what == index]
+        if len(mine) and mine[-1] > 0:
+            return float(mine[-1]) * register.scale, "its limit is"
+        if register.default is not None:
+            return register.default * register.scale, "the limit as shipped is"
+    return HOT_DEGC, "most servos' limit is about"
+
+
+def load(case: Case) -> Iterator[Finding]:
+    """Servos that bear too much for long."""
+    for servo in case.servos:
+        motor = effort(case, servo)
+        if motor is None:
+            continue
+        usual = _usual(case, motor)
+        if motor.full:
+            heavy = motor.steady >= BEARS * motor.full
+            heavy |= motor.steady >= max(MUCH * motor.full, TIMES * usual)
+        else:
+            heavy = motor.steady >= max(2 * motor.pushes_from, TIMES * usual)
+        stretches = runs(heavy, motor.series.t, LASTS_NS)
+        if not stretches:
+            continue
+        s = motor.series
+        longest_ns = max(int(s.t[b - 1] - s.t_first[a]) for a, b in stretches)
+        most = float(max(motor.steady[a:b].mean() for a, b in stretches))
+        still = _stands(case, servo, [(int(s.t_first[a]), int(s.t[b - 1])) for a, b in stretches])
+        yield Finding(
+            "load-high-and-still" if still else "load-high",
+            servo,
+            int(s.t_first[stretches[0][0]]),
+            int(s.t[stretches[-1][1] - 1]),
+            len(stretches),
+            f"servo {servo} has {motor.told(most)} for {longest_ns / NS:.1f} s, usually "
+            f"{motor.told(usual)}" + (", and does not move with its goals" if still else ""),
+            tuple(
+                Place(int(s.at[a]), 1, int(s.t_first[a]), motor.told(motor.steady[a]))
+                for a, _ in stretches[:3]
+            ),
+            strength=min(0.7 + 0.3 * longest_ns / PLENTY_NS, 1.0),
+            brief=f"servo {servo} at {motor.told(most)}",
+            episodes=tuple((int(s.t_first[a]), int(s.t[b - 1])) for a, b in stretches),
+        )
+
+
+def _stands(case: Case, servo: int, stretches: Sequence[tuple[int, int]]) -> bool:
+    """Tell whether a joint does not move while its goals do."""
+    joint = track(case, servo)
+    if joint is None:
+        return False
+    asked = went = 0.0
+    for first, last in stretches:
+        g = (joint.goal.t >= first) & (joint.goal.t_first <= last)
+        p = (joint.position.t_first >= first) & (joint.position.t <= last)
+        if g.any() and p.any():
+            asked += float(joint.goal.high[g].max() - joint.goal.low[g].min())
+            went += float(joint.position.high[p].max() - joint.position.low[p].min())
+    return asked > joint.far / 2 and went < asked / 5
+
+
+def _usual(case: Case, motor: Effort) -> float:
+    """Return what the servos of the bus usually have, each as much as the other."""
+    quantity = motor.series.register.quantity
+    known = (case.series(i, quantity) for i in case.measured_by(quantity))
+    medians = [float(np.median(np.abs(s.mean))) for s in known if s is not None]
+    return float(np.median(medians)) if medians else 0.0
+
+
+RULES: Final[tuple[Rule, ...]] = (temperature, load)
+"""The rules of this file."""

@@ -1,0 +1,58 @@
+"""Times and sizes as people write them: ``10min``, ``512MB``."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Final
+
+from sniffer.ground.model import NS
+
+_NS: Final = {
+    "ms": NS // 1000,
+    "s": NS,
+    "sec": NS,
+    "m": 60 * NS,
+    "min": 60 * NS,
+    "h": 3600 * NS,
+    "d": 86400 * NS,
+}
+_BYTES: Final = {
+    "b": 1,
+    **{prefix + "b": 1000**n for n, prefix in enumerate("kmgt", 1)},
+    **{prefix + "ib": 1024**n for n, prefix in enumerate("kmgt", 1)},
+}
+_LETTERS: Final = {letter: 1000**n for n, letter in enumerate("KMGT", 1)}
+"""As many tools write them; a small m is a minute."""
+
+_AMOUNT: Final = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*([a-zA-Z]*)")
+
+
+def time_in(text: str, *, bare: bool) -> int | None:
+    """Return a time in ns, None where it is none; ``bare``: a number alone is one in seconds."""
+    amount, unit = _parts(text)
+    return _product(amount, _NS.get(unit, NS if bare and not unit else None))
+
+
+def size_in(text: str, *, bare: bool) -> int | None:
+    """Return a size in bytes, None where it is none; ``bare``: a number alone is one in bytes."""
+    amount, unit = _parts(text)
+    known = _LETTERS.get(unit) or _BYTES.get(unit.lower())
+    return _product(amount, known or (1 if bare and not unit else None))
+
+
+def time_as(ns: int) -> str:
+    """Return a time as ``time_in`` reads it: ``2s``, ``500ms``."""
+    if ns % NS == 0:
+        return f"{ns // NS}s"
+    return f"{ns / 1e6:.6f}".rstrip("0").rstrip(".") + "ms"
+
+
+def _parts(text: str) -> tuple[float, str]:
+    match = _AMOUNT.fullmatch(text.strip())
+    return (float(match[1]), match[2]) if match is not None else (0.0, "")
+
+
+def _product(amount: float, unit: int | None) -> int | None:
+    total = amount * unit if unit is not None else 0.0
+    return round(total) if math.isfinite(total) and total >= 1 else None

@@ -1,0 +1,91 @@
+"""``sniffer.diagnose``: what is wrong in a capture, and why; what ``sniffer diagnose`` calls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from sniffer.diagnosis import Diagnosis
+from sniffer.jobs.convert import convert
+from sniffer.jobs.replay import replay
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from sniffer.decoding.options import Options
+    from sniffer.diagnosis import Incident
+    from sniffer.jobs.replay import Window
+    from sniffer.jobs.session import Ending, Patience
+    from sniffer.jobs.telling import Teller
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosed:
+    """Incidents of a capture, on what it was judged (each bus, and in words), how it ended.
+
+    ``has_clock``: the times of all buses are measured, not counted from the bytes.
+    """
+
+    incidents: tuple[Incident, ...]
+    judged: list[dict[str, Any]]
+    sentence: str
+    has_clock: bool
+    ending: Ending
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as ``schemas/diagnosis.schema.json`` has it."""
+        return {"incidents": [i.as_dict() for i in self.incidents], "judged": self.judged}
+
+
+def diagnose(
+    source: str | Path,
+    options: Options | None = None,
+    *,
+    input_format: str = "auto",
+    window: Window | None = None,
+    patience: Patience | None = None,
+    tell: Teller | None = None,
+) -> Diagnosed:
+    """Say what is wrong in a capture: incidents with their causes, the likeliest first.
+
+    Args:
+        source: a path, or ``"-"`` for standard input.
+        options: how it is decoded; what a recording says of itself fills what is not said.
+        input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        window: which part of it; all of it where None.
+        patience: takes interruptions; what was read until then is judged.
+        tell: takes what should be told; nothing is told without.
+
+    Raises:
+        InputError: the input cannot be read, its protocol cannot be told, or the window is empty.
+        SnifferError: unknown protocol or model, or a number that cannot be.
+    """
+    diagnosis = Diagnosis()
+    if window is not None and window.is_part:
+        ending = replay(
+            source,
+            lambda: diagnosis,
+            options,
+            input_format=input_format,
+            window=window,
+            speed=0,
+            patience=patience,
+            tell=tell,
+        )
+    else:
+        ending = convert(
+            source,
+            (),
+            options,
+            input_format=input_format,
+            sinks=[diagnosis],
+            patience=patience,
+            tell=tell,
+        ).ending
+    return Diagnosed(
+        diagnosis.incidents(),
+        diagnosis.judged(),
+        diagnosis.sentence(),
+        diagnosis.has_clock,
+        ending,
+    )

@@ -1,0 +1,173 @@
+"""A source run through the pipeline into sinks: what to do when something breaks off."""
+
+from __future__ import annotations
+
+import contextlib
+import enum
+from typing import TYPE_CHECKING
+
+from sniffer.decoding.detect import UndecidedError
+from sniffer.decoding.pipeline import Pipeline
+from sniffer.ground.model import DamagedInputError, InputError
+from sniffer.ground.wording import Sentence
+from sniffer.merge.wires import in_order
+from sniffer.sources import MIXED
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+
+    from sniffer.decoding.pacing import Pace
+    from sniffer.decoding.pipeline import Options
+    from sniffer.decoding.sink import Sink
+    from sniffer.decoding.summary import Summary
+    from sniffer.ground.model import Chunk
+    from sniffer.jobs.telling import Teller
+    from sniffer.sources import Source
+
+
+class Ending(enum.Enum):
+    """How the decoding of a source ended; what could be read is decoded and written each time."""
+
+    DONE = enum.auto()
+    MISTAKEN = enum.auto()
+    """It speaks another protocol than was said."""
+    DAMAGED = enum.auto()
+    """It broke off."""
+    INTERRUPTED = enum.auto()
+
+
+class Patience:
+    """An interruption ends the reading, never the decoding or writing of what has been read.
+
+    The second one ends everything. A signal handler calls ``interrupt``.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._decoding = False
+        self._reading = False
+
+    @contextlib.contextmanager
+    def decoding(self) -> Iterator[None]:
+        """Be patient as long as this lasts; before and after it every interruption ends all."""
+        self._decoding = True
+        try:
+            yield
+        finally:
+            self._decoding = False
+
+    def groups(self, source: Iterable[Sequence[Chunk]]) -> Iterator[Sequence[Chunk]]:
+        """Yield the groups of a source; KeyboardInterrupt stands between two of them."""
+        groups = iter(source)
+        while True:
+            self._reading = True
+            try:
+                if self.asked:
+                    raise KeyboardInterrupt
+                group = next(groups, None)
+            finally:
+                self._reading = False
+            if group is None:
+                return
+            yield group
+
+    def interrupt(self) -> None:
+        """Take an interruption.
+
+        Raises:
+            KeyboardInterrupt: something is being read, nothing is decoded, or this is the second.
+        """
+        again, self.asked = self.asked, True
+        if again or self._reading or not self._decoding:
+            raise KeyboardInterrupt
+
+
+def merged(
+    source: Source, groups: Iterable[Sequence[Chunk]], options: Options, tell: Teller
+) -> Iterable[Sequence[Chunk]]:
+    """Return the groups of a source; lines of two taps that their host mixed are merged."""
+    if source.format not in MIXED:
+        return groups
+    return in_order(groups, options, tell.talk)
+
+
+def run_source(
+    source: Source,
+    options: Options,
+    sinks: Sequence[Sink],
+    *,
+    name: str,
+    tell: Teller,
+    patience: Patience | None = None,
+    groups: Iterable[Sequence[Chunk]] | None = None,
+    ahead: Iterable[Chunk] = (),
+    on_break: Callable[[str], None] = lambda why: None,
+) -> tuple[Summary, Ending]:
+    """Decode everything into the sinks; return the totals, and how it ended.
+
+    Damage further in, or an interruption, keeps what was decoded: the sinks are finished first.
+    ``groups`` are the source's own where None, else what somebody made of them; then ``ahead`` are
+    its first chunks, by which times are judged. A recording may break off: whoever records can be
+    killed. ``on_break`` is told why an input was not read to its end.
+
+    Raises:
+        InputError: there is nothing in it, or its protocol cannot be told.
+        OutputError: an output failed; the others are whole.
+        BrokenPipeError: the only output was a pipe, and nobody reads it any more.
+    """
+
+    def heard(given: Iterable[Sequence[Chunk]]) -> Iterable[Sequence[Chunk]]:
+        return merged(source, given, options, tell) if groups is None else given
+
+    def timed(bus: str, told: Pace) -> None:
+        for remark in told.remarks:
+            tell.talk(f"{bus}: {remark}")
+
+    pipeline = Pipeline(options, sinks, on_detection=tell.found, on_pace=timed, ahead=ahead)
+    patience = patience or Patience()
+    ending, told = Ending.DONE, ""
+    with patience.decoding():
+        try:
+            try:
+                for group in heard(patience.groups(source if groups is None else groups)):
+                    pipeline.feed(group)
+                pipeline.close()
+            except DamagedInputError as error:
+                pipeline.close()
+                usable = source.format == "mcap" and pipeline.summary.buses
+                ending = Ending.DONE if usable else Ending.DAMAGED
+                told = f"{error}: read as far as it goes" if usable else str(error)
+                on_break(str(error))
+            except KeyboardInterrupt:
+                ending, told = Ending.INTERRUPTED, _after_interruption(pipeline)
+                on_break("reading it was interrupted")
+            if not pipeline.summary.buses and ending == Ending.DONE:
+                raise InputError(f"{name} is empty: nothing to decode")
+        finally:
+            pipeline.finish()
+    if patience.asked and ending == Ending.DONE:
+        ending, told = Ending.INTERRUPTED, "interrupted"
+    for mistake in pipeline.mistaken():
+        if not mistake.share:
+            told = told or f"{mistake} is in there, name another protocol: {mistake.found}"
+            ending = Ending.MISTAKEN if ending == Ending.DONE else ending
+        else:
+            tell.talk(f"{mistake}: it looks like {mistake.found}")
+    for rule in pipeline.unmet():
+        tell.warn(rule)
+    if told:
+        tell.warn(told)
+    else:
+        for note in source.notes:
+            tell.talk(f"{name}: {note}")
+    return pipeline.summary, ending
+
+
+def _after_interruption(pipeline: Pipeline) -> str:
+    """Decode what was read; say what became of it."""
+    try:
+        pipeline.close()
+    except UndecidedError as error:
+        return Sentence("interrupted: {error}", error=error)
+    kept = "what was decoded is kept" if pipeline.summary.buses else "nothing was decoded yet"
+    return f"interrupted: {kept}"

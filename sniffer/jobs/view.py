@@ -1,0 +1,64 @@
+"""Any capture or recording in the Rerun viewer: what ``sniffer view`` calls."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sniffer.decoding.pipeline import Options
+from sniffer.ground.needs import need_rerun
+from sniffer.jobs.convert import Converted, convert_opened
+from sniffer.jobs.telling import Teller
+from sniffer.sources import open_source
+from sniffer.viewers import viewer
+
+if TYPE_CHECKING:
+    from sniffer.jobs.session import Patience
+
+
+def view(
+    source: str | Path,
+    options: Options | None = None,
+    *,
+    input_format: str = "auto",
+    web: bool = False,
+    port: int | None = None,
+    patience: Patience | None = None,
+    tell: Teller | None = None,
+) -> Converted:
+    """Decode a capture and show it; return when the viewer's window is closed.
+
+    Args:
+        source: a path, or ``"-"`` for standard input.
+        options: how it is decoded.
+        input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        web: serve it for a browser on this machine, until Ctrl-C, instead of opening a window.
+        port: of the web page.
+        patience: takes interruptions while it is decoded.
+        tell: takes what should be told, the page's address among it.
+
+    Raises:
+        InputError: the input cannot be read, or its protocol cannot be told.
+        OutputError: there is no display, or the viewer does not start.
+    """
+    need_rerun()
+    options = options or Options()
+    options.check()
+    tell = tell or Teller(lambda line: None, quiet=True)
+    with open_source(source, input_format) as opened:
+        if not web:
+            viewer.need_display(source)
+        with tempfile.TemporaryDirectory(prefix="sniffer-") as folder:
+            path = Path(folder) / f"{Path(source).stem or 'stdin'}.rrd"
+            done = convert_opened(
+                opened,
+                str(source),
+                [path],
+                options,
+                overwrite=True,
+                patience=patience,
+                tell=tell,
+            )
+            viewer.show(path, web=web, port=port, say=tell.warn)
+    return done

@@ -1,0 +1,182 @@
+"""A simulated bus in real time, on a port: ``sniffer.play`` is what ``simulate`` calls."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sniffer.ground.files import refuse_occupied
+from sniffer.ground.model import NS, OutputError, SnifferError
+from sniffer.ground.wording import Sentence
+from sniffer.simulation.buses import simulate
+from sniffer.simulation.play.link import linked
+from sniffer.simulation.play.outlet import FrameWriter
+from sniffer.simulation.play.player import GROUP_NS, GROUPED_FROM, Player, SimulatedClock, Stop
+from sniffer.simulation.play.truth import Truth
+from sniffer.simulation.respond import Responder
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from sniffer.simulation.play.ports import PlayPort
+    from sniffer.simulation.play.scenario import Scenario
+    from sniffer.simulation.talk import TrueFrame
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """What became of the bytes said on a port.
+
+    ``size`` were written; nobody read ``lost`` more, and the reader was too slow for ``overrun``.
+    """
+
+    size: int
+    lost: int
+    overrun: int
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """What was played: on the bus, on the tap if there was one, and how late the machine made it.
+
+    ``held_up_ns`` is by how much the bus went on later because the machine was too busy.
+    """
+
+    bus: Written
+    tap: Written | None
+    held_up_ns: int
+
+
+def play(
+    scenario: Scenario,
+    *,
+    port: str | None = None,
+    truth: Path | None = None,
+    overwrite: bool = False,
+    link: Path | None = None,
+    tap: bool | None = None,
+    tap_link: Path | None = None,
+    stop: Stop | None = None,
+    ready: Callable[[str, str | None], None] | None = None,
+) -> Played:
+    """Play a bus in real time until it is over.
+
+    What is said while nobody has the port open is lost, as on a wire.
+
+    Args:
+        scenario: what is played.
+        port: a serial port that is there; a new pseudo-terminal where None.
+        truth: a file for what really happened, as JSON lines.
+        overwrite: it may be there already.
+        link: a symbolic link that leads to the bus meanwhile.
+        tap: with ``scenario.respond``: a second port repeats both sides of the talk (None: yes).
+        tap_link: a link that leads there.
+        stop: ends it from elsewhere.
+        ready: takes the names of the bus and of the tap, once they can be opened.
+
+    Raises:
+        OutputError: a port, a link or the file cannot be had.
+        SnifferError: things that do not go together were asked for.
+    """
+    _check(scenario, port, link, tap=tap, tap_link=tap_link)
+    if truth is not None and not overwrite:
+        refuse_occupied([truth])
+    try:
+        from sniffer.simulation.play import ports
+    except ImportError:
+        raise OutputError("this system has no pseudo-terminals: use Linux or macOS") from None
+    with contextlib.ExitStack() as stack:
+        first: PlayPort = ports.Device(port, scenario.line_baud) if port else ports.Pty()
+        stack.callback(first.close)
+        second = ports.Pty() if scenario.respond and tap is not False else None
+        if second is not None:
+            stack.callback(second.close)
+            stack.enter_context(linked(tap_link, second.name))
+        stack.enter_context(linked(link, first.name))
+        stop = stop or stack.enter_context(contextlib.closing(Stop()))
+        clock = SimulatedClock()
+        told = None if truth is None else Truth(truth, clock)
+        note = _silent if told is None else told.add
+        bus = FrameWriter(first, note if second is None else _silent)
+        repeated = None if second is None else FrameWriter(second, note)
+        if told is not None:
+            told.head(scenario.facts())
+            stack.callback(_close, told, repeated or bus, clock)
+        if ready is not None:
+            ready(first.name, None if second is None else second.name)
+        _play(scenario, clock, stop, bus, repeated, told)
+        bus.finish()
+        if repeated is not None:
+            repeated.finish()
+    return Played(_written(bus), None if repeated is None else _written(repeated), clock.lost_ns)
+
+
+def _check(
+    scenario: Scenario,
+    port: str | None,
+    link: Path | None,
+    *,
+    tap: bool | None,
+    tap_link: Path | None,
+) -> None:
+    if not scenario.respond and (tap is not None or tap_link is not None):
+        raise SnifferError(Sentence("a tap repeats a talk: it needs {respond}"))
+    if tap is False and tap_link is not None:
+        raise SnifferError(Sentence("{tap_link} needs the tap: leave {tap:False} out"))
+    if port is not None and link is not None:
+        raise SnifferError(Sentence("{port} has a name already: {link} is for a new one"))
+
+
+def _written(outlet: FrameWriter) -> Written:
+    return Written(outlet.size, outlet.lost, outlet.overrun)
+
+
+def _play(
+    scenario: Scenario,
+    clock: SimulatedClock,
+    stop: Stop,
+    bus: FrameWriter,
+    tap: FrameWriter | None,
+    truth: Truth | None,
+) -> None:
+    player = Player(clock, stop, (lambda: None) if truth is None else truth.flush)
+    if scenario.respond:
+        responder = Responder(
+            scenario.protocol,
+            seed=scenario.seed,
+            servo_ids=scenario.servo_ids,
+            baud=scenario.line_baud,
+            faults=scenario.faults,
+            carried=bus.port.carries,
+            models=scenario.models,
+        )
+        note = _silent if truth is None else truth.add
+        player.respond(responder, bus, tap, note, duration_ns=scenario.duration_ns)
+        return
+    duration_s = None if scenario.duration_ns is None else scenario.duration_ns / NS
+    player.play(
+        simulate(
+            scenario.protocol,
+            seed=scenario.seed,
+            servo_ids=scenario.servo_ids,
+            baud=scenario.line_baud,
+            rate_hz=scenario.cycles_hz,
+            faults=scenario.faults,
+            duration_s=duration_s,
+            full=scenario.full,
+            models=scenario.models,
+        ),
+        bus,
+        group_ns=GROUP_NS if scenario.full or scenario.line_baud > GROUPED_FROM else 0,
+        duration_ns=scenario.duration_ns,
+    )
+
+
+def _silent(frame: TrueFrame, offset: int | None) -> None:
+    """Note nothing."""
+
+
+def _close(truth: Truth, told: FrameWriter, clock: SimulatedClock) -> None:
+    truth.close(size=told.size, dropped=told.lost + told.overrun, behind_ns=clock.lost_ns)

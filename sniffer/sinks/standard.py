@@ -1,0 +1,76 @@
+"""The sink on standard output, or another stream that somebody else reads."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING
+
+from sniffer.decoding.sink import Paced, Part, Sink, written
+from sniffer.ground.model import Batch, Chunk, OutputError
+from sniffer.ground.streams import silence
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from typing import TextIO
+
+    from sniffer.decoding.pacing import Pace
+    from sniffer.protocols.base import BusProtocol
+
+
+class Standard:
+    """A sink on a stream: when its reader goes away, it falls silent.
+
+    The pipe's end is nobody's fault; decoding goes on if there are other outputs.
+
+    Args:
+        sink: writes to the stream.
+        stream: standard output.
+        alone: there are no other outputs, so that BrokenPipeError goes on to the caller.
+    """
+
+    def __init__(self, sink: Sink, stream: TextIO, *, alone: bool) -> None:
+        self._sink = sink
+        self._stream = stream
+        self._alone = alone
+        self._open = True
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Pass chunks on."""
+        self._sink.raw(bus, chunks)
+
+    def pace(self, bus: str, told: Pace) -> None:
+        """Pass on what a bus is timed by."""
+        if isinstance(self._sink, Paced):
+            self._sink.pace(bus, told)
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Pass a batch on while somebody listens."""
+        self.write_together(bus, [(protocol, batch)])
+
+    def write_together(self, bus: str, parts: Sequence[Part]) -> None:
+        """Pass on what several protocols said in one pass."""
+        with self._listening():
+            if self._open:
+                written(self._sink, bus=bus, parts=parts)
+                self._stream.flush()
+
+    def close(self) -> None:
+        """End the output while somebody listens."""
+        with self._listening():
+            if self._open:
+                self._sink.close()
+
+    @contextlib.contextmanager
+    def _listening(self) -> Iterator[None]:
+        try:
+            yield
+        except BrokenPipeError:
+            self._open = False
+            silence(self._stream)
+            if self._alone:
+                raise
+        except OSError as error:
+            self._open = False
+            silence(self._stream)
+            why = error.strerror or error
+            raise OutputError(f"standard output: cannot be written ({why})") from None

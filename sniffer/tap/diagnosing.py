@@ -1,0 +1,160 @@
+"""What is wrong with the buses, and why, while they are recorded: beside the recording.
+
+A thread keeps the ledgers and judges them about once a second; whoever records only hands over what
+was decoded. Nothing waits for it: what it has no time for is left out and counted.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.decoding.joining import joined, runs
+from sniffer.diagnosis.diagnosis import Diagnosis
+from sniffer.diagnosis.incidents import incidents
+from sniffer.diagnosis.tracking import Tracker
+from sniffer.diagnostics.found import SEVERITY, Anomalies
+from sniffer.ground.model import Severity
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from sniffer.decoding.pacing import Pace
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.tracking import IncidentChange, Tracked
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
+
+EVERY_S: Final = 0.5
+"""How often what was decoded is taken into the ledgers, in seconds: all of that time in one go."""
+
+JUDGED_S: Final = 1.0
+"""How often a bus is judged at most, in seconds."""
+
+SHARE: Final = 0.1
+QUIET_SHARE: Final = 0.03
+"""Share of the time that judging all buses may take: of those on which something was wrong since
+they were judged last, and of the others."""
+
+_WORSE: Final = np.array([severity > Severity.NOTE for severity in SEVERITY])
+"""Codes that are worse than a note, by their numbers."""
+
+MOST: Final = 8 << 20
+"""Bytes of the buses that wait here at most."""
+
+
+class Diagnosing:
+    """A sink beside a recording. Use ``start`` once, and ``finish`` at the end.
+
+    Args:
+        now: the time, on the clock of the buses, in ns.
+    """
+
+    def __init__(self, now: Callable[[], int]) -> None:
+        self.left_out = 0
+        """Bytes whose records were left out: there was no time for them."""
+        self.failure: Exception | None = None
+        """What ended it although it should not have; the recording goes on without it."""
+        self._now = now
+        self._diagnosis = Diagnosis()
+        self._tracker = Tracker()
+        self._waiting: deque[tuple[str, BusProtocol, Batch]] = deque()
+        self._given = self._taken = 0  # bytes; each is counted up by one thread alone
+        self._changes: deque[IncidentChange] = deque()
+        self._known: tuple[Tracked, ...] = ()
+        self._news: set[tuple[str, str]] = set()
+        self._due: dict[tuple[str, str], float] = {}
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="diagnosis", daemon=True)
+
+    def start(self) -> None:
+        """Begin to judge."""
+        self._thread.start()
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing: all that matters comes decoded."""
+
+    def pace(self, bus: str, told: Pace) -> None:
+        """Take what a bus is timed by; it comes before the bus's first batch."""
+        self._diagnosis.pace(bus, told)
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Take what one pass decided."""
+        if self._given - self._taken > MOST or self.failure is not None:
+            self.left_out += len(batch.data)
+            return
+        self._given += len(batch.data)
+        self._waiting.append((bus, protocol, batch))
+
+    def close(self) -> None:
+        """Do nothing: ``finish`` ends it."""
+
+    def take(self) -> list[IncidentChange]:
+        """Return what has become of incidents since the last call."""
+        return [self._changes.popleft() for _ in range(len(self._changes))]
+
+    def known(self) -> tuple[Tracked, ...]:
+        """Return all incidents that are known now."""
+        return self._known
+
+    def finish(self) -> None:
+        """Judge all that was decoded, once more and at last."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        if self.failure is None:
+            self._guarded(self._last)
+
+    def _run(self) -> None:
+        while not self._stop.wait(EVERY_S) and self.failure is None:
+            self._guarded(self._round)
+
+    def _guarded(self, what: Callable[[], None]) -> None:
+        try:
+            what()
+        except Exception as error:
+            self.failure = error
+
+    def _round(self) -> None:
+        self._take_in()
+        for case in self._diagnosis.cases():
+            key = case.bus, case.protocol.name
+            if time.monotonic() >= self._due.get(key, 0.0):
+                self._judge(case, key)
+            if self._stop.is_set():
+                return
+
+    def _last(self) -> None:
+        self._take_in()
+        for case in self._diagnosis.cases():
+            self._judge(case, (case.bus, case.protocol.name))
+        self._changes += self._tracker.end(self._now())
+
+    def _take_in(self) -> None:
+        """Take what waits into the ledgers, all of a bus at once."""
+        each: dict[tuple[str, str], tuple[BusProtocol, list[Batch]]] = {}
+        for _ in range(len(self._waiting)):
+            bus, protocol, batch = self._waiting.popleft()
+            self._taken += len(batch.data)
+            each.setdefault((bus, protocol.name), (protocol, []))[1].append(batch)
+        for key, (protocol, batches) in each.items():
+            for run in runs(batches):
+                batch = joined(run)
+                self._diagnosis.write(key[0], protocol, batch)
+                if _WORSE[Anomalies.of(batch.anomalies).code].any():
+                    self._news.add(key)
+
+    def _judge(self, case: Case, key: tuple[str, str]) -> None:
+        began = time.monotonic()
+        name = ".".join(key)
+        self._changes += self._tracker.update(name, incidents(case), self._now())
+        self._known = tuple(replace(one) for one in self._tracker.now())
+        took = (time.monotonic() - began) * max(len(self._due), 1)
+        share = SHARE if key in self._news else QUIET_SHARE
+        self._news.discard(key)
+        self._due[key] = began + max(JUDGED_S - EVERY_S / 2, took / share)

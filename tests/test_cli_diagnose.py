@@ -1,0 +1,113 @@
+"""``sniffer diagnose``: what it prints, and when it refuses."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import TYPE_CHECKING, Any
+
+import jsonschema
+import pytest
+
+from sniffer.ground.registers import schema_path
+from sniffer.simulation.buses import simulate
+from sniffer.simulation.faults import read_fault
+from sniffer.simulation.render import candump, frame_reads
+from tests.commands import Ran, within
+from tests.golden import CAPTURES, captures
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SCHEMA = json.loads(schema_path("diagnosis.schema.json").read_text(encoding="utf-8"))
+
+
+def log(path: Path, protocol: str, *faults: str, seconds: float = 12.0, seed: int = 5) -> Path:
+    struck = [read_fault(fault) for fault in faults]
+    frames = simulate(protocol, seed=seed, faults=struck, duration_s=seconds)
+    path.write_text(candump(frame_reads(frames)), encoding="ascii")
+    return path
+
+
+class Asked:
+    """The command, within this process."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self._capsys = capsys
+
+    def says(self, *arguments: str | Path) -> Ran:
+        return within(self._capsys, "diagnose", *arguments)
+
+    def told(self, *arguments: str | Path) -> dict[str, Any]:
+        done = self.says(*arguments, "--format", "json")
+        assert done.status == 0, done.err
+        found: dict[str, Any] = json.loads(done.out)
+        return found
+
+
+@pytest.fixture
+def diagnose(capsys: pytest.CaptureFixture[str]) -> Asked:
+    return Asked(capsys)
+
+
+@pytest.mark.parametrize("capture", captures(), ids=lambda p: p.name)
+def test_what_is_said_of_a_sample_capture_is_as_the_schema_has_it(
+    diagnose: Asked, capture: Path
+) -> None:
+    found = diagnose.told(capture)
+    jsonschema.validate(found, SCHEMA)
+    assert found["judged"]
+    if "clean" in capture.name:
+        assert found["incidents"] == []
+    if "damaged" in capture.name:
+        assert found["incidents"]
+
+
+def test_a_servo_that_dies_is_named_with_the_moment_and_what_to_do(
+    diagnose: Asked, tmp_path: Path
+) -> None:
+    found = diagnose.told(log(tmp_path / "a.log", "mightyzap", "dead:2@5s"))
+    (incident,) = found["incidents"]
+    assert (incident["causes"][0]["cause"], incident["servo_ids"]) == ("servo-dead", [2])
+    assert incident["first_t_ns"] == pytest.approx(5e9, abs=0.5e9)
+    assert incident["next"]
+    assert incident["evidence"]
+
+
+def test_sound_traffic_is_called_sound_and_on_what_it_was_judged(
+    diagnose: Asked, tmp_path: Path
+) -> None:
+    done = diagnose.says(log(tmp_path / "a.log", "rs30x", seconds=4))
+    assert re.search(r"nothing is wrong, judged on bus0: \d+ rs30x frames of 4\s+servos", done.out)
+
+
+def test_the_weighing_of_an_incident_is_shown_with_every_number(
+    diagnose: Asked, tmp_path: Path
+) -> None:
+    path = log(tmp_path / "a.log", "mightyzap", "dead:2@5s")
+    done = diagnose.says(path, "--why", "1")
+    assert "silent-since" in done.out
+    rows = re.findall(r"^ *([+-]\d+\.\d) ", done.out, re.MULTILINE)
+    assert len(rows) > 2
+
+
+def test_an_incident_that_there_is_not_is_refused_with_those_that_there_are(
+    diagnose: Asked, tmp_path: Path
+) -> None:
+    path = log(tmp_path / "a.log", "mightyzap", "dead:2@5s")
+    done = diagnose.says(path, "--why", "9")
+    assert done.status == 2
+    assert "there is no incident 9: 1 to 1" in done.err
+
+
+def test_only_a_part_is_judged_where_one_is_asked_for(diagnose: Asked, tmp_path: Path) -> None:
+    path = log(tmp_path / "a.log", "mightyzap", "dead:2@5s")
+    assert diagnose.told(path, "--to", "4")["incidents"] == []
+    late = diagnose.told(path, "--from", "6")["incidents"]
+    assert [i["causes"][0]["cause"] for i in late] == ["servo-absent"]
+
+
+def test_a_part_that_ends_before_it_begins_is_refused(diagnose: Asked) -> None:
+    done = diagnose.says(CAPTURES / "wck_clean.log", "--from", "3", "--to", "2")
+    assert done.status == 2
+    assert "--to must lie behind --from" in done.err
