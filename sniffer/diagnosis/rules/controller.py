@@ -368,8 +368,9 @@ def odd_commands(case: Case) -> Iterator[Finding]:
 
 
 def _single(case: Case, servo: int) -> int | None:
-    """Return a servo, None where all are meant."""
-    return None if servo < 0 or servo in case.protocol.everyone else servo
+    """Return a servo, None where all or several are meant."""
+    known = servo in case.answering or bool((case.writes["servo_id"] == servo).any())
+    return servo if known and servo not in case.protocol.everyone else None
 
 
 RULES: Final[tuple[Rule, ...]] = (

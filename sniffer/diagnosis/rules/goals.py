@@ -45,6 +45,9 @@ to point."""
 PAUSED: Final = 2.5
 """A pause so much longer than usual lets a path go on that is a function of time."""
 
+STATED: Final = 0.6
+"""Where fewer goals than so much of the usual number are stated, some are missing in between."""
+
 DOUBT: Final = 3
 """Damaged places from which on another may have held by chance, where the checksum is weak or there
 is none."""
@@ -110,6 +113,7 @@ def _jumps(case: Case, goals: Series) -> tuple[I64, float]:
     seen = pauses[pauses > 0]
     long = PAUSED * float(np.median(seen)) if len(seen) and case.has_clock else np.inf
     small = moving & ~far
+    often = STATED * float(np.median(goals.n))
     out = []
     for r in np.flatnonzero(far).tolist():
         bucket = goals.bucket[r]
@@ -121,7 +125,8 @@ def _jumps(case: Case, goals: Series) -> tuple[I64, float]:
         paused = bool((pauses[here] > long).any()) or bool(
             np.diff(goals.bucket[max(r - 1, 0) : r + 1]).max(initial=0) > 1
         )
-        if before >= NEAR // 2 and (behind >= NEAR // 4 or ends) and not paused:
+        missing = goals.n[r] < often or goals.n[max(r - 1, 0)] < often
+        if before >= NEAR // 2 and not missing and (behind >= NEAR // 4 or ends) and not paused:
             out.append(r)
     return np.array(out, np.int64), usual
 

@@ -34,8 +34,8 @@ FINDINGS: Final = (
         "loop-jitters",
         "timing",
         "The controller's loop is uneven: its cycles differ by half their length and more.",
-        "The spread (10 % to 90 %) of the times between like requests, less what the stamps leave "
-        "open, while hardly any answer is missing.",
+        "The times between like requests: how far those at 5 % and at 95 % are from the middle, twice the "
+        "lesser of both, less what the stamps leave open; hardly any answer is missing.",
     ),
     FindingCode(
         "bus-full",
@@ -57,6 +57,9 @@ MS: Final = 1_000_000
 
 FAILS_MOST: Final = 0.05
 """Share of cycles with something that failed beyond which timeouts make them uneven."""
+
+EDGE: Final = 0.05
+"""Where a spread is measured; a loop that became uneven late in a capture still shows there."""
 
 SPREAD: Final = 0.5
 """Part of a cycle by which cycles differ in an uneven loop; a sleeping script's differ by a third."""
@@ -140,8 +143,8 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
         case.first_ns,
         case.last_ns,
         count,
-        f"{count} cycles of {middle / MS:.1f} ms at the middle: one in ten is shorter "
-        f"than {low / MS:.1f} ms, one in ten longer than {high / MS:.1f} ms "
+        f"{count} cycles of {middle / MS:.1f} ms at the middle: one in twenty is shorter "
+        f"than {low / MS:.1f} ms, one in twenty longer than {high / MS:.1f} ms "
         f"(stamps good to {case.latency_ns / MS:g} ms)",
         strength=min(spread / middle, 1.0),
         brief=f"cycles of {low / MS:.0f} to {high / MS:.0f} ms",
@@ -152,10 +155,12 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
 def _cycle(case: Case, key: int) -> tuple[int, int, int, int, int] | None:
     """Return by how much the times between like requests differ, their middle, ends and count."""
     periods = case.ledger.periods
-    low, middle, high = (periods.at(key, share) for share in (0.1, 0.5, 0.9))
+    low, middle, high = (periods.at(key, share) for share in (EDGE, 0.5, 1 - EDGE))
     if low is None or middle is None or high is None or periods.count(key) < CYCLES:
         return None
-    spread = max(high.low - low.high - 2 * case.latency_ns, 0)
+    # Pauses make cycles longer and none shorter: what is uneven is so on both sides.
+    side = min(middle.low - low.high, high.low - middle.high)
+    spread = max(2 * side - 2 * case.latency_ns, 0)
     return spread, middle.high, low.high, high.low, periods.count(key)
 
 

@@ -47,6 +47,41 @@ WEIGHTS: Final = (
         ("requests-torn-short", 3.0, "requests lack bytes, which only the tap can have lost"),
         ("answered-though-torn", 3.0, "servos answer requests that are torn here"),
         ("damage-everywhere", 0.3, "frames of all senders lack bytes"),
+        ("damage-in-answers", 0.3, "answers lack bytes"),
+        ("damage-in-requests", 0.3, "requests lack bytes"),
+        ("strays-at-turn", 0.2, "what is left of a frame"),
+        ("strays-anywhere", 0.2, "what is left of a frame"),
+        *(
+            (code, 0.1, "what is left of two frames is joined")
+            for code in (
+                "same-bit",
+                "one-way-bits",
+                "late-edges",
+                "last-bits",
+                "first-byte-torn",
+                "last-byte-torn",
+                "answers-in-shreds",
+                "answers-have-tails",
+                "line-error",
+                "value-out-of-range",
+                "doubtful-value",
+                "echo-mismatch",
+                "refuses-command",
+            )
+        ),
+        *(
+            (code, 0.2, "exchanges in a row are missing here")
+            for code in (
+                "away-again-and-again",
+                "misses-now-and-then",
+                "comes-and-goes",
+                "lost-together",
+                "speaks-unasked",
+                "late-replies",
+                "loop-jitters",
+                "goal-jump",
+            )
+        ),
         ("damage-one-servo", 0.2, "answers lack bytes, by chance most of one servo"),
         ("no-response", 0.5, "answers are missing where the tap lost bytes"),
         ("damaged-response", 0.5, "answers lack bytes where the tap lost them"),
