@@ -27,12 +27,13 @@ from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark, MarkKind
 from sniffer.mcapfile.open import OpenIncidents
 from sniffer.mcapfile.ring import Ring
 from sniffer.mcapfile.ringfile import RingFile, put_aside
-from sniffer.messages import TRIGGER
+from sniffer.messages import OFFSET, TRIGGER
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
     from pathlib import Path
 
+    from sniffer.decoding.rates import Rate
     from sniffer.decoding.sink import Part
     from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.cutting import Placed
@@ -332,6 +333,18 @@ class FlightRecorder:
         """Learn what a bus speaks, where these are several."""
         self._know(bus, [protocol for protocol, _ in parts])
 
+    def tuned(self, bus: str, rate: Rate) -> None:
+        """Take the rate that was found for a bus: files that begin from now on say so."""
+        self._session.update((f"{key}.{bus}", value) for key, value in rate.facts().items())
+        if self._ring_file is not None:
+            self._ring_file.tuned(bus, rate)
+        o = self._options
+        self._options = replace(
+            o,
+            bauds={**o.bauds, bus: rate.baud},
+            latencies={**o.latencies, bus: rate.latency_ns},
+        )
+
     def incidents(self, changes: Sequence[IncidentChange]) -> None:
         """Take what has become of incidents; a file begins with those that are open."""
         self._open.take(changes)
@@ -413,10 +426,12 @@ class FlightRecorder:
             for bus, named in self._options.protocols.items()
             if named != AUTO
         }
+        starts = {f"{OFFSET}.{bus}": str(some[0][0]) for bus, some in placed.items() if some}
+        facts = {**self._session, **protocols, **told}
         current = _FlightFile(
             path,
-            {**self._session, **protocols, **told},
-            self._options,
+            facts,
+            replace(self._options, begins={}).with_facts({**facts, **starts}),
             placed,
             until_ns=until_ns,
             last_ns=last_ns,

@@ -124,6 +124,10 @@ class BusWriter:
             self._start(protocol)
         self._batches.append(batch)
 
+    def tune(self, baud: int) -> None:
+        """Learn the rate of the bus."""
+        self._baud = baud
+
     @property
     def is_known(self) -> bool:
         """Whether anything was decoded of this bus."""
