@@ -21,10 +21,10 @@ from sniffer.decoding.detect import (
 from sniffer.decoding.mixed import decoder_of, leading, parts_of
 from sniffer.decoding.options import AUTO, Options
 from sniffer.decoding.pacing import Pace, pace
+from sniffer.decoding.rates import Late
 from sniffer.decoding.sink import Paced, Tuned, act, closed, taken, written
 from sniffer.decoding.summary import Summary
 from sniffer.diagnostics.alarms import refusal
-from sniffer.ground.cutting import cut
 from sniffer.ground.model import Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.ground.timing import LATENCY_NS
 
@@ -95,7 +95,7 @@ class Pipeline:
         self._look_at: dict[str, int] = {}
         self._first: dict[str, list[Chunk]] = {}
         self._begin: dict[str, int] = dict(starts or {})
-        self._left = {bus: size for bus, size in options.begins.items() if size}
+        self._late = {bus: Late(size) for bus, size in options.begins.items() if size}
         self._tuned: dict[str, int] = {}
 
     def add(self, sink: Sink) -> None:
@@ -136,8 +136,12 @@ class Pipeline:
 
     def decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Decode chunks of one bus that have been recorded."""
-        if bus in self._left and not (chunks := self._without(bus, chunks)):
-            return
+        if bus in self._late:
+            chunks = self._late[bus].of(chunks)
+            if not chunks:
+                return
+            self._begin[bus] = self._begin.get(bus, 0) + self._late.pop(bus).size
+            self._tuned[bus] = self._options.bauds[bus]
         if bus in self._tuned and chunks:
             mark = Mark(MarkKind.TUNED, 0, count=self._tuned.pop(bus))
             chunks = [replace(chunks[0], marks=(mark, *chunks[0].marks)), *chunks[1:]]
@@ -312,26 +316,6 @@ class Pipeline:
         marks = tuple(m for m in kept[0].marks if m.kind != MarkKind.SKIPPED)
         waiting[:] = [replace(kept[0], marks=(mark, *marks)), *kept[1:]]
         self._look_at[bus] = 2 * ENOUGH
-
-    def _without(self, bus: str, chunks: Sequence[Chunk]) -> list[Chunk]:
-        """Return chunks without what is left out at the beginning of an input."""
-        out: list[Chunk] = []
-        for chunk in chunks:
-            left = self._left.get(bus, 0)
-            size = len(chunk.data)
-            if not left:
-                out.append(chunk)
-            elif size <= left:
-                self._left[bus] = left - size
-            else:
-                self._left[bus] = 0
-                out.append(cut(chunk, left, None)[1])
-        if not self._left[bus] and out:
-            del self._left[bus]
-            begins = self._options.begins[bus]
-            self._begin[bus] = self._begin.get(bus, 0) + begins
-            self._tuned[bus] = self._options.bauds[bus]
-        return out
 
     def _named(self, bus: str) -> str | BusProtocol:
         return self._options.protocols.get(bus, self._options.protocol)

@@ -56,7 +56,7 @@ class Rate(NamedTuple):
         return {key: str(value) for key, value in told.items()}
 
 
-class Verdict(enum.Enum):
+class Step(enum.Enum):
     """What is to be done about a rate."""
 
     LISTEN = "listen"
@@ -94,7 +94,7 @@ class RateSearch:
         self._since_ns: int | None = None
         self._was_heard = False
 
-    def hear(self, chunks: Sequence[Chunk]) -> Verdict:
+    def hear(self, chunks: Sequence[Chunk]) -> Step:
         """Take chunks in order, all that comes; say what is to be done.
 
         After ``TRY`` the line is to be listened at ``baud``, and a mark says from which chunk on it
@@ -108,29 +108,29 @@ class RateSearch:
             if self._awaits is None:
                 self._take(chunk)
         if self._awaits is not None:
-            return Verdict.LISTEN
+            return Step.LISTEN
         return self._judge()
 
-    def idle(self, now_ns: int) -> Verdict:
+    def idle(self, now_ns: int) -> Step:
         """Learn how late it is."""
         if self._awaits is not None:
-            return Verdict.LISTEN
+            return Step.LISTEN
         if self._since_ns is None:
             self._since_ns = now_ns
         size = self._offset - self._start
         self._was_heard |= size > 0
         if not self._was_heard or now_ns - self._since_ns < TRIAL_NS << min(self._round, 5):
-            return Verdict.LISTEN
+            return Step.LISTEN
         share, first = self._share()
         if size >= LEAST and share >= GOOD:
             return self._found(first)
         self._shares[self.baud] = share if size >= LEAST else 0.0
         return self._next()
 
-    def cannot(self, baud: int) -> Verdict:
+    def cannot(self, baud: int) -> Step:
         """Learn that the port cannot be listened at a rate."""
         if baud != self._awaits:
-            return Verdict.LISTEN
+            return Step.LISTEN
         self._shares[baud] = 0.0
         return self._next()
 
@@ -169,25 +169,25 @@ class RateSearch:
         while self._offset - self._start > MOST_LOOKED and len(self._chunks) > 1:
             self._start += len(self._chunks.pop(0).data)
 
-    def _judge(self) -> Verdict:
+    def _judge(self) -> Step:
         size = self._offset - self._start
         looks = [look << min(self._round, 5) for look in LOOKS]
         spoilt = self._errors >= ERRORS * max(size, LOOKS[0])
         if size < looks[min(self._looks, len(looks) - 1)] and not (spoilt and not self._looks):
-            return Verdict.LISTEN
+            return Step.LISTEN
         self._looks += 1
         share, first = self._share()
         if share >= (POOR if self._is_settled else GOOD) and not spoilt:
             return self._found(first)
         if not spoilt and self._looks < len(looks):
-            return Verdict.LISTEN
+            return Step.LISTEN
         self._shares[self.baud] = share
         return self._next()
 
-    def _found(self, first: int) -> Verdict:
+    def _found(self, first: int) -> Step:
         self.begin = self._start + first if self.tried else 0
         self.is_found = True
-        return Verdict.FOUND
+        return Step.FOUND
 
     def _share(self) -> tuple[float, int]:
         """Return the share of the bytes that frames explain, and where the first of them begins."""
@@ -200,7 +200,7 @@ class RateSearch:
         best = max(names, key=lambda name: scores.shares[name])
         return scores.shares[best], scores.begin([best])
 
-    def _next(self) -> Verdict:
+    def _next(self) -> Step:
         """Go on to another rate; after a round without any, back to the best, if it is good."""
         self.tried.append(self.baud)
         self._at = (self._at + 1) % len(self._rates)
@@ -211,16 +211,31 @@ class RateSearch:
                 self._at = self._rates.index(best)
             self._shares = {}
         self.baud = self._awaits = self._rates[self._at]
-        return Verdict.TRY
+        return Step.TRY
+
+
+class Late:
+    """The beginning of a bus, ``size`` bytes, that is left out: it was heard at other rates."""
+
+    def __init__(self, size: int) -> None:
+        self.size = self._left = size
+
+    def of(self, chunks: Iterable[Chunk]) -> list[Chunk]:
+        """Return chunks without it."""
+        out: list[Chunk] = []
+        for chunk in chunks:
+            left, size = self._left, len(chunk.data)
+            self._left = max(left - size, 0)
+            if not left:
+                out.append(chunk)
+            elif size > left:
+                out.append(cut(chunk, left, None)[1])
+        return out
 
 
 def emptied(chunks: Iterable[Chunk], begins: Mapping[str, int]) -> Iterator[Chunk]:
-    """Yield chunks, without the bytes at the beginning of buses that were heard at other rates."""
-    left = dict(begins)
+    """Yield chunks, those that are left out without their bytes: time goes on there, too."""
+    late = {bus: Late(size) for bus, size in begins.items()}
     for chunk in chunks:
-        over = left.get(chunk.bus, 0)
-        if not over:
-            yield chunk
-            continue
-        left[chunk.bus] = max(over - len(chunk.data), 0)
-        yield replace(cut(chunk, min(over, len(chunk.data)), None)[1], marks=())
+        mine = late[chunk.bus].of([chunk]) if chunk.bus in late else [chunk]
+        yield mine[0] if mine else replace(chunk, data=b"", marks=())

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 NOTE, WARN, ERROR = Severity.NOTE, Severity.WARN, Severity.ERROR
 
-TAP_CODES: Final[Mapping[str, tuple[str, Severity, str, str, str]]] = {
+TAP_CODES: Final[dict[str, tuple[str, Severity, str, str, str]]] = {
     "line-error": (
         "framing",
         ERROR,

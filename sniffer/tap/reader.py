@@ -14,10 +14,11 @@ import selectors
 import threading
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NEVER_NS, NS, InputError, SnifferError
-from sniffer.ports import Counters, Port, PortLostError, PortOptions, Retunable, open_port
+from sniffer.ports import Port, PortLostError, PortOptions, Retunable, open_port
+from sniffer.tap.events import Back, Counted, Event, Lost, Read, Retuned
 from sniffer.tap.waiting import Account
 
 if TYPE_CHECKING:
@@ -85,55 +86,6 @@ class Anchor:
     def step_ns(self) -> int:
         """Return how far the system clock has been set since (or has drifted), in ns."""
         return time.time_ns() - self.now()
-
-
-class Read(NamedTuple):
-    """Raw bytes of one read, at the time of its end.
-
-    ``held_ns`` is how long they may have been there already because nobody looked; 0: not worth a
-    word.
-    """
-
-    port: int
-    t_ns: int
-    data: bytes
-    held_ns: int = 0
-
-
-class Lost(NamedTuple):
-    """The port went away."""
-
-    port: int
-    t_ns: int
-
-
-class Back(NamedTuple):
-    """The port was opened again, as another object."""
-
-    port: int
-    t_ns: int
-    opened: Port
-
-
-class Retuned(NamedTuple):
-    """The port listens at another rate from here on; ``done``: unless it cannot."""
-
-    port: int
-    t_ns: int
-    baud: int
-    done: bool
-
-
-class Counted(NamedTuple):
-    """The driver's counters have risen."""
-
-    port: int
-    t_ns: int
-    now: Counters
-    before: Counters
-
-
-Event = Read | Lost | Back | Retuned | Counted
 
 
 class Listener:

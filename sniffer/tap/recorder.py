@@ -13,11 +13,12 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, Protocol
 
-from sniffer.decoding.rates import Rate, Verdict
+from sniffer.decoding.rates import Rate, Step
 from sniffer.decoding.sink import Sink
 from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError, Mark, MarkKind, OutputError
 from sniffer.ground.timing import LATENCY_NS
-from sniffer.tap.reader import BREATH_NS, Retuned
+from sniffer.tap.events import Retuned
+from sniffer.tap.reader import BREATH_NS
 from sniffer.tap.status import BusStatus, Status
 
 if TYPE_CHECKING:
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
     from sniffer.decoding.pipeline import Pipeline
     from sniffer.decoding.rates import RateSearch
     from sniffer.merge.merger import Merger
-    from sniffer.tap.reader import Anchor, Event, Listener
+    from sniffer.tap.events import Event
+    from sniffer.tap.reader import Anchor, Listener
     from sniffer.tap.stops import Stops
     from sniffer.tap.tap import Tap
 
@@ -279,12 +281,12 @@ class Recorder:
         else:
             self._waiting[bus].add(chunks)
 
-    def _search(self, bus: str, search: RateSearch, verdict: Verdict) -> None:
+    def _search(self, bus: str, search: RateSearch, verdict: Step) -> None:
         """Do what the search for a rate asks for; nothing is decoded until it is over."""
         number = next(n for n, tap in enumerate(self.taps) if tap.spec.bus == bus)
-        if verdict is Verdict.TRY:
+        if verdict is Step.TRY:
             self._listener.tune(number, search.baud)
-        elif verdict is Verdict.FOUND:
+        elif verdict is Step.FOUND:
             del self._searches[bus]
             held_ns = self.taps[number].port.latency_ns
             latency_ns = BREATH_NS + (NOT_TOLD_NS if held_ns is None else held_ns)
@@ -360,7 +362,7 @@ class Recorder:
                 self._hand_over(bus, rest)
         for bus, search in list(self._searches.items()):
             search.settle()
-            self._search(bus, search, Verdict.FOUND)
+            self._search(bus, search, Step.FOUND)
         now_ns = self._anchor.now()
         for bus, tap in {tap.spec.bus: tap for tap in self.taps if tap.bytes}.items():
             ended = (Mark(MarkKind.ENDED, 0, count=0),)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark, MarkKind
-from sniffer.tap.reader import Back, Counted, Event, Lost, Read, Retuned
+from sniffer.tap.events import Back, Counted, Event, Lost, Read, Retuned
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

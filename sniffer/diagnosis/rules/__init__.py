@@ -38,7 +38,29 @@ if TYPE_CHECKING:
 
 Rule = Callable[[Case], Iterable[Finding]]
 
-_AREAS: Final = (tap, losses, line, bits, pairing, timing, joints, patience, controller, goals, complaints, foreign, identity, jumps, masters, outages, restarts, slowness, supply, twins, warmth)
+_AREAS: Final = (
+    tap,
+    losses,
+    line,
+    bits,
+    pairing,
+    timing,
+    joints,
+    patience,
+    controller,
+    goals,
+    complaints,
+    foreign,
+    identity,
+    jumps,
+    masters,
+    outages,
+    restarts,
+    slowness,
+    supply,
+    twins,
+    warmth,
+)
 
 RULES: Final[tuple[Rule, ...]] = (
     *(rule for area in _AREAS for rule in area.RULES),

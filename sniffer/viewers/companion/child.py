@@ -21,7 +21,7 @@ from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.decoding.rates import Rate
 from sniffer.ground.model import OutputError
-from sniffer.sinks.rerun.entities import Line
+from sniffer.sinks.rerun.entities import LogLine
 from sniffer.viewers import viewer
 from sniffer.viewers.companion.parcels import (
     CONNECT,
@@ -164,7 +164,9 @@ class Watcher:
                 latency_ns = self._setup.options.latencies.get(bus, 0)
                 self._pipeline.tune(bus, Rate(baud, 0, latency_ns))
             for word in words:
-                self._sink.incident(bus, word.servo_ids, Line(word.t_ns, word.severity, word.text))
+                self._sink.incident(
+                    bus, word.servo_ids, LogLine(word.t_ns, word.severity, word.text)
+                )
             self._has_shown |= bool(chunks)
             if missing and chunks:
                 self._decode(waiting)

@@ -55,7 +55,7 @@ class Setup:
         return _SIZE.pack(len(data)) + data
 
 
-class Word(NamedTuple):
+class IncidentWord(NamedTuple):
     """A line about an incident of a bus and some of its servos."""
 
     t_ns: int
@@ -74,7 +74,7 @@ class Parcel(NamedTuple):
     missing: int
     chunks: Sequence[Chunk]
     now_ns: int = 0
-    words: Sequence[Word] = ()
+    words: Sequence[IncidentWord] = ()
     baud: int = 0
 
 
@@ -83,7 +83,7 @@ def packed(
     chunks: Sequence[Chunk],
     missing: int = 0,
     now_ns: int = 0,
-    words: Sequence[Word] = (),
+    words: Sequence[IncidentWord] = (),
     baud: int = 0,
 ) -> bytes:
     """Return a parcel as bytes."""
@@ -138,4 +138,4 @@ def _unpacked(body: bytes) -> Parcel:
         Chunk(data, t_ns, clock, bus, direction, marks)
         for data, t_ns, clock, direction, marks in zip(*columns, strict=True)
     ]
-    return Parcel(bus, missing, chunks, now_ns, tuple(Word(*word) for word in words), baud)
+    return Parcel(bus, missing, chunks, now_ns, tuple(IncidentWord(*word) for word in words), baud)

@@ -29,8 +29,8 @@ from sniffer.viewers.companion.parcels import (
     SAY,
     WEB,
     WINDOW,
+    IncidentWord,
     Setup,
-    Word,
     packed,
 )
 
@@ -155,7 +155,7 @@ class LiveView:
             return
         for change in changes:
             i = change.incident
-            word = Word(i.last_ns, i.severity, i.servo_ids, str(change))
+            word = IncidentWord(i.last_ns, i.severity, i.servo_ids, str(change))
             self._backlog += packed(i.bus, (), words=[word])
 
     def idle(self, now_ns: int) -> None:
