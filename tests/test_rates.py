@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from sniffer.decoding.pipeline import Options, Pipeline
-from sniffer.decoding.rates import RateSearch, Step, emptied
+from sniffer.decoding.rates import RateSearch, SearchStep, emptied
 from sniffer.ground.model import NS, Chunk, Clock, InputError, Mark, MarkKind
 from sniffer.jobs.compare import compare
 from sniffer.jobs.files import Files, Flight
@@ -82,12 +82,12 @@ def searched(
     for nth, data in enumerate(itertools.islice(itertools.cycle(said), most)):
         t_ns = START_NS + nth * NS // 100
         verdict = search.hear([heard_at(data, spoken, rates[-1], marks=marks, t_ns=t_ns)])
-        verdict = search.idle(t_ns) if verdict is Step.LISTEN else verdict
-        if verdict is Step.FOUND:
+        verdict = search.idle(t_ns) if verdict is SearchStep.LISTEN else verdict
+        if verdict is SearchStep.FOUND:
             return rates
-        if verdict is Step.TRY:
+        if verdict is SearchStep.TRY:
             rates.append(search.baud)
-            assert search.hear([tuned(search.baud, t_ns)]) is Step.LISTEN
+            assert search.hear([tuned(search.baud, t_ns)]) is SearchStep.LISTEN
     raise AssertionError(f"it is not found: {rates}")
 
 
@@ -133,7 +133,7 @@ def test_errors_of_the_uart_make_it_leave_sooner() -> None:
         for data in itertools.cycle(pieces(TALK)):
             chunk = heard_at(data, 57600, 115200, marks=marks)
             heard += len(chunk.data)
-            if search.hear([chunk]) is Step.TRY:
+            if search.hear([chunk]) is SearchStep.TRY:
                 break
         sizes.append(heard)
     assert sizes[0] < sizes[1] <= 600
@@ -150,22 +150,22 @@ def test_a_bad_line_is_still_found_and_nothing_is_left_for_a_little_noise() -> N
 
 def test_a_rate_that_the_adapter_cannot_do_is_passed_over() -> None:
     search = RateSearch((), 115200)
-    while search.hear([heard_at(TALK, 57600, 115200, marks=True)]) is not Step.TRY:
+    while search.hear([heard_at(TALK, 57600, 115200, marks=True)]) is not SearchStep.TRY:
         pass
     first = search.baud
-    assert search.cannot(first) is Step.TRY
+    assert search.cannot(first) is SearchStep.TRY
     assert search.baud != first
-    assert search.cannot(first) is Step.LISTEN, "that was answered already"
+    assert search.cannot(first) is SearchStep.LISTEN, "that was answered already"
 
 
 def test_silence_and_what_comes_before_the_port_listens_anew_decide_nothing() -> None:
     search = RateSearch((), 115200)
     for _ in range(50):
-        assert search.hear([Chunk(b"", START_NS, Clock.READ)]) is Step.LISTEN
-    while search.hear([heard_at(TALK[:200], 57600, 115200, marks=True)]) is not Step.TRY:
+        assert search.hear([Chunk(b"", START_NS, Clock.READ)]) is SearchStep.LISTEN
+    while search.hear([heard_at(TALK[:200], 57600, 115200, marks=True)]) is not SearchStep.TRY:
         pass
     for _ in range(9):
-        assert search.hear([heard_at(TALK, 57600, 115200, marks=True)]) is Step.LISTEN
+        assert search.hear([heard_at(TALK, 57600, 115200, marks=True)]) is SearchStep.LISTEN
 
 
 def test_what_was_heard_at_other_rates_is_left_out_and_the_rest_decoded_the_same() -> None:

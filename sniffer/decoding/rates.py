@@ -56,7 +56,7 @@ class Rate(NamedTuple):
         return {key: str(value) for key, value in told.items()}
 
 
-class Step(enum.Enum):
+class SearchStep(enum.Enum):
     """What is to be done about a rate."""
 
     LISTEN = "listen"
@@ -94,7 +94,7 @@ class RateSearch:
         self._since_ns: int | None = None
         self._was_heard = False
 
-    def hear(self, chunks: Sequence[Chunk]) -> Step:
+    def hear(self, chunks: Sequence[Chunk]) -> SearchStep:
         """Take chunks in order, all that comes; say what is to be done.
 
         After ``TRY`` the line is to be listened at ``baud``, and a mark says from which chunk on it
@@ -108,29 +108,29 @@ class RateSearch:
             if self._awaits is None:
                 self._take(chunk)
         if self._awaits is not None:
-            return Step.LISTEN
+            return SearchStep.LISTEN
         return self._judge()
 
-    def idle(self, now_ns: int) -> Step:
+    def idle(self, now_ns: int) -> SearchStep:
         """Learn how late it is."""
         if self._awaits is not None:
-            return Step.LISTEN
+            return SearchStep.LISTEN
         if self._since_ns is None:
             self._since_ns = now_ns
         size = self._offset - self._start
         self._was_heard |= size > 0
         if not self._was_heard or now_ns - self._since_ns < TRIAL_NS << min(self._round, 5):
-            return Step.LISTEN
+            return SearchStep.LISTEN
         share, first = self._share()
         if size >= LEAST and share >= GOOD:
             return self._found(first)
         self._shares[self.baud] = share if size >= LEAST else 0.0
         return self._next()
 
-    def cannot(self, baud: int) -> Step:
+    def cannot(self, baud: int) -> SearchStep:
         """Learn that the port cannot be listened at a rate."""
         if baud != self._awaits:
-            return Step.LISTEN
+            return SearchStep.LISTEN
         self._shares[baud] = 0.0
         return self._next()
 
@@ -169,25 +169,25 @@ class RateSearch:
         while self._offset - self._start > MOST_LOOKED and len(self._chunks) > 1:
             self._start += len(self._chunks.pop(0).data)
 
-    def _judge(self) -> Step:
+    def _judge(self) -> SearchStep:
         size = self._offset - self._start
         looks = [look << min(self._round, 5) for look in LOOKS]
         spoilt = self._errors >= ERRORS * max(size, LOOKS[0])
         if size < looks[min(self._looks, len(looks) - 1)] and not (spoilt and not self._looks):
-            return Step.LISTEN
+            return SearchStep.LISTEN
         self._looks += 1
         share, first = self._share()
         if share >= (POOR if self._is_settled else GOOD) and not spoilt:
             return self._found(first)
         if not spoilt and self._looks < len(looks):
-            return Step.LISTEN
+            return SearchStep.LISTEN
         self._shares[self.baud] = share
         return self._next()
 
-    def _found(self, first: int) -> Step:
+    def _found(self, first: int) -> SearchStep:
         self.begin = self._start + first if self.tried else 0
         self.is_found = True
-        return Step.FOUND
+        return SearchStep.FOUND
 
     def _share(self) -> tuple[float, int]:
         """Return the share of the bytes that frames explain, and where the first of them begins."""
@@ -200,7 +200,7 @@ class RateSearch:
         best = max(names, key=lambda name: scores.shares[name])
         return scores.shares[best], scores.begin([best])
 
-    def _next(self) -> Step:
+    def _next(self) -> SearchStep:
         """Go on to another rate; after a round without any, back to the best, if it is good."""
         self.tried.append(self.baud)
         self._at = (self._at + 1) % len(self._rates)
@@ -211,7 +211,7 @@ class RateSearch:
                 self._at = self._rates.index(best)
             self._shares = {}
         self.baud = self._awaits = self._rates[self._at]
-        return Step.TRY
+        return SearchStep.TRY
 
 
 class Late:

@@ -13,7 +13,7 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, Protocol
 
-from sniffer.decoding.rates import Rate, Step
+from sniffer.decoding.rates import Rate, SearchStep
 from sniffer.decoding.sink import Sink
 from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError, Mark, MarkKind, OutputError
 from sniffer.ground.timing import LATENCY_NS
@@ -281,12 +281,12 @@ class Recorder:
         else:
             self._waiting[bus].add(chunks)
 
-    def _search(self, bus: str, search: RateSearch, verdict: Step) -> None:
+    def _search(self, bus: str, search: RateSearch, verdict: SearchStep) -> None:
         """Do what the search for a rate asks for; nothing is decoded until it is over."""
         number = next(n for n, tap in enumerate(self.taps) if tap.spec.bus == bus)
-        if verdict is Step.TRY:
+        if verdict is SearchStep.TRY:
             self._listener.tune(number, search.baud)
-        elif verdict is Step.FOUND:
+        elif verdict is SearchStep.FOUND:
             del self._searches[bus]
             held_ns = self.taps[number].port.latency_ns
             latency_ns = BREATH_NS + (NOT_TOLD_NS if held_ns is None else held_ns)
@@ -362,7 +362,7 @@ class Recorder:
                 self._hand_over(bus, rest)
         for bus, search in list(self._searches.items()):
             search.settle()
-            self._search(bus, search, Step.FOUND)
+            self._search(bus, search, SearchStep.FOUND)
         now_ns = self._anchor.now()
         for bus, tap in {tap.spec.bus: tap for tap in self.taps if tap.bytes}.items():
             ended = (Mark(MarkKind.ENDED, 0, count=0),)
