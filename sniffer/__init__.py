@@ -31,11 +31,13 @@ if TYPE_CHECKING:
         Transactions,
     )
     from sniffer.jobs.api import Capture, decode, frames_table, records, samples_table
+    from sniffer.jobs.check import Checked, check
     from sniffer.jobs.convert import Converted, convert
     from sniffer.jobs.diagnose import Diagnosed, diagnose
     from sniffer.jobs.files import Files, Flight
     from sniffer.jobs.record import Recorded, Shown, record
     from sniffer.jobs.replay import Window, replay
+    from sniffer.jobs.report import Reported, report
     from sniffer.jobs.session import Ending
     from sniffer.protocols import PROTOCOLS
     from sniffer.simulation.play.run import Played, play
@@ -50,6 +52,7 @@ __all__ = [
     "AnomalyRow",
     "Batch",
     "Capture",
+    "Checked",
     "Chunk",
     "Clock",
     "Converted",
@@ -78,6 +81,7 @@ __all__ = [
     "Provenance",
     "Recorded",
     "Reply",
+    "Reported",
     "Role",
     "SampleRow",
     "Samples",
@@ -90,6 +94,7 @@ __all__ = [
     "Transactions",
     "Window",
     "__version__",
+    "check",
     "convert",
     "decode",
     "diagnose",
@@ -99,14 +104,17 @@ __all__ = [
     "record",
     "records",
     "replay",
+    "report",
     "samples_table",
 ]
 
 _ROOMS: Final = {
     "ground.codes": ("Kind", "Outcome", "Provenance", "Reply", "Role"),
+    "jobs.check": ("Checked", "check"),
     "jobs.convert": ("Converted", "convert"),
     "jobs.diagnose": ("Diagnosed", "diagnose"),
     "jobs.replay": ("Window", "replay"),
+    "jobs.report": ("Reported", "report"),
     "jobs.session": ("Ending",),
     "jobs.files": ("Files", "Flight"),
     "jobs.record": ("Recorded", "Shown", "record"),

@@ -30,6 +30,7 @@ MESSAGES: dict[str, Any] = {
         recording_pb2.Transaction,
         recording_pb2.Gap,
         recording_pb2.Anomaly,
+        recording_pb2.Incident,
         recording_pb2.Stats,
         servo_state_pb2.ServoState,
         log_pb2.Log,

@@ -13,6 +13,7 @@ import pytest
 from rich.cells import cell_len
 
 from sniffer.decoding.decoder import Decoder
+from sniffer.diagnosis.tracking import Tracked
 from sniffer.ground.codes import NO_RESPONSE
 from sniffer.ground.model import NS, Chunk, Clock
 from sniffer.protocols import PROTOCOLS
@@ -23,6 +24,7 @@ from sniffer.viewers.board.cells import told_value
 from sniffer.viewers.board.line import line, statistics
 from sniffer.viewers.board.state import QUANTITIES
 from sniffer.viewers.screen import LINE, Screen
+from tests.happenings import finding, incident
 from tests.streams.mightyzap import packet
 from tests.wires import START_NS, feed, lines_of, shown_by, status_of, wire
 
@@ -245,7 +247,7 @@ def test_the_plain_line_is_keys_and_values_in_one_order() -> None:
     keys = [part.partition("=")[0] for part in text.split(" ")]
     expected = (
         "elapsed bytes frames frames_per_s load.arm load.left_leg missing errors warnings notes "
-        "lost line_errors silent away waiting not_shown size file"
+        "incidents lost line_errors silent away waiting not_shown size file"
     )
     assert " ".join(keys) == expected
     values = dict(part.split("=") for part in text.split(" "))
@@ -254,6 +256,38 @@ def test_the_plain_line_is_keys_and_values_in_one_order() -> None:
     assert float(values["frames_per_s"]) > 10
     assert (values["line_errors"], values["away"], values["waiting"]) == ("unknown", "1", "7")
     assert "\n" not in text
+
+
+@pytest.mark.parametrize("width", [80, 140])
+def test_an_incident_has_a_line_with_its_cause_and_comes_before_what_it_explains(
+    width: int,
+) -> None:
+    board, decoder = Board(), Decoder("mightyzap")
+    asked = packet(3, 0xF2, b"\x8c\x02") * 9 + packet(1, 0xF1) + packet(1, 0) + packet(2, 0xF2)
+    for part in (decoder.feed(Chunk(asked, START_NS, Clock.READ, "bus0")), decoder.close()):
+        board.write("bus0", decoder.protocol, part)
+    bus = BusStatus("bus0", "p", 57600, "mightyzap", "listening", 0, 0, 0)
+    status = dataclasses.replace(status_of(bus), now_ns=START_NS)
+    before = lines_of(board, status, width, 24)
+    assert any("the capture ends" in one for one in before)
+    told = incident(findings=(finding("no-answer-heard", None), finding("no-response", 3)))
+    board.incidents = (Tracked(told, told.cause),)
+    lines = lines_of(board, status, width, 24)
+    (place,) = (n for n, one in enumerate(lines) if "servo-dead" in one)
+    assert "  3  " in lines[place]
+    assert "×4" in lines[place]
+    assert "87 %" in lines[place]
+    assert width < 140 or "silent since" in lines[place]
+    assert any("1 open incident" in one for one in lines)
+    others = [n for n, one in enumerate(lines) if "the capture ends" in one]
+    assert all(n > place for n in others)
+    assert "incidents=1 " in line(status, board)
+    board.incidents = (*(Tracked(told, told.cause) for _ in range(3)),)
+    low = lines_of(board, status, width, 8)
+    assert sum("servo-dead" in one for one in low) == 3
+    assert not any("the capture ends" in one for one in low), "anomalies give way"
+    board.incidents = (Tracked(told, told.cause, is_over=True),)
+    assert any("0 open incidents" in one for one in lines_of(board, status, width, 24))
 
 
 def test_without_a_file_the_board_says_so() -> None:

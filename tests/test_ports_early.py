@@ -89,7 +89,7 @@ def test_what_a_port_heard_before_its_settings_held_is_kept_without_a_hole_or_dr
     line.say(b"#1QD\r")
     real = kernel.set_settings
 
-    def late(fd: int, settings: kernel.Settings) -> None:
+    def late(fd: int, settings: kernel.LineSettings) -> None:
         line.say(meanwhile)
         wait(lambda: bool(select.select([fd], [], [], 0)[0]), "it did not come")
         real(fd, settings)

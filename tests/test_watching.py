@@ -22,11 +22,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rerun.experimental import ViewerClient
 
+from sniffer.diagnosis.tracking import IncidentChange, Stage
 from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind, OutputError
 from sniffer.viewers import viewer
 from sniffer.viewers.companion import parent
 from sniffer.viewers.companion.parcels import CONNECT, WEB, WINDOW, Parcel, Unpacker, packed
 from sniffer.viewers.companion.parent import LiveView
+from tests.happenings import incident
 from tests.live import (
     MS,
     OPTIONS,
@@ -108,7 +110,7 @@ def test_what_is_packed_comes_out_of_the_pipe_in_pieces_of_any_size(
     for at in range(0, len(data), size):
         unpacker.feed(data[at : at + size])
         out += unpacker.parcels()
-    assert out == [Parcel("left arm", missing, chunks, 7) for chunks, missing in groups]
+    assert out == [Parcel("left arm", missing, chunks, 7, []) for chunks, missing in groups]
 
 
 @pytest.mark.parametrize(
@@ -172,6 +174,24 @@ def test_what_is_shown_is_what_decoding_finds(
     assert len(decoded(chunks)) == 1500
     assert len(rows["/bus0/servo/2/present_voltage"]) == 60
     assert "/bus0/anomalies" not in rows
+
+
+def test_incidents_stand_at_their_bus_and_at_their_servos(
+    view: Any, said: Said, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(parent, "CLOSE_S", PATIENCE_S)
+    change = IncidentChange(Stage.OPENED, START_NS, incident(servo_ids=(1, 2), last_ns=START_NS))
+    with saver(tmp_path / "a.rrd") as (_, url):
+        live = view(CONNECT, url=url)
+        fed(live, talk(500))
+        live.incidents([change])
+        live.close()
+        until(lambda: not group(live.pid))
+    rows = saved(tmp_path / "a.rrd")
+    for path in ("/bus0/incidents", "/bus0/servo/1/incidents", "/bus0/servo/2/incidents"):
+        ((t_ns, _),) = rows[path]
+        assert t_ns == START_NS
+    assert said == []
 
 
 def test_a_viewer_that_hangs_loses_groups_and_then_goes_on(

@@ -42,20 +42,17 @@ if TYPE_CHECKING:
     from typing import Self
 
 ROOT: Final = Path(__file__).parent.parent
-PAGES: Final = (
-    "README.md",
-    *(
-        f"docs/{name}.md"
-        for name in (
-            "api",
-            "recording",
-            "simulating",
-            "diagnosing",
-            "columns",
-            "conformance",
-        )
-    ),
+_DOCS: Final = (
+    "api",
+    "recording",
+    "simulating",
+    "diagnosing",
+    "columns",
+    "conformance",
+    "reports",
+    "checking",
 )
+PAGES: Final = ("README.md", *(f"docs/{name}.md" for name in _DOCS))
 LEFT_OUT: Final = "..."
 
 OVER_S: Final = 180.0

@@ -38,6 +38,8 @@ COMMANDS: Final = {
     "view": "Show a recording or a capture in Rerun.",
     "replay": "Play a recording or a capture again.",
     "recover": "Repair a recording that was cut off.",
+    "report": "Write a page on a capture: what was wrong, and the bytes.",
+    "check": "Hold captures to rules, for CI.",
     "explain": "Draw one frame byte by byte.",
     "ports": "List the serial ports.",
     "doctor": "Check whether a port is fit to record from.",

@@ -56,7 +56,7 @@ WORD_S: Final = 0.5
         "sniffer record /dev/ttyUSB0=mightyzap@57600 left=/dev/ttyUSB1=wck@115200 -o run.mcap",
         "sniffer record /dev/ttyUSB0=lss --rerun --duration 10min",
         "sniffer record arm=/dev/ttyUSB0=rs30x /dev/ttyUSB1 --pair",
-        "sniffer record /dev/ttyUSB0 --ring 60s --trigger no-response --trigger 'voltage < 9'",
+        "sniffer record /dev/ttyUSB0 --ring 60s --trigger any --trigger 'voltage < 9'",
         "sniffer record /dev/ttyUSB0 --quiet --rotate 512MB --keep 20 -o /var/log/bus.mcap",
     ),
 )
@@ -100,7 +100,7 @@ WORD_S: Final = 0.5
 @click.option(
     "--topics", callback=topics, metavar="TOPIC,...",
     help="Write only these beside the raw bytes: raw (nothing else), frames, transactions, state, "
-    "gaps, anomalies, log, stats.  [default: all]",
+    "gaps, anomalies, log, stats, incidents.  [default: all]",
 )  # fmt: skip
 @click.option("--durable", is_flag=True, help="Wait for the disk after each round, 50 ms.")
 @click.option(
@@ -114,7 +114,8 @@ WORD_S: Final = 0.5
 @click.option("--idle", type=Duration(), help="Stop when no byte has come for this time.")
 @click.option(
     "--until", multiple=True, callback=waited_for, metavar="WHAT",
-    help="Stop when this happens: a code (docs/anomalies.md), a rule like that of --alarm, any.",
+    help="Stop when this happens: a cause (docs/causes.md), a code (docs/anomalies.md), a rule "
+    "like that of --alarm, any incident.",
 )  # fmt: skip
 @click.option(
     "--on", "commands", multiple=True, nargs=2, callback=commands_on, metavar="WHAT COMMAND",

@@ -11,7 +11,7 @@ from sniffer.tap.watching import Awaited, awaited_in
 def waited_for(
     context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
 ) -> tuple[Awaited, ...]:
-    """Read what is waited for: codes, rules, ``any``."""
+    """Read what is waited for: codes, causes, rules, ``any``."""
     try:
         return tuple(map(awaited_in, given))
     except InputError as error:

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
 
 _PER_OCTAVE: Final = 32
+BINS_SHOWN: Final = 8
+"""Bins of an octave in a histogram that is shown."""
+
 _BINS: Final = 64 * _PER_OCTAVE
 
 
@@ -76,6 +79,14 @@ class Quantiles:
             at = (np.log2(np.maximum(bound, 1)) * _PER_OCTAVE).astype(np.int64)
             self._bins[k] += np.bincount(at, minlength=_BINS)
             self._most[k] = max(self._most[k], int(bound.max()))
+
+    def histogram(self) -> tuple[I64, I64]:
+        """Return how many lower and how many upper bounds lie in each eighth of an octave.
+
+        Bin k begins at ``2 ** (k / BINS_SHOWN)`` ns; the first one also has those that are 0.
+        """
+        least, most = self._bins.reshape(2, -1, _PER_OCTAVE // BINS_SHOWN).sum(axis=2)
+        return least, most
 
     def at(self, share: float) -> Bounds | None:
         """Return the duration that ``share`` of all stay below, and 1 the longest; None: no one."""

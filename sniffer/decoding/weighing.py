@@ -10,7 +10,7 @@ import numpy as np
 
 from sniffer.decoding.changes import new_id
 from sniffer.diagnostics.evidence import Evidence
-from sniffer.diagnostics.learned import Told, Weighed
+from sniffer.diagnostics.learned import MetClue, Told
 from sniffer.ground.codes import REQUEST
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Weighing:
     def __init__(self, protocol: BusProtocol, state: State) -> None:
         self._protocol = protocol
         self._evidence = Evidence(protocol, state)
-        self._met: dict[int, tuple[Weighed, ...]] = {}
+        self._met: dict[int, tuple[MetClue, ...]] = {}
 
     def weigh(
         self,
@@ -127,7 +127,7 @@ class Weighing:
             return False
         data = block.data[at : at + min(clue.width, 16)].tobytes()
         span = base + int(frames.start[row]), int(frames.length[row])
-        met = Weighed(clue, data, int(frames.op[row]), span)
+        met = MetClue(clue, data, int(frames.op[row]), span)
         for who in range(256) if to_all else (servo & 255,):
             self._met[who] = (*self._met.get(who, ()), met)[-SHOWN:]
         return True

@@ -11,6 +11,7 @@ from sniffer.diagnosis.events import ANOMALY, REMARK, SETTING, Happenings
 from sniffer.diagnosis.ledger import BUCKET_NS, MILLI, Ledger
 from sniffer.diagnosis.misread import misread
 from sniffer.diagnosis.model import Place
+from sniffer.diagnosis.twins import twins
 from sniffer.diagnostics.found import CODES, NUMBER
 from sniffer.ground.model import NS, Clock
 from sniffer.ground.register import unseen_scale
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.misread import Misread
+    from sniffer.diagnosis.twins import Twin
     from sniffer.ground.model import F64, I64, Mask
     from sniffer.ground.register import Register
     from sniffer.protocols.base import BusProtocol
@@ -80,8 +82,10 @@ class Series:
 class Case:
     """All that a rule may ask about one bus; nothing in here changes while it is judged."""
 
-    def __init__(self, ledger: Ledger) -> None:
+    def __init__(self, ledger: Ledger, *, speaks_first: bool = True) -> None:
         self.ledger = ledger
+        self.speaks_first = speaks_first
+        """Of protocols that share a bus: what concerns both is told of this one."""
         self.bus = ledger.bus
         self.protocol: BusProtocol = ledger.protocol
 
@@ -184,6 +188,11 @@ class Case:
     def misreads(self) -> Sequence[Misread]:
         """The first torn frames of each sender by their bits."""
         return misread(self.protocol, self.damages, self.ledger.damages.likes.known)
+
+    @functools.cached_property
+    def twins(self) -> Mapping[int, Twin]:
+        """The servos that answer twice, by what was heard."""
+        return twins(self)
 
     @functools.cached_property
     def happenings(self) -> Happenings:

@@ -68,7 +68,11 @@ class Diagnosis:
         """Return each bus as the rules see it."""
         for name in list(self._waiting):
             self._take(name)
-        return [Case(ledger) for ledger in self._ledgers.values()]
+        first = {ledger.bus: ledger for ledger in reversed(self._ledgers.values())}
+        return [
+            Case(ledger, speaks_first=first[ledger.bus] is ledger)
+            for ledger in self._ledgers.values()
+        ]
 
     def incidents(self) -> tuple[Incident, ...]:
         """Return the incidents of all buses so far, by bus and beginning."""

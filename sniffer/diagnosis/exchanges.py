@@ -11,7 +11,7 @@ import numpy as np
 
 from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.histograms import Histograms
-from sniffer.diagnosis.kinds import RequestKinds
+from sniffer.diagnosis.kinds import KINDS, RequestKinds
 from sniffer.diagnosis.requests import UNTOLD, Held, RequestRows, has_failed
 from sniffer.ground.codes import NOT_EXPECTED, OK, REQUEST
 from sniffer.ground.model import ECHO, NS
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from sniffer.ground.model import I64, Batch, Mask
     from sniffer.protocols.base import BusProtocol
 
-FIRST: Final = 1 << 14
+FIRST: Final = 1 << 15
 """Exchanges that say what is usual: some minutes of a busy bus. Later ones are not counted."""
 
 LONGEST: Final = 256
@@ -33,6 +33,8 @@ KEPT: Final = 500
 
 OPEN_MOST: Final = 4096
 """Requests whose fate is not told yet: far more than a decoder holds open."""
+
+_NEXT: Final = 2 * KINDS
 
 _BUCKET_NS: Final = NS // 4
 
@@ -45,6 +47,14 @@ _WAITS: Final = {
     "hasty": "sum",
     "at": "first",
     "length": "first",
+    "t_first": "first",
+    "t_last": "last",
+}
+
+_FOLLOWS: Final = {
+    "n": "sum",
+    "rest_min": "min",
+    "at": "first",
     "t_first": "first",
     "t_last": "last",
 }
@@ -81,6 +91,7 @@ class Failed(NamedTuple):
     wait_ns: int
     """From the end of the request to the beginning of the next one."""
     unsure_ns: int
+    next_kind: int
     is_again: bool
     """The next request is the same one."""
 
@@ -106,6 +117,8 @@ class Exchanges:
         self.count = 0
         self.turns = Histograms()
         """Of sound exchanges: from the end of a request to the beginning of the next, by kind."""
+        self.spans = Histograms()
+        """Of sound exchanges: from the end of a request to the end of its answer, by kind."""
         self.idle = Histograms()
         """Of exchanges that did not fail: how long the line was idle behind them; key 0."""
         self.waits = Buckets(_WAITS)
@@ -114,6 +127,8 @@ class Exchanges:
         """Requests that were made again, by bucket and servo (+1)."""
         self.runs: list[Run] = []
         self.failed: list[Failed] = []
+        self.answer_lengths = np.zeros(512, np.int64)
+        """How many of the first answers have each length, in bytes."""
         self.in_flight = 0
         """Answered requests behind which another was made before their answer was over."""
         self.doubled = 0
@@ -124,6 +139,7 @@ class Exchanges:
         self._run: Run | None = None
         self._open = Held.empty()
         self._seen = 0
+        self._followers = Buckets(_FOLLOWS)
 
     def add(self, batch: Batch, byte_ns: int) -> None:
         """Take the requests of a batch, and what became of requests, at a rate of the line."""
@@ -157,7 +173,7 @@ class Exchanges:
         if len(near):
             self.doubled += int(r.same(near).sum())
         any_failed = bool(failed.any())
-        self._usual(r, many, idle, ok & ~early)
+        self._usual(r, many, idle, ok & ~early, failed)
         self._rest(r, since, idle, ~failed)
         if any_failed or self._run is not None:
             rows = np.flatnonzero(failed)
@@ -166,16 +182,33 @@ class Exchanges:
             self._went_wrong(r, rows, again)
         return many
 
-    def _usual(self, r: RequestRows, many: int, idle: I64, ok: Mask) -> None:
+    def _usual(self, r: RequestRows, many: int, idle: I64, ok: Mask, failed: Mask) -> None:
         """Count what sound exchanges take, of the first ones."""
         first = min(FIRST - self._seen, many)
         if first <= 0:
             return
         self._seen += first
+        told = np.flatnonzero(~failed[:first])
+        at = r.places(told)
+        # Where something else stands between two requests, one may be in it.
+        clean = r.places(told + 1) == at + r.lengths(told) + r.answer_length[told]
+        told, at = told[clean], at[clean]
+        self._followers.add(
+            (r.kind[told] + 1) * _NEXT + r.kind[told + 1] + 1,
+            n=1,
+            rest_min=idle[told],
+            at=at,
+            t_first=r.t_end[told],
+            t_last=r.t_end[told],
+        )
         rows = np.flatnonzero(ok[:first])
+        length = np.minimum(r.answer_length[rows], len(self.answer_lengths) - 1)
+        self.answer_lengths += np.bincount(length, minlength=len(self.answer_lengths))
         self.idle.add(np.zeros(len(rows), np.int64), idle[rows], idle[rows])
         turn = r.t_start[rows + 1] - r.t_end[rows]
         self.turns.add(r.kind[rows], turn, turn)
+        span = r.answer_end[rows] - r.t_end[rows]
+        self.spans.add(r.kind[rows], span, span)
 
     def _rest(self, r: RequestRows, since: I64, idle: I64, sound: Mask) -> None:
         """Keep the longest pauses."""
@@ -219,7 +252,7 @@ class Exchanges:
             )
             some = slice(0, KEPT - len(self.failed))
             columns: list[I64 | Mask] = [at, length, t_ns, servo, r.kind[rows], outcome]
-            columns += [wait, unsure, asked_again]
+            columns += [wait, unsure, r.kind[rows + 1], asked_again]
             kept = (column[some].tolist() for column in columns)
             self.failed += map(Failed._make, zip(*kept, strict=True))
         self._retried(r, again)
@@ -253,6 +286,11 @@ class Exchanges:
         if self._run is not None and len(self.runs) < KEPT:
             self.runs.append(self._run)
         self._run = None
+
+    def followers(self) -> dict[str, I64]:
+        """Return which kind (``next``) came right behind which exchange that did not fail."""
+        key, columns = self._followers.table()
+        return {**columns, "kind": key // _NEXT - 1, "next": key % _NEXT - 1}
 
     @property
     def pauses(self) -> Sequence[Pause]:

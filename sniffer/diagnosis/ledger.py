@@ -22,6 +22,7 @@ from sniffer.diagnosis.refusals import Refusals
 from sniffer.diagnosis.settings import Settings
 from sniffer.diagnosis.silences import Silences
 from sniffer.diagnosis.steps import Steps
+from sniffer.diagnosis.unclaimed import Unclaimed
 from sniffer.diagnosis.unnamed import UnnamedWrites
 from sniffer.diagnostics.found import CODES, Anomalies
 from sniffer.ground.codes import (
@@ -56,6 +57,9 @@ COARSE: Final = 16
 
 MILLI: Final = 1000
 """Values are kept in thousandths of their unit: sums of whole numbers are the same in any order."""
+
+FINE_OCTAVE: Final = 64
+"""Periods are known to 1 %: whether one is a multiple of another turns on less than 4."""
 
 HEAD: Final = 1 << 15
 """Bytes kept from the beginning, and of what no frame claims: enough to look for another rate."""
@@ -144,7 +148,7 @@ class Ledger:
         self.events = Events()
         self.took = Histograms()
         """Response times by servo and command (``pair_key``)."""
-        self.periods = Histograms()
+        self.periods = Histograms(FINE_OCTAVE)
         """Times from a request to the next like it, by servo, command and address."""
         self.pauses = Histograms()
         """Times between the beginnings of two requests of the bus; key 0."""
@@ -157,6 +161,9 @@ class Ledger:
         self.steps = Steps(protocol)
         self.exchanges = Exchanges(protocol)
         self.unnamed = UnnamedWrites(protocol)
+        self.unclaimed = Unclaimed()
+        self.is_shared = False
+        """Whether another protocol is on the same wire."""
         self.head = b""
         """The first bytes of the bus."""
         self.has_checksum: bool | None = None
@@ -201,6 +208,8 @@ class Ledger:
         self.damages.add(batch, self.byte_ns)
         self.exchanges.add(batch, self.byte_ns)
         self.unnamed.add(batch)
+        self.unclaimed.add(batch)
+        self.is_shared |= batch.is_shared
         self._join_old()
 
     @property

@@ -90,7 +90,7 @@ def misread(
         known: answers of servos by the request.
     """
     torn = _first_of_each(damages)
-    alike = [_alike(d, known) for d in torn]
+    alike = [alike_of(d, known) for d in torn]
     tried = [
         d.length == len(d.got) and LEAST <= d.length <= LONGEST and _fits(d.got, a)
         for d, a in zip(torn, alike, strict=True)
@@ -99,7 +99,7 @@ def misread(
     found = iter(repaired)
     out = []
     for d, sound, is_tried in zip(torn, alike, tried, strict=True):
-        out.append(_one(d, sound, next(found) if is_tried else []))
+        out.append(_one(d, sound, next(found) if is_tried else ()))
     return out
 
 
@@ -116,11 +116,12 @@ def _first_of_each(damages: Iterable[Damage]) -> list[Damage]:
     return out
 
 
-def _alike(d: Damage, known: Mapping[bytes, tuple[bytes, ...]]) -> tuple[bytes, ...]:
+def alike_of(d: Damage, known: Mapping[bytes, tuple[bytes, ...]]) -> tuple[bytes, ...]:
     """Return what should have stood there: what was near, what was known, what a peer says."""
-    if d.alike or not d.asked:
+    if not d.asked:
         return d.alike
-    return known.get(d.asked) or of_peers(d.asked, known)
+    own = tuple(dict.fromkeys((*d.alike, *known.get(d.asked, ()))))
+    return own or of_peers(d.asked, known)
 
 
 def of_peers(asked: bytes, known: Mapping[bytes, tuple[bytes, ...]]) -> tuple[bytes, ...]:
@@ -150,25 +151,34 @@ def _fits(got: bytes, alike: Sequence[bytes]) -> bool:
     return not alike or any(len(a) == len(got) for a in alike)
 
 
-def _repaired(protocol: BusProtocol, torn: Sequence[Damage]) -> list[list[bytes]]:
+_REPAIRED: Final[dict[tuple[str, bytes, bytes], tuple[bytes, ...]]] = {}
+"""What was found for torn frames: a live bus is judged again and again, and most are known."""
+
+REMEMBERED: Final = 1 << 13
+
+
+def _repaired(protocol: BusProtocol, torn: Sequence[Damage]) -> list[tuple[bytes, ...]]:
     """Return for each torn frame those with one bit turned that hold."""
+    keys = [(protocol.name, d.asked if d.turn == IN_REPLY else b"", d.got) for d in torn]
+    new = [key for key in dict.fromkeys(keys) if key not in _REPAIRED]
     tries: list[bytes] = []
     sizes: list[int] = []
-    counts = []
-    for d in torn:
-        asked = d.asked if d.turn == IN_REPLY else b""
-        for k in range(len(d.got)):
+    for _, asked, got in new:
+        for k, byte in enumerate(got):
             for bit in range(BITS):
-                turned = d.got[k] ^ 1 << bit
-                tries.append(asked + d.got[:k] + bytes((turned,)) + d.got[k + 1 :])
-                sizes.append(len(d.got))
-        counts.append(len(d.got) * BITS)
+                tries.append(asked + got[:k] + bytes((byte ^ 1 << bit,)) + got[k + 1 :])
+                sizes.append(len(got))
     holds = held(protocol, tries, sizes)
-    out, at = [], 0
-    for count in counts:
-        which = range(at, at + count)
-        out.append([tries[i][-sizes[i] :] for i in which if holds[i]])
-        at += count
+    found: dict[tuple[str, bytes, bytes], tuple[bytes, ...]] = {}
+    at = 0
+    for key in new:
+        behind = at + len(key[2]) * BITS
+        found[key] = tuple(tries[i][-sizes[i] :] for i in range(at, behind) if holds[i])
+        at = behind
+    out = [found[key] if key in found else _REPAIRED[key] for key in keys]
+    if len(_REPAIRED) + len(found) > REMEMBERED:
+        _REPAIRED.clear()
+    _REPAIRED.update(found)
     return out
 
 
@@ -191,6 +201,13 @@ def held(protocol: BusProtocol, tries: Sequence[bytes], sizes: Sequence[int]) ->
 
 def _one(d: Damage, alike: Sequence[bytes], repaired: Sequence[bytes]) -> Misread:
     same = [a for a in alike if len(a) == d.length]
+    if len(same) > 1:  # several bits may be wrong, and one more make the checksum hold
+        fixed = _fixed(same)
+        repaired = [
+            r
+            for r in repaired
+            if all(a == b for a, b, f in zip(r, same[0], fixed, strict=True) if f)
+        ]
     if repaired:
         best = min(_distance(r, same) for r in repaired)
         near = [r for r in repaired if _distance(r, same) == best]
@@ -233,7 +250,7 @@ def _shape(d: Damage, alike: Sequence[bytes]) -> int:
         lacks = size - d.length
         if 0 < lacks <= LEAST and tail and tail >= sum(k >= lacks for k in fixed) - 1:
             return FRONT
-        if not head and tail >= 2:
+        if not head and tail:
             return FRONT
         if head >= 2 and d.length < size and not tail:
             return BACK
@@ -261,11 +278,17 @@ def _turned_all(meant: bytes, got: bytes, wrong: Sequence[int]) -> tuple[Flip, .
 
 
 def _fixed(same: Sequence[bytes]) -> list[bool]:
-    """Tell which bytes are the same in all frames; of one alone all but the last three."""
+    """Tell which bytes are the same in all frames, from the beginning and from the end on.
+
+    What a servo measures may rest, so it ends with the first that is not; of one frame alone all
+    but the last three are taken.
+    """
+    size = len(same[0])
     if len(same) == 1:
-        size = len(same[0])
         return [k < size - LEAST for k in range(size)]
-    return [len(set(column)) == 1 for column in zip(*same, strict=True)]
+    equal = [len(set(column)) == 1 for column in zip(*same, strict=True)]
+    head, tail = _run(equal), _run(reversed(equal))
+    return [k < head or k >= size - tail for k in range(size)]
 
 
 def _distance(frame: bytes, same: Sequence[bytes]) -> int:

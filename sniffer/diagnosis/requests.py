@@ -36,6 +36,7 @@ class Held(Columns):
     kind: I64
     outcome: I64
     answer_end: I64
+    answer_length: I64
     window: I64
 
 
@@ -54,6 +55,7 @@ class RequestRows:
         self.kind = np.concatenate([held.kind, kind])
         self.outcome = np.concatenate([held.outcome, np.full(n, UNTOLD)])
         self.answer_end = np.concatenate([held.answer_end, np.full(n, -1)])
+        self.answer_length = np.concatenate([held.answer_length, np.zeros(n, np.int64)])
         self.window = np.concatenate([held.window, np.zeros(n, np.int64)])
 
     def __len__(self) -> int:
@@ -75,6 +77,7 @@ class RequestRows:
         here, response, outcome = here[told], t.response[told], t.outcome[told]
         self.outcome[here] = outcome
         self.answer_end[here] = np.where(response >= 0, f.t_end[np.maximum(response, 0)], -1)
+        self.answer_length[here] = np.where(response >= 0, f.length[np.maximum(response, 0)], 0)
         wrong = np.flatnonzero(has_failed(outcome))
         if len(wrong):
             self.window[here[wrong]] = protocol.window_ns(batch.asked(row[told[wrong]]))
@@ -130,6 +133,7 @@ class RequestRows:
             self.kind[many:],
             self.outcome[many:],
             self.answer_end[many:],
+            self.answer_length[many:],
             self.window[many:],
         )
 

@@ -99,10 +99,14 @@ class Tracker:
         there = {one.incident.number for one in pairs.values()}
         for one in [one for one in known if one.incident.number not in there]:
             one.missing += 1
-            if one.missing >= SURE:
+            if one.missing != SURE or one.is_over:
+                continue
+            stage = Stage.OVER
+            if any(_meet(one.incident, other) for other in found):
+                stage = Stage.WITHDRAWN
                 known.remove(one)
-                if not one.is_over:
-                    changes.append(IncidentChange(Stage.WITHDRAWN, now_ns, one.incident))
+            one.is_over = True
+            changes.append(IncidentChange(stage, now_ns, one.incident))
         for nth, incident in enumerate(found):
             if nth in pairs:
                 changes += _go_on(pairs[nth], incident, now_ns)
@@ -169,6 +173,12 @@ def _matched(known: Sequence[Tracked], found: Sequence[Incident]) -> dict[int, T
             pairs[n] = known[k]
             taken.add(k)
     return pairs
+
+
+def _meet(one: Incident, other: Incident) -> bool:
+    """Tell whether two are at one time about the same servos, or about all."""
+    alike = not (one.servo_ids and other.servo_ids) or set(one.servo_ids) & set(other.servo_ids)
+    return bool(alike) and one.first_ns <= other.last_ns and other.first_ns <= one.last_ns
 
 
 def _likeness(one: Incident, other: Incident) -> float:

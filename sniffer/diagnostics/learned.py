@@ -48,7 +48,7 @@ class ScaleMisfit(NamedTuple):
     mode: int
 
 
-class Weighed(NamedTuple):
+class MetClue(NamedTuple):
     """A clue as it was met: its bytes, the command that carried it, and the frame's span."""
 
     clue: Clue
@@ -62,7 +62,7 @@ class Told(NamedTuple):
 
     row: int
     verdict: Verdict
-    weighed: tuple[Weighed, ...]
+    weighed: tuple[MetClue, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from sniffer.ground.registers import unseen_scale
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sniffer.diagnostics.learned import Meaning, ScaleMisfit, Told, Weighed
+    from sniffer.diagnostics.learned import Meaning, MetClue, ScaleMisfit, Told
     from sniffer.ground.model import Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
 
@@ -74,7 +74,7 @@ class ModelRules:
         f = batch.frames
         return int(f.t_end[row]), (batch.base + int(f.start[row]), int(f.length[row]))
 
-    def _clue(self, w: Weighed, best: int, rival: int) -> str:
+    def _clue(self, w: MetClue, best: int, rival: int) -> str:
         """Say what one clue is, by the names the two models have for its bytes."""
         clue = w.clue
         models, place = self._protocol.models, f"0x{clue.address:02X}"

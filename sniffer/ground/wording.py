@@ -96,3 +96,8 @@ def _filled(
         else:
             out.append(spell(tuple(field.split("|")), _filled(setting or "", values, spell)))
     return "".join(out)
+
+
+def counted(n: int, what: str) -> str:
+    """Return a number with its noun."""
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sniffer.decoding.detect import detect
+from sniffer.decoding.drawing import draw_frame, draw_gap
 from sniffer.decoding.mixed import decoder_of, parts_of
 from sniffer.decoding.names import protocols_named
 from sniffer.decoding.options import AUTO, Options
-from sniffer.ground.codes import OUTCOMES, WHOLE
 from sniffer.ground.model import Batch, Chunk, Gap, InputError, SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.protocols import PROTOCOLS
-from sniffer.protocols.base import BusProtocol, view
 from sniffer.protocols.tables import owner_of, with_tables
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sniffer.ground.registers import RegisterMap
+    from sniffer.protocols.base import BusProtocol
 
 _LSS = re.compile(r"[#*][0-9A-Za-z*. -]+")
 
@@ -119,96 +117,11 @@ def _begins(gap: Gap) -> bool:
 
 
 def _pieces(batch: Batch, protocol: BusProtocol) -> Iterator[tuple[int, list[str], bool]]:
-    pieces: list[tuple[int, list[str], bool]] = []
-    for i, start in enumerate(batch.frames.start.tolist()):
-        pieces.append((batch.base + start, _frame(batch, protocol, i), True))
-    for g in batch.gaps:
-        raw = batch.data[g.start : g.start + g.length]
-        lines = [f"no frame: {g.reason.replace('_', ' ')}", f"  {raw.hex(' ').upper()}"]
-        lines += _detail(g.detail)
-        pieces.append((batch.base + g.start, lines, False))
+    pieces = [draw_frame(batch, protocol, i) for i in range(len(batch.frames))]
+    pieces += [draw_gap(batch, protocol, gap) for gap in batch.gaps]
     found = {a.evidence[0][0]: a for a in batch.anomalies if a.group not in ("pairing",)}
-    for at, lines, good in sorted(pieces, key=lambda e: e[0]):
-        if at in found and good:
-            lines.append(f"  ! {found[at].detail}")
-        yield at, lines, good
-
-
-def _detail(detail: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what is known of bytes that are no frame, a line each."""
-    for key, value in detail.items():
-        title = key.replace("_", " ")
-        if isinstance(value, Mapping):
-            yield f"  {title}, as they were read:"
-            for name, entry in value.items():
-                yield f"    {name.replace('_', ' ')}: {_plainly(entry)}"
-        elif key.startswith("checksum") and isinstance(value, int):
-            yield f"  {title}: {value:02X}"
-        else:
-            yield f"  {title}: {_plainly(value)}"
-
-
-def _plainly(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return ", ".join(f"{k} {_plainly(v)}" for k, v in value.items())
-    if isinstance(value, list | tuple):
-        return " ".join(_plainly(v) for v in value) or "none"
-    return str(value) if value not in ("", None) else "none"
-
-
-def _frame(batch: Batch, protocol: BusProtocol, i: int) -> list[str]:
-    f = batch.frames
-    start, n = int(f.start[i]), int(f.length[i])
-    raw = batch.data[start : start + n]
-    row = view(f, i, batch.values.register[batch.values.row == i].tolist())
-    kind = "response" if row.kind else "request"
-    who = f", servo {row.servo_id}" if row.servo_id >= 0 else ""
-    lines = [f"{kind}: {protocol.op_name(row.op)}{who}", f"  {raw.hex(' ').upper()}"]
-    spans = protocol.dissect(raw, row)
-    width = max((len(s.name) for s in spans), default=8)
-    covered = 0
-    for s in spans:
-        covered = max(covered, s.offset + s.length)
-        shown = raw[s.offset : s.offset + s.length].hex(" ").upper()
-        if len(shown) > 23:
-            shown = shown[:20] + "..."
-        note = f"   {s.note}" if s.note else ""
-        lines.append(f"  {s.offset:3}  {shown:23}  {s.name:{width}}  {s.value}{note}")
-    lines += _values(batch, protocol, i)
-    lines += _checksum(protocol, raw)
-    t = batch.transactions
-    for k in range(len(t)):
-        if int(t.response[k]) == i:
-            lines.append(f"  exchange: {OUTCOMES[int(t.outcome[k])].replace('_', ' ')}")
-    return lines
-
-
-def _values(batch: Batch, protocol: BusProtocol, i: int) -> list[str]:
-    v = batch.values
-    out = []
-    for k in range(len(v)):
-        if int(v.row[k]) != i:
-            continue
-        r = protocol.registers[int(v.register[k])]
-        raw, value = int(v.raw[k]), float(v.value[k])
-        text = f"raw {raw}"
-        if not math.isnan(value) and r.unit:
-            text += f" = {value:.6g} {r.unit}"
-        names = r.names(raw) if int(v.part[k]) == WHOLE else "part of the register"
-        if names:
-            text += f" ({', '.join(names) if isinstance(names, list) else names})"
-        who = int(v.servo_id[k])
-        owner = f"servo {who} " if who != int(batch.frames.servo_id[i]) and who >= 0 else ""
-        out.append(f"       {owner}{r.name}: {text}")
-    return out
-
-
-def _checksum(protocol: BusProtocol, raw: bytes) -> list[str]:
-    found = protocol.checksum_of(raw)
-    if found is None:
-        return []
-    checksum, body, got = found
-    shown = " ".join(f"{b:02X}" for b in body[:24]) + (" ..." if len(body) > 24 else "")
-    return [
-        f"       checksum: {checksum.formula} of [{shown}] = {checksum(body):02X}, sent {got:02X}"
-    ]
+    for piece in sorted(pieces, key=lambda p: p.offset):
+        lines = piece.lines
+        if piece.offset in found and piece.holds:
+            lines.append(f"  ! {found[piece.offset].detail}")
+        yield piece.offset, lines, piece.holds

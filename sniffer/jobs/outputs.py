@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer import __version__
-from sniffer.decoding.options import alarm_facts
+from sniffer.decoding.options import SINCE, alarm_facts
 from sniffer.decoding.pacing import ASSUMED
-from sniffer.ground.files import files_of, is_lost, occupied, probe, refuse_occupied
+from sniffer.ground.files import files_of, is_lost, occupied, open_binary, probe, refuse_occupied
 from sniffer.ground.model import OutputError
 from sniffer.messages import TOOL
 from sniffer.sinks import open_sink, suffix_known
@@ -41,13 +41,17 @@ def session_facts(
         "protocol": options.name,
         "written": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
-    told = {k: v for k, v in (known or {}).items() if k.startswith(("baud.", "latency_ns."))}
+    known = known or {}
+    told = {k: v for k, v in known.items() if k.startswith(("baud.", "latency_ns."))}
     if options.baud is not None:
         facts["baud"] = str(options.baud)
-    elif (known or {}).get("rate") != ASSUMED and any(k.startswith("baud.") for k in told):
+    elif known.get("rate") != ASSUMED and any(k.startswith("baud.") for k in told):
         facts |= {k: v for k, v in told.items() if k.startswith("baud.")}
     else:
         facts["rate"] = ASSUMED  # what stands as a bus's rate is the protocol's usual one
+    for key in (k for k in known if k.startswith(f"{SINCE}.")):  # but where it was found
+        rate = f"baud.{key.removeprefix(f'{SINCE}.')}"
+        facts |= {key: known[key], rate: known.get(rate, "")}
     if options.latency_ns is not None:
         facts["latency_ns"] = str(options.latency_ns)
     else:
@@ -68,16 +72,7 @@ def open_outputs(
     files = [file for path in paths for file in files_of(path)]
     for path in paths:
         suffix_known(path)
-    for file in files:
-        if _is_input(file, source):
-            raise OutputError(f"{file} is the input: choose another output")
-    for nth, file in enumerate(files):
-        if any(_is_same(file, other) for other in files[:nth]):
-            raise OutputError(f"{file} would be written twice: choose another output")
-    if not force:
-        refuse_occupied(files)
-    for file in files:
-        probe(file)
+    check_outputs(files, [source], force=force)
     new = [file for file in files if not file.exists()]
     out: dict[int, Sink] = {}
     try:
@@ -92,6 +87,31 @@ def open_outputs(
                 file.unlink()
         raise
     return [out[nth] for nth in range(len(paths))]
+
+
+def check_outputs(
+    files: Sequence[Path], sources: Sequence[str], *, force: bool, later: bool = False
+) -> None:
+    """Refuse files that cannot be outputs, before anything is opened.
+
+    ``later``: they are made at the end only, so it is tried now whether they can be.
+
+    Raises:
+        OutputError: one is an input, is named twice, holds something, or may not be written.
+    """
+    for file in files:
+        if any(_is_input(file, source) for source in sources):
+            raise OutputError(f"{file} is the input: choose another output")
+    for nth, file in enumerate(files):
+        if any(_is_same(file, other) for other in files[:nth]):
+            raise OutputError(f"{file} would be written twice: choose another output")
+    if not force:
+        refuse_occupied(files)
+    for file in files:
+        probe(file)
+        if later and not file.exists():
+            open_binary(file).close()
+            file.unlink()
 
 
 def _is_same(file: Path, other: Path) -> bool:

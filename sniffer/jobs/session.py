@@ -14,7 +14,7 @@ from sniffer.merge.wires import in_order
 from sniffer.sources import MIXED
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from sniffer.decoding.pacing import Pace
     from sniffer.decoding.pipeline import Options
@@ -101,13 +101,14 @@ def run_source(
     patience: Patience | None = None,
     groups: Iterable[Sequence[Chunk]] | None = None,
     ahead: Iterable[Chunk] = (),
+    on_break: Callable[[str], None] = lambda why: None,
 ) -> tuple[Summary, Ending]:
     """Decode everything into the sinks; return the totals, and how it ended.
 
     Damage further in, or an interruption, keeps what was decoded: the sinks are finished first.
     ``groups`` are the source's own where None, else what somebody made of them; then ``ahead`` are
     its first chunks, by which times are judged. A recording may break off: whoever records can be
-    killed.
+    killed. ``on_break`` is told why an input was not read to its end.
 
     Raises:
         InputError: there is nothing in it, or its protocol cannot be told.
@@ -136,8 +137,10 @@ def run_source(
                 usable = source.format == "mcap" and pipeline.summary.buses
                 ending = Ending.DONE if usable else Ending.DAMAGED
                 told = f"{error}: read as far as it goes" if usable else str(error)
+                on_break(str(error))
             except KeyboardInterrupt:
                 ending, told = Ending.INTERRUPTED, _after_interruption(pipeline)
+                on_break("reading it was interrupted")
             if not pipeline.summary.buses and ending == Ending.DONE:
                 raise InputError(f"{name} is empty: nothing to decode")
         finally:

@@ -76,7 +76,7 @@ class Rules(NamedTuple):
     ordered: bool
 
 
-class Place(NamedTuple):
+class Spot(NamedTuple):
     """What the last request was, if it has an answer, what stands since, and who is still asked.
 
     ``awaited``: when an answer to the last request is likely to begin.
@@ -87,25 +87,25 @@ class Place(NamedTuple):
     pending: tuple[Asked, ...] = ()
     awaited: Span = ALWAYS
 
-    def behind_asked(self, unit: Unit, at: int, rules: Rules) -> Place:
+    def behind_asked(self, unit: Unit, at: int, rules: Rules) -> Spot:
         """Return the place behind a unit of the controller's wire, which begins at ``at``."""
         if not unit.framed:
             if unit.end == unit.start or self.since >= BEHIND:
                 return self
-            return Place(self.ask, BEHIND, self.pending, self.awaited)
+            return Spot(self.ask, BEHIND, self.pending, self.awaited)
         pending = self.pending
         if unit.said and not rules.ordered:
             until = at + unit.end - unit.start + max(rules.reach, 0)
             pending = (*pending[1 - DEPTH :], Asked(unit.said, until, unit.awaited))
-        return Place(unit.said, DIRECT, pending, unit.awaited)
+        return Spot(unit.said, DIRECT, pending, unit.awaited)
 
-    def behind_heard(self, unit: Unit, at: int) -> tuple[Place, int]:
+    def behind_heard(self, unit: Unit, at: int) -> tuple[Spot, int]:
         """Return the place behind a unit of the servos' wire, and what it is worth as an answer."""
         if unit.end == unit.start:
             return self, 0
         if not unit.framed:
             worth = DAMAGED if self.ask and self.since == DIRECT else 0
-            return Place(self.ask, max(self.since, BEHIND), self.pending, self.awaited), worth
+            return Spot(self.ask, max(self.since, BEHIND), self.pending, self.awaited), worth
         # Servos 1 and 2 are asked in one go, and both answer, the second twice:
         #
         #     unit      Q1      Q2      A1            A2            A2
@@ -131,9 +131,9 @@ class Place(NamedTuple):
                     break
         if worth:
             worth -= UNLIKELY * unit.is_unlikely(awaited)
-        return Place(self.ask, ANSWERED, pending, self.awaited), worth
+        return Spot(self.ask, ANSWERED, pending, self.awaited), worth
 
-    def carried(self, passed: int) -> Place:
+    def carried(self, passed: int) -> Spot:
         """Return the same where a new pass begins, with so many bytes handed on."""
         still = (a._replace(until=a.until - passed) for a in self.pending if a.until >= passed)
         return self._replace(pending=tuple(still))
@@ -144,14 +144,14 @@ class Step(NamedTuple):
 
     wire: int
     units: Sequence[Unit]
-    place: Place
+    place: Spot
 
 
 Bare = dict[tuple[int, int], tuple[int, int]]
 """By requests passed and unit of the servos' wire: the unit behind a bare answer, and its worth."""
 
 
-def by_time(asked: Sequence[Unit], heard: Sequence[Unit], place: Place, rules: Rules) -> list[Step]:
+def by_time(asked: Sequence[Unit], heard: Sequence[Unit], place: Spot, rules: Rules) -> list[Step]:
     """Order by latest moments alone, the controller's wire first on ties."""
     out: list[Step] = []
     i = j = at = 0
@@ -178,7 +178,7 @@ State = tuple[int, int, int]
 def by_cause(
     asked: Sequence[Unit],
     heard: Sequence[Unit],
-    place: Place,
+    place: Spot,
     known_ns: int,
     bare: Bare,
     rules: Rules,
@@ -255,13 +255,13 @@ def by_cause(
             if a.framed:
                 cost += missed[i] * OPEN[since]
             still = pending if not pending or a.begun_ns <= until else ()
-            behind = Place(asks[i], since, still).behind_asked(a, at, rules)
+            behind = Spot(asks[i], since, still).behind_asked(a, at, rules)
             offer((i + 1, j, behind.since), score - cost, state, behind.pending)
         if b is None:
             continue
         still = pending if not pending or b.begun_ns <= until else ()
         if (cost := _cost(b, a, tie=False)) < NEVER:
-            behind, worth = Place(asks[i], since, still, awaited[i]).behind_heard(b, at)
+            behind, worth = Spot(asks[i], since, still, awaited[i]).behind_heard(b, at)
             if behind.since == ANSWERED and not worth:
                 cost += missed[i] * OPEN[since]
             if not worth and b.last_ns <= known_ns and b.end > b.start:
@@ -283,7 +283,7 @@ def by_cause(
         Step(
             int(q[1] > p[1]),
             heard[p[1] : q[1]] or asked[p[0] : q[0]],
-            Place(asks[q[0]], q[2], came[q][2], awaited[q[0]]),
+            Spot(asks[q[0]], q[2], came[q][2], awaited[q[0]]),
         )
         for p, q in itertools.pairwise(path)
     ]

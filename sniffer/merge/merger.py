@@ -41,8 +41,8 @@ from sniffer.merge.causal import (
     CELLS,
     TRIALS,
     Bare,
-    Place,
     Rules,
+    Spot,
     Step,
     by_cause,
     by_time,
@@ -85,7 +85,7 @@ class Merger:
         self._latency_ns = latency_ns
         self._byte_ns = byte_time_ns(baud)
         self._lanes = Lane(self._byte_ns, latency_ns), Lane(self._byte_ns, latency_ns)
-        self._place = Place()
+        self._place = Spot()
         self._bare = BareAnswers()
         self._now = self._out = 0
 
@@ -136,7 +136,7 @@ class Merger:
         #     settled    21.7: the others may be, as nothing that waits begins before they end
         #
         # Only a prefix of the order is handed on, up to the last step that is due or settled; the
-        # rest is ordered anew in the next pass, with more known. ``Place`` carries what that must
+        # rest is ordered anew in the next pass, with more known. ``Spot`` carries what that must
         # know of it.
         due = now_ns - self.hold_ns
         # Half a frame's time is left for the rest of an answer that cannot be told from its wire.

@@ -46,7 +46,7 @@ _LINES: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class LineSettings:
     """A terminal's settings; of the baud rates the one of the input is ours."""
 
     iflag: int
@@ -81,7 +81,7 @@ class Settings:
         """Whether line errors are marked, and nothing else is done to the bytes."""
         return self.iflag == termios.PARMRK | termios.INPCK and not self.lflag and self.is_8n1
 
-    def listening(self, baud: int, *, hangs_up: bool | None = None) -> Settings:
+    def listening(self, baud: int, *, hangs_up: bool | None = None) -> LineSettings:
         """Return settings for 8N1 at ``baud`` that echo nothing and mark line errors.
 
         Args:
@@ -94,7 +94,7 @@ class Settings:
         cc = bytearray(self.cc)
         # a read of nothing is then EAGAIN, and an empty one says that the port is gone
         cc[termios.VMIN], cc[termios.VTIME] = 1, 0
-        return Settings(
+        return LineSettings(
             iflag=termios.PARMRK | termios.INPCK,  # without INPCK bad bytes come unmarked
             oflag=0,
             cflag=_BOTHER | termios.CS8 | termios.CREAD | termios.CLOCAL | hupcl,
@@ -125,7 +125,7 @@ def is_known() -> bool:
     return (termios.TCGETS, termios.TIOCMGET) == (0x5401, 0x5415)
 
 
-def hush(fd: int) -> Settings:
+def hush(fd: int) -> LineSettings:
     """Switch the echo off and leave the rest as it is; return the settings as they were.
 
     For the very first thing after opening: until then a port that nobody has set up sends back
@@ -140,15 +140,15 @@ def hush(fd: int) -> Settings:
     if flags & _ECHO:
         quiet = (flags & ~_ECHO).to_bytes(4, sys.byteorder)
         fcntl.ioctl(fd, _TCSETS2, record[: _LFLAG.start] + quiet + record[_LFLAG.stop :])
-    return Settings(*_TERMIOS2.unpack(record))
+    return LineSettings(*_TERMIOS2.unpack(record))
 
 
-def settings(fd: int) -> Settings:
+def settings(fd: int) -> LineSettings:
     """Return the settings as the driver has them; OSError with ENOTTY: it is no terminal."""
-    return Settings(*_TERMIOS2.unpack(fcntl.ioctl(fd, _TCGETS2, bytes(_TERMIOS2.size))))
+    return LineSettings(*_TERMIOS2.unpack(fcntl.ioctl(fd, _TCGETS2, bytes(_TERMIOS2.size))))
 
 
-def set_settings(fd: int, to: Settings) -> None:
+def set_settings(fd: int, to: LineSettings) -> None:
     """Make these the settings, at once."""
     packed = _TERMIOS2.pack(
         to.iflag, to.oflag, to.cflag, to.lflag, to.line, to.cc, to.ispeed, to.ospeed

@@ -13,7 +13,7 @@ from sniffer.ground.model import InputError
 from sniffer.ports.base import shown
 
 if TYPE_CHECKING:
-    from sniffer.ports.kernel import Divider, Settings
+    from sniffer.ports.kernel import Divider, LineSettings
     from sniffer.ports.listing import PortInfo
 
 BAUD_OFF: Final = 0.02
@@ -50,7 +50,7 @@ def true_baud(reported: int, divider: Divider) -> int:
     return round(divider.base / max(1, (2 * divider.base + asked) // (2 * asked)))
 
 
-def refuse_other(name: str, baud: int, got: Settings, divider: Divider | None = None) -> int:
+def refuse_other(name: str, baud: int, got: LineSettings, divider: Divider | None = None) -> int:
     """Return the rate at which the port runs; refuse one that is not what was asked for.
 
     Args:

@@ -127,6 +127,7 @@ class WckServo(Servo):
         """Turn passive at an overload. Source: manual 1.07, (18) Over Load Set."""
         if self.joint.strained_s > PASSIVE_AFTER_S:
             self.joint.enabled = False
+            self.joint.strained_s = 0.0  # the next move has it try again
 
     def move(self, goal: float) -> None:
         """Go there."""

@@ -16,7 +16,7 @@ from sniffer.decoding.summary import FIGURES
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import OBSERVED
-from sniffer.ground.wording import and_, plain, short
+from sniffer.ground.wording import and_, counted, plain, short
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -39,11 +39,6 @@ _COLOUR = {"error": "red", "warn": "yellow", "note": "cyan"}
 
 _OUTCOMES: Final[Mapping[str, str]] = {"not_expected": "need no reply"}
 """Outcomes in other words than their own."""
-
-
-def counted(n: int, what: str) -> str:
-    """Return a number with its noun."""
-    return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
 def print_summary(summary: Summary, console: Console, incidents: Sequence[Incident] = ()) -> None:

@@ -26,7 +26,7 @@ from sniffer.sources.opening import Origin, Spooled, find
 from sniffer.sources.plain import read_decimal, read_hex
 from sniffer.sources.recognise import HEAD, recognise
 from sniffer.sources.refusals import refuse_utf16
-from sniffer.sources.text import FIRST_LINES, Damage, Opened
+from sniffer.sources.text import FIRST_LINES, DamagedLine, Opened
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -108,9 +108,19 @@ class Source:
         self._origin = origin
         self._bus = bus
 
+    @property
+    def label(self) -> str:
+        """What kind of input it is, in words."""
+        return _LABELS[self.format]
+
+    @property
+    def size(self) -> int | None:
+        """Bytes of its file; None where it is none."""
+        return None if self._origin.path is None else self._origin.path.stat().st_size
+
     def describe(self) -> str:
         """Return one line that says what the input is."""
-        return f"{self.name}: {_LABELS[self.format]}"
+        return f"{self.name}: {self.label}"
 
     def __iter__(self) -> Iterator[list[Chunk]]:
         self.notes.clear()
@@ -126,7 +136,7 @@ class Source:
             for group in groups:
                 read = True
                 yield group
-        except Damage as damage:
+        except DamagedLine as damage:
             kind = DamagedInputError if read else InputError
             raise kind(f"{self.name}, {damage}") from None
         except _ManyBusesError as error:
@@ -190,7 +200,7 @@ def _groups(chunks: Iterable[Chunk], lag_s: float) -> Iterator[list[Chunk]]:
             yield group  # what has been read is decoded before the end
         raise
     except DamagedInputError as error:
-        wrong = isinstance(error, Damage) and error.nonsense and error.line <= FIRST_LINES
+        wrong = isinstance(error, DamagedLine) and error.nonsense and error.line <= FIRST_LINES
         if group and not wrong:
             yield group
         raise
@@ -204,11 +214,13 @@ def open_source(
     *,
     bus: str = "bus0",
     radix: str = "hex",
+    again: bool = False,
 ) -> Source:
     """Open a capture; ``"-"`` is standard input, bytes are a file's content themselves.
 
     ``bus`` names the bus where the input does not; ``radix`` ("hex" or "decimal") is that of a
-    plain list of numbers. Raises InputError with what to do instead, in one line.
+    plain list of numbers. ``again``: it will be read more than once; what cannot be (a pipe) is
+    kept in a temporary file. Raises InputError with what to do instead, in one line.
     """
     if input_format != "auto" and input_format not in SOURCES:
         known = ", ".join(("auto", *SOURCES))
@@ -218,7 +230,7 @@ def open_source(
     origin = find(path)
     try:
         chosen = _chosen(origin, input_format, decimal=radix == "decimal")
-        if chosen == "mcap" and origin.path is None:
+        if (again and origin.live) or (chosen == "mcap" and origin.path is None):
             origin = Spooled(origin)  # a recording is read by its index, here and there
         source = Source(origin, chosen, bus)
         if chosen not in ("bin", "mcap"):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import NS, Chunk, Clock, Direction
-from sniffer.sources.text import Damage, LineBlock, Opened, blocks, quoted
+from sniffer.sources.text import DamagedLine, LineBlock, Opened, blocks, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -69,7 +69,7 @@ class _Log:
                 return
         if not rows:
             why = f"{quoted(line)} is no line like '(1732142106.123456) bus0 RX#FAAF01'"
-            raise Damage(number, why)
+            raise DamagedLine(number, why)
         if chunk := self._chunk(rows[0], number):
             yield chunk
 
@@ -91,7 +91,7 @@ class _Log:
             return Chunk(data, bus=name, direction=direction)
         t_ns = int(seconds) * NS + int(fraction[:9].ljust(9, b"0"))
         if t_ns >= TIME_END_NS:
-            raise Damage(number, f"{quoted(seconds)} seconds are beyond the year 2257")
+            raise DamagedLine(number, f"{quoted(seconds)} seconds are beyond the year 2257")
         return Chunk(data, t_ns, Clock.FILE, name, direction)
 
     def notes(self) -> Iterator[str]:

@@ -12,7 +12,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sniffer.sources.text import PIECE, Damage, LineBlock, Opened, blocks, quoted, untimed
+from sniffer.sources.text import PIECE, DamagedLine, LineBlock, Opened, blocks, quoted, untimed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -229,7 +229,7 @@ class _Reading:
             return
         if line.strip() == b"*":
             if self._expected < 0:
-                raise Damage(number, "a * cannot be counted here: dump again with -v")
+                raise DamagedLine(number, "a * cannot be counted here: dump again with -v")
             self.starred = True
             return
         parts = self._dialect.split(line)
@@ -241,11 +241,11 @@ class _Reading:
             parts = parts._replace(pairs=parts.pairs[:-1])
             data = bytes_in(self._dialect, parts)
         if parts is None or data is None:
-            raise Damage(number, f"{quoted(line)} is no line of {self._dialect.tool}")
+            raise DamagedLine(number, f"{quoted(line)} is no line of {self._dialect.tool}")
         if parts.offset:
             yield from self._due(parts.offset, data, number)
         elif self._expected >= 0:
-            raise Damage(number, f"{quoted(line)} has no offset: ask od for one type, -tx1")
+            raise DamagedLine(number, f"{quoted(line)} has no offset: ask od for one type, -tx1")
         if not data:
             return
         if parts.offset:
@@ -265,7 +265,7 @@ class _Reading:
     def _due(self, text: bytes, data: bytes, number: int) -> Iterator[bytes]:
         """Check a line's offset; yield what the ``*`` before it stands for."""
         if text.translate(None, _DIGITS[self._radix]):
-            raise Damage(number, f"the offset {quoted(text)} is not in base {self._radix}")
+            raise DamagedLine(number, f"the offset {quoted(text)} is not in base {self._radix}")
         offset = int(text, self._radix)
         if self._expected < 0:
             self._expected = offset
@@ -276,11 +276,11 @@ class _Reading:
             # only a closing offset may end in the middle of a repeated line
             if missing < 0 or (data and missing % step):
                 why = f"offset {shown} does not fit the * before it"
-                raise Damage(number, why, nonsense=False)
+                raise DamagedLine(number, why, nonsense=False)
             self._credit -= missing
             if self._credit < 0:
                 why = f"by offset {shown} the * before it stands for {missing} bytes: not credible"
-                raise Damage(number, why, nonsense=False)
+                raise DamagedLine(number, why, nonsense=False)
             piece = self._previous * (min(missing, PIECE) // step + 1)
             for done in range(0, missing, len(piece)):
                 yield piece[: missing - done]
@@ -290,7 +290,7 @@ class _Reading:
         elif missing:
             way = "skips" if missing > 0 else "goes back"
             why = f"offset {shown} {way} {abs(missing)} bytes ({due}): the dump is damaged"
-            raise Damage(number, why, nonsense=False)
+            raise DamagedLine(number, why, nonsense=False)
         self._expected = offset
 
     def _number(self, offset: int, width: int) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.limits import OFFSET_END, is_time
 from sniffer.ground.model import Chunk, Clock, Direction
-from sniffer.sources.text import Damage, Opened, blocks, quoted
+from sniffer.sources.text import DamagedLine, Opened, blocks, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -42,17 +42,19 @@ class _Stream:
         except ValueError:
             data = None
         if data is None:
-            raise Damage(number, f'a {record["type"]} needs "hex": an even number of hex digits')
+            raise DamagedLine(
+                number, f'a {record["type"]} needs "hex": an even number of hex digits'
+            )
         if type(offset) is not int or not 0 <= offset < OFFSET_END:
-            raise Damage(number, f'a {record["type"]} needs "offset": a whole number')
+            raise DamagedLine(number, f'a {record["type"]} needs "offset": a whole number')
         if not isinstance(bus, str):
-            raise Damage(number, '"bus" is a name')
+            raise DamagedLine(number, '"bus" is a name')
         # half a surrogate is no character: no output could hold it
         bus = bus.encode("utf-8", "backslashreplace").decode()
         due = self._due.get(bus, offset)
         if 0 < offset < due:
             why = f"offset {offset} goes back, {due} is due: the records are not in wire order"
-            raise Damage(number, why, nonsense=False)
+            raise DamagedLine(number, why, nonsense=False)
         self.missing += max(0, offset - due)
         self._due[bus] = offset + len(data)
         t_ns, clock = self._time(record, number)
@@ -64,11 +66,11 @@ class _Stream:
         # times without a word about their clock are timestamps in a text file
         clock = (Clock.FILE if name is None else _CLOCKS.get(name)) if _plain(name) else None
         if clock is None:
-            raise Damage(number, f'"clock" is one of {", ".join(_CLOCKS)}')
+            raise DamagedLine(number, f'"clock" is one of {", ".join(_CLOCKS)}')
         if clock is Clock.NONE or t_ns is None:
             return None, Clock.NONE
         if type(t_ns) is not int or not is_time(t_ns):
-            raise Damage(number, '"t_ns" is a whole number of nanoseconds, of 1969 to 2257')
+            raise DamagedLine(number, '"t_ns" is a whole number of nanoseconds, of 1969 to 2257')
         return t_ns, clock
 
     def notes(self) -> Iterator[str]:
@@ -104,7 +106,7 @@ def _chunks(opened: Opened, stream: _Stream) -> Iterator[Chunk]:
                 if block.cut_off:
                     stream.cut_off = True
                     return
-                raise Damage(number, f'{quoted(line)} is no JSON object with a "type"')
+                raise DamagedLine(number, f'{quoted(line)} is no JSON object with a "type"')
             if record["type"] in CARRIERS and (chunk := stream.chunk(record, number)):
                 yield chunk
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final
 
-from sniffer.sources.text import Damage, LineBlock, Opened, blocks, quoted, untimed
+from sniffer.sources.text import DamagedLine, LineBlock, Opened, blocks, quoted, untimed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -145,7 +145,7 @@ def _lines(block: LineBlock, single: Callable[[bytes], bytes]) -> Iterator[bytes
         except BadLineError as mistake:
             yield single(line[: mistake.good])
             column += mistake.column + 1
-            raise Damage(number, mistake.why, column=column) from None
+            raise DamagedLine(number, mistake.why, column=column) from None
         column = 0
 
 

@@ -1,7 +1,7 @@
 """What all text inputs share: blocks of whole lines, and damage that knows its line.
 
 A reader takes an :class:`Opened` input and yields chunks lazily; it holds one block at a time,
-whatever the size of the file. Where the text stops making sense it raises :class:`Damage` after
+whatever the size of the file. Where the text stops making sense it raises ``DamagedLine`` after
 having yielded all that came before.
 """
 
@@ -48,7 +48,7 @@ class Opened:
     notes: list[str] = field(default_factory=list)
 
 
-class Damage(DamagedInputError):
+class DamagedLine(DamagedInputError):
     """The text makes no sense from ``line`` on, counted from 1.
 
     ``nonsense`` is false where the line is well-formed but contradicts what was read before it:
@@ -91,7 +91,7 @@ def blocks(stream: Stream, part: Callable[[bytes], int] | None = None) -> Iterat
     """Yield the text in whole lines.
 
     ``part`` says where in a buffer without a line end an endless line may be parted; without it
-    such a line raises :class:`Damage`.
+    such a line raises :class:`DamagedLine`.
     """
     held = b""
     number, column, first = 1, 0, True
@@ -107,7 +107,9 @@ def blocks(stream: Stream, part: Callable[[bytes], int] | None = None) -> Iterat
         if end < 0:
             if part is None:
                 if len(held) > LONGEST_LINE:
-                    raise Damage(number, f"a line of more than {LONGEST_LINE} bytes is no dump")
+                    raise DamagedLine(
+                        number, f"a line of more than {LONGEST_LINE} bytes is no dump"
+                    )
             elif len(held) >= BLOCK and (end := part(held)) > 0:
                 yield LineBlock(held[:end], number, column, cut_off=False)
                 column += end

@@ -16,7 +16,7 @@ class Stops:
     """Conditions that end a recording; None: not that one. The first that is met counts.
 
     ``max_size`` is in bytes, of all files of the recording together. ``idle_ns`` counts from the
-    last byte on any bus. ``until`` are what ``watching.awaited_in`` reads: codes, or rules.
+    last byte on any bus. ``until`` are what ``watching.awaited_in`` reads: codes, causes, rules.
     """
 
     duration_ns: int | None = None

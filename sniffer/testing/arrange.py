@@ -20,7 +20,7 @@ from sniffer.ground.codes import (
     UNSOLICITED,
 )
 from sniffer.ground.model import NO_ALT
-from sniffer.testing.case import TORN, Case
+from sniffer.testing.case import TORN, TalkCase
 from sniffer.testing.facts import plain
 
 if TYPE_CHECKING:
@@ -64,20 +64,20 @@ class Others:
         return sorted({k * (n - 1) // (most - 1) for k in range(most)})
 
 
-def answered(k: Known, others: Others) -> Iterator[Case]:
+def answered(k: Known, others: Others) -> Iterator[TalkCase]:
     """Said and answered."""
     del others
     yield plain(k.exchange)
 
 
-def lost(k: Known, others: Others) -> Iterator[Case]:
+def lost(k: Known, others: Others) -> Iterator[TalkCase]:
     """Said once, twice, three times, and answered at last or never."""
     del others
     e = k.exchange
     for name, times, is_answered in _LOST:
         if not k.answers and (is_answered or times == 1):
             continue
-        case = Case(name, (e,) * times)
+        case = TalkCase(name, (e,) * times)
         for _ in range(times - is_answered):
             case.unanswered(e, case.ask(e))
         if is_answered:
@@ -93,34 +93,34 @@ _LOST: Final = (
 )
 
 
-def lost_then_another(k: Known, others: Others) -> Iterator[Case]:
+def lost_then_another(k: Known, others: Others) -> Iterator[TalkCase]:
     """Lost, then another request to the same servo."""
     if not k.answers:
         return
     e = k.exchange
     for o in others.some(lambda o: o.servo_id == k.servo_id and o.exchange.request != e.request):
-        case = Case("lost, then another", (e, o.exchange))
+        case = TalkCase("lost, then another", (e, o.exchange))
         case.unanswered(e, case.ask(e))
         case.exchange(o.exchange)
         yield case
 
 
-def asked_twice(k: Known, others: Others) -> Iterator[Case]:
+def asked_twice(k: Known, others: Others) -> Iterator[TalkCase]:
     """Said and answered, and all of it once more."""
     del others
-    case = Case("asked twice", (k.exchange, k.exchange), valued=True)
+    case = TalkCase("asked twice", (k.exchange, k.exchange), valued=True)
     case.exchange(k.exchange)
     case.exchange(k.exchange)
     yield case
 
 
-def answered_twice(k: Known, others: Others) -> Iterator[Case]:
+def answered_twice(k: Known, others: Others) -> Iterator[TalkCase]:
     """One request, and its answer twice."""
     del others
     if not k.answers:
         return
     e = k.exchange
-    case = Case("answered twice", (e,))
+    case = TalkCase("answered twice", (e,))
     at = case.exchange(e)
     for raw in e.replies:
         if not k.stands_alone:
@@ -132,7 +132,7 @@ def answered_twice(k: Known, others: Others) -> Iterator[Case]:
     yield case
 
 
-def another_servos(k: Known, others: Others) -> Iterator[Case]:
+def another_servos(k: Known, others: Others) -> Iterator[TalkCase]:
     """The answer of another servo, then the right one."""
     if not k.asks_one:
         return
@@ -144,7 +144,7 @@ def another_servos(k: Known, others: Others) -> Iterator[Case]:
     yield from _misfits("answer from another id", k, others.some(alike))
 
 
-def another_commands(k: Known, others: Others) -> Iterator[Case]:
+def another_commands(k: Known, others: Others) -> Iterator[TalkCase]:
     """The answer to another command, by the servo that was asked; then the right one."""
     if not k.asks_one:
         return
@@ -157,19 +157,19 @@ def another_commands(k: Known, others: Others) -> Iterator[Case]:
     yield from _misfits("answer to another command", k, others.some(unlike))
 
 
-def _misfits(name: str, k: Known, some: Sequence[Known]) -> Iterator[Case]:
+def _misfits(name: str, k: Known, some: Sequence[Known]) -> Iterator[TalkCase]:
     for o in some:
-        case = Case(name, (k.exchange, o.exchange))
+        case = TalkCase(name, (k.exchange, o.exchange))
         case.pair(case.ask(k.exchange), case.frame(o.exchange.replies[0], RESPONSE), MISMATCHED)
         yield case
-        case = Case(name, (k.exchange, o.exchange))
+        case = TalkCase(name, (k.exchange, o.exchange))
         at = case.ask(k.exchange)
         case.pair(-1, case.frame(o.exchange.replies[0], RESPONSE), UNSOLICITED)
         case.answer(k.exchange, at)
         yield case
 
 
-def in_flight(k: Known, others: Others) -> Iterator[Case]:
+def in_flight(k: Known, others: Others) -> Iterator[TalkCase]:
     """Two servos asked at once, answering in both orders."""
     if not k.asks_one:
         return
@@ -180,20 +180,20 @@ def in_flight(k: Known, others: Others) -> Iterator[Case]:
 
     for o in others.some(beside):
         for first, second in ((k, o), (o, k)):
-            case = Case("two in flight", (k.exchange, o.exchange))
+            case = TalkCase("two in flight", (k.exchange, o.exchange))
             asked = {id(x): case.ask(x.exchange) for x in (k, o)}
             for x in (first, second):
                 case.answer(x.exchange, asked[id(x)])
             yield case
 
 
-def late(k: Known, others: Others) -> Iterator[Case]:
+def late(k: Known, others: Others) -> Iterator[TalkCase]:
     """Answered behind a silence in which nothing can still be waited for."""
     del others
     if not k.answers:
         return
     e = k.exchange
-    case = Case("answer late", (e,))
+    case = TalkCase("answer late", (e,))
     case.pair(case.ask(e), -1, NO_RESPONSE, NOT_EXPECTED)
     for raw in e.replies:
         case.silence()
@@ -201,18 +201,18 @@ def late(k: Known, others: Others) -> Iterator[Case]:
     yield case
 
 
-def stray_byte(k: Known, others: Others) -> Iterator[Case]:
+def stray_byte(k: Known, others: Others) -> Iterator[TalkCase]:
     """A byte of nothing at the turn of the bus."""
     del others
     if k.stands_alone:
-        case = Case("a stray byte", (k.exchange,))
+        case = TalkCase("a stray byte", (k.exchange,))
         at = case.ask(k.exchange)
         case.noise(b"\0")
         case.answer(k.exchange, at)
         yield case
 
 
-def cut(k: Known, others: Others) -> Iterator[Case]:
+def cut(k: Known, others: Others) -> Iterator[TalkCase]:
     """The answer cut anywhere; a silence or the next request behind it."""
     if not k.answers:
         return
@@ -220,7 +220,7 @@ def cut(k: Known, others: Others) -> Iterator[Case]:
     for n in others.places(len(raw), 4)[1:]:
         for o in others.some(_is_healthy)[:1]:
             for silent in (True, False):
-                case = Case("answer cut", (e, o.exchange))
+                case = TalkCase("answer cut", (e, o.exchange))
                 case.pair(case.ask(e), -1, *TORN)
                 case.noise(raw[:n])
                 if silent:
@@ -229,14 +229,14 @@ def cut(k: Known, others: Others) -> Iterator[Case]:
                 yield case
 
 
-def damaged(k: Known, others: Others) -> Iterator[Case]:
+def damaged(k: Known, others: Others) -> Iterator[TalkCase]:
     """One bit of the answer flipped anywhere; then the next exchange."""
     if not k.answers:
         return
     e, raw = k.exchange, k.exchange.replies[0]
     for broken in _flipped(others, raw):
         for o in others.some(_is_healthy)[:1]:
-            case = Case("answer damaged", (e, o.exchange))
+            case = TalkCase("answer damaged", (e, o.exchange))
             at = case.ask(e)
             case.noise(broken)
             if k.request.reply == MANY and len(e.replies) > 1:
@@ -250,12 +250,12 @@ def damaged(k: Known, others: Others) -> Iterator[Case]:
             yield case
 
 
-def request_damaged(k: Known, others: Others) -> Iterator[Case]:
+def request_damaged(k: Known, others: Others) -> Iterator[TalkCase]:
     """One bit of the request flipped anywhere: whoever answers all the same is not asked."""
     e = k.exchange
     for broken in _flipped(others, e.request):
         for o in others.some(_is_healthy)[:1]:
-            case = Case("request damaged", (e, o.exchange))
+            case = TalkCase("request damaged", (e, o.exchange))
             case.noise(broken)
             for raw in e.replies:
                 case.stray(raw, stands_alone=k.stands_alone)
@@ -263,12 +263,12 @@ def request_damaged(k: Known, others: Others) -> Iterator[Case]:
             yield case
 
 
-def silence_inside(k: Known, others: Others) -> Iterator[Case]:
+def silence_inside(k: Known, others: Others) -> Iterator[TalkCase]:
     """A silence at every boundary of request and answers: nothing leads across it."""
     e = k.exchange
     frames = (e.request, *e.replies)
     for at in others.places(len(e.data), 24)[1:]:
-        case = Case("silence inside", (e,))
+        case = TalkCase("silence inside", (e,))
         begin, asked, torn, answers = 0, -1, False, 0
         for n, raw in enumerate(frames):
             inside = begin < at < begin + len(raw)
@@ -318,9 +318,9 @@ def _flip(raw: bytes, at: int, bit: int) -> bytes:
     return raw[:at] + bytes([raw[at] ^ bit]) + raw[at + 1 :]
 
 
-def scene_of(exchanges: Sequence[Exchange]) -> Case:
+def scene_of(exchanges: Sequence[Exchange]) -> TalkCase:
     """Return exchanges in their order, all answered."""
-    case = Case(SCENE, tuple(exchanges), valued=True)
+    case = TalkCase(SCENE, tuple(exchanges), valued=True)
     for e in exchanges:
         case.exchange(e)
     return case

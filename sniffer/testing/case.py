@@ -44,7 +44,7 @@ class Pair(NamedTuple):
 
 
 @dataclass(slots=True)
-class Case:
+class TalkCase:
     """Bytes, silences between them, and the truth. ``exchanges`` are those it is made of."""
 
     arrangement: str

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import BusProtocol
-    from sniffer.testing.case import Case
+    from sniffer.testing.case import TalkCase
     from sniffer.testing.facts import Fact, Known
     from sniffer.testing.talk import Talk
 
@@ -55,7 +55,7 @@ def goals(
     talk: Talk,
     known: Sequence[Known],
     scenes: Sequence[Sequence[Fact]],
-    cases: Sequence[Case],
+    cases: Sequence[TalkCase],
     arrangements: Iterable[str],
 ) -> list[Goal]:
     """Return everything that is asked of a talk, met or not."""

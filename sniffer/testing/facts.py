@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from sniffer.ground.codes import MANY, NEVER, REQUEST, RESPONSE
 from sniffer.ground.model import NO_ALT, Frames
-from sniffer.testing.case import Case
+from sniffer.testing.case import TalkCase
 from sniffer.testing.truth import decoder_of, laid_out, wrong_of
 
 if TYPE_CHECKING:
@@ -89,23 +89,23 @@ def header_of(frames: Iterable[bytes]) -> bytes:
     return first[: sum(1 for _ in same)]
 
 
-def plain(e: Exchange) -> Case:
+def plain(e: Exchange) -> TalkCase:
     """Return the exchange as it is, request and answers."""
-    case = Case("answered", (e,), valued=True)
+    case = TalkCase("answered", (e,), valued=True)
     case.exchange(e)
     return case
 
 
-def alone(e: Exchange) -> Case:
+def alone(e: Exchange) -> TalkCase:
     """Return the answers without their request, each after a silence."""
-    case = Case("answer alone", (e,))
+    case = TalkCase("answer alone", (e,))
     for raw in e.replies:
         case.silence()
         case.frame(raw, RESPONSE)
     return case
 
 
-def facts_of(protocol: BusProtocol, cases: Sequence[Case], model: str) -> list[list[Fact]]:
+def facts_of(protocol: BusProtocol, cases: Sequence[TalkCase], model: str) -> list[list[Fact]]:
     """Return the frames that the protocol finds in each case, none where it raises."""
     try:
         return _facts_of(protocol, cases, model)
@@ -115,7 +115,7 @@ def facts_of(protocol: BusProtocol, cases: Sequence[Case], model: str) -> list[l
         return [facts for case in cases for facts in facts_of(protocol, [case], model)]
 
 
-def _facts_of(protocol: BusProtocol, cases: Sequence[Case], model: str) -> list[list[Fact]]:
+def _facts_of(protocol: BusProtocol, cases: Sequence[TalkCase], model: str) -> list[list[Fact]]:
     decoder = decoder_of(protocol, model)
     out: list[list[Fact]] = [[] for _ in cases]
     begins, at = [], 0

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import BusProtocol, State, Values
-    from sniffer.testing.case import Case
+    from sniffer.testing.case import TalkCase
     from sniffer.testing.facts import Fact, Known
 
 
@@ -222,7 +222,7 @@ def _without_silences(block: Block) -> Block:
 class Suspects:
     """Which cases could show a fault; of each arrangement some first, rather than all of one."""
 
-    def __init__(self, cases: Sequence[Case], without: Collection[int]) -> None:
+    def __init__(self, cases: Sequence[TalkCase], without: Collection[int]) -> None:
         self.every: list[int] = []
         self.by_command: dict[str, list[int]] = defaultdict(list)
         self.by_register: dict[str, list[int]] = defaultdict(list)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from sniffer.protocols.base import BusProtocol
-    from sniffer.testing.case import Case
+    from sniffer.testing.case import TalkCase
     from sniffer.testing.facts import Fact, Known
     from sniffer.testing.faults import PlantedFault
     from sniffer.testing.talk import Exchange, Talk
@@ -108,7 +108,7 @@ class Kit:
         return known_of(self.protocol, self.talk.exchanges, self.model)
 
     @functools.cached_property
-    def cases(self) -> list[Case]:
+    def cases(self) -> list[TalkCase]:
         """All arrangements of them, and the scenes."""
         others = Others(self.protocol, self.known, thorough=self.thorough)
         understood = {id(k.exchange) for k in self.known}

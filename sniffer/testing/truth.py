@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import Batch
     from sniffer.protocols.base import BusProtocol
-    from sniffer.testing.case import Case, Pair, Stated
+    from sniffer.testing.case import Pair, Stated, TalkCase
 
 BEGIN_NS: Final = 1_700_000_000_000_000_000
 """Any moment will do, but one that is a time stamp."""
@@ -43,7 +43,7 @@ class Heard:
     errors: set[str] = field(default_factory=set)
 
 
-def laid_out(protocol: BusProtocol, cases: Sequence[Case]) -> list[Chunk]:
+def laid_out(protocol: BusProtocol, cases: Sequence[TalkCase]) -> list[Chunk]:
     """Return the cases one after the other, as chunks with times, silences between them."""
     byte_ns, silence_ns = byte_time_ns(protocol.baud), 2 * protocol.tail_ns
     t, out = BEGIN_NS, []
@@ -61,7 +61,7 @@ def decoder_of(protocol: BusProtocol, model: str) -> Decoder:
     return Decoder(protocol, models={None: model} if model else None)
 
 
-def hear(protocol: BusProtocol, cases: Sequence[Case], model: str) -> list[Heard]:
+def hear(protocol: BusProtocol, cases: Sequence[TalkCase], model: str) -> list[Heard]:
     """Decode the cases in one pass."""
     decoder = decoder_of(protocol, model)
     out = [Heard() for _ in cases]
@@ -105,7 +105,7 @@ def _split(
         out[of[row]].values.add((servo, protocol.registers[register].name, raw))
 
 
-def judged(case: Case, heard: Heard) -> str:
+def judged(case: TalkCase, heard: Heard) -> str:
     """Return what is wrong about a case, empty where nothing is."""
     if len(heard.frames) != len(case.frames):
         return _frames(case.frames, heard)
@@ -160,7 +160,7 @@ def _pairs(want: Sequence[Pair], heard: Heard) -> str:
     return f"pairs {wanted or 'none'}; decoded as {got or 'none'}"
 
 
-def wrong_of(protocol: BusProtocol, cases: Sequence[Case], model: str) -> dict[int, str]:
+def wrong_of(protocol: BusProtocol, cases: Sequence[TalkCase], model: str) -> dict[int, str]:
     """Return which cases are not decoded as they are labelled, and how.
 
     A case that fails among others is decoded once more by itself, and that counts.
@@ -178,7 +178,7 @@ def wrong_of(protocol: BusProtocol, cases: Sequence[Case], model: str) -> dict[i
     return out
 
 
-def judged_alone(protocol: BusProtocol, case: Case, model: str) -> str:
+def judged_alone(protocol: BusProtocol, case: TalkCase, model: str) -> str:
     """Return what is wrong about a case that nothing stands before, empty where nothing is."""
     try:
         return judged(case, hear(protocol, [case], model)[0])

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from bench.diagnosis.played.cases import EVERY, Cases
 from bench.diagnosis.played.draft import ALL, SELDOM, TURN
+from bench.diagnosis.played.lines import ALL_WORDS
 from bench.diagnosis.played.presence import suffers
 from sniffer.ground.model import NS
 from sniffer.simulation import faults as f
@@ -111,6 +112,8 @@ def grows_hot(draft: Draft) -> None:
 
     def warm(play: Play) -> None:
         play.servo(who).joint.temperature = limit - below
+        if draft.protocol == "lss":  # else it says that it saved itself, and not from what
+            play.tongue.turn = ALL_WORDS
 
     def heat(play: Play) -> None:
         joint = play.servo(who).joint

@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
     from bench.diagnosis.played.stage import Stage
 
+ALL_WORDS: Final = ("Q", "QV", "QC", "QT", "QWD")
 TURNS: Final = (
     ("QV", "QT", "QC", "Q"),
     ("Q", "QC"),
-    ("Q", "QV", "QC", "QT", "QWD"),
+    ALL_WORDS,
 )
 """What is asked for in turn, beside the position."""
 
@@ -31,7 +32,7 @@ class LssTongue(Tongue):
     def __init__(self, stage: Stage, rng: random.Random) -> None:
         super().__init__(stage, rng)
         self.together = False
-        self._turn = rng.choice(TURNS)
+        self.turn = rng.choice(TURNS)
         self._timed = rng.random() < 0.3
         self.by_pulse = False
 
@@ -42,6 +43,10 @@ class LssTongue(Tongue):
     def tell(self, servo_id: int, word: str, value: int | None = None) -> Say:
         """Say something that is not answered."""
         return Say(command(servo_id, word, value), False)
+
+    def identify(self, servo_id: int) -> Say:
+        """Ask for the firmware."""
+        return self.query(servo_id, "QF")
 
     def hello(self, servo_id: int) -> Iterator[Say]:
         """Ask for the model and the origin, or not."""
@@ -70,7 +75,7 @@ class LssTongue(Tongue):
     def look(self, servo_id: int, turn: int) -> Iterator[Say]:
         """Ask for the position, and in turn for one of the rest."""
         yield self.query(servo_id, "QD")
-        yield self.query(servo_id, self._turn[turn % len(self._turn)])
+        yield self.query(servo_id, self.turn[turn % len(self.turn)])
 
     def rename(self, servo_id: int, new: int) -> Iterator[Say]:
         """Configure the id and reset."""

@@ -35,6 +35,17 @@ def _bend(draft: Draft, who: int, bend: Callable[[float, int], int | None]) -> N
     draft.start(start)
 
 
+RAMP_S: Final = 0.8
+"""How long goals take to where they should not be, and back: they do not jump."""
+
+
+def _leaned(spans: Spans, now_s: float, raw: int, goal: int) -> int:
+    """Return a goal that goes to another one during some time."""
+    ways = (min(now_s - first_s, last_s - now_s) / RAMP_S for first_s, last_s in spans)
+    share = min(max(0.0, *ways), 1.0)
+    return round(raw + (goal - raw) * share)
+
+
 BEYOND: Final = {"mightyzap": (3700, 4000), "rs30x": (1520, 1900), "wck": (215, 250)}
 """Goals outside the limits that are set below, or for an RS30x outside what its manual allows."""
 
@@ -43,7 +54,7 @@ BEYOND: Final = {"mightyzap": (3700, 4000), "rs30x": (1520, 1900), "wck": (215, 
 def goal_out_of_range(draft: Draft) -> None:
     """Goals beyond limits that were read from the servo, or beyond the range of the manual."""
     who = draft.pick()
-    spans = draft.episodes(1, 4)
+    spans = draft.episodes(2.4, 5)
     goal = draft.rng.randint(*BEYOND[draft.protocol])
 
     def limits(play: Play) -> None:
@@ -56,30 +67,29 @@ def goal_out_of_range(draft: Draft) -> None:
         play.tongue.reads_limits = True
 
     draft.start(limits)
-    _bend(
-        draft,
-        who,
-        lambda now_s, raw: goal if _during(spans, now_s) else min(raw, MOST[draft.protocol]),
-    )
+    least, most = INSIDE[draft.protocol]
+    for other in draft.ids:
+        _bend(draft, other, lambda now_s, raw: min(max(raw, least), most))
+    _bend(draft, who, lambda now_s, raw: _leaned(spans, now_s, min(max(raw, least), most), goal))
     draft.truth("goal-out-of-range", who, spans[0][0], spans[-1][1])
 
 
-MOST: Final = {"mightyzap": 3500, "rs30x": 1400, "wck": 200}
-"""Goals of the sound part of the run end here."""
+INSIDE: Final = {"mightyzap": (60, 3500), "rs30x": (-1400, 1400), "wck": (6, 200)}
+"""Goals of the sound servos, and of the sound part of the run, lie between."""
 
 
 @CASES("lss", polls=(ALL, TURN))
 def goal_out_of_range_pulses(draft: Draft) -> None:
     """Pulses beyond what the protocol page allows."""
     who = draft.pick()
-    spans = draft.episodes(1, 4)
+    spans = draft.episodes(2.4, 5)
     pulse = draft.rng.choice((draft.rng.randint(2550, 3000), draft.rng.randint(200, 450)))
 
     def by_pulse(play: Play) -> None:
         play.tongue.by_pulse = True
 
     draft.start(by_pulse)
-    _bend(draft, who, lambda now_s, raw: pulse if _during(spans, now_s) else raw)
+    _bend(draft, who, lambda now_s, raw: _leaned(spans, now_s, raw, pulse))
     draft.truth("goal-out-of-range", who, spans[0][0], spans[-1][1])
 
 

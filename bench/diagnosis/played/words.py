@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any, Final
 from bench.diagnosis.played.cases import Cases
 from bench.diagnosis.played.draft import ALL, TURN
 from bench.diagnosis.played.tongue import Say
+from sniffer.ground.model import NS
 from sniffer.protocols.lss.grammar import reply
 from sniffer.protocols.mightyzap.grammar import EXECUTE
 from sniffer.simulation.mightyzap_servo import command, packet
 from sniffer.simulation.rs30x_servo import returned
-from sniffer.simulation.talk import Message
+from sniffer.simulation.talk import US, Message
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from bench.diagnosis.played.draft import Draft, Play
 
 CASES: Final = Cases()
+
+LISTENS_NS: Final = 150 * US
+"""How long the line must be silent for a device that listens before it speaks."""
 
 PERIODS_S: Final = (0.4, 0.7, 1.3, 2.0)
 
@@ -114,22 +118,27 @@ def _unasked(play: Play, who: int) -> bytes:
     return bytes([4, 128])
 
 
-def _chat(play: Play, who: int) -> None:
+def _chat(play: Play, who: int, waits: bool) -> None:
     stage = play.stage
+    if waits and stage.busy_until_ns + LISTENS_NS > stage.bus.now_ns:
+        later = functools.partial(_chat, play, who, waits)
+        stage.at((stage.busy_until_ns + LISTENS_NS + 1) / NS, later)
+        return
     stage.speak(stage.bus.now_ns, _unasked(play, who))
 
 
 def chats(draft: Draft) -> None:
-    """Let a servo speak when it likes."""
+    """Let a servo speak when it likes, or when nobody else does."""
     rng, who, first_s = draft.rng, draft.pick(), draft.onset()
     last_s = draft.seconds - 0.5
+    waits = rng.random() < 0.7
     if rng.random() < 0.5:
         period = rng.choice((0.25, 0.5, 1.0))
         times = [first_s + n * period for n in range(int((last_s - first_s) / period))]
     else:
         times = sorted(rng.uniform(first_s, last_s) for _ in range(rng.randint(6, 20)))
     for t in times:
-        draft.at(t, functools.partial(_chat, who=who))
+        draft.at(t, functools.partial(_chat, who=who, waits=waits))
     draft.truth("chatty-device", who, times[0], times[-1])
 
 

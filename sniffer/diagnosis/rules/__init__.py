@@ -10,14 +10,20 @@ from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules import (
     bits,
+    collisions,
     complaints,
     controller,
+    foreign,
     goals,
+    held,
     identity,
     joints,
     jumps,
     line,
     losses,
+    masters,
+    motors,
+    outages,
     pairing,
     patience,
     restarts,
@@ -26,6 +32,7 @@ from sniffer.diagnosis.rules import (
     symptoms,
     tap,
     timing,
+    twins,
     warmth,
 )
 
@@ -45,12 +52,19 @@ _AREAS: Final = (
     patience,
     controller,
     goals,
+    collisions,
     complaints,
+    foreign,
+    held,
     identity,
     jumps,
+    masters,
+    motors,
+    outages,
     restarts,
     slowness,
     supply,
+    twins,
     warmth,
 )
 

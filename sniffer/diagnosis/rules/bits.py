@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Final
 from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.clocks import LOOKED, clock_of
 from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.lineerrors import IN_ANSWERS, IN_REQUESTS
-from sniffer.diagnosis.misread import BACK, BITS, BITS_FEW, FRONT
+from sniffer.diagnosis.misread import BACK, BITS, BITS_FEW, FRONT, alike_of
 from sniffer.diagnosis.model import Finding, Place
 
 if TYPE_CHECKING:
@@ -43,7 +44,13 @@ FINDINGS: Final = (
         "last-bits",
         "line",
         "Of this servo's bytes the last bits are read wrong, or their stop bits are missed, and nobody else's.",
-        "Misread bits of one servo are bits 6 and 7 of their bytes, or line errors stand in its answers only.",
+        "Misread bits of one servo are bits 5 to 7 of their bytes, or line errors stand in its answers only.",
+    ),
+    FindingCode(
+        "clock-off",
+        "line",
+        "The torn answers of a servo are what a tap hears of a clock that is so much off.",
+        "Its sound answers, played at bits 2.5 to 10 % longer or shorter into a UART, give what was heard, in three of five torn ones.",
     ),
     FindingCode(
         "first-byte-torn",
@@ -85,8 +92,21 @@ KNOWN: Final = 0.25
 PROMPT: Final = 0.25
 """Part of a byte time by which times must be sure, and an answer late, to lack its first byte."""
 
-ENDING: Final = 6
-"""From this bit of a byte on a clock that is off by a twentieth shows."""
+ENDING: Final = 5
+"""From this bit of a byte on a clock that is off by a twentieth, and edges that are late beside,
+show."""
+
+OFTEN: Final = 0.05
+"""Part of a servo's answers that must have a line error: noise hits one now and then."""
+
+EDGES: Final = frozenset(0xFF << k & 0xFF for k in range(9))
+"""Bytes of one rising edge: what a UART makes of a line that falls low for a moment."""
+
+BARE: Final = 2
+"""Bytes of an answer without a header."""
+
+WIDE: Final = 12
+"""Packets with line errors that tell whose they are."""
 
 APART: Final = 10.0
 """How many times the others' share of line errors a servo must have."""
@@ -147,6 +167,8 @@ def last_bits(case: Case) -> Iterator[Finding]:
     errors = sums({k: v[e["place"] == IN_ANSWERS] for k, v in e.items()}, "servo_id", "n")
     elsewhere = int(e["n"][e["place"] == IN_REQUESTS].sum())
     answered = {s: case.total("ok", s) + case.total("damaged", s) for s in case.servos}
+    everyone = [(m.servo_id, f) for m in case.misreads if m.shape == BITS_FEW for f in m.flips]
+    ending = sum(f.bit >= ENDING for _, f in everyone)
     for servo in case.servos:
         read = [m for m in case.misreads if m.servo_id == servo]
         flips = [f for m in read if m.shape == BITS_FEW for f in m.flips]
@@ -154,13 +176,14 @@ def last_bits(case: Case) -> Iterator[Finding]:
         mine = errors.get(servo, 0)
         others = elsewhere + sum(n for s, n in errors.items() if s != servo)
         rest = max(case.ledger.frames - answered[servo], 1)
-        alone = mine >= LEAST and mine / max(answered[servo], 1) >= APART * (others + 1) / rest
-        bitwise = len(flips) >= SAME and late >= PURE * len(flips)
+        alone = mine >= OFTEN * answered[servo] and mine >= LEAST
+        alone = alone and mine / max(answered[servo], 1) >= APART * (others + 1) / rest
+        bitwise = len(flips) >= SAME and late >= PURE * max(len(flips), ending)
         if not (alone or bitwise):
             continue
         told = []
         if bitwise:
-            told.append(f"{late} of {len(flips)} misread bits are the last two of their bytes")
+            told.append(f"{late} of {len(flips)} misread bits are the last three of their bytes")
         if alone:
             told.append(
                 f"{mine} line errors stand in its {answered[servo]} answers, {others} elsewhere"
@@ -168,7 +191,7 @@ def last_bits(case: Case) -> Iterator[Finding]:
         rows = (e["servo_id"] == servo) & (e["place"] == IN_ANSWERS)
         times = [m.damage.t_ns for m in read] + e["t_first"][rows].tolist()
         ends = [m.damage.t_ns for m in read] + e["t_last"][rows].tolist()
-        chance = at_least(late, len(flips), 0.25) if bitwise else 1.0
+        chance = at_least(late, len(flips), 0.375) if bitwise else 1.0
         yield Finding(
             "last-bits",
             servo,
@@ -185,6 +208,62 @@ def last_bits(case: Case) -> Iterator[Finding]:
             ),
             strength=1.0 if alone and bitwise else max(sureness(chance, 1e-4), 0.8 * alone),
             brief=f"the last bits of servo {servo} are misread",
+        )
+
+
+def wide_errors(case: Case) -> Iterator[Finding]:
+    """Find the one servo in whose answers all line errors are that an adapter tells by the packet."""
+    errors = case.ledger.line_errors
+    within = {s: told for s, told in errors.within.items() if s in case.answering}
+    ahead = sorted(within, key=lambda s: -within[s][0])
+    if errors.wide < WIDE or len(ahead) < 2 or len(case.answering) < 2:
+        return
+    one, other = ahead[:2]
+    n, first, last = within[one]
+    answered = case.total("ok", one) + case.total("damaged", one)
+    if n < PURE_WAY * errors.wide or within[other][0] > MOST * n or n < OFTEN * answered:
+        return
+    torn = sum(d.turn == IN_REPLY and d.servo_id == one for d in case.damages)
+    if torn > n / 2:
+        return  # what tears answers makes such errors, too
+    yield Finding(
+        "last-bits",
+        one,
+        first,
+        last,
+        n,
+        f"of {errors.wide} packets with line errors {n} hold an answer of servo {one}, "
+        f"{within[other][0]} one of servo {other}; its frames are hardly ever torn",
+        strength=0.8,
+        brief=f"stop bits of servo {one} are missed",
+    )
+
+
+def clocks(case: Case) -> Iterator[Finding]:
+    """Find servos whose torn answers are those of a clock that is off."""
+    known = case.ledger.damages.likes.known
+    for servo in case.servos:
+        torn = [d for d in case.damages if d.turn == IN_REPLY and d.servo_id == servo]
+        share = len(torn) / max(case.total("ok", servo) + len(torn), 1)
+        rest = (len(case.damages) - len(torn) + 1) / max(case.ledger.frames, 1)
+        if len(torn) < SAME or share < APART / 2 * rest:
+            continue
+        found = clock_of(tuple((d.got, alike_of(d, known)) for d in torn[:LOOKED]))
+        if found is None or found.explained < SAME:
+            continue
+        slow = "slower" if found.off > 0 else "faster"
+        yield Finding(
+            "clock-off",
+            servo,
+            torn[0].t_ns,
+            torn[-1].t_ns,
+            len(torn),
+            f"{found.explained} of {found.tried} torn answers of servo {servo} are what a tap hears "
+            f"of a clock that is {abs(found.off):.1%} {slow}",
+            tuple(Place(d.at, d.length, d.t_ns, "a torn answer") for d in torn[:3]),
+            strength=min(0.5 + found.explained / 16, 1.0),
+            brief=f"the clock of servo {servo} is {abs(found.off):.0%} {slow}",
+            values=(("off", found.off),),
         )
 
 
@@ -214,6 +293,27 @@ def ends(case: Case) -> Iterator[Finding]:
             f"{len(last)} of {len(requests)} torn requests lack their last byte, or it is wrong",
             "the last byte of requests is torn",
             min(0.4 + 0.1 * len(last), 1.0),
+        )
+
+
+def strays_before(case: Case) -> Iterator[Finding]:
+    """Find bare answers with a stray byte before them: there is no header that tells the two apart."""
+    answers = [m for m in case.misreads if m.damage.turn == IN_REPLY and m.damage.alike]
+    before = [
+        m
+        for m in answers
+        if 1 <= m.damage.length - len(m.damage.expected) <= 2
+        and m.damage.got[0] in EDGES
+        and len(m.damage.expected) <= BARE
+    ]
+    alone = len({m.servo_id for m in before}) == 1 and len(case.answering) > 1
+    if len(before) >= 2 * LEAST and len(before) >= MOST * len(answers) and not alone:
+        yield _finding(
+            "strays-at-turn",
+            before,
+            f"{len(before)} of {len(answers)} torn answers have a stray byte more at their beginning",
+            "stray bytes before answers",
+            min(0.4 + 0.1 * len(before), 1.0),
         )
 
 
@@ -271,5 +371,5 @@ def _places(read: Iterable[Misread]) -> tuple[Place, ...]:
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (bits, last_bits, ends)
+RULES: Final[tuple[Rule, ...]] = (bits, last_bits, wide_errors, clocks, ends, strays_before)
 """The rules of this area."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,7 +13,7 @@ from sniffer.ground.codes import COMMANDED
 from sniffer.ground.model import MALFORMED, NS, UNKNOWN, UNUSUAL
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
@@ -89,9 +88,8 @@ LIMITS: Final = (
 """Registers that bound a goal, by their names in the tables (mightyZAP, RS30x, wCK). LSS has none
 for angles: its angular range is for pulses and RC mode."""
 
-KEPT_BY: Final[Mapping[str, str]] = MappingProxyType({"rs30x": "flash_write"})
-"""Protocols whose servos keep settings only when they are told to. Source: RS305CR manual, 4.2 and
-flag bit 6: No. 4 to 29 are in RAM until then."""
+ID_SET: Final = "id_set"
+"""The command whose code the appendix of the wCK manual (1.07, A-4) gives for reading gains."""
 
 LOOP: Final = 8
 """Writes of one setting that no set-up needs: a person who tunes a gain tries a few."""
@@ -261,17 +259,17 @@ def memory_wear(case: Case) -> Iterator[Finding]:
         hours = RATED / (n - 1) * seconds / 3600
         if case.has_clock and hours > LIFE_H:
             continue
-        pace = f": {hours:.3g} hours at this pace" if case.has_clock else ""
+        pace = f", which last {hours:.3g} hours at this pace" if case.has_clock else ""
         yield Finding(
             "memory-written-often",
             _single(case, servo),
             *span,
             n,
-            f"{what} of servo {servo} is written to memory {n} times, {n / RATED:.2%} of the {RATED} "
-            f"cycles that such memory is usually rated for{pace}",
+            f"{n} times {what} of servo {servo}, which keeps it without power: {n / RATED:.2%} of the "
+            f"{RATED} cycles that such memory is usually rated for{pace}",
             (place,),
             strength=min(0.5 + n / (4 * LOOP), 1.0),
-            brief=f"{what} of servo {servo} is written {n} times",
+            brief=f"{what} of servo {servo} written to memory {n} times",
             values=(("writes", n), ("rated", RATED)),
         )
 
@@ -282,8 +280,9 @@ _Kept = tuple[str, int, tuple[int, int], Place]
 def _kept(case: Case) -> dict[int, _Kept]:
     """Return for each servo what was written oftenest to memory: what, how often, when, where."""
     out: dict[int, _Kept] = {}
-    keeps, kinds, w = KEPT_BY.get(case.protocol.name), case.ledger.exchanges.kinds, case.writes
-    if keeps is not None:
+    kinds, w = case.ledger.exchanges.kinds, case.writes
+    keeps = getattr(case.protocol, "keeps", "")
+    if keeps:  # only then are settings written to memory
         for k, op in enumerate(kinds.op):
             if case.protocol.op_name(op) == keeps and not kinds.odd[k] & ~UNUSUAL:
                 span = kinds.t_first[k], int(kinds.t_last[k])
@@ -303,7 +302,7 @@ def _kept(case: Case) -> dict[int, _Kept]:
 
 def gain_read(case: Case) -> Iterator[Finding]:
     """Ids that a client sets to 0 because it thinks that it reads gains."""
-    if case.protocol.name != "wck":
+    if ID_SET not in map(case.protocol.op_name, case.ledger.exchanges.kinds.op):
         return
     rows = case.settings("servo_id")
     given = rows.take((rows.written == 1) & (rows.after == 0) & (rows.servo_id > 0))
@@ -340,6 +339,7 @@ def _misused(case: Case, line: bytes) -> str:
 def odd_commands(case: Case) -> Iterator[Finding]:
     """Requests that are not as the manual has them, and modifiers where they mean nothing."""
     kinds = case.ledger.exchanges.kinds
+    torn = case.count("bad-checksum", "damaged-frame", "truncated-frame", "noise", "idle-tail")
     has_modifiers = any(r.kind == "modifier" for r in case.protocol.registers)
     for k, odd in enumerate(kinds.odd):
         n, servo = int(kinds.n[k]), kinds.servo_id[k]
@@ -350,7 +350,7 @@ def odd_commands(case: Case) -> Iterator[Finding]:
         if wrong:
             text = kinds.example[k].decode("latin-1").strip()
             code, what = "modifier-misused", f"{n} x {text}: {name} has no modifier {wrong}"
-        elif odd & (MALFORMED | UNKNOWN) and n >= OFTEN:
+        elif odd & (MALFORMED | UNKNOWN) and (n >= OFTEN or not torn):
             how = "with a body it cannot have" if odd & MALFORMED else "which stands in no manual"
             code, what = "odd-commands", f"{n} x {name} {how}: {shown}"
         else:
@@ -368,8 +368,9 @@ def odd_commands(case: Case) -> Iterator[Finding]:
 
 
 def _single(case: Case, servo: int) -> int | None:
-    """Return a servo, None where all are meant."""
-    return None if servo < 0 or servo in case.protocol.everyone else servo
+    """Return a servo, None where all or several are meant."""
+    known = servo in case.answering or bool((case.writes["servo_id"] == servo).any())
+    return servo if known and servo not in case.protocol.everyone else None
 
 
 RULES: Final[tuple[Rule, ...]] = (

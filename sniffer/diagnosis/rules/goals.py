@@ -45,11 +45,12 @@ to point."""
 PAUSED: Final = 2.5
 """A pause so much longer than usual lets a path go on that is a function of time."""
 
-WEAK: Final = frozenset({"lss", "wck"})
-"""Protocols of which a damaged frame may hold: no checksum, and one of seven bits."""
+STATED: Final = 0.6
+"""Where fewer goals than so much of the usual number are stated, some are missing in between."""
 
-DOUBT: Final = 5
-"""Damaged places from which on one more may have held by chance."""
+DOUBT: Final = 3
+"""Damaged places from which on another may have held by chance, where the checksum is weak or there
+is none."""
 
 
 def goal_jumps(case: Case) -> Iterator[Finding]:
@@ -64,7 +65,8 @@ def goal_jumps(case: Case) -> Iterator[Finding]:
         worst = int(rows[np.argmax(goals.step[rows])])
         returns = bool(np.abs(goals.last[worst] - goals.first[worst]) < goals.step[worst] / 2)
         torn = case.count("bad-checksum", "damaged-frame", "noise", "truncated-frame")
-        doubtful = case.protocol.name in WEAK and torn >= DOUBT
+        if torn >= DOUBT and _is_weak(case):
+            continue
         yield Finding(
             "goal-jump",
             servo,
@@ -73,16 +75,26 @@ def goal_jumps(case: Case) -> Iterator[Finding]:
             len(rows),
             f"a goal of servo {servo} jumps by {goals.told(float(goals.step[worst]))}, where nine "
             f"tenths of its steps are below {goals.told(usual)}"
-            + (", and comes back" if returns else "")
-            + (f"; with {torn} damaged places it may be a damaged frame" if doubtful else ""),
+            + (", and comes back" if returns else ""),
             tuple(
                 Place(int(goals.at[r]), 1, int(goals.t_first[r]), "goals among which one jumps")
                 for r in rows[:3]
             ),
-            strength=0.4 if doubtful else 1.0,
             brief=f"a goal of servo {servo} jumps by {goals.told(float(goals.step[worst]))}",
             episodes=tuple((int(goals.t_first[r]), int(goals.t[r])) for r in rows),
         )
+
+
+def _is_weak(case: Case) -> bool:
+    """Tell whether a damaged frame may hold: it has no checksum, or one of fewer than eight bits."""
+    for example in case.ledger.exchanges.kinds.example:
+        known = case.protocol.checksum_of(example)
+        if known is None:
+            return True
+        whole, covered, _ = known
+        if whole(bytes(len(covered))) == whole(b"\x80" + bytes(len(covered) - 1)):
+            return True
+    return False
 
 
 def _jumps(case: Case, goals: Series) -> tuple[I64, float]:
@@ -101,6 +113,7 @@ def _jumps(case: Case, goals: Series) -> tuple[I64, float]:
     seen = pauses[pauses > 0]
     long = PAUSED * float(np.median(seen)) if len(seen) and case.has_clock else np.inf
     small = moving & ~far
+    often = STATED * float(np.median(goals.n))
     out = []
     for r in np.flatnonzero(far).tolist():
         bucket = goals.bucket[r]
@@ -112,7 +125,8 @@ def _jumps(case: Case, goals: Series) -> tuple[I64, float]:
         paused = bool((pauses[here] > long).any()) or bool(
             np.diff(goals.bucket[max(r - 1, 0) : r + 1]).max(initial=0) > 1
         )
-        if before >= NEAR // 2 and (behind >= NEAR // 4 or ends) and not paused:
+        missing = goals.n[r] < often or goals.n[max(r - 1, 0)] < often
+        if before >= NEAR // 2 and not missing and (behind >= NEAR // 4 or ends) and not paused:
             out.append(r)
     return np.array(out, np.int64), usual
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.damage import IN_IDLE, IN_REPLY, IN_REQUEST
+from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.order import Order
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -14,8 +17,17 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.rules import Rule
+    from sniffer.ground.model import I64
 
 FINDINGS: Final = (
+    FindingCode(
+        "requests-missing",
+        "tap",
+        "Requests are missing from the order in which this controller makes them, and nothing torn "
+        "stands in their place.",
+        "Which kind of request follows which: where the order is fixed, the places at which some of "
+        "the cycle are left out, behind exchanges that did not fail, in a pause that has time for them.",
+    ),
     FindingCode(
         "requests-torn-short",
         "tap",
@@ -23,6 +35,13 @@ FINDINGS: Final = (
         "ever takes any away.",
         "Torn requests that begin or end as a request which this controller made, and are shorter; "
         "most torn requests are so.",
+    ),
+    FindingCode(
+        "headless-frames",
+        "tap",
+        "Ends of frames stand without their beginnings, and not right behind a request.",
+        "Three bytes or more of no frame, behind an answer or a pause, with a length that no request "
+        "and no answer here has: noise alters frames and leaves their length.",
     ),
     FindingCode(
         "answered-though-torn",
@@ -41,30 +60,38 @@ MOST: Final = 0.6
 ANSWERED: Final = 0.25
 """Share of them that are answered: a hole often takes the answer, too."""
 
-HEAD: Final = 4
-"""Bytes alike from the beginning: more than a header."""
+PIECE: Final = 3
+"""Bytes alike from the beginning or up to the end: three alike by chance are one in 16 million."""
 
-TAIL: Final = 3
-"""Bytes alike up to the end: the checksum and what is before it."""
+PART: Final = 0.3
+"""Share of all damage that pieces without a beginning are where bytes are lost."""
 
-FEW: Final = 2
-"""What is left of a frame may be as little."""
+BARE: Final = 2
+"""Bytes of an answer that has no header (wCK)."""
+
+ALTERED: Final = 0.5
+"""Share of bytes that are still as they were in a request that noise has altered."""
 
 
 def torn_requests(case: Case) -> Iterator[Finding]:
     """Requests that lack bytes, and what servos say to them."""
-    torn = [
-        d for d in case.damages if d.turn in (IN_REQUEST, IN_IDLE, IN_REPLY) and len(d.got) >= FEW
-    ]
-    requests = [d for d in torn if d.turn == IN_REQUEST]
     known = tuple(set(case.ledger.exchanges.kinds.example))
-    short = [d for d in requests if _lacks(d.got, known)]
-    if len(short) >= LEAST and len(short) >= MOST * len(requests):
-        lost = sum(_lost(d.got, known) for d in short)
+    bare = BARE if case.protocol.ordered else 0  # an answer without a header belongs to the piece
+    ends = {d.at + d.length for d in case.damages}
+    short, altered = [], 0
+    for d in case.damages:
+        # what stands right behind a torn answer was said into it
+        if d.turn == IN_REPLY or d.at in ends:
+            continue
+        if _lost(d.got, known) or (bare and _lost(d.got[:-bare], known)):
+            short.append(d)
+        else:
+            altered += any(is_altered(d.got, whole) for whole in known)
+    if len(short) >= LEAST and len(short) >= MOST * (len(short) + altered):
         yield _told(
             "requests-torn-short",
             short,
-            f"{len(short)} of {len(requests)} torn requests lack bytes, about {lost} in all",
+            f"{len(short)} requests lack bytes, and {altered} are altered",
             "a request that lacks bytes",
         )
     answered = _answered(case, short)
@@ -76,6 +103,68 @@ def torn_requests(case: Case) -> Iterator[Finding]:
             "had them whole",
             "it was answered all the same",
         )
+
+
+def headless(case: Case) -> Iterator[Finding]:
+    """Ends of frames without their beginnings."""
+    exchanges = case.ledger.exchanges
+    whole = {len(e) for e in exchanges.kinds.example}
+    whole |= set(np.flatnonzero(exchanges.answer_lengths).tolist())
+    ends = {d.at + d.length for d in case.damages}
+    idle = [
+        d
+        for d in case.damages
+        if d.turn not in (IN_REPLY, IN_REQUEST) and d.at not in ends and d.length >= PIECE
+    ]
+    pieces = [d for d in idle if d.length not in whole and len(set(d.got)) > 1]
+    if len(pieces) < LEAST or len(pieces) < max(MOST * len(idle), PART * len(case.damages)):
+        return
+    yield _told(
+        "headless-frames",
+        pieces,
+        f"{len(pieces)} pieces of 3 bytes and more stand where no frame begins, of no frame's length",
+        "the end of a frame whose beginning is missing",
+    )
+
+
+def requests_missing(case: Case) -> Iterator[Finding]:
+    """Requests that are missing from a fixed order, with nothing torn in their place."""
+    if not case.answering and not case.ledger.exchanges.silent:
+        return
+    if not case.has_clock:
+        return
+    exchanges, order = case.ledger.exchanges, Order(case)
+    pairs, rows = order.breaks()
+    rows = np.array([r for r in rows.tolist() if _took(case, order, pairs, r)], np.int64)
+    n = int(pairs["n"][rows].sum())
+    # A controller that waits for an answer in vain may leave out what it has no time for.
+    if n < LEAST or len(exchanges.failed) > n:
+        return
+    rows = rows[np.argsort(pairs["t_first"][rows], kind="stable")]
+    yield Finding(
+        "requests-missing",
+        None,
+        int(pairs["t_first"][rows].min()),
+        int(pairs["t_last"][rows].max()),
+        n,
+        f"{n} times requests of the controller's cycle are missing, which it else makes in one order",
+        tuple(
+            Place(
+                int(pairs["at"][r]), 1, int(pairs["t_first"][r]), "behind this the next is missing"
+            )
+            for r in rows[:3]
+        ),
+        strength=min(0.4 + n / 15, 1.0),
+        brief=f"requests missing {n} times",
+    )
+
+
+def _took(case: Case, order: Order, pairs: dict[str, I64], row: int) -> bool:
+    """Tell whether a break in the order has time for an exchange that is missing in it."""
+    turns = case.ledger.exchanges.turns
+    missing = [turns.at(k, 0.05) for k in order.usual.get(int(pairs["kind"][row]), ())]
+    least = min((turn.low for turn in missing if turn is not None), default=0)
+    return least > 0 and int(pairs["rest_min"][row]) - case.latency_ns > least
 
 
 def _told(code: str, found: Sequence[Damage], what: str, each: str) -> Finding:
@@ -102,23 +191,22 @@ def _answered(case: Case, torn: Sequence[Damage]) -> list[Damage]:
     return [d for d in torn if d.at + d.length in behind]
 
 
-def _lacks(got: bytes, known: Sequence[bytes]) -> bool:
-    return _lost(got, known) > 0
-
-
 def _lost(got: bytes, known: Sequence[bytes]) -> int:
     """Return how many bytes are missing from a request that was meant; 0: none, or nobody knows."""
     best = 0
     for whole in known:
         missing = len(whole) - len(got)
-        if missing <= 0:
+        if missing <= 0 or (best and missing >= best) or len(got) < PIECE:
             continue
-        head, tail = alike(got, whole), alike(got[::-1], whole[::-1])
-        if (head + tail >= len(got) or head >= HEAD or tail >= TAIL) and (
-            not best or missing < best
-        ):
+        if alike(got, whole) + alike(got[::-1], whole[::-1]) >= len(got):
             best = missing
     return best
+
+
+def is_altered(got: bytes, whole: bytes) -> bool:
+    """Tell whether bytes are those of a request, some of them altered."""
+    same = sum(a == b for a, b in zip(got, whole, strict=False))
+    return got != whole and len(got) == len(whole) and same >= ALTERED * len(whole)
 
 
 def alike(a: bytes, b: bytes) -> int:
@@ -128,5 +216,5 @@ def alike(a: bytes, b: bytes) -> int:
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (torn_requests,)
+RULES: Final[tuple[Rule, ...]] = (torn_requests, headless, requests_missing)
 """The rules of this area."""

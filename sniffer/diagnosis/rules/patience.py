@@ -9,7 +9,8 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.losses import alike
+from sniffer.diagnosis.rules.losses import alike, is_altered
+from sniffer.diagnosis.rules.order import Order
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
 from sniffer.ground.model import NS
 
@@ -26,7 +27,7 @@ FINDINGS: Final = (
         "controller",
         "The next request comes before the answer to the last one can be over.",
         "The time from a request without a good answer to the next one, against the shortest time "
-        "that sound exchanges of the same kind take, less what the stamps leave open.",
+        "in which sound answers to such requests are over, less what the stamps leave open.",
     ),
     FindingCode(
         "request-in-answer",
@@ -34,6 +35,13 @@ FINDINGS: Final = (
         "A request runs into an answer: both are torn.",
         "Damage in the place of an answer that begins or ends as one of the controller's own "
         "requests, byte for byte, and not as the answer that is due.",
+    ),
+    FindingCode(
+        "request-swallowed",
+        "controller",
+        "Behind a torn answer the request that always follows is missing: it was said into the answer.",
+        "The kinds of requests in the order in which this controller makes them: where an answer is "
+        "torn that lacks no bytes, one is left out.",
     ),
     FindingCode(
         "answers-after-next",
@@ -61,14 +69,20 @@ MS: Final = 1_000_000
 ENOUGH: Final = 2
 """One may be a stamp that is off."""
 
-CUTS: Final = 0.7
-"""A request that comes in less than so much of the shortest sound exchange cuts the answer."""
-
 TAIL: Final = 3
 """Bytes that end, or begin, as a request does: three alike by chance are one in 16 million."""
 
-HEAD: Final = 5
-"""Headers are up to three bytes long, and id and length may be the same in an answer."""
+PART_TORN: Final = 0.2
+"""Share of torn answers with a request in them; less may be torn requests that look so."""
+
+MORE: Final = 2
+"""Bytes beyond what an answer has in common with a request: both begin with one header."""
+
+SHORT: Final = 2
+"""Bytes that a torn answer may lack; where more are missing they are lost, not torn."""
+
+SHARE: Final = 0.4
+"""Share of torn answers: noise takes a request behind one in a hundred."""
 
 STORM: Final = 4
 """Repetitions that no usual client makes: libraries try three times at most."""
@@ -84,8 +98,8 @@ def hasty(case: Case) -> Iterator[Finding]:
     exchanges = case.ledger.exchanges
     known = {
         k: least.low
-        for k in exchanges.turns.keys
-        if (least := exchanges.turns.at(k, 0.02)) is not None and exchanges.turns.count(k) >= 5
+        for k in exchanges.spans.keys
+        if (least := exchanges.spans.at(k, 0.02)) is not None and exchanges.spans.count(k) >= 5
     }
     if exchanges.in_flight > 0.02 * case.total("ok"):
         return  # it asks several at once, and they answer in turn
@@ -95,7 +109,7 @@ def hasty(case: Case) -> Iterator[Finding]:
         if f.kind not in known or f.outcome not in (NO_RESPONSE, DAMAGED):
             continue
         judged += 1
-        if f.wait_ns + f.unsure_ns < CUTS * known[f.kind]:
+        if f.wait_ns + f.unsure_ns < known[f.kind]:
             shown.append(f)
     if len(shown) < ENOUGH:
         return
@@ -108,7 +122,7 @@ def hasty(case: Case) -> Iterator[Finding]:
         shown[-1].t_ns,
         len(shown),
         f"{len(shown)} of {judged} requests whose answers failed are followed by the next one within "
-        f"{most / MS:.2f} ms, and a sound exchange takes at least {least_ns / MS:.2f} ms",
+        f"{most / MS:.2f} ms, and an answer takes at least {least_ns / MS:.2f} ms",
         tuple(Place(f.at, f.length, f.t_ns, "the next request comes too soon") for f in shown[:3]),
         strength=min(0.5 + len(shown) / 10, 1.0),
         brief=f"requests within {most / MS:.1f} ms of the last one",
@@ -118,11 +132,11 @@ def hasty(case: Case) -> Iterator[Finding]:
 def request_in_answer(case: Case) -> Iterator[Finding]:
     """Requests that run into answers, by their bytes."""
     places = [d for d in case.damages if d.turn == IN_REPLY and d.asked]
-    if not places:
-        return
+    if not places or case.count("adapter-echo"):
+        return  # of an echo it is what comes back
     known = {*case.ledger.exchanges.kinds.example, *(d.asked for d in places)}
     torn = [d for d in places if _holds_request(d, known)]
-    if len(torn) < ENOUGH:
+    if len(torn) < ENOUGH or len(torn) < PART_TORN * len(places):
         return
     yield Finding(
         "request-in-answer",
@@ -137,13 +151,47 @@ def request_in_answer(case: Case) -> Iterator[Finding]:
     )
 
 
+def swallowed(case: Case) -> Iterator[Finding]:
+    """Requests that are missing behind torn answers."""
+    exchanges = case.ledger.exchanges
+    torn = {d.at: d for d in case.damages if d.turn == IN_REPLY}
+    if not torn:
+        return
+    order = Order(case)
+    judged, shown = 0, []
+    for f in exchanges.failed:
+        damage = torn.get(f.at + f.length)
+        if damage is None or f.outcome != DAMAGED or f.kind not in order.usual:
+            continue
+        if damage.length + SHORT < len(damage.expected):
+            continue
+        judged += 1
+        if order.skips_one(f.kind, f.next_kind):
+            shown.append(f)
+    if len(shown) < ENOUGH or len(shown) < SHARE * judged:
+        return
+    yield Finding(
+        "request-swallowed",
+        None,
+        shown[0].t_ns,
+        shown[-1].t_ns,
+        len(shown),
+        f"behind {len(shown)} of {judged} torn answers the request is missing that comes next in this "
+        "controller's order",
+        tuple(Place(f.at, f.length, f.t_ns, "behind its answer one is missing") for f in shown[:3]),
+        strength=min(0.5 + len(shown) / 10, 1.0),
+        brief="requests are missing behind torn answers",
+    )
+
+
 def _holds_request(d: Damage, known: Iterable[bytes]) -> bool:
     """Tell whether damage begins or ends as a request, and not as the answer that is due."""
+    if any(is_altered(d.got, q) or q.startswith(d.got) for q in known):
+        return False  # nothing but a request that is torn
     tail, head = alike(d.got[::-1], d.expected[::-1]), alike(d.got, d.expected)
     for request in known:
-        if tail < TAIL <= alike(d.got[::-1], request[::-1]) or (
-            head < HEAD <= alike(d.got, request)
-        ):
+        ends, begins = alike(d.got[::-1], request[::-1]), alike(d.got, request)
+        if ends >= max(TAIL, tail + MORE) or begins >= max(TAIL, head + MORE):
             return True
     return False
 
@@ -239,5 +287,12 @@ def absent_costs(case: Case) -> Iterator[Finding]:
         )
 
 
-RULES: Final[tuple[Rule, ...]] = (hasty, request_in_answer, after_next, retry_storms, absent_costs)
+RULES: Final[tuple[Rule, ...]] = (
+    hasty,
+    request_in_answer,
+    swallowed,
+    after_next,
+    retry_storms,
+    absent_costs,
+)
 """The rules of this area."""

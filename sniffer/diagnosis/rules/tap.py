@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.losses import is_altered
 from sniffer.ground.codes import NO_RESPONSE
 from sniffer.ground.model import MarkKind
 
@@ -31,10 +32,22 @@ FINDINGS: Final = (
         "Requests byte for byte as the one before, without a pause between, about as many as others.",
     ),
     FindingCode(
+        "echo-differs",
+        "tap",
+        "On a bus with an echo, what comes back is not what was sent: noise, or somebody spoke into it.",
+        "Behind a request stands damage of its length, most of whose bytes are the request's.",
+    ),
+    FindingCode(
         "nobody-answers",
         "tap",
         "Not one answer was heard in the whole capture.",
         "At least eight requests that must be answered, and no answer.",
+    ),
+    FindingCode(
+        "nobody-asks",
+        "tap",
+        "Answers were heard, and not one request in the whole capture.",
+        "At least eight answers, and no request.",
     ),
     FindingCode(
         "goes-on-unanswered",
@@ -120,6 +133,26 @@ def said_twice(case: Case) -> Iterator[Finding]:
     )
 
 
+def echo_differs(case: Case) -> Iterator[Finding]:
+    """Echoes that are not what was sent."""
+    if not case.count("adapter-echo"):
+        return
+    torn = [d for d in case.damages if d.asked and is_altered(d.got[: len(d.asked)], d.asked)]
+    if len(torn) < 2:
+        return
+    yield Finding(
+        "echo-differs",
+        None,
+        torn[0].t_ns,
+        torn[-1].t_ns,
+        len(torn),
+        f"{len(torn)} echoes are not what was sent",
+        tuple(Place(d.at, d.length, d.t_ns, "an echo that differs") for d in torn[:3]),
+        strength=min(0.5 + len(torn) / 10, 1.0),
+        brief="what comes back is not what was sent",
+    )
+
+
 def nobody_answers(case: Case) -> Iterator[Finding]:
     """Requests without any answer: is nobody there, or is the other wire not heard?"""
     missing = case.total("missing")
@@ -175,6 +208,23 @@ def nobody_answers(case: Case) -> Iterator[Finding]:
         )
 
 
+def nobody_asks(case: Case) -> Iterator[Finding]:
+    """Answers without any request."""
+    frames = case.ledger.frames
+    if frames < ENOUGH or len(case.ledger.exchanges.kinds):
+        return
+    yield Finding(
+        "nobody-asks",
+        None,
+        case.first_ns,
+        case.last_ns,
+        frames,
+        f"{frames} answers of {len(case.servos)} servos, and not one request",
+        (Place(int(case.traffic["at"].min()), 1, case.first_ns, "the first answer"),),
+        brief=f"{frames} answers without a request",
+    )
+
+
 def goes_on(case: Case) -> Iterator[Finding]:
     """Missing answers behind which the controller goes on as if it had them."""
     exchanges = case.ledger.exchanges
@@ -187,7 +237,8 @@ def goes_on(case: Case) -> Iterator[Finding]:
         least, most = exchanges.turns.at(f.kind, 0.05), exchanges.turns.at(f.kind, 0.9)
         if least is None or most is None or exchanges.turns.count(f.kind) < ENOUGH:
             continue
-        if f.unsure_ns > least.low / 2:
+        # Behind the last request of a cycle the next one comes when it is time, answered or not.
+        if f.unsure_ns > least.low / 2 or most.high > PROMPT_NS:
             continue
         judged += 1
         if 0.9 * least.low - f.unsure_ns <= f.wait_ns <= AS_USUAL * most.high + f.unsure_ns:
@@ -243,7 +294,9 @@ def tap_was_late(case: Case) -> Iterator[Finding]:
 RULES: Final[tuple[Rule, ...]] = (
     wires_swapped,
     said_twice,
+    echo_differs,
     nobody_answers,
+    nobody_asks,
     goes_on,
     clock_stepped,
     tap_was_late,

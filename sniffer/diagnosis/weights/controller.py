@@ -6,11 +6,30 @@ from typing import Final
 
 from sniffer.diagnosis.weights.table import for_
 
+_SPEAKS_INTO: Final = (
+    ("request-swallowed", -3.0, "the request that was due stands in the torn answer"),
+)
+"""What speaks against a fault of the line: the controller tears the answers."""
+
 WEIGHTS: Final = (
+    *(
+        weight
+        for cause in (
+            "bus-noise",
+            "signal-integrity",
+            "bad-cable",
+            "turnaround",
+            "emi-load",
+            "clock-drift",
+            "servo-reset-loop",
+        )
+        for weight in for_(cause, *_SPEAKS_INTO)
+    ),
     *for_(
         "impatient-controller",
         ("hasty-request", 4.0, "it does not wait as long as sound answers take"),
         ("request-in-answer", 3.5, "its requests run into answers"),
+        ("request-swallowed", 3.5, "its requests are lost in answers"),
         ("answers-after-next", 3.0, "answers come when it has asked something else"),
         ("late-response", 0.5, "answers are late for it"),
         ("damaged-response", 0.5, "answers are cut by requests"),
@@ -27,7 +46,42 @@ WEIGHTS: Final = (
         ("line-error", 0.3, "two senders at once"),
         ("unknown-command", 0.2, "a torn frame may hold by chance"),
         ("goes-on-unanswered", -2.0, "it waits as long as behind sound answers"),
-        ("damage-everywhere", -1.0, "frames are torn where nobody speaks into them"),
+        ("damage-everywhere", 0.3, "answers of all servos are torn"),
+        ("damage-in-answers", 0.3, "answers are torn"),
+        ("damage-in-requests", 0.2, "what is torn may look like a request"),
+        ("strays-at-turn", 0.2, "what is left of a request behind an answer"),
+        ("strays-anywhere", 0.2, "what is left of a request behind an answer"),
+        *(
+            (code, 0.1, "bits of two senders at once")
+            for code in (
+                "same-bit",
+                "one-way-bits",
+                "late-edges",
+                "last-bits",
+                "first-byte-torn",
+                "last-byte-torn",
+                "answers-in-shreds",
+                "answers-have-tails",
+                "line-break",
+                "malformed-body",
+                "value-out-of-range",
+                "doubtful-value",
+                "speaks-unasked",
+                "headless-frames",
+            )
+        ),
+        *(
+            (code, 0.3, "answers are lost among requests")
+            for code in (
+                "away-for-a-while",
+                "away-again-and-again",
+                "misses-now-and-then",
+                "comes-and-goes",
+                "late-replies",
+                "joint-not-following",
+            )
+        ),
+        ("damage-one-servo", 0.3, "answers of one servo are torn: it is the slowest"),
         ("coarse-stamps", -0.5, "the stamps cannot tell what came first"),
     ),
     *for_(
@@ -54,6 +108,7 @@ WEIGHTS: Final = (
         ("goal-beyond-range", 3.0, "goals outside the manual's range"),
         ("goal-beyond-limits", 3.0, "goals outside the limits in the servo"),
         ("device-stroke-limit", 2.0, "the servo complains of its limits"),
+        ("goal-jump", 0.5, "the way out of range is a jump"),
         ("value-out-of-range", 0.8, "a number outside the manual's range"),
         ("device-outside-limits", 0.5, "it stands outside its limits"),
         ("device-recovered", 0.1, "the complaint ends with the next goal"),
@@ -79,6 +134,10 @@ WEIGHTS: Final = (
     *for_(
         "partial-write",
         ("writes-part", 3.0, "half a register is written"),
+        ("joint-limp", 0.5, "half a goal moves nothing"),
+        ("joint-not-following", 0.5, "half a goal moves nothing"),
+        ("goal-jump", 0.3, "half a goal is another goal"),
+        ("doubtful-value", 0.1, "half a goal is another goal"),
         ("device-range", 0.4, "the servo refuses the length"),
         ("device-packet-not-processable", 0.4, "the servo refuses the packet"),
         ("no-response", 0.2, "the servo ignores it"),
@@ -86,8 +145,8 @@ WEIGHTS: Final = (
     *for_(
         "malformed-command",
         ("odd-commands", 3.0, "the same odd request, time and again"),
-        ("malformed-body", 2.5, "frames whose body their command cannot have"),
-        ("unknown-command", 2.0, "commands that stand in no manual"),
+        ("malformed-body", 1.0, "frames whose body their command cannot have"),
+        ("unknown-command", 1.0, "commands that stand in no manual"),
         ("modifier-misused", 3.0, "a modifier that the command does not have"),
         ("gain-read-sets-id", 3.0, "the command is not the one that was meant"),
         ("id-changed", 0.3, "servos are given an id that nobody meant"),
@@ -110,9 +169,14 @@ WEIGHTS: Final = (
     ),
     *for_(
         "retry-storm",
-        ("retry-storm", 3.5, "one request again and again, the others wait"),
+        ("retry-storm", 5.0, "one request again and again, the others wait"),
         ("no-response", 0.5, "none of them is answered"),
+        ("away-for-a-while", 0.5, "the servo is away, and is not left alone"),
+        ("away-again-and-again", 0.5, "the servo is away, and is not left alone"),
+        ("misses-now-and-then", 0.3, "the servo is away, and is not left alone"),
+        ("comes-and-goes", 0.3, "the servo is away, and is not left alone"),
         ("damaged-response", 0.3, "the answers are torn"),
+        ("joint-not-following", 0.1, "others get no goals meanwhile"),
     ),
     *for_(
         "servo-absent",

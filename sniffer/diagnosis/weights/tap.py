@@ -6,7 +6,22 @@ from typing import Final
 
 from sniffer.diagnosis.weights.table import for_
 
+_LOST_HERE: Final = (
+    ("bytes-lost", -1.5, "the tap's driver counted losses"),
+    ("requests-torn-short", -2.5, "requests lack bytes: noise takes none away"),
+    ("headless-frames", -2.0, "noise alters frames, and leaves their length"),
+    ("requests-missing", -1.0, "noise takes no requests away"),
+    ("answered-though-torn", -3.0, "on the line the requests were whole"),
+    ("goes-on-unanswered", -2.5, "the controller got the answers that are missing here"),
+)
+"""What speaks against a fault of line or servo: the tap lost what is missing."""
+
 WEIGHTS: Final = (
+    *(
+        weight
+        for cause in ("bus-noise", "signal-integrity", "bad-cable", "emi-load", "servo-reset-loop")
+        for weight in for_(cause, *_LOST_HERE)
+    ),
     *for_(
         "echo",
         ("adapter-echo", 4.0, "every request stands there twice, byte for byte, with one answer"),
@@ -17,6 +32,7 @@ WEIGHTS: Final = (
         ("reordered", 0.1, "the two copies come at once"),
         ("duplicate-response", 0.2, "the echo of a request may look like an answer"),
         ("unsolicited-response", 0.2, "the echo of a request may look like an answer"),
+        ("echo-differs", 0.1, "what comes back is not always what was sent"),
         ("wires-swapped", -2.0, "all frames are on the other wire, not the requests alone"),
     ),
     *for_(
@@ -26,8 +42,47 @@ WEIGHTS: Final = (
         ("port-back", 0.5, "the port came back"),
         ("not-decoded", 0.5, "the recorder was too slow to decode"),
         ("goes-on-unanswered", 3.0, "the controller got the answers that are missing here"),
+        ("requests-missing", 1.5, "requests are missing from the controller's order"),
+        ("headless-frames", 2.5, "ends of frames stand without their beginnings"),
         ("requests-torn-short", 3.0, "requests lack bytes, which only the tap can have lost"),
         ("answered-though-torn", 3.0, "servos answer requests that are torn here"),
+        ("damage-everywhere", 0.3, "frames of all senders lack bytes"),
+        ("damage-in-answers", 0.3, "answers lack bytes"),
+        ("damage-in-requests", 0.3, "requests lack bytes"),
+        ("strays-at-turn", 0.2, "what is left of a frame"),
+        ("strays-anywhere", 0.2, "what is left of a frame"),
+        *(
+            (code, 0.1, "what is left of two frames is joined")
+            for code in (
+                "same-bit",
+                "one-way-bits",
+                "late-edges",
+                "last-bits",
+                "first-byte-torn",
+                "last-byte-torn",
+                "answers-in-shreds",
+                "answers-have-tails",
+                "line-error",
+                "value-out-of-range",
+                "doubtful-value",
+                "echo-mismatch",
+                "refuses-command",
+            )
+        ),
+        *(
+            (code, 0.2, "exchanges in a row are missing here")
+            for code in (
+                "away-again-and-again",
+                "misses-now-and-then",
+                "comes-and-goes",
+                "lost-together",
+                "speaks-unasked",
+                "late-replies",
+                "loop-jitters",
+                "goal-jump",
+            )
+        ),
+        ("damage-one-servo", 0.2, "answers lack bytes, by chance most of one servo"),
         ("no-response", 0.5, "answers are missing where the tap lost bytes"),
         ("damaged-response", 0.5, "answers lack bytes where the tap lost them"),
         ("truncated-frame", 0.6, "frames lack bytes"),
@@ -46,6 +101,7 @@ WEIGHTS: Final = (
         ("away-for-a-while", 0.2, "answers in a row are missing here"),
         ("hasty-request", -2.0, "the controller itself cuts answers"),
         ("request-in-answer", -2.0, "two senders at once"),
+        ("request-swallowed", -1.0, "answers are torn, but lack no bytes"),
     ),
     *for_(
         "tap-swapped",
@@ -58,9 +114,10 @@ WEIGHTS: Final = (
     ),
     *for_(
         "tap-one-way",
-        ("no-answer-heard", 2.5, "many requests to several servos, and not one answer"),
-        ("nobody-answers", 1.5, "not one answer in the whole capture"),
-        ("no-request-heard", 4.0, "answers, and not one request"),
+        ("no-answer-heard", 0.5, "many requests to several servos, and not one answer"),
+        ("nobody-answers", 3.0, "not one answer in the whole capture"),
+        ("nobody-asks", 4.0, "answers, and not one request"),
+        ("no-request-heard", 0.5, "answers, and not one request so far"),
         ("goes-on-unanswered", 1.5, "the controller does hear answers"),
         ("waits-in-vain", -1.5, "the controller hears no answer either"),
         ("no-response", 0.5, "the answers are on the wire that is not heard"),
@@ -76,6 +133,8 @@ WEIGHTS: Final = (
         ("damaged-frame", 0.2, "bare answers may look like a frame"),
         ("bad-checksum", 0.2, "bare answers may look like a frame"),
     ),
+    *for_("bus-noise", ("echo-differs", 2.5, "requests come back altered, too")),
+    *for_("bad-cable", ("echo-differs", -2.0, "the controller's own requests are hit, too")),
     *for_(
         "wrong-baud",
         ("waits-in-vain", 1.0, "nobody understands the controller"),

@@ -75,6 +75,9 @@ class Rs30x:
     blank = b""
     ordered = False
     ends_goal = MappingProxyType({REBOOT: RESTARTS})
+    keeps = "flash_write"
+    """The command before which no setting is written to memory. Source: RS305CR manual, 4.2: No. 4
+    to 29 are in RAM; flag bit 6."""
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Final
 from rich.cells import cell_len
 
 from sniffer.ground.model import NS, Severity
-from sniffer.ground.wording import plain
-from sniffer.sinks.report import counted
+from sniffer.ground.wording import counted, plain
 from sniffer.viewers.board.cells import (
     ALARMS,
     COLUMNS,

@@ -1,0 +1,70 @@
+"""``sniffer report``: a page on a capture, to hand on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from sniffer.cli.options import decoding, examples, pipeline_options, with_force
+from sniffer.cli.signals import patient
+from sniffer.cli.statuses import MISTAKE, status_of
+from sniffer.cli.streams import say
+from sniffer.ground.registers import RegisterMap
+from sniffer.ground.wording import counted
+from sniffer.jobs.report import report as write_report
+from sniffer.jobs.telling import Teller
+
+
+@click.command(
+    short_help="Write a page on a capture: what was wrong, and the bytes.",
+    epilog=examples(
+        "sniffer report run.mcap -o report.html",
+        "sniffer report capture.log -o report.md",
+        "sniffer report capture.log | less",
+    ),
+)
+@click.argument("file")
+@decoding
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    help="A page (.html) or Markdown (.md); without it Markdown is printed.",
+)
+@with_force
+def report(
+    file: str,
+    protocol: str,
+    input_format: str,
+    baud: int | None,
+    models: dict[int | None, str],
+    tables: tuple[RegisterMap, ...],
+    latency: float | None,
+    output: Path | None,
+    force: bool,
+) -> int:
+    """Write a report on FILE (- is standard input): one page, to attach to a bug report.
+
+    The verdict comes first; then incidents with their bytes, curves, response times, and where
+    each byte is. The page is one file: it fetches nothing. Exit status: 0 written; 2 a mistake of
+    yours; 3 the input breaks off (the report is on what could be read).
+    """
+    options = pipeline_options(protocol, baud, models, latency, tables)
+    with patient() as patience:
+        done = write_report(
+            file,
+            output,
+            options,
+            input_format=input_format,
+            overwrite=force,
+            patience=patience,
+            tell=Teller(say),
+        )
+    status = status_of(done.ending, is_lost=bool(done.gone))
+    if output is None and status != MISTAKE:
+        click.echo(done.as_text(), nl=False)
+    elif status != MISTAKE:
+        found = len(done.content.incidents)
+        say(f"wrote {output}: {counted(found, 'incident') if found else 'no incident'}")
+    return status

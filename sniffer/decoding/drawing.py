@@ -1,0 +1,173 @@
+"""Bytes drawn field by field: a frame that holds, or bytes that are none and what is known of them.
+
+Slow and rare: ``sniffer explain`` asks for a few frames, a report for those that are evidence.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.codes import OUTCOMES, WHOLE
+from sniffer.ground.model import Batch, Chunk
+from sniffer.protocols.base import BusProtocol, FieldSpan, view
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sniffer.ground.model import Gap
+
+SUM_BYTES: Final = (1, 2)
+"""Sizes of checksums, in bytes: no protocol here has another (CRC-16 is the longest)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """Bytes with what they are.
+
+    ``title`` says it in a line; ``spans`` are the fields, none where nothing tells them; ``values``
+    are registers in words, ``checksum`` is its arithmetic, ``outcome`` what became of the exchange,
+    all empty where there is none. ``known`` is what is known of bytes that are no frame, and
+    ``wrong`` the name of the field that does not hold.
+    """
+
+    offset: int
+    raw: bytes
+    t_ns: int
+    title: str
+    holds: bool
+    spans: tuple[FieldSpan, ...] = ()
+    values: tuple[str, ...] = ()
+    checksum: str = ""
+    outcome: str = ""
+    known: Mapping[str, Any] | None = None
+    wrong: str = ""
+
+    @property
+    def lines(self) -> list[str]:
+        """The drawing as text: a line for the title, the bytes and each field."""
+        out = [self.title, f"  {self.raw.hex(' ').upper()}"]
+        if not self.holds:
+            return out + list(_told(self.known or {}))
+        width = max((len(s.name) for s in self.spans), default=8)
+        for s in self.spans:
+            shown = self.raw[s.offset : s.offset + s.length].hex(" ").upper()
+            if len(shown) > 23:
+                shown = shown[:20] + "..."
+            note = f"   {s.note}" if s.note else ""
+            out.append(f"  {s.offset:3}  {shown:23}  {s.name:{width}}  {s.value}{note}")
+        out += [f"       {value}" for value in self.values]
+        if self.checksum:
+            out.append(f"       checksum: {self.checksum}")
+        if self.outcome:
+            out.append(f"  exchange: {self.outcome}")
+        return out
+
+
+def draw_frame(batch: Batch, protocol: BusProtocol, i: int) -> Drawn:
+    """Draw frame ``i`` of a batch."""
+    f = batch.frames
+    start, n = int(f.start[i]), int(f.length[i])
+    raw = batch.data[start : start + n]
+    row = view(f, i, batch.values.register[batch.values.row == i].tolist())
+    kind = "response" if row.kind else "request"
+    who = f", servo {row.servo_id}" if row.servo_id >= 0 else ""
+    t = batch.transactions
+    became = [OUTCOMES[o].replace("_", " ") for o in t.outcome[t.response == i].tolist()]
+    return Drawn(
+        batch.base + start,
+        raw,
+        int(f.t_end[i]),
+        f"{kind}: {protocol.op_name(row.op)}{who}",
+        holds=True,
+        spans=tuple(protocol.dissect(raw, row)),
+        values=tuple(_values(batch, protocol, i)),
+        checksum=_checksum(protocol, raw),
+        outcome=", ".join(became),
+    )
+
+
+def draw_gap(batch: Batch, protocol: BusProtocol, gap: Gap) -> Drawn:
+    """Draw bytes of a batch that are no frame; where only the checksum is wrong, field by field."""
+    raw = batch.data[gap.start : gap.start + gap.length]
+    meant = _meant(raw, protocol, gap)
+    return Drawn(
+        batch.base + gap.start,
+        raw,
+        gap.t_ns,
+        f"no frame: {gap.reason.replace('_', ' ')}",
+        holds=False,
+        spans=meant.spans if meant is not None else (),
+        known=gap.detail,
+        wrong=meant.spans[-1].name if meant is not None and meant.spans else "",
+    )
+
+
+def _meant(raw: bytes, protocol: BusProtocol, gap: Gap) -> Drawn | None:
+    """Return the frame that the bytes are with the checksum that they should have, if there is one.
+
+    A wrong checksum says that a byte is wrong, not which: the fields are those that stand there.
+    """
+    expected = gap.detail.get("checksum_expected")
+    if not isinstance(expected, int):
+        return None
+    for size in SUM_BYTES:
+        if size >= len(raw) or expected >> 8 * size:
+            continue
+        right = raw[:-size] + expected.to_bytes(size, "little")
+        decoder = Decoder(protocol)
+        for batch in (decoder.feed(Chunk(right)), decoder.close()):
+            if len(batch.frames) == 1 and int(batch.frames.length[0]) == len(raw):
+                return draw_frame(batch, protocol, 0)
+    return None
+
+
+def _told(detail: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what is known of bytes that are no frame, a line each."""
+    for key, value in detail.items():
+        title = key.replace("_", " ")
+        if isinstance(value, Mapping):
+            yield f"  {title}, as they were read:"
+            for name, entry in value.items():
+                yield f"    {name.replace('_', ' ')}: {in_words(entry)}"
+        elif key.startswith("checksum") and isinstance(value, int):
+            yield f"  {title}: {value:02X}"
+        else:
+            yield f"  {title}: {in_words(value)}"
+
+
+def in_words(value: Any) -> str:
+    """Return a detail of a gap as people read it."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {in_words(v)}" for k, v in value.items())
+    if isinstance(value, list | tuple):
+        return " ".join(in_words(v) for v in value) or "none"
+    return str(value) if value not in ("", None) else "none"
+
+
+def _values(batch: Batch, protocol: BusProtocol, i: int) -> Iterator[str]:
+    v = batch.values
+    for k in (v.row == i).nonzero()[0].tolist():
+        r = protocol.registers[int(v.register[k])]
+        raw, value = int(v.raw[k]), float(v.value[k])
+        text = f"raw {raw}"
+        if not math.isnan(value) and r.unit:
+            text += f" = {value:.6g} {r.unit}"
+        names = r.names(raw) if int(v.part[k]) == WHOLE else "part of the register"
+        if names:
+            text += f" ({', '.join(names) if isinstance(names, list) else names})"
+        who = int(v.servo_id[k])
+        owner = f"servo {who} " if who != int(batch.frames.servo_id[i]) and who >= 0 else ""
+        yield f"{owner}{r.name}: {text}"
+
+
+def _checksum(protocol: BusProtocol, raw: bytes) -> str:
+    found = protocol.checksum_of(raw)
+    if found is None:
+        return ""
+    checksum, body, got = found
+    shown = " ".join(f"{b:02X}" for b in body[:24]) + (" ..." if len(body) > 24 else "")
+    return f"{checksum.formula} of [{shown}] = {checksum(body):02X}, sent {got:02X}"

@@ -1,0 +1,112 @@
+"""A servo whose clock is off: its answers as they would be heard, compared with what was heard."""
+
+from __future__ import annotations
+
+import functools
+from typing import Final, NamedTuple
+
+from sniffer.diagnosis.uart import MIDDLE, heard, sent
+
+OFF: Final = tuple(k / 200 for k in (*range(-20, -4), *range(5, 21)))
+"""By how much a clock may be off, 2.5 to 10 %: less is no trouble, more is another rate."""
+
+RISES: Final = (0.0, 0.15, 0.25)
+"""By how many bits rising edges may be late beside that: cables and pull-ups make a slow clock
+worse."""
+
+MIDDLES: Final = (0.5, MIDDLE, 0.56)
+"""Where in a bit the tap may sample."""
+
+BEGINNING: Final = 6
+"""Bytes that are compared at most: header, id, length; what an answer measures is not known."""
+
+WRONG: Final = 5
+"""Bits that must be wrong by an exact clock: fewer may be a flipped bit or two."""
+
+LEFT: Final = 0.3
+"""Part of the wrong bits that the clock may leave unexplained."""
+
+GAIN: Final = 2
+"""Or: so many bytes from the first on that only the clock explains."""
+
+MOST: Final = 0.6
+"""Part of the torn answers that one clock must explain."""
+
+LEAST: Final = 3
+"""Bytes of an answer that never change, or there is nothing to compare."""
+
+FEW: Final = 2
+"""Wrong bits from which on an answer is worth a look."""
+
+LOOKED: Final = 16
+"""Torn answers of a servo that are looked at."""
+
+
+class ClockOff(NamedTuple):
+    """How far a clock is off (bits longer: above 0), how many torn answers that explains."""
+
+    off: float
+    explained: int
+    tried: int
+
+
+@functools.lru_cache(maxsize=1 << 13)
+def _as_heard(frame: bytes, off: float, rise: float, middle: float) -> bytes:
+    return heard(sent(frame, 1.0 + off, rise=rise), middle)
+
+
+@functools.lru_cache(maxsize=64)
+def clock_of(torn: tuple[tuple[bytes, tuple[bytes, ...]], ...]) -> ClockOff | None:
+    """Return the clock that explains torn answers, each with sound ones like it; None: none does.
+
+    Where a clock explains more of them, or as many and is nearer to the exact one, it is taken.
+    """
+    tried = []
+    for got, alike in torn:
+        if not alike:
+            continue
+        size = min(max(_common(one, alike[0]) for one in alike[1:] or alike), BEGINNING)
+        begun = {one[: BEGINNING + 2] for one in alike}
+        exact = [_Exact(one, size, _wrong(got, one, size), _common(got, one)) for one in begun]
+        if exact and size >= LEAST and min(one.wrong for one in exact) >= FEW:
+            tried.append((got, exact))
+    if not tried:
+        return None
+    best = ClockOff(0.0, 0, len(tried))
+    for off in sorted(OFF, key=abs):
+        for rise in RISES if off > 0 else RISES[:1]:
+            for middle in MIDDLES:
+                count = sum(
+                    any(_explains(got, one, off, rise, middle) for one in exact)
+                    for got, exact in tried
+                )
+                if count > best.explained:
+                    best = ClockOff(off, count, len(tried))
+    return best if best.explained >= MOST * len(tried) else None
+
+
+class _Exact(NamedTuple):
+    """A sound answer, how many bytes of it never change, and how a torn one differs from it."""
+
+    data: bytes
+    size: int
+    wrong: int
+    common: int
+
+
+def _explains(got: bytes, one: _Exact, off: float, rise: float, middle: float) -> bool:
+    told = _as_heard(one.data, off, rise, middle)
+    if _common(got, told) >= one.common + GAIN:
+        return True
+    return one.wrong >= WRONG and _wrong(got, told, one.size) <= LEFT * one.wrong
+
+
+def _common(a: bytes, b: bytes) -> int:
+    """Return how many bytes two have in common at their beginning."""
+    n = min(len(a), len(b))
+    return next((k for k in range(n) if a[k] != b[k]), n)
+
+
+def _wrong(got: bytes, meant: bytes, size: int) -> int:
+    """Return how many bits at the beginning differ."""
+    return sum((a ^ b).bit_count() for a, b in zip(got[:size], meant[:size], strict=False))

@@ -1,0 +1,208 @@
+"""Servos whose answers get lost now and then, alone or together, while others are sound."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.case import BUCKET_NS, episodes
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.damage import IN_REPLY
+from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.twins import of_twins
+from sniffer.ground.model import NS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.rules import Rule
+    from sniffer.ground.model import I64
+
+FINDINGS: Final = (
+    FindingCode(
+        "comes-and-goes",
+        "pairing",
+        "Answers of this servo are missing or torn now and then, in moments in which others are sound.",
+        "At least three lost answers in two moments or more with sound ones between, in a share that others do not come near.",
+    ),
+    FindingCode(
+        "lost-together",
+        "pairing",
+        "Several servos lose answers in the same moments, and others do not.",
+        "Moments in which two servos or more lost answers, or answers of one that always fall into those of another.",
+    ),
+)
+
+LEAST: Final = 3
+"""Lost answers: one or two are lost on many a line."""
+
+MOMENTS: Final = 2
+
+CHANCE: Final = 1e-3
+
+AHEAD: Final = 5.0
+"""How many times the share of the soundest servo a servo must lose."""
+
+SAME: Final = 0.75
+"""Part of a servo's bad moments that must be another's, too, for the two to fail together."""
+
+IN_A_ROW: Final = 2.5
+"""Losses of a servo that are no further apart than so many of its turns are of one moment."""
+
+NEAR_NS: Final = NS // 8
+"""Losses that are closer than that are of one moment: servos are asked one after the other."""
+
+SELDOM: Final = 0.4
+"""Part of the time near moments from which on losses coincide by chance."""
+
+
+class _Lost:
+    """What one servo lost and had again."""
+
+    def __init__(self, case: Case, servo: int) -> None:
+        a = case.answers
+        mine = np.flatnonzero(a["servo_id"] == servo)
+        spells = case.ledger.silences.of(servo)
+        until = spells[-1].first_ns if spells and spells[-1].back_ns is None else case.last_ns + 1
+        events = case.anomalies("no-response", "damaged-response", servo_id=servo)
+        events = events.take(events.t_ns < until)  # what it never came back from is another matter
+        self.servo = servo
+        self.ok = int(a["ok"][mine].sum())
+        self.torn = int(a["damaged"][mine].sum())
+        self.bad = min(int((a["missing"] + a["damaged"])[mine].sum()), len(events))
+        order = np.argsort(events.t_ns, kind="stable")
+        self.times: I64 = events.t_ns[order]
+        self.at: I64 = events.at[order]
+        # Losses in a row are one moment: it was not asked between them.
+        asked = max(self.ok + self.bad, 1)
+        self.turn_ns = (case.last_ns - case.first_ns) / asked
+
+    @property
+    def share(self) -> float:
+        """The part of its answers that it lost."""
+        return self.bad / max(self.bad + self.ok, 1)
+
+    @property
+    def moments(self) -> int:
+        """How many times it was away."""
+        apart = np.diff(self.times) > IN_A_ROW * self.turn_ns
+        return 1 + int(apart.sum()) if len(self.times) else 0
+
+    def within(self, times: I64) -> float:
+        """Return the part of its losses that are near some moments (sorted)."""
+        if not len(self.times) or not len(times):
+            return 0.0
+        behind = times[np.minimum(np.searchsorted(times, self.times), len(times) - 1)]
+        before = times[np.maximum(np.searchsorted(times, self.times) - 1, 0)]
+        near = np.minimum(abs(behind - self.times), abs(self.times - before)) <= NEAR_NS
+        return float(near.mean())
+
+
+def losses(case: Case) -> Iterator[Finding]:
+    """Find servos that lose answers now and then, and those that do it together."""
+    torn = Counter(d.servo_id for d in case.damages if d.turn == IN_REPLY)
+    twins = Counter(d.servo_id for d in case.damages if d.turn == IN_REPLY and of_twins(case, d))
+    lost = [
+        one
+        for s in case.answering
+        if 2 * twins[s] <= torn[s] and (one := _Lost(case, s)).ok + one.bad > LEAST
+    ]
+    bad = sorted((one for one in lost if one.bad), key=lambda one: -one.share)
+    if not bad or bad[0].bad < LEAST or bad[0].moments < MOMENTS:
+        return
+    group, sound = _group(case, bad, lost)
+    if not group:
+        return
+    rest_bad, rest = sum(o.bad for o in sound), sum(o.bad + o.ok for o in sound)
+    shared = _shared(group)
+    first = min(int(o.times[0]) for o in group)
+    for one in group:
+        chance = at_least(one.bad, one.bad + one.ok, (rest_bad + 1) / (rest + 2)) if sound else 0.1
+        places = tuple(
+            Place(at, 1, t, "a request without a sound answer")
+            for at, t in zip(one.at[:3].tolist(), one.times[:3].tolist(), strict=True)
+        )
+        others = f"{rest_bad} of {rest} of {len(sound)} others" if sound else "nobody else is there"
+        yield Finding(
+            "comes-and-goes",
+            one.servo,
+            first,
+            int(one.times[-1]),
+            one.bad,
+            f"servo {one.servo} lost {one.bad} of {one.bad + one.ok} answers "
+            f"({one.torn} of them torn) in {one.moments} moments; {others}",
+            places,
+            strength=max(sureness(chance), 0.4),
+            brief=f"servo {one.servo} loses answers in {one.moments} moments",
+            episodes=episodes(one.times, one.times, BUCKET_NS),
+        )
+        if one.servo in shared:
+            with_it = ", ".join(str(s) for s in shared if s != one.servo)
+            yield Finding(
+                "lost-together",
+                one.servo,
+                first,
+                int(one.times[-1]),
+                one.moments,
+                f"servo {one.servo} loses answers in the same moments as servo {with_it}",
+                places,
+                brief=f"servo {one.servo} together with {with_it}",
+            )
+
+
+def _group(case: Case, bad: list[_Lost], lost: list[_Lost]) -> tuple[list[_Lost], list[_Lost]]:
+    """Return the servos that lose answers in the moments of the worst one, and the sound ones.
+
+    Each of those that have far more than the soundest begins a group; who fails only in its
+    moments belongs to it, however few of its answers were asked for just then.
+    """
+    best = min(lost, key=lambda one: one.share)
+    clear = [
+        one
+        for one in bad
+        if one.bad >= LEAST
+        and one.moments >= MOMENTS
+        and one.share >= AHEAD * best.share
+        and at_least(one.bad, one.bad + one.ok, (best.bad + 1) / (best.bad + best.ok + 2)) < CHANCE
+    ]
+    if not clear:
+        return [], []
+    moments = np.sort(np.concatenate([one.times for one in clear]))
+    group = list(clear)
+    if not _often(moments):
+        group += [o for o in bad if o not in clear and o.within(moments) >= SAME]
+    left = [one for one in lost if one not in group]
+    if len(left) > 1 and not min(one.bad for one in left):
+        # beside it most lose nothing: who does is behind the same place, or else has a cause of his
+        group += [one for one in left if one.bad >= MOMENTS]
+    sound = [one for one in lost if one not in group]
+    rest = sum(one.bad for one in sound) / max(sum(one.bad + one.ok for one in sound), 1)
+    if sound and rest * AHEAD > min(one.share for one in clear):
+        return [], []
+    return group, sound
+
+
+def _often(times: I64) -> bool:
+    """Tell whether so much of the time is near some moments that others are there by chance."""
+    if len(times) < 2:
+        return False
+    near = int(np.minimum(np.diff(times), 2 * NEAR_NS).sum()) + 2 * NEAR_NS
+    return near > SELDOM * int(times[-1] - times[0] + 2 * NEAR_NS)
+
+
+def _shared(group: list[_Lost]) -> list[int]:
+    """Return the servos of a group that fail in each other's moments."""
+    out = []
+    for one in group:
+        others = np.sort(np.concatenate([o.times for o in group if o is not one] or [one.times]))
+        if len(group) > 1 and not _often(others) and one.within(others) >= SAME:
+            out.append(one.servo)
+    return sorted(out) if len(out) > 1 else []
+
+
+RULES: Final[tuple[Rule, ...]] = (losses,)
+"""The rules of this area."""

@@ -1,0 +1,50 @@
+"""A capture heard to its end for what is told of it afterwards: figures, curves, incidents."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sniffer.diagnosis import Diagnosis
+from sniffer.jobs.session import run_source
+from sniffer.reports.collector import Collector
+
+if TYPE_CHECKING:
+    from sniffer.decoding.options import Options
+    from sniffer.decoding.summary import Summary
+    from sniffer.jobs.session import Ending, Patience
+    from sniffer.jobs.telling import Teller
+    from sniffer.sources import Source
+
+
+@dataclass(frozen=True, slots=True)
+class HeardCapture:
+    """What was heard; ``damage`` says why the input was not read to its end (empty: it was)."""
+
+    summary: Summary
+    collector: Collector
+    diagnosis: Diagnosis
+    ending: Ending
+    damage: str
+
+
+def hear(
+    opened: Source, options: Options, *, name: str, tell: Teller, patience: Patience | None = None
+) -> HeardCapture:
+    """Decode a source and keep what reports and checks ask for.
+
+    Raises:
+        InputError: there is nothing in it, or its protocol cannot be told.
+    """
+    collector, diagnosis = Collector(), Diagnosis()
+    damage: list[str] = []
+    summary, ending = run_source(
+        opened,
+        options,
+        [collector, diagnosis],
+        name=name,
+        tell=tell,
+        patience=patience,
+        on_break=damage.append,
+    )
+    return HeardCapture(summary, collector, diagnosis, ending, "; ".join(damage))

@@ -1,0 +1,243 @@
+"""What a report and the rules of a check need of a capture, in bounded memory: figures and curves.
+
+A sink. Figures are a servo's own: extremes with the bytes that state them, what became of requests,
+goals and who acknowledged them. Curves are for the eye (``grid.py``). Nothing is judged here.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.decoding.sink import bus_of
+from sniffer.diagnostics.found import SEVERITY, Anomalies
+from sniffer.ground.codes import NEVER, NO_RESPONSE, OK, OUTCOMES, RESPONSE, WHOLE
+from sniffer.ground.distinct import distinct
+from sniffer.ground.gaps import Gaps
+from sniffer.ground.model import MarkKind, Severity
+from sniffer.reports.figures import (
+    BYTES,
+    DRAWN,
+    ERROR,
+    GOAL,
+    LONGEST,
+    MISSING,
+    POSITION,
+    SHORTEST,
+    TROUBLE,
+    UNCLAIMED,
+    Extreme,
+    Range,
+    ServoFigures,
+    WireFigures,
+)
+from sniffer.reports.goals import GoalBook
+from sniffer.reports.grid import Grid
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from sniffer.decoding.pacing import Pace
+    from sniffer.ground.model import I64, Batch, Chunk, Samples
+    from sniffer.protocols.base import BusProtocol
+
+MS: Final = 1_000_000
+
+_SEVERITY: Final = np.array(SEVERITY, np.int64)
+
+Found = dict[tuple[int, str, str], "I64"]
+"""Rows of samples by servo, quantity and unit."""
+
+
+class LaneFigures:
+    """What one protocol says on one bus; ``bus`` is the wire's name."""
+
+    def __init__(self, bus: str, protocol: BusProtocol) -> None:
+        self.bus = bus
+        self.protocol = protocol
+        self.servos: dict[int, ServoFigures] = {}
+        told = [(r.quantity, r.unit) for r in protocol.registers]
+        kinds = list(dict.fromkeys(t for t in told if t[0]))
+        self._kinds = kinds
+        self._column = np.array([kinds.index(t) if t[0] else -1 for t in told], np.int64)
+        self._nobody = np.array([-1, *protocol.everyone])
+        self._goals: dict[tuple[int, str], float] = {}
+        self._book = GoalBook(protocol)
+
+    def add(self, batch: Batch, grid: Grid) -> None:
+        """Count in what the servos said."""
+        self._meet(batch)
+        self._count_answers(batch, grid)
+        self._count_values(batch, grid)
+        self._book.add(batch, self.servos)
+
+    def _meet(self, batch: Batch) -> None:
+        f = batch.frames
+        said = f.kind == RESPONSE
+        met = f.servo_id[said | (f.reply != NEVER)]
+        for servo in distinct(met)[0].tolist():
+            if servo not in self._nobody:
+                self.servos.setdefault(servo, ServoFigures())
+        servos, _, counts = distinct(f.servo_id[said])
+        for servo, n in zip(servos.tolist(), counts.tolist(), strict=True):
+            if servo in self.servos:
+                self.servos[servo].responses += n
+
+    def _count_answers(self, batch: Batch, grid: Grid) -> None:
+        f, t = batch.frames, batch.transactions
+        who = np.full(len(t), -1, np.int64)
+        asked = t.request != -1
+        who[asked] = batch.asked(t.request[asked]).servo_id
+        # what is said to all is answered under the servo's own id, if at all
+        bare = np.isin(who, self._nobody) & (t.response >= 0)
+        who[bare] = f.servo_id[t.response[bare]]
+        many = len(OUTCOMES)
+        keys, _, counts = distinct((who + 1) * many + t.outcome)
+        for key, n in zip(keys.tolist(), counts.tolist(), strict=True):
+            mine = self.servos.get(key // many - 1)
+            if mine is not None:
+                mine.outcomes[OUTCOMES[key % many]] += n
+        known = (t.outcome == OK) & (t.response_time_ns >= 0)
+        who, ns = who[known], t.response_time_ns[known]
+        spread = np.maximum(t.uncertainty_ns[known], 0)
+        at = f.t_end[t.response[known]]
+        for servo in distinct(who)[0].tolist():
+            mine, rows = self.servos.get(servo), who == servo
+            for name, bound in ((SHORTEST, ns - spread), (LONGEST, ns + spread)):
+                if mine is not None:
+                    curve = _own(mine, name, "ms", grid)
+                    grid.add(curve, at[rows], np.maximum(bound[rows], 0) / MS)
+
+    def _count_values(self, batch: Batch, grid: Grid) -> None:
+        v = batch.samples
+        told = (self._column[v.register] >= 0) & (v.part == WHOLE) & ~np.isnan(v.value)
+        rows = np.flatnonzero(told)
+        many = len(self._kinds)
+        key = (v.servo_id[rows].astype(np.int64) + 1) * many + self._column[v.register[rows]]
+        keys, which, _ = distinct(key)
+        order = np.argsort(which, kind="stable")
+        edges = np.searchsorted(which[order], np.arange(len(keys) + 1))
+        found: Found = {}
+        for k, one in enumerate(keys.tolist()):
+            servo, (quantity, unit) = one // many - 1, self._kinds[one % many]
+            mine = found[servo, quantity, unit] = rows[order[edges[k] : edges[k + 1]]]
+            if servo in self.servos:
+                _count_range(self.servos[servo], quantity, unit, batch, mine, grid)
+        for (servo, quantity, unit), mine in found.items():
+            if quantity == POSITION and servo in self.servos:
+                self._count_error(servo, unit, v, mine, found, grid)
+        self._keep_goals(v, found)
+
+    def _count_error(
+        self, servo: int, unit: str, v: Samples, rows: I64, found: Found, grid: Grid
+    ) -> None:
+        """Compare each position with the last goal that became true before it."""
+        goals = self._goals_of(servo, unit, found)
+        at = np.searchsorted(goals, rows) - 1
+        goal = np.full(len(rows), self._goals.get((servo, unit), np.nan))
+        goal[at >= 0] = v.value[goals[at[at >= 0]]]
+        known = ~np.isnan(goal)
+        if known.any():
+            curve = _own(self.servos[servo], ERROR, unit, grid)
+            grid.add(curve, v.t_ns[rows[known]], goal[known] - v.value[rows[known]])
+
+    def _goals_of(self, servo: int, unit: str, found: Found) -> I64:
+        """Return the rows of goals that concern a servo: its own, and those told to all."""
+        none = np.empty(0, np.int64)
+        every = (servo, *self.protocol.everyone)
+        return np.sort(np.concatenate([found.get((who, GOAL, unit), none) for who in every]))
+
+    def _keep_goals(self, v: Samples, found: Found) -> None:
+        for unit in {unit for _, quantity, unit in found if quantity == GOAL}:
+            for servo in self.servos:
+                goals = self._goals_of(servo, unit, found)
+                if len(goals):
+                    self._goals[servo, unit] = float(v.value[goals[-1]])
+
+
+class Collector:
+    """A sink that keeps what a report shows."""
+
+    def __init__(self) -> None:
+        self.grid = Grid()
+        self.lanes: dict[str, LaneFigures] = {}
+        self.wires: dict[str, WireFigures] = {}
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing: batches hold every byte."""
+
+    def pace(self, bus: str, told: Pace) -> None:
+        """Take what a bus is timed by."""
+        self._wire(bus).pace = told
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Count a batch in."""
+        name = bus_of(bus, protocol, batch)
+        if name not in self.lanes:
+            self.lanes[name] = LaneFigures(bus, protocol)
+        self._count_wire(self._wire(bus), batch)
+        self.lanes[name].add(batch, self.grid)
+
+    def close(self) -> None:
+        """Do nothing: what was collected is asked for afterwards."""
+
+    def servos(self) -> Iterator[tuple[str, int, ServoFigures]]:
+        """Yield lane by lane, each servo in the order of its id."""
+        for name, lane in self.lanes.items():
+            for servo, figures in sorted(lane.servos.items()):
+                yield name, servo, figures
+
+    def lanes_of(self, bus: str) -> Mapping[str, LaneFigures]:
+        """Return the lanes of a wire."""
+        return {name: lane for name, lane in self.lanes.items() if lane.bus == bus}
+
+    def _wire(self, bus: str) -> WireFigures:
+        if bus not in self.wires:
+            names = (BYTES, UNCLAIMED, MISSING, TROUBLE)
+            self.wires[bus] = WireFigures({name: self.grid.curve() for name in names})
+        return self.wires[bus]
+
+    def _count_wire(self, wire: WireFigures, batch: Batch) -> None:
+        f, gaps, grid = batch.frames, Gaps.of(batch.gaps), self.grid
+        wire.clock = max(wire.clock, batch.clock)
+        wire.remarks.update(MarkKind(r.kind).name.lower() for r in batch.remarks)
+        if len(f):
+            wire.doubt_ns = max(wire.doubt_ns, int(f.uncertainty.max()))
+        grid.add(wire.curves[BYTES], f.t_end, f.length)
+        grid.add(wire.curves[BYTES], gaps.t_ns, gaps.length)
+        grid.add(wire.curves[UNCLAIMED], gaps.t_ns, gaps.length)
+        t = batch.transactions
+        lost = batch.asked(t.request[t.outcome == NO_RESPONSE]).t_end
+        grid.add(wire.curves[MISSING], lost, np.ones(len(lost)))
+        found = Anomalies.of(batch.anomalies)
+        bad = found.t_ns[_SEVERITY[found.code] > Severity.NOTE]
+        grid.add(wire.curves[TROUBLE], bad, np.ones(len(bad)))
+
+
+def _own(mine: ServoFigures, name: str, unit: str, grid: Grid) -> int:
+    """Return a servo's curve of a name."""
+    if (name, unit) not in mine.curves:
+        mine.curves[name, unit] = grid.curve()
+    return mine.curves[name, unit]
+
+
+def _count_range(
+    mine: ServoFigures, quantity: str, unit: str, batch: Batch, rows: I64, grid: Grid
+) -> None:
+    """Widen the range of a servo's quantity by rows of a batch's samples."""
+    v = batch.samples
+    value = v.value[rows]
+
+    def told(i: int) -> Extreme:
+        offset = batch.base + int(batch.frames.start[v.row[rows[i]]])
+        return Extreme(float(value[i]), int(v.t_ns[rows[i]]), offset)
+
+    new = Range(len(rows), told(int(value.argmin())), told(int(value.argmax())))
+    known = mine.values.get((quantity, unit))
+    if known is None:
+        new.curve = grid.curve() if quantity in DRAWN else -1
+        known = mine.values[quantity, unit] = new
+    else:
+        known.widen(new)
+    grid.add(known.curve, v.t_ns[rows], value)

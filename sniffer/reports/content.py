@@ -1,0 +1,96 @@
+"""What a report tells, whatever it is written as."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sniffer.diagnosis.causes import CAUSES
+from sniffer.ground.model import Clock
+from sniffer.reports.words import listed
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from sniffer.decoding.summary import BusTotals, Summary
+    from sniffer.diagnosis.model import Incident
+    from sniffer.reports.collector import Collector
+    from sniffer.reports.evidence import Exhibit
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """A capture after it was heard to its end.
+
+    ``described`` is what kind of input it is, ``facts`` what a recording knows of itself, ``notes``
+    what a person should know of it, ``damage`` what broke it off (empty: nothing did). ``judged``
+    is the sentence on what it was judged. ``tool`` and ``made`` say by what and when it was told.
+    """
+
+    name: str
+    described: str
+    size: int | None
+    facts: Mapping[str, str]
+    notes: Sequence[str]
+    damage: str
+    summary: Summary
+    collector: Collector
+    incidents: Sequence[Incident]
+    exhibits: Mapping[int, Sequence[Exhibit]]
+    judged: str
+    tool: str
+    made: str
+
+    @property
+    def worst(self) -> Incident | None:
+        """The incident that is told first; None: there is none."""
+        return self.incidents[0] if self.incidents else None
+
+    @property
+    def clock(self) -> Clock:
+        """The best clock that a bus has."""
+        return max((w.clock for w in self.collector.wires.values()), default=Clock.NONE)
+
+    def clock_of(self, bus: str) -> Clock:
+        """Return the clock of a bus or a lane."""
+        lane = self.collector.lanes.get(bus)
+        wire = self.collector.wires.get(lane.bus if lane is not None else bus)
+        return self.clock if wire is None else wire.clock
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """When the first byte began and the last one ended; None: there was no frame."""
+        firsts = [b.t_first_ns for b in self.summary.buses.values() if b.t_first_ns is not None]
+        lasts = [b.t_last_ns for b in self.summary.buses.values() if b.t_last_ns is not None]
+        return (min(firsts), max(lasts)) if firsts else None
+
+    def totals_of(self, lane: str) -> BusTotals:
+        """Return the totals of what one protocol says on a bus."""
+        known = self.collector.lanes[lane]
+        totals = self.summary.buses[known.bus]
+        return totals.parts.get(known.protocol.name, totals)
+
+    def incidents_of(self, lane: str, servo: int) -> list[Incident]:
+        """Return the incidents that concern a servo: its own, and those of its whole bus."""
+        bus = self.collector.lanes[lane].bus
+        return [
+            i
+            for i in self.incidents
+            if i.bus in (lane, bus) and (servo in i.servo_ids or not i.servo_ids)
+        ]
+
+
+def tale(incident: Incident) -> str:
+    """Return what happened, without the cause before it: who tells it has said that already."""
+    _, colon, rest = incident.story.partition(": ")
+    is_title = colon and incident.story.startswith(CAUSES[incident.cause].title)
+    story = rest if is_title else incident.story
+    return story[:1].upper() + story[1:]
+
+
+def titled(incident: Incident) -> str:
+    """Return what an incident is, in words: its likeliest cause and whom it struck."""
+    title = CAUSES[incident.cause].title
+    title = title[:1].upper() + title[1:]
+    who = listed([f"servo {servo}" for servo in incident.servo_ids], 4)
+    return f"{title} ({who})" if who else title

@@ -1,0 +1,114 @@
+"""The figures of a servo and of a wire that a report shows and a check asks for."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from sniffer.ground.model import Clock
+
+if TYPE_CHECKING:
+    from sniffer.decoding.pacing import Pace
+
+GOAL: Final = "goal_position"
+POSITION: Final = "position"
+ERROR: Final = "error"
+"""Goal less position, where both are stated in one unit."""
+
+LONGEST: Final = "reply_most"
+SHORTEST: Final = "reply_least"
+"""Response times in ms, as they are at most and at least."""
+
+DRAWN: Final = (POSITION, GOAL, "load", "current", "voltage", "temperature")
+"""Quantities that have a curve."""
+
+BYTES, UNCLAIMED, MISSING, TROUBLE = "bytes", "unclaimed", "missing", "trouble"
+"""Curves of a wire: all its bytes, those that no frame claims, answers that did not come, warnings
+and errors."""
+
+
+FATES: Final = ("acknowledged", "refused", "failed", "unanswered")
+"""What may become of a goal. Refused: answered, and not accepted. Failed: an answer had to come,
+and none that fits did. Unanswered: nobody has to answer it; it was sent to all, or the servo
+acknowledges no writes."""
+
+
+class Extreme(NamedTuple):
+    """A value at the end of a range, and the frame that states it."""
+
+    value: float
+    t_ns: int
+    offset: int
+
+
+@dataclass(slots=True)
+class Range:
+    """All that is kept of one quantity of a servo in one unit; ``curve`` -1 has none."""
+
+    count: int
+    least: Extreme
+    most: Extreme
+    curve: int = -1
+
+    def widen(self, other: Range) -> None:
+        """Take more values in; of equal ones the first stays."""
+        self.count += other.count
+        if other.least.value < self.least.value:
+            self.least = other.least
+        if other.most.value > self.most.value:
+            self.most = other.most
+
+
+@dataclass(slots=True)
+class ServoFigures:
+    """One servo.
+
+    ``responses`` are what it said itself, ``outcomes`` those of the requests to it, ``goals`` the
+    fates (``FATES``) of those that carry a goal.
+    """
+
+    responses: int = 0
+    outcomes: Counter[str] = field(default_factory=Counter)
+    values: dict[tuple[str, str], Range] = field(default_factory=dict)
+    """By quantity and unit."""
+    goals: Counter[str] = field(default_factory=Counter)
+    curves: dict[tuple[str, str], int] = field(default_factory=dict)
+    """Curves that are no value on the wire, by name and unit."""
+
+    @property
+    def wanted(self) -> int:
+        """Requests whose answer had to come."""
+        return sum(n for o, n in self.outcomes.items() if o not in ("not_expected", "unsolicited"))
+
+    @property
+    def missing(self) -> int:
+        """Those that nothing came for."""
+        return self.outcomes["no_response"]
+
+    @property
+    def damaged(self) -> int:
+        """Those whose answer came torn, or does not fit."""
+        return self.outcomes["damaged"] + self.outcomes["mismatched"]
+
+    def unit_of(self, quantity: str) -> str | None:
+        """Return the unit in which a quantity was stated most often; None: it never was."""
+        mine = [(r.count, unit) for (name, unit), r in self.values.items() if name == quantity]
+        return max(mine)[1] if mine else None
+
+    def range_of(self, quantity: str) -> Range | None:
+        """Return the values of a quantity in that unit."""
+        unit = self.unit_of(quantity)
+        return None if unit is None else self.values[quantity, unit]
+
+
+@dataclass(slots=True)
+class WireFigures:
+    """One bus: its curves by name, and what the tap remarked of it."""
+
+    curves: dict[str, int]
+    pace: Pace | None = None
+    clock: Clock = Clock.NONE
+    remarks: Counter[str] = field(default_factory=Counter)
+    doubt_ns: int = -1
+    """The greatest uncertainty of a frame's times; -1: nothing is known of them."""

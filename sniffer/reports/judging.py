@@ -1,0 +1,304 @@
+"""Rules held against a capture. A rule passes, fails, or cannot be decided; each has its figure.
+
+A figure that is known within bounds passes if all of them hold the rule, fails if none does, and
+else decides nothing. Nor does what was never heard: a rule on a supply that nobody asked for is no
+rule that holds.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from sniffer.decoding.summary import FIGURES
+from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.ground.model import Clock
+from sniffer.ground.wording import counted
+from sniffer.reports import rules as r
+from sniffer.reports import words
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from sniffer.decoding.summary import BusTotals, Summary
+    from sniffer.diagnosis.model import Incident
+    from sniffer.reports.collector import Collector
+    from sniffer.reports.figures import ServoFigures
+
+MS: Final = 1e6
+
+OF_EACH: Final = frozenset({r.RESPONSE_TIME, r.VALUE, r.GOALS, r.MISSING, r.DAMAGED})
+"""Rules that each servo must keep, so that one who was never heard decides nothing."""
+
+TOLD: Final = 3
+"""Incidents that a failed rule names."""
+
+
+class Decision(enum.IntEnum):
+    """What becomes of a rule; the higher one counts where servos differ."""
+
+    PASSED = 0
+    UNDECIDED = 1
+    FAILED = 2
+
+
+class Figure(NamedTuple):
+    """A figure within bounds, what it is in words, and whose it is (-1: nobody's)."""
+
+    low: float
+    high: float
+    told: str
+    servo: int = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """A rule with what came of it; ``figure`` is the sentence with the number that decided."""
+
+    rule: r.Rule
+    verdict: Decision
+    figure: str
+
+    @property
+    def holds(self) -> bool:
+        """Whether the rule is kept, or may stay undecided."""
+        lenient = self.rule.is_lenient and self.verdict == Decision.UNDECIDED
+        return self.verdict == Decision.PASSED or lenient
+
+    @property
+    def word(self) -> str:
+        """The verdict in a word; what breaks the check is written large."""
+        word = self.verdict.name
+        return word.lower() if self.holds else word
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """A capture after it was heard to its end, as far as rules ask for it."""
+
+    summary: Summary
+    collector: Collector
+    incidents: Sequence[Incident]
+
+
+def judge(rules: Sequence[r.Rule], heard: Subject) -> list[Judged]:
+    """Hold rules against a capture, each by itself."""
+    out = []
+    for rule in rules:
+        figures = list(_FIGURES[rule.what](rule, heard))
+        if not figures:
+            out.append(Judged(rule, Decision.UNDECIDED, _nothing(rule, heard)))
+            continue
+        found = [(_verdict(rule, f), _distance(rule, f), f) for f in figures]
+        verdict = max(v for v, _, _ in found)
+        worst = min((f for f in found if f[0] == verdict), key=lambda f: f[1])[2]
+        told = f"{worst.told}; wanted: {rule.asked}"
+        silent = set(rule.servos) - {f.servo for f in figures} if rule.what in OF_EACH else set()
+        if silent and verdict == Decision.PASSED:
+            ids = ", ".join(map(str, sorted(silent)))
+            verdict, told = Decision.UNDECIDED, f"{told}; nothing of it was heard of servo {ids}"
+        out.append(Judged(rule, verdict, told))
+    return out
+
+
+def tally(verdicts: Sequence[Judged]) -> str:
+    """Return how many rules there are, and what became of them."""
+    counts = Counter(judged.verdict for judged in verdicts)
+    told = ", ".join(f"{counts[v]} {v.name.lower()}" for v in Decision if counts[v])
+    return f"{counted(len(verdicts), 'rule')}: {told}"
+
+
+def _verdict(rule: r.Rule, figure: Figure) -> Decision:
+    holds = [_holds(rule, value) for value in (figure.low, figure.high)]
+    return Decision.PASSED if all(holds) else Decision.UNDECIDED if any(holds) else Decision.FAILED
+
+
+def _holds(rule: r.Rule, value: float) -> bool:
+    tests: Mapping[str, Callable[[float], bool]] = {
+        "below": lambda bound: value < bound,
+        "at_most": lambda bound: value <= bound,
+        "above": lambda bound: value > bound,
+        "at_least": lambda bound: value >= bound,
+    }
+    return all(tests[name](bound) for name, bound in rule.bounds.items())
+
+
+def _distance(rule: r.Rule, figure: Figure) -> float:
+    """Return by how much a figure keeps a rule; the least of all is the one that is told."""
+    out = []
+    for name, bound in rule.bounds.items():
+        is_upper = name in ("below", "at_most")
+        out.append(bound - figure.high if is_upper else figure.low - bound)
+    return min(out)
+
+
+def _servos(rule: r.Rule, heard: Subject) -> Iterator[tuple[str, int, ServoFigures]]:
+    """Yield the servos that a rule is about."""
+    lanes = heard.collector.lanes
+    for lane, servo, mine in heard.collector.servos():
+        if rule.bus in ("", lane, lanes[lane].bus) and (not rule.servos or servo in rule.servos):
+            yield lane, servo, mine
+
+
+def _name(heard: Subject, lane: str, servo: int) -> str:
+    return f"{lane} servo {servo}" if len(heard.collector.lanes) > 1 else f"servo {servo}"
+
+
+def _buses(rule: r.Rule, heard: Subject) -> Iterator[tuple[str, BusTotals]]:
+    for bus, totals in heard.summary.buses.items():
+        if rule.bus in ("", bus, *heard.collector.lanes_of(bus)):
+            yield bus, totals
+
+
+def _incidents(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
+    buses = {name for name, _ in _buses(rule, heard)}
+    if not buses:
+        return
+    lanes = heard.collector.lanes
+    mine = [
+        i
+        for i in heard.incidents
+        if (i.bus in buses or (i.bus in lanes and lanes[i.bus].bus in buses))
+        and i.severity >= rule.least
+        and i.causes[0].confidence >= rule.sure
+        and (not rule.named or i.cause in rule.named)
+        and (not rule.servos or not i.servo_ids or set(i.servo_ids) & set(rule.servos))
+    ]
+    told = counted(len(mine), "incident") if mine else "no incident"
+    if mine:
+        first = "; ".join(f"{i.cause}: {i.story}" for i in mine[:TOLD])
+        told += f" ({first}{'; ...' if len(mine) > TOLD else ''})"
+    yield Figure(len(mine), len(mine), told)
+
+
+def _anomalies(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
+    found: dict[str, int] = {}
+    buses = list(_buses(rule, heard))
+    for _, totals in buses:
+        for part in totals.parts.values() or (totals,):
+            for code, n in part.codes.items():
+                if CATALOGUE[code].severity < rule.least or (rule.named and code not in rule.named):
+                    continue
+                blamed = part.by_servo.get(code, Counter())
+                mine = sum(blamed[servo] for servo in rule.servos) if rule.servos else n
+                found[code] = found.get(code, 0) + mine
+    total = sum(found.values())
+    named = ", ".join(f"{n} {code}" for code, n in sorted(found.items()) if n)
+    if buses:
+        noun = "anomaly" if total == 1 else "anomalies"
+        yield Figure(total, total, f"{total} {noun} ({named})" if total else "no anomaly")
+
+
+def _response_time(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
+    for lane, servo, _ in _servos(rule, heard):
+        known = heard.collector.lanes[lane]
+        totals = heard.summary.buses[known.bus]
+        times = totals.parts.get(known.protocol.name, totals).times.get(servo)
+        bounds = times.at(FIGURES[rule.figure]) if times is not None else None
+        if times is not None and bounds is not None:
+            told = f"{rule.figure} of {_name(heard, lane, servo)} is {bounds.ms()} ms"
+            told += f" (between {bounds.low / MS:.2f} and {bounds.high / MS:.2f})"
+            told += f", {counted(times.count, 'answer')}"
+            yield Figure(bounds.low / MS, bounds.high / MS, told, servo)
+
+
+def _value(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
+    for lane, servo, mine in _servos(rule, heard):
+        clock = heard.collector.wires[heard.collector.lanes[lane].bus].clock
+        for (quantity, unit), values in mine.values.items():
+            if quantity != rule.quantity:
+                continue
+            for end in (values.least, values.most):
+                shown = words.measured(end.value, unit)
+                when = words.moment(end.t_ns, clock)
+                told = f"{quantity} of {_name(heard, lane, servo)} is {shown} at {when}"
+                yield Figure(end.value, end.value, f"{told} (byte {end.offset})", servo)
+
+
+def _goals(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
+    for lane, servo, mine in _servos(rule, heard):
+        goals = mine.goals
+        wanted = goals["acknowledged"] + goals["refused"] + goals["failed"]
+        if wanted:
+            told = f"{goals['acknowledged']} of {counted(wanted, 'goal')} acknowledged by "
+            told += _name(heard, lane, servo)
+            beside = {"refused": goals["refused"], "without acknowledgement": goals["failed"]}
+            told += "".join(f", {n} {what}" for what, n in beside.items() if n)
+            share = goals["acknowledged"] / wanted
+            yield Figure(share, share, told, servo)
+
+
+def _missing(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
+    return _answers(rule, heard, lambda mine: mine.missing, "did not come")
+
+
+def _damaged(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
+    return _answers(rule, heard, lambda mine: mine.damaged, "came damaged")
+
+
+def _answers(
+    rule: r.Rule, heard: Subject, count: Callable[[ServoFigures], int], what: str
+) -> Iterator[Figure]:
+    for lane, servo, mine in _servos(rule, heard):
+        if mine.wanted:
+            n = count(mine)
+            share = n / mine.wanted
+            told = f"{n} of {counted(mine.wanted, 'answer')} of {_name(heard, lane, servo)} {what}"
+            yield Figure(share, share, f"{told} ({words.number(100 * share, 3)} %)", servo)
+
+
+def _in_frames(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
+    for bus, totals in _buses(rule, heard):
+        if totals.bytes:
+            share = totals.bytes_in_frames / totals.bytes
+            told = f"{totals.bytes_in_frames} of {totals.bytes} bytes of {bus} are in frames"
+            yield Figure(share, share, told)
+
+
+def _frames(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
+    for bus, totals in _buses(rule, heard):
+        n = sum(totals.kinds.values())
+        yield Figure(n, n, f"{counted(n, 'frame')} on {bus}")
+
+
+def _seconds(rule: r.Rule, heard: Subject) -> Iterator[Figure]:
+    for bus, totals in _buses(rule, heard):
+        if totals.seconds is not None:
+            yield Figure(totals.seconds, totals.seconds, f"{totals.seconds:.3f} s of {bus}")
+
+
+_FIGURES: Final[Mapping[str, Callable[[r.Rule, Subject], Iterator[Figure]]]] = {
+    r.INCIDENTS: _incidents,
+    r.ANOMALIES: _anomalies,
+    r.RESPONSE_TIME: _response_time,
+    r.VALUE: _value,
+    r.GOALS: _goals,
+    r.MISSING: _missing,
+    r.DAMAGED: _damaged,
+    r.IN_FRAMES: _in_frames,
+    r.FRAMES: _frames,
+    r.SECONDS: _seconds,
+}
+
+
+def _nothing(rule: r.Rule, heard: Subject) -> str:
+    """Say why there is no figure."""
+    if rule.bus and not list(_buses(rule, heard)):
+        return f"there is no bus {rule.bus}: {', '.join(heard.summary.buses)} is there"
+    if rule.servos and not list(_servos(rule, heard)):
+        ids = ", ".join(map(str, rule.servos))
+        return f"no servo of the id {ids} was asked or heard"
+    if rule.what in (r.RESPONSE_TIME, r.SECONDS):
+        clocks = {wire.clock for wire in heard.collector.wires.values()}
+        if clocks <= {Clock.NONE}:
+            return "the input has no clock, so no time is known"
+        return "no response time is known"
+    if rule.what == r.VALUE:
+        heard_of = {q for _, _, mine in _servos(rule, heard) for q, _ in mine.values}
+        known = f" ({', '.join(sorted(heard_of))} were)" if heard_of else ""
+        return f"no {rule.quantity} was heard{known}"
+    if rule.what == r.GOALS:
+        return "no goal was told in a request that is acknowledged"
+    return "nothing of it was heard"

@@ -1,0 +1,84 @@
+"""Numbers, times and units as reports tell them."""
+
+from __future__ import annotations
+
+import datetime
+import math
+from typing import TYPE_CHECKING, Final
+
+from sniffer.ground.model import NS, Clock
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.reports.figures import Range
+
+UNITS: Final[Mapping[str, str]] = {"degC": "°C", "deg": "°", "deg/s": "°/s", "us": "µs"}
+"""Units in the form that people write."""
+
+_TIGHT: Final = frozenset({"°"})
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Return a number with so many significant digits, without an exponent where it is readable."""
+    if not math.isfinite(value):
+        return "none"
+    if value == 0 or 1e-4 <= abs(value) < 1e7:
+        shown = f"{value:.{max(0, digits - 1 - _magnitude(value))}f}"
+        shown = shown.rstrip("0").rstrip(".") if "." in shown else shown
+        return "0" if shown in ("-0", "") else shown
+    return f"{value:.{digits}g}"
+
+
+def _magnitude(value: float) -> int:
+    return math.floor(math.log10(abs(value))) if value else 0
+
+
+def unit(name: str) -> str:
+    """Return a unit as people write it; empty where there is none."""
+    return UNITS.get(name, name)
+
+
+def measured(value: float, name: str) -> str:
+    """Return a value with its unit."""
+    shown = unit(name)
+    between = "" if shown in _TIGHT or not shown else " "
+    return f"{number(value)}{between}{shown}"
+
+
+def spread(values: Range | None, name: str) -> str:
+    """Return from where to where values go; empty where there are none."""
+    if values is None:
+        return ""
+    low, high = number(values.least.value), number(values.most.value)
+    shown = unit(name)
+    between = "" if shown in _TIGHT or not shown else " "
+    return f"{low}{between}{shown}" if low == high else f"{low} … {high}{between}{shown}"
+
+
+def moment(t_ns: int, clock: Clock, *, date: bool = False) -> str:
+    """Return a time as a clock shows it, UTC; seconds where the input has no clock."""
+    if clock == Clock.NONE:
+        return f"{t_ns / NS:.3f} s"
+    told = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC)
+    form = "%Y-%m-%d %H:%M:%S" if date else "%H:%M:%S"
+    return f"{told:{form}}.{t_ns % NS // 1_000_000:03d}"
+
+
+def lasting(ns: float) -> str:
+    """Return a length of time in the unit that suits it."""
+    if ns < NS:
+        return f"{number(ns / 1e6, 3)} ms"
+    seconds = ns / NS
+    if seconds < 120:
+        return f"{number(seconds, 4)} s"
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds} s"
+
+
+def listed(names: list[str], most: int = 8) -> str:
+    """Return names with commas, the last ones counted where there are many."""
+    if len(names) <= most:
+        return ", ".join(names)
+    return f"{', '.join(names[:most])} and {len(names) - most} more"
