@@ -27,7 +27,7 @@ FINDINGS: Final = (
         "slower-than-its-delay",
         "timing",
         "A servo takes longer to answer than its delay register says.",
-        "Half of its answers begin surely 2 ms later than the delay that was read or written.",
+        "Half of its answers begin surely a millisecond later than the delay that was read or written.",
     ),
 )
 
@@ -43,7 +43,7 @@ LEAST: Final = 5
 PEERS: Final = 0.9
 """Nearly all answers of the others are faster than what this share of them is."""
 
-BEYOND_NS: Final = 2_000_000
+BEYOND_NS: Final = 1_000_000
 """What a servo may need to work out an answer, beside its delay."""
 
 
@@ -55,6 +55,7 @@ class _Slow(NamedTuple):
     of: int
     usual_ns: int
     peers_ns: int
+    too_long_ns: int
 
 
 def slow(case: Case) -> Iterator[Finding]:
@@ -70,15 +71,18 @@ def slow(case: Case) -> Iterator[Finding]:
     for op, keys in by_op.items():
         for key in keys:
             servo, count = (key >> 32) - 1, took.count(key)
-            peers = [b for k in keys if k != key and (b := took.at(k, PEERS)) is not None]
+            peers = sorted(b for k in keys if k != key and (b := took.at(k, PEERS)) is not None)
             if servo not in case.servos or not peers or count < LEAST:
                 continue
-            fast = sorted(b.high for b in peers)[(len(peers) - 1) // 2]
-            late = took.above(key, max(fast + MORE_NS, TIMES * fast))
+            fast = peers[(len(peers) - 1) // 2]
+            too_long = max(fast.high, fast.low + MORE_NS, round(TIMES * fast.low))
+            late = took.above(key, too_long)
             if late >= max(LEAST, SHARE * count):
                 usual = took.at(key, 0.5)
                 assert usual is not None
-                found.setdefault(servo, []).append(_Slow(op, late, count, usual.low, fast))
+                found.setdefault(servo, []).append(
+                    _Slow(op, late, count, usual.low, fast.high, too_long)
+                )
             else:
                 fair[servo] = fair.get(servo, 0) + count
     if len(found) > len(case.answering) / 2:  # then it is the others that are fast
@@ -92,8 +96,7 @@ def slow(case: Case) -> Iterator[Finding]:
 def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
     worst = max(several, key=lambda s: s.slow)
     rows = np.flatnonzero(
-        (case.answers["servo_id"] == servo)
-        & (case.answers["took_max"] > max(worst.peers_ns + MORE_NS, TIMES * worst.peers_ns))
+        (case.answers["servo_id"] == servo) & (case.answers["took_max"] > worst.too_long_ns)
     )
     a = case.answers
     first, last = (

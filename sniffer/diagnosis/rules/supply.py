@@ -29,12 +29,15 @@ FINDINGS: Final = (
         "supply-steady",
         "device",
         "The supply of a servo was as usual right before it fell silent.",
-        "A voltage within a twentieth of the usual one in the second before each of its silences.",
+        "A voltage within a twentieth of the usual one in the tenth of a second before its silences, known of half of them at least.",
     ),
 )
 
-BEFORE_NS: Final = NS
+JUST_NS: Final = NS // 10
 """A voltage that was measured so shortly before a silence tells what the supply was like."""
+
+BEFORE_NS: Final = NS
+"""So close to each other, two signs are of one sag."""
 
 SAG: Final = 0.10
 """Part of the usual voltage; wires and a sound supply under a robot's load move it by less."""
@@ -86,15 +89,16 @@ def steady(case: Case) -> Iterator[Finding]:
         usual = float(np.quantile(v.mean, USUALLY))
         began = np.array([s.first_ns for s in spells], np.int64)
         row = np.searchsorted(v.t, began, "right") - 1
-        known = (row >= 0) & (began - v.t[np.maximum(row, 0)] <= BEFORE_NS)
-        if not known.all() or (v.low[row] < (1 - STEADY) * usual).any():
+        known = (row >= 0) & (began - v.t[np.maximum(row, 0)] <= JUST_NS)
+        if 2 * known.sum() < len(known) or (v.low[row[known]] < (1 - STEADY) * usual).any():
             continue
+        began, row = began[known], row[known]
         yield Finding(
             "supply-steady",
             servo,
             int(began[0]),
             int(began[-1]),
-            len(spells),
+            len(row),
             f"servo {servo} measures {v.told(float(v.low[row].min()))} right before it falls silent",
             tuple(
                 Place(int(v.at[r]), 1, int(v.t_first[r]), f"voltage {v.told(v.last[r])}")
@@ -108,7 +112,7 @@ def _sag(case: Case, servo: int, v: Series, low: I64, normal: float, limit: floa
     strength = min(max((1 - least / normal - SHALLOW) / (DEEP - SHALLOW), 0.0), 1.0)
     if least < limit:
         strength = 1.0
-    if len(low) < 2 and not case.has_checksum:
+    if len(low) < 2 and not case.has_checksum and not _is_borne_out(case, servo, v, low):
         strength *= LONE
     under = " under load" if _is_loaded(case, servo, v, low) else ""
     below = f", its limit is {v.told(limit)}" if least < limit else ""
@@ -127,6 +131,14 @@ def _sag(case: Case, servo: int, v: Series, low: I64, normal: float, limit: floa
         brief=f"supply of servo {servo} sags to {v.told(least)}{under}",
         values=(("least", least), ("usual", normal)),
     )
+
+
+def _is_borne_out(case: Case, servo: int, v: Series, low: I64) -> bool:
+    """Tell whether the servo complains, or falls silent, about when its voltage is low."""
+    since, until = int(v.t_first[low[0]]) - BEFORE_NS, int(v.t[low[-1]]) + BEFORE_NS
+    told = case.anomalies("device-safe-mode", "device-input-voltage", servo_id=servo).t_ns
+    silent = [s.first_ns for s in case.ledger.silences.runs(servo)]
+    return any(since <= t <= until for t in (*told.tolist(), *silent))
 
 
 def _limit(case: Case, servo: int) -> float:
