@@ -190,8 +190,10 @@ def test_goals_behind_a_torque_that_was_switched_off_are_named_with_the_frame_th
 
 def test_a_torque_that_is_switched_off_at_the_end_is_no_incident() -> None:
     out = [mightyzap_write(1, 0.0, FORCE, b"\1")]
-    for k in range(40):
-        out.append(mightyzap_write(1, 0.5 + k * 0.05, 0x86, (1000 + 20 * k).to_bytes(2, "little")))
+    out += [
+        mightyzap_write(1, 0.5 + k * 0.05, 0x86, (1000 + 20 * k).to_bytes(2, "little"))
+        for k in range(40)
+    ]
     out += [mightyzap_write(1, 3.0, FORCE, b"\0")]
     out += [row for k in range(40) for row in mightyzap_read(1, 3.1 + k * 0.1, POSITION, b"\0\x02")]
     assert not heard(out, "mightyzap").incidents()
