@@ -131,6 +131,8 @@ class Exchanges:
         """How many of the first answers have each length, in bytes."""
         self.in_flight = 0
         """Answered requests behind which another was made before their answer was over."""
+        self.early = np.zeros(0, np.int64)
+        """How often that was so, by kind."""
         self.hurried = Histograms()
         """How long the controller waited then, from the end of a request on; key 0."""
         self.overlaps = 0
@@ -191,6 +193,9 @@ class Exchanges:
     def _hurried(self, r: RequestRows, rows: I64, idle: I64) -> None:
         """Note requests that came before the answer to the last one was over."""
         self.in_flight += len(rows)
+        more = np.bincount(np.maximum(r.kind[rows], 0), minlength=len(self.early))
+        more[: len(self.early)] += self.early
+        self.early = more
         wait = r.t_start[rows + 1] - r.t_end[rows]
         self.hurried.add(np.zeros(len(rows), np.int64), wait, wait)
         unsure = np.maximum(r.unsure(rows), r.unsure(rows + 1)) + self._byte_ns // 4

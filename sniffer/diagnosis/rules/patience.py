@@ -84,6 +84,12 @@ WAITED_NS: Final = 1_500_000
 """A program that asks several at once sends its requests one behind the other; who lets so much time
 pass has waited."""
 
+HABIT: Final = 20
+"""Requests of a kind that show whether it is asked together with others by plan."""
+
+LATENCY_NS: Final = MS
+"""A host that is later may hand on a request before the answer that came first."""
+
 TAIL: Final = 3
 """Bytes that end, or begin, as a request does: three alike by chance are one in 16 million."""
 
@@ -172,13 +178,20 @@ def overlapping(case: Case) -> Iterator[Finding]:
 
 
 def hurried(case: Case) -> Iterator[Finding]:
-    """Requests that come before the answer to the last one, each behind some wait."""
+    """Requests that come before the answer to the last one, behind some wait or against the habit."""
     exchanges = case.ledger.exchanges
     waited = exchanges.hurried.at(0, 0.5)
     n = exchanges.in_flight - exchanges.overlaps
-    if not case.has_clock or waited is None or n <= PIPED * case.total("ok"):
+    if not case.has_clock or waited is None or n < OVERLAPS:
         return
-    if waited.low - case.latency_ns < WAITED_NS:
+    early, said = exchanges.early, exchanges.kinds.n
+    share = early / np.maximum(said[: len(early)], 1)
+    # Who asks several at once by plan does so with the same requests in every cycle.
+    is_habit = bool((share[said[: len(early)] >= HABIT] > 0.5).any())
+    has_waited = waited.low - case.latency_ns >= WAITED_NS
+    if is_habit and not (has_waited and n > PIPED * case.total("ok")):
+        return
+    if not is_habit and case.latency_ns > LATENCY_NS:
         return
     yield Finding(
         "answers-after-next",
@@ -186,8 +199,9 @@ def hurried(case: Case) -> Iterator[Finding]:
         case.first_ns,
         case.last_ns,
         n,
-        f"{n} of {case.total('ok')} answers come behind the next request, for which the controller "
-        f"waits {waited.low / MS:.1f} ms: it gives up before they come",
+        f"{n} of {case.total('ok')} answers come behind the next request, which comes "
+        f"{waited.low / MS:.1f} ms behind the one that they answer"
+        + ("" if is_habit else ", where this controller else waits for answers"),
         (Place(exchanges.kinds.at[0], 1, case.first_ns, "the first request"),),
         strength=min(0.5 + n / 50, 1.0),
         brief=f"answers come behind the next request, {waited.low / MS:.1f} ms later",
@@ -354,6 +368,8 @@ def absent_costs(case: Case) -> Iterator[Finding]:
 
 RULES: Final[tuple[Rule, ...]] = (
     hasty,
+    overlapping,
+    hurried,
     request_in_answer,
     swallowed,
     after_next,

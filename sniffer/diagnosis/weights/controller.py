@@ -29,6 +29,7 @@ WEIGHTS: Final = (
             "emi-load",
             "clock-drift",
             "servo-reset-loop",
+            "duplicate-id",
         )
         for weight in for_(cause, *_SPEAKS_INTO)
     ),
