@@ -28,7 +28,7 @@ from sniffer.mcapfile import sink
 from sniffer.mcapfile.rotation import RotatingMcap
 from sniffer.ports.unmark import Unmarker
 from sniffer.tap import recorder
-from sniffer.tap.reader import Read
+from sniffer.tap.events import Read
 from sniffer.tap.stops import Stops
 from sniffer.tap.tap import PortSpec, Tap
 

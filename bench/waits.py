@@ -25,7 +25,8 @@ from sniffer.decoding.pipeline import Options
 from sniffer.ground.model import NS, Chunk, Clock
 from sniffer.ports import PortOptions, open_port
 from sniffer.protocols import PROTOCOLS
-from sniffer.tap.reader import Anchor, Listener, Lost, Read
+from sniffer.tap.events import Lost, Read
+from sniffer.tap.reader import Anchor, Listener
 from sniffer.tap.status import Status
 from sniffer.viewers.companion.parcels import CONNECT
 from sniffer.viewers.companion.parent import CLOSE_S, LiveView

@@ -13,7 +13,7 @@ from bench.diagnosis.bodies import Body, Supply
 from bench.diagnosis.catalogue import scenarios
 from bench.diagnosis.dialects import DIALECTS
 from bench.diagnosis.figures import gathered
-from bench.diagnosis.hosts import HOSTS, START_NS, exact
+from bench.diagnosis.hosts import HOSTS, START_NS, Capture, exact
 from bench.diagnosis.judging import Case, Told, case_of, score
 from bench.diagnosis.report import report
 from bench.diagnosis.scenario import Heard, Scenario, Truth
@@ -260,6 +260,16 @@ def test_what_the_driver_said_is_not_expected_of_a_text() -> None:
     assert evidence.findings(truth, "tap-loss-told-lss", "exact") == ("bytes-lost",)
     assert evidence.findings(truth, "tap-loss-told-lss", "log") == ()
     assert evidence.findings(truth, "tap-loss-lss", "exact") == ()
+
+
+def test_a_diagnosis_that_raises_is_told_and_ends_nothing() -> None:
+    def raises(capture: Capture) -> tuple[tuple[Told, ...], int]:
+        raise IndexError("a row too many")
+
+    it = sound.of("poll-each", "lss")
+    failed = case_of(it, it.make(1), "raw", 1, diagnose=raises)
+    page = report(gathered([score(failed)]))
+    assert "IndexError: a row too many" in page.partition("## Every error (1)")[2]
 
 
 def test_alarms_about_sound_traffic_are_false_and_notes_are_not() -> None:

@@ -6,10 +6,10 @@ import pytest
 
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnosis.rules import FINDINGS
-from sniffer.diagnosis.weights import WEIGHTS, controller, device, line, tap
+from sniffer.diagnosis.weights import WEIGHTS, controller, device, line, tap, wire
 from sniffer.diagnostics.catalogue import CATALOGUE
 
-TABLES = {"tap": tap.WEIGHTS, "line": line.WEIGHTS, "device": device.WEIGHTS}
+TABLES = {"tap": tap.WEIGHTS, "line": line.WEIGHTS, "wire": wire.WEIGHTS, "device": device.WEIGHTS}
 TABLES |= {"controller": controller.WEIGHTS}
 
 

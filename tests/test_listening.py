@@ -18,8 +18,9 @@ from sniffer.jobs.telling import Teller
 from sniffer.ports import Port, open_port
 from sniffer.ports.remote import SerialPort
 from sniffer.ports.tty import TtyPort
+from sniffer.tap.events import Back, Event, Lost, Read
 from sniffer.tap.listen import Tapping
-from sniffer.tap.reader import Anchor, Back, Event, Listener, Lost, Read
+from sniffer.tap.reader import Anchor, Listener
 from sniffer.tap.recorder import Recorder as Worker
 from sniffer.tap.recorder import Wishes
 from sniffer.tap.stops import Stops

@@ -9,7 +9,7 @@ import pytest
 from sniffer.ground.model import InputError, MarkKind
 from sniffer.ports import Counters, PortOptions, open_port
 from sniffer.ports.listing import PortInfo
-from sniffer.tap.reader import Back, Counted, Read
+from sniffer.tap.events import Back, Counted, Read
 from sniffer.tap.tap import PortSpec, Tap
 from tests.terminals import LINUX_ONLY, Terminal
 

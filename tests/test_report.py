@@ -6,6 +6,7 @@ import base64
 import hashlib
 import html
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -105,6 +106,12 @@ def test_every_place_of_an_incident_that_is_shown_has_its_bytes_as_they_are_in_t
     squeezed = re.sub(r"\s", "", page)
     for exhibit in shown:
         assert exhibit.pieces, exhibit.place
+        first, length = exhibit.place[:2]
+        for piece in (*exhibit.before, *exhibit.behind):
+            assert stream[piece.offset : piece.offset + len(piece.raw)] == piece.raw
+            is_before = piece in exhibit.before
+            assert (piece.offset + len(piece.raw) <= first) is is_before
+            assert (piece.offset >= first + length) is not is_before
         for piece in exhibit.pieces:
             assert stream[piece.offset : piece.offset + len(piece.raw)] == piece.raw
             assert piece.offset < exhibit.place.offset + exhibit.place.length
@@ -367,4 +374,22 @@ def test_a_bus_with_very_many_servos_has_a_page_of_bounded_size(
     assert len(page.encode()) < 3_000_000
     told = Reader(page).text
     assert "servo 119" in told
-    assert re.search(r"\d+ further servos: figures above, no curves", told)
+    assert re.search(r"and \d+ further servos: figures above, no curves", told)
+
+
+def test_very_many_buses_and_facts_have_a_page_of_bounded_size(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    capture = tmp_path / "many.mcap"
+    part = simulated("mightyzap", 0.3)
+    facts = {f"fact {k}": "x y " * 2_000 for k in range(300)}
+    sink = McapSink(capture, facts)
+    for k in range(120):
+        sink.raw(f"bus{k}", [replace(chunk, bus=f"bus{k}") for chunk in part])
+    sink.close()
+    page = page_of(capsys, capture, tmp_path, "--protocol", "mightyzap")
+    assert len(page.encode()) < 3_000_000
+    told = Reader(page).text
+    assert "and 104 further buses: without curves" in told
+    assert re.search(r"and \d+ more facts", told)
+    assert "bus119" in told

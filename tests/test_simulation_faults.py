@@ -11,6 +11,7 @@ from sniffer.ground.model import NS, SnifferError
 from sniffer.simulation import BUSES, Fault, TrueFrame, simulate
 from sniffer.simulation.faults import FAULTS, LASTING_FAULTS, read_fault
 from sniffer.simulation.overlap import overheard
+from sniffer.simulation.respond import Responder
 from tests.test_simulation import Decoded
 
 if TYPE_CHECKING:
@@ -239,6 +240,13 @@ def test_a_controller_that_wears_memories_out_writes_what_is_kept(name: str) -> 
     assert len(written) > 5
     ops = {"mightyzap": "store_data", "lss": "CLED", "wck": "pd_gain_set", "rs30x": "flash_write"}
     assert {f.op for f in written} == {ops[name]}
+
+
+def test_a_servo_without_our_controller_dies_as_well() -> None:
+    bus = Responder("lss", faults=[read_fault("dead:2@1s")])
+    answered = {t_s: bus.hear(b"#2QD\r", t_s * NS) for t_s in (0, 2)}
+    assert [u.frame.kind for u in answered[0] if u.frame.wire] == ["request", "response"]
+    assert [u.frame.kind for u in answered[2] if u.frame.wire] == ["request"]
 
 
 def test_a_fault_that_a_bus_cannot_show_is_refused() -> None:

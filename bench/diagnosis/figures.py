@@ -12,7 +12,7 @@ from bench.diagnosis.evidence import findings
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from bench.diagnosis.judging import Held, Score, Told
+    from bench.diagnosis.judging import Case, Held, Score, Told
 
 BINS: Final = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0001)
 """Confidence is looked at in these steps."""
@@ -45,6 +45,11 @@ class Figures:
     def hosts(self) -> list[str]:
         """The hosts, in their order."""
         return list(dict.fromkeys(s.case.host for s in self.scores))
+
+    @property
+    def failures(self) -> list[Case]:
+        """Those that raised an error."""
+        return [s.case for s in self.scores if s.case.failure]
 
     def held(self, host: str | None = None) -> list[Held]:
         """Return the faults that could be seen."""

@@ -75,6 +75,8 @@ class Case:
     spans: tuple[tuple[int, int], ...]
     told: tuple[Told, ...]
     frames: int
+    failure: str = ""
+    """What it raised, where nothing may be raised."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +126,7 @@ def score(case: Case) -> Score:
                 bool(naming),
                 bool(listing),
                 bool(sure),
-                excuse(truth, case.host),
+                excuse(truth, case.host, case.protocol),
             )
         )
     wrong = tuple(t for t in case.told if t not in right)
@@ -166,6 +168,21 @@ def case_of(
 ) -> Case:
     """Let a host record what a tap heard, and have it diagnosed."""
     capture = HOSTS[host](scenario, heard, seed)
-    told, frames = diagnose(capture)
+    told: tuple[Told, ...] = ()
+    frames, failure = 0, ""
+    try:
+        told, frames = diagnose(capture)
+    except Exception as error:  # whatever it is, it is what a user would meet
+        failure = f"{type(error).__name__}: {error}"[:120]
     spans = tuple((capture.moments(t.first_s), capture.moments(t.last_s)) for t in scenario.truths)
-    return Case(scenario.name, scenario.protocol, host, seed, scenario.truths, spans, told, frames)
+    return Case(
+        scenario.name,
+        scenario.protocol,
+        host,
+        seed,
+        scenario.truths,
+        spans,
+        told,
+        frames,
+        failure,
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from bench.diagnosis.evidence import ALSO_RIGHT, UNSHOWN
+from bench.diagnosis.evidence import ALSO_RIGHT, NO_CHECKSUM, UNSHOWN
 from bench.diagnosis.figures import MILLION, percent, share, table
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ HEAD: Final = """# What the diagnosis says of faults that were built in
 hand it on: with an exact clock, through an adapter with a 16 ms timer, as a text log, as bare
 bytes. Servos and controllers are simulated; where senders overlap, rates differ or noise
 strikes, the bits on the line decide (`bench/diagnosis/uart.py`). An incident names a fault if its
-first cause is the fault's and their times overlap. Notes that are wrong count nowhere; warnings and
-errors do.
+first cause is the fault's and their times overlap. Each scenario goes through the first two hosts,
+and through one of the others in turn. Notes that are wrong count nowhere; warnings and errors do.
 """
 
 
@@ -31,7 +31,7 @@ def report(figures: Figures) -> str:
     """Return the whole page."""
     parts = [HEAD, _summary(figures), _hosts(figures), _causes(figures), _findings(figures)]
     parts += [_calibration(figures), _confusions(figures), _misses(figures), _extras(figures)]
-    return "\n".join([*parts, _excused()])
+    return "\n".join([*parts, _failures(figures), _excused()])
 
 
 def _summary(figures: Figures) -> str:
@@ -166,12 +166,21 @@ def _extras(figures: Figures) -> str:
     return "\n".join([title, "", *lines, ""])
 
 
+def _failures(figures: Figures) -> str:
+    rows = [((c.name, str(c.seed), c.failure), c.host) for c in figures.failures]
+    if not rows:
+        return ""
+    lines = table(("scenario", "seed", "raised", "hosts"), _together(rows))
+    return "\n".join([f"## Every error ({len(rows)})", "", *lines, ""])
+
+
 def _excused() -> str:
     rows = [(host, f"`{cause}`", why) for (host, cause), why in UNSHOWN.items()]
+    rows += [(host, f"`{cause}` of {of}", why) for (host, cause, of), why in NO_CHECKSUM.items()]
     lines = table(("host", "cause", "why"), rows)
     also = [
         f"In `{name}` {' and '.join(more)} is as right in the first place, if the truth is listed: "
-        "on the wire there is no difference."
+        "the wire shows both alike."
         for name, more in ALSO_RIGHT.items()
     ]
     return "\n".join(["## What a host cannot show", "", *lines, "", *also, ""])

@@ -153,6 +153,11 @@ class Scores:
         """Return the share of the bytes that a protocol explains, or those of ``a+b`` together."""
         return min(1.0, sum(self.shares.get(one, 0.0) for one in name.split(AND)))
 
+    def begin(self, names: Iterable[str]) -> int:
+        """Return where the first frame begins that counts for some candidates; 0: there is none."""
+        firsts = [h.start[h.counts] for name, h in self._heard.items() if name in set(names)]
+        return min((int(first[0]) for first in firsts if len(first)), default=0)
+
     def best(self) -> Detection:
         """Return the protocol that explains the bytes, or the two that share them.
 

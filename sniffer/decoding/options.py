@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.decoding.names import is_known, joined, protocols_named
 from sniffer.decoding.pacing import ASSUMED
 from sniffer.diagnostics.alarms import alarm_in, refusal
-from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, number_in
+from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, OFFSET_END, number_in
 from sniffer.ground.model import InputError, SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 AUTO: Final = "auto"
 """Stands for a protocol that is to be told from the bytes."""
 
+SINCE: Final = "rate_since"
+"""Facts ``rate_since.<bus>``: the offset in the stream from which on its rate holds."""
+
 ALARM: Final = "alarm."
 """Facts ``alarm.1`` and so on: the user's own rules."""
 
@@ -35,6 +38,7 @@ class Options:
 
     A protocol is a name, a file that defines one, or the protocol itself; ``"a+b"`` are two that
     share the wire. ``tables`` are models beside those they have, ``alarms`` the user's own rules.
+    ``begins``, by bus, is how many bytes of an input are left out: they were heard at other rates.
     """
 
     protocol: str | BusProtocol = AUTO
@@ -46,6 +50,7 @@ class Options:
     latencies: Mapping[str, int] = field(default_factory=dict)
     tables: tuple[RegisterMap, ...] = ()
     alarms: tuple[Alarm, ...] = ()
+    begins: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -103,6 +108,7 @@ class Options:
         if self.baud is None and facts.get("rate") != ASSUMED:
             bauds = _numbers(facts, "baud.", *BAUDS)
             told = replace(told, bauds={**bauds, **self.bauds})
+        told = told._found(facts)
         if self.latency_ns is None:
             latencies = _numbers(facts, "latency_ns.", 0, DURATION_MOST_NS)
             every = number_in(facts.get("latency_ns", ""), 0, DURATION_MOST_NS)
@@ -121,6 +127,16 @@ class Options:
             told = replace(told, models=models)
             told = replace(told, tables=(*told.tables, *told._missing(attached)))
         return told
+
+    def _found(self, facts: Mapping[str, str]) -> Options:
+        """Return the options with rates that a recorder has found, and from where on they hold."""
+        since = _numbers(facts, f"{SINCE}.", 0, OFFSET_END)
+        rates = {b: r for b, r in _numbers(facts, "baud.", *BAUDS).items() if b in since}
+        if not rates or self.baud is not None:
+            return self
+        starts = _numbers(facts, "offset.", 0, OFFSET_END)
+        begins = {bus: max(at - starts.get(bus, 0), 0) for bus, at in since.items()}
+        return replace(self, bauds={**rates, **self.bauds}, begins={**begins, **self.begins})
 
     def _recorded(self, facts: Mapping[str, str]) -> dict[str, str | BusProtocol]:
         """Return what each bus of a recording speaks.

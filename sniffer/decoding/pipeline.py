@@ -21,7 +21,8 @@ from sniffer.decoding.detect import (
 from sniffer.decoding.mixed import decoder_of, leading, parts_of
 from sniffer.decoding.options import AUTO, Options
 from sniffer.decoding.pacing import Pace, pace
-from sniffer.decoding.sink import Paced, act, closed, taken, written
+from sniffer.decoding.rates import Late
+from sniffer.decoding.sink import Paced, Tuned, act, closed, taken, written
 from sniffer.decoding.summary import Summary
 from sniffer.diagnostics.alarms import refusal
 from sniffer.ground.model import Chunk, Clock, Mark, MarkKind, OutputError
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.decoder import Decoder
     from sniffer.decoding.mixed import MixedDecoder
+    from sniffer.decoding.rates import Rate
     from sniffer.decoding.sink import Part, Sink
     from sniffer.protocols.base import BusProtocol
 
@@ -93,6 +95,8 @@ class Pipeline:
         self._look_at: dict[str, int] = {}
         self._first: dict[str, list[Chunk]] = {}
         self._begin: dict[str, int] = dict(starts or {})
+        self._late = {bus: Late(size) for bus, size in options.begins.items() if size}
+        self._tuned: dict[str, int] = {}
 
     def add(self, sink: Sink) -> None:
         """Take another sink; it gets what comes from now on."""
@@ -112,8 +116,35 @@ class Pipeline:
         self._begin.setdefault(bus, 0)
         self._each(functools.partial(taken, bus=bus, chunks=chunks))
 
+    def tune(self, bus: str, rate: Rate) -> None:
+        """Learn at which rate a bus is listened to, before anything of it is decoded.
+
+        What is decoded next begins where that rate holds.
+        """
+        o = self._options
+        self._options = replace(
+            o,
+            bauds={**o.bauds, bus: rate.baud},
+            latencies={**o.latencies, bus: rate.latency_ns},
+        )
+        self._begin[bus] = rate.since
+        if rate.since:
+            self._tuned[bus] = rate.baud
+        for sink in self._sinks:
+            if isinstance(sink, Tuned):
+                sink.tuned(bus, rate)
+
     def decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Decode chunks of one bus that have been recorded."""
+        if bus in self._late:
+            chunks = self._late[bus].of(chunks)
+            if not chunks:
+                return
+            self._begin[bus] = self._begin.get(bus, 0) + self._late.pop(bus).size
+            self._tuned[bus] = self._options.bauds[bus]
+        if bus in self._tuned and chunks:
+            mark = Mark(MarkKind.TUNED, 0, count=self._tuned.pop(bus))
+            chunks = [replace(chunks[0], marks=(mark, *chunks[0].marks)), *chunks[1:]]
         if bus in self._decoders:
             self._decode(bus, chunks)
             return

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from sniffer.decoding.pacing import Pace
+    from sniffer.decoding.rates import Rate
     from sniffer.ground.model import Chunk
 
 
@@ -57,6 +58,15 @@ class Paced(Protocol):
 
     def pace(self, bus: str, told: Pace) -> None:
         """Take what a bus is timed by; called once, before its first record."""
+        ...
+
+
+@runtime_checkable
+class Tuned(Protocol):
+    """A sink that wants to know which rate a recorder has found."""
+
+    def tuned(self, bus: str, rate: Rate) -> None:
+        """Take the rate of a bus; called once, before its first record."""
         ...
 
 

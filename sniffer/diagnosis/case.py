@@ -11,8 +11,10 @@ from sniffer.diagnosis.events import ANOMALY, REMARK, SETTING, Happenings
 from sniffer.diagnosis.ledger import BUCKET_NS, MILLI, Ledger
 from sniffer.diagnosis.misread import misread
 from sniffer.diagnosis.model import Place
+from sniffer.diagnosis.twins import twins
 from sniffer.diagnostics.found import CODES, NUMBER
 from sniffer.ground.model import NS, Clock
+from sniffer.ground.register import unseen_scale
 from sniffer.ground.timing import LATENCY_NS
 
 if TYPE_CHECKING:
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.misread import Misread
+    from sniffer.diagnosis.twins import Twin
     from sniffer.ground.model import F64, I64, Mask
     from sniffer.ground.register import Register
     from sniffer.protocols.base import BusProtocol
@@ -60,6 +63,11 @@ class Series:
     def unit(self) -> str:
         """The unit of its numbers, empty where they are raw."""
         return self.register.unit
+
+    @property
+    def scale(self) -> float:
+        """What one step of the raw number is, in the unit; where a mode scales it, the finest."""
+        return abs(unseen_scale(self.register))
 
     def told(self, value: float) -> str:
         """Return a number with the unit."""
@@ -180,6 +188,11 @@ class Case:
     def misreads(self) -> Sequence[Misread]:
         """The first torn frames of each sender by their bits."""
         return misread(self.protocol, self.damages, self.ledger.damages.likes.known)
+
+    @functools.cached_property
+    def twins(self) -> Mapping[int, Twin]:
+        """The servos that answer twice, by what was heard."""
+        return twins(self)
 
     @functools.cached_property
     def happenings(self) -> Happenings:

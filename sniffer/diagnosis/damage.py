@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from sniffer.ground.model import I64, Batch, Mask
     from sniffer.protocols.base import BusProtocol
 
-IN_REQUEST, IN_REPLY, AT_TURN, IN_IDLE, HELD = range(5)
+IN_REQUEST, IN_REPLY, AT_TURN, IN_IDLE, HELD, REST = range(6)
 """Whose turn it was: a request torn; an answer torn; stray bytes right before or behind a sound
-answer; stray bytes elsewhere; one value over and over."""
+answer; stray bytes elsewhere; one value over and over; more pieces of a torn answer."""
 
-TURNS: Final = ("requests", "replies", "turns", "idle", "held")
+TURNS: Final = ("requests", "replies", "turns", "idle", "held", "rest")
 
 KEPT: Final = 2000
 
@@ -72,7 +72,10 @@ class Damage:
     the request right before it (empty: none). ``alike`` are sound frames that stood in such a place
     not long before: the servo's answers to the same request, or requests of that length, the
     likeliest first. ``since_ns`` is how long the frame before was over, ``until_ns`` how long it
-    took until the next frame began; -1 where nobody knows.
+    took until the next frame began; -1 where nobody knows. ``is_answered``: a sound answer to the
+    same request follows, ``behind`` the kind of the frame before (-1: none). ``asked_id`` is whom
+    the last request before it asked, ``earlier_id`` whom the last one that asked somebody else;
+    ``asked_ns`` and ``earlier_ns`` are how long these requests were over.
     """
 
     at: int
@@ -86,6 +89,12 @@ class Damage:
     alike: tuple[bytes, ...]
     since_ns: int = -1
     until_ns: int = -1
+    is_answered: bool = False
+    behind: int = -1
+    asked_id: int = -1
+    earlier_id: int = -1
+    asked_ns: int = -1
+    earlier_ns: int = -1
 
     @property
     def expected(self) -> bytes:
@@ -130,7 +139,9 @@ class _Told(NamedTuple):
     since_ns: I64
     until_ns: I64
     row: I64
+    behind: I64
     asks: Mask
+    follows: Mask
 
 
 class Damages:
@@ -285,7 +296,7 @@ class Damages:
         timed = np.append(f.uncertainty, -1)[after]
         since = np.where(doubt >= 0, runs.begins_ns - ended, -1)
         next_to = (start - ends <= BLANKS) & (kind >= 0)
-        asks = next_to & (kind == REQUEST) & (reply != NEVER) & (reply != MANY)
+        asks = (kind == REQUEST) & (reply != NEVER) & (reply != MANY)
         asks &= (outcome != NOT_EXPECTED) & ((outcome != OK) | follows)
         inside = asks & (doubt >= 0)
         if inside.any():
@@ -302,13 +313,17 @@ class Damages:
             np.where(
                 stray & ((asks & follows) | (near & ~asks)),
                 AT_TURN,
-                np.where(asks, IN_REPLY, np.where(stray, IN_IDLE, IN_REQUEST)),
+                np.where(
+                    asks & (next_to | follows),
+                    IN_REPLY,
+                    np.where(asks, REST, np.where(stray, IN_IDLE, IN_REQUEST)),
+                ),
             ),
         )
         who = np.where(asks | (turn == AT_TURN), servo, runs.servo_id)
         next_ns = np.append(f.t_start, -1)[after]
         until = np.where((next_ns >= 0) & (timed >= 0), next_ns - runs.t_ns, -1)
-        return _Told(turn, who, since, until, row, asks)
+        return _Told(turn, who, since, until, row, kind, asks, follows)
 
     def _count(self, counts: Buckets, runs: TornRuns, told: _Told) -> None:
         counts.add(
@@ -341,6 +356,8 @@ class Damages:
                 alike = self.likes.answers(batch, row, asked)
             elif turn == IN_REQUEST and size <= BYTES:
                 alike = self.likes.requests(batch, row, got)
+            (last, last_ns), (before, before_ns) = self.likes.asked_before(batch, row)
+            is_timed = told.since_ns[i] >= 0
             yield Damage(
                 at,
                 size,
@@ -353,6 +370,12 @@ class Damages:
                 alike,
                 int(told.since_ns[i]),
                 int(told.until_ns[i]),
+                bool(told.asks[i] and told.follows[i]),
+                int(told.behind[i]),
+                last,
+                before,
+                int(runs.begins_ns[i]) - last_ns if is_timed and last_ns >= 0 else -1,
+                int(runs.begins_ns[i]) - before_ns if is_timed and before_ns >= 0 else -1,
             )
 
 

@@ -41,11 +41,11 @@ class Effort:
         self.steady: F64 = np.abs(series.mean)
 
     @functools.cached_property
-    def _least(self) -> float:
-        """What the idlest servo of the bus has."""
+    def _idle(self) -> float:
+        """What the idlest servo of the bus has; if that is much, none of them idles."""
         quantity = self.series.register.quantity
         known = (self._case.series(i, quantity) for i in self._case.measured_by(quantity))
-        return min(
+        least = min(
             (
                 float(np.quantile(np.abs(s.mean), 0.1))
                 for s in known
@@ -53,18 +53,19 @@ class Effort:
             ),
             default=0.0,
         )
+        return min(least, PUSHING_MA / 2)
 
     @property
     def pushes_from(self) -> float:
         """From which number on the motor pushes."""
-        return PUSHES * self.full if self.full else max(PUSHING_MA, TIMES * self._least)
+        return PUSHES * self.full if self.full else max(PUSHING_MA, TIMES * self._idle)
 
     @property
     def idles_to(self) -> float:
         """Up to which number the motor may be off."""
         if self.full:
             return IDLES * self.full
-        return min(max(1.6 * self._least, PUSHING_MA / 5), PUSHING_MA)
+        return min(max(1.6 * self._idle, PUSHING_MA / 5), PUSHING_MA)
 
     def between(self, first_ns: int, last_ns: int) -> tuple[float, float]:
         """Return the usual steady effort in a stretch of time, and the usual peaks; NaN: none."""

@@ -17,19 +17,22 @@ PER_OCTAVE: Final = 16
 OCTAVES: Final = 44
 """From 1 ns to 5 hours."""
 
-BINS: Final = PER_OCTAVE * OCTAVES
-
 KEYS: Final = 1024
 """Keys that are told apart, the first ones met; a bus has some servos and some commands."""
 
 
 class Histograms:
-    """Counts of durations by key, each known within bounds, in ns."""
+    """Counts of durations by key, each known within bounds, in ns.
 
-    def __init__(self) -> None:
+    ``per_octave`` says how fine they are told apart.
+    """
+
+    def __init__(self, per_octave: int = PER_OCTAVE) -> None:
+        self.per_octave = per_octave
+        self._bins = per_octave * OCTAVES
         self._row: dict[int, int] = {}
-        self._low = np.zeros((0, BINS), np.int64)
-        self._high = np.zeros((0, BINS), np.int64)
+        self._low = np.zeros((0, self._bins), np.int64)
+        self._high = np.zeros((0, self._bins), np.int64)
 
     def add(self, key: I64, low: I64, high: I64) -> None:
         """Count durations that are at least ``low`` and at most ``high``."""
@@ -46,8 +49,8 @@ class Histograms:
         known = rows >= 0
         size = self._low.size
         for counts, bound in ((self._low, low), (self._high, high)):
-            at = (np.log2(np.maximum(bound[known], 1)) * PER_OCTAVE).astype(np.int64)
-            at = rows[known] * BINS + np.minimum(at, BINS - 1)
+            at = (np.log2(np.maximum(bound[known], 1)) * self.per_octave).astype(np.int64)
+            at = rows[known] * self._bins + np.minimum(at, self._bins - 1)
             counts += np.bincount(at, minlength=size).reshape(counts.shape)
 
     @property
@@ -68,12 +71,20 @@ class Histograms:
         out = []
         for k, counts in enumerate((self._low[row], self._high[row])):
             bin_ = int(np.searchsorted(np.cumsum(counts), share * count))
-            out.append(int(2 ** ((bin_ + k) / PER_OCTAVE)))
+            out.append(int(2 ** ((bin_ + k) / self.per_octave)))
         return Bounds(*out)
 
     def above(self, key: int, ns: float) -> int:
         """Return how many durations of a key are surely longer."""
         if key not in self._row:
             return 0
-        first = int(np.log2(max(ns, 1)) * PER_OCTAVE) + 1
+        first = int(np.log2(max(ns, 1)) * self.per_octave) + 1
         return int(self._low[self._row[key]][first:].sum())
+
+    def counts(self, key: int) -> I64:
+        """Return how many durations of a key are in each bin, by their lower bounds.
+
+        Bin ``k`` begins at ``2 ** (k / per_octave)`` ns.
+        """
+        out: I64 = self._low[self._row[key]]
+        return out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.causes import CAUSES
@@ -10,6 +11,7 @@ from sniffer.diagnosis.model import Incident
 from sniffer.diagnosis.rules import findings
 from sniffer.diagnosis.weighing import explain
 from sniffer.diagnosis.weights import WEIGHTS
+from sniffer.ground.model import NS
 from sniffer.ground.wording import and_
 
 if TYPE_CHECKING:
@@ -24,6 +26,11 @@ SURE: Final = 0.8
 
 TOLD: Final = 5
 """Findings that a story has."""
+
+AHEAD_NS: Final = MappingProxyType(
+    dict.fromkeys(("voltage-sag", "load-high", "load-high-and-still", "temperature-high"), NS // 4)
+)
+"""What is measured may be polled a little later than the servo complains of it: it comes first."""
 
 
 def incidents(case: Case) -> list[Incident]:
@@ -62,7 +69,8 @@ def _story(explained: Explained, by_time: Sequence[Finding]) -> str:
     cause = CAUSES[explained.causes[0].cause]
     who = and_([f"servo {i}" for i in explained.servo_ids])
     title = f"{cause.title} ({who})" if who else cause.title
-    steps = list(dict.fromkeys(f.brief for f in by_time if f.brief))[:TOLD]
+    in_order = sorted(by_time, key=lambda f: f.first_ns - AHEAD_NS.get(f.code, 0))
+    steps = list(dict.fromkeys(f.brief for f in in_order if f.brief))[:TOLD]
     return f"{title}: {' -> '.join(steps)}" if steps else f"{title}: {explained.key.what}"
 
 

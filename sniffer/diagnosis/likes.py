@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 BEFORE: Final = 256
 """Frames before a place in which its like is looked for: some cycles of a bus."""
 
+NEAR: Final = 12
+"""Frames before a place among which whoever was asked before is looked for."""
+
+NOBODY: Final = (-1, -1)
+"""Who asked nobody, at no time."""
+
 MOST: Final = 4
 """Sound frames that are returned for one place."""
 
@@ -40,6 +46,8 @@ class Likes:
         self._recent: deque[Batch] = deque()
         self._seen = 0
         self._known: dict[bytes, tuple[bytes, ...]] = {}
+        self.asked: dict[bytes, int] = {}
+        """Whom the requests in ``known`` ask."""
 
     @property
     def known(self) -> Mapping[bytes, tuple[bytes, ...]]:
@@ -80,8 +88,12 @@ class Likes:
             request = batch.data[int(start[k]) : int(end[k])]
             answer = batch.data[int(start[k + 1]) : int(end[k + 1])]
             before = self._known.pop(request, ())
+            if before:
+                del self.asked[request]
             if len(self._known) >= KNOWN:
-                del self._known[next(iter(self._known))]
+                first = next(iter(self._known))
+                del self._known[first], self.asked[first]
+            self.asked[request] = int(who[k])
             self._known[request] = (answer, *(x for x in before if x != answer))[:MOST]
 
     def last(self, batch: Batch | None, row: int) -> bytes:
@@ -90,6 +102,24 @@ class Likes:
         k = row if held is batch else -1
         at = int(held.frames.start[k])
         return held.data[at : at + int(held.frames.length[k])]
+
+    def asked_before(
+        self, batch: Batch | None, row: int
+    ) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Return whom the last request up to a row asked, and whom the last one that asked another.
+
+        Each with when it was over, in ns; -1 where there is none.
+        """
+        first = NOBODY
+        for held, rows in self._backwards(batch, row, NEAR):
+            f = held.frames
+            for k in rows[f.kind[rows] == REQUEST][::-1].tolist():
+                who = int(f.servo_id[k]), int(f.t_end[k])
+                if first == NOBODY:
+                    first = who
+                elif who[0] != first[0]:
+                    return first, who
+        return first, NOBODY
 
     def answers(self, batch: Batch | None, row: int, asked: bytes) -> tuple[bytes, ...]:
         """Return answers to the same request before a row of a batch, the latest first.
@@ -127,10 +157,12 @@ class Likes:
         near = [data for data, differ in alike.items() if differ <= len(got) // 2]
         return tuple(sorted(near, key=lambda data: alike[data])[:MOST])
 
-    def _backwards(self, batch: Batch | None, row: int) -> list[tuple[Batch, I64]]:
-        """Return the batches before a row with their rows, the latest first; ``BEFORE`` in all."""
+    def _backwards(
+        self, batch: Batch | None, row: int, most: int = BEFORE
+    ) -> list[tuple[Batch, I64]]:
+        """Return the batches before a row with their rows, the latest first; so many in all."""
         out: list[tuple[Batch, I64]] = []
-        left = BEFORE
+        left = most
         if batch is not None and row >= 0:
             a = max(row + 1 - left, 0)
             out.append((batch, np.arange(a, row + 1)))

@@ -1,7 +1,7 @@
 """Bytes without a stop bit, as the tap's UART told them: in whose frames they were.
 
-Many adapters tell that there was an error in a packet, not in which byte: only what is told to a
-few bytes counts here.
+Many adapters tell that there was an error in a packet, not in which byte: what is told to a few
+bytes is counted by frame; of wider regions it is only known whose answers were in them.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from sniffer.ground.codes import REQUEST
 from sniffer.ground.model import NS, MarkKind
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import I64, Batch
+    from sniffer.ground.model import I64, Batch, Remark
 
 IN_REQUESTS, IN_ANSWERS, OUTSIDE = range(3)
 """In a sound request; in a sound answer; in bytes that no frame claims."""
@@ -37,10 +37,18 @@ class LineErrors:
 
     def __init__(self) -> None:
         self._counts = Buckets(_COUNTS)
+        self.wide = 0
+        """Regions of doubt that are wider."""
+        self.within: dict[int, tuple[int, int, int]] = {}
+        """By servo: in how many of them its answers were, the first time and the last, in ns."""
 
     def add(self, batch: Batch) -> None:
         """Take the remarks of a batch."""
-        told = [r for r in batch.remarks if r.kind in KINDS and r.length <= SHARP]
+        told = [r for r in batch.remarks if r.kind in KINDS]
+        for remark in told:
+            if remark.length > SHARP:
+                self._wide(batch, remark)
+        told = [r for r in told if r.length <= SHARP]
         if not told:
             return
         at = np.array([r.start for r in told], np.int64) - batch.base
@@ -63,6 +71,17 @@ class LineErrors:
             t_first=t_ns,
             t_last=t_ns,
         )
+
+    def _wide(self, batch: Batch, remark: Remark) -> None:
+        """Note whose answers, sound or torn, are in a region."""
+        f, at = batch.frames, remark.start - batch.base
+        first = max(int(np.searchsorted(f.end, at, "right")) - 1, 0)
+        behind = int(np.searchsorted(f.start, at + remark.length))
+        asked = f.kind[first:behind] == REQUEST
+        self.wide += 1
+        for servo in np.unique(f.servo_id[first:behind][asked]).tolist():
+            n, begun, _ = self.within.get(servo, (0, remark.t_ns, 0))
+            self.within[servo] = n + 1, begun, remark.t_ns
 
     def counted(self) -> dict[str, I64]:
         """Return the counts as columns, with ``bucket``, ``servo_id`` and ``place``."""

@@ -250,7 +250,7 @@ def _shape(d: Damage, alike: Sequence[bytes]) -> int:
         lacks = size - d.length
         if 0 < lacks <= LEAST and tail and tail >= sum(k >= lacks for k in fixed) - 1:
             return FRONT
-        if not head and tail >= 2:
+        if not head and tail:
             return FRONT
         if head >= 2 and d.length < size and not tail:
             return BACK

@@ -58,7 +58,7 @@ class Away(NamedTuple):
     error: float
 
 
-class Track:
+class JointTrack:
     """One joint: what it was told and where it was, in one unit."""
 
     def __init__(self, case: Case, servo_id: int, goal: Series, position: Series) -> None:
@@ -79,8 +79,8 @@ class Track:
         least = FAR.get(self.position.unit, 0.0)
         if not least:
             low, high = register.range or (0, 0)
-            least = FAR_SHARE * (high - low) * abs(register.scale)
-        return max(least, OF_RANGE * self.span, 4 * abs(register.scale))
+            least = FAR_SHARE * (high - low) * self.position.scale
+        return max(least, OF_RANGE * self.span, 4 * self.position.scale)
 
     @functools.cached_property
     def ends(self) -> I64:
@@ -175,7 +175,7 @@ class Track:
         error_then = np.maximum(np.maximum(goal_low - began, began - goal_high), 0.0)
         moved = high - low
         nearer = error_then - self._error
-        step = 4 * abs(p.register.scale)
+        step = 4 * p.scale
         comes = (nearer > step) & (nearer > 0.3 * moved)
         away: Mask = (gap > self.far) & ~comes
         # goals that pass over the place where it hangs: slow ones, for fast ones nobody follows
@@ -230,12 +230,12 @@ def _latest(moments: I64, t: I64, until: I64 | None = None) -> I64:
     return np.where(place >= 0, ends[np.maximum(place, 0)], -NEVER_NS)
 
 
-def track(case: Case, servo_id: int) -> Track | None:
+def track(case: Case, servo_id: int) -> JointTrack | None:
     """Return goals and positions of a servo that are counted alike; None: there are none."""
     for position in case.every(servo_id, "position"):
         for goal in case.every(servo_id, "goal_position"):
             if goal.register.access != "r" and _alike(goal, position):
-                return Track(case, servo_id, goal, position)
+                return JointTrack(case, servo_id, goal, position)
     return None
 
 

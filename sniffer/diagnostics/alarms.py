@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from sniffer.ground.amounts import time_as, time_in
 from sniffer.ground.codes import COMMANDED, MEASURED
 from sniffer.ground.limits import IDS, number_in
-from sniffer.ground.model import InputError
+from sniffer.ground.model import InputError, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -52,6 +52,24 @@ _FORM: Final = re.compile(
     r"(?P<limit>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>(?!for\b)[A-Za-z°%][A-Za-z/%]*)?"
     r"(?:\s*\bfor\s+(?P<time>\S.*))?"
 )
+
+ALARM_CODES: Final[dict[str, tuple[str, Severity, str, str, str]]] = {
+    "alarm": (
+        "yours",
+        Severity.WARN,
+        "A rule of your own (`--alarm`) is met: what is said begins with the rule.",
+        "What you wrote it for.",
+        "Look at what was commanded before it, and at the same servo's other values.",
+    ),
+    "alarm-over": (
+        "yours",
+        Severity.NOTE,
+        "A rule of your own that was met no longer is.",
+        "The value has come back.",
+        "Nothing to do.",
+    ),
+}
+"""Group, severity, meaning, causes, remedy of each code, as ``tap.TAP_CODES``."""
 
 WRITE: Final = "write it like 'temperature > 70', '3.voltage < 9' or 'position_error > 5 for 2s'"
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
+from sniffer.diagnostics.alarms import ALARM_CODES
 from sniffer.diagnostics.tap import TAP_CODES
 from sniffer.ground.model import Severity
 
@@ -248,22 +249,6 @@ _CODES: Final = (
         "Two recordings joined, or a clock that was set while recording.",
         "Do not trust times across the step.",
     ),
-    Code(
-        "alarm",
-        "yours",
-        WARN,
-        "A rule of your own (`--alarm`) is met: what is said begins with the rule.",
-        "What you wrote it for.",
-        "Look at what was commanded before it, and at the same servo's other values.",
-    ),
-    Code(
-        "alarm-over",
-        "yours",
-        NOTE,
-        "A rule of your own that was met no longer is.",
-        "The value has come back.",
-        "Nothing to do.",
-    ),
 )
 
 _DEVICE: Final[Mapping[str, tuple[Severity, str, str, str]]] = MappingProxyType(
@@ -369,7 +354,7 @@ _DEVICE: Final[Mapping[str, tuple[Severity, str, str, str]]] = MappingProxyType(
 
 CATALOGUE: Final[Mapping[str, Code]] = MappingProxyType(
     {c.code: c for c in _CODES}
-    | {name: Code(name, *told) for name, told in TAP_CODES.items()}
+    | {name: Code(name, *told) for name, told in (ALARM_CODES | TAP_CODES).items()}
     | {f"device-{name}": Code(f"device-{name}", "device", *rest) for name, rest in _DEVICE.items()}
     | {
         "device-alarm": Code(

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 NOTE, WARN, ERROR = Severity.NOTE, Severity.WARN, Severity.ERROR
 
-TAP_CODES: Final[Mapping[str, tuple[str, Severity, str, str, str]]] = {
+TAP_CODES: Final[dict[str, tuple[str, Severity, str, str, str]]] = {
     "line-error": (
         "framing",
         ERROR,
@@ -59,6 +59,13 @@ TAP_CODES: Final[Mapping[str, tuple[str, Severity, str, str, str]]] = {
         "The machine was too slow for the traffic, or the protocol was not known yet.",
         "Decode the recording again (`sniffer decode`, `sniffer replay --redecode`): every byte is in it.",
     ),
+    "rate-found": (
+        "capture",
+        NOTE,
+        "From here on the port listens at this rate: it was looked for, because nobody had said which it is.",
+        "What was heard before, at other rates, says nothing of the bus; it is recorded and not decoded.",
+        "Nothing to do; PORT@BAUD says the rate from the beginning.",
+    ),
     "capture-end": (
         "capture",
         NOTE,
@@ -93,6 +100,7 @@ _CODE_OF: Final[Mapping[MarkKind, str]] = {
     MarkKind.SKIPPED: "not-decoded",
     MarkKind.REORDERED: "reordered",
     MarkKind.HELD: "late-read",
+    MarkKind.TUNED: "rate-found",
 }
 
 _OFTEN: Final = frozenset(
@@ -228,6 +236,8 @@ def _told(r: Remark) -> str:
             return f"the port is back after {r.count / NS:.1f} s; what was said then is missing"
         case MarkKind.SKIPPED:
             return f"{r.count} bytes before this place were recorded, but not decoded"
+        case MarkKind.TUNED:
+            return f"listening at {r.count} bit/s from here on"
         case MarkKind.HELD:
             return f"{r.length} bytes were read up to {r.count / 1e6:.0f} ms after they came"
         case _:

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
+from sniffer.decoding.understanding import Understanding, understand, usual_bauds
 from sniffer.doctor.adapter import about_echo
 from sniffer.doctor.examine import Examined, examine, judged, prepare
 from sniffer.doctor.records import Level, Listened, Observation, Trial
-from sniffer.doctor.understanding import Understanding, understand, usual_bauds
 from sniffer.doctor.verdicts import diagnose, worst
 
 __all__ = [

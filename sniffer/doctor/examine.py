@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, runtime_checkab
 
 from sniffer.decoding.names import protocols_named
 from sniffer.decoding.pipeline import AUTO
+from sniffer.decoding.understanding import understand, usual_bauds
 from sniffer.doctor.adapter import about_echo
 from sniffer.doctor.records import Level, Listened, Trial
-from sniffer.doctor.understanding import understand, usual_bauds
 from sniffer.doctor.verdicts import diagnose, worst
 from sniffer.ground.limits import BAUDS, FALLBACK_BAUD, whole
 from sniffer.ground.model import NS, Chunk, Clock, InputError
@@ -23,8 +23,8 @@ from sniffer.ports.listing import port_at
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from sniffer.decoding.understanding import Understanding
     from sniffer.doctor.records import Observation
-    from sniffer.doctor.understanding import Understanding
 
 TRIAL_S: Final = 1.0
 """How long another baud is listened at."""

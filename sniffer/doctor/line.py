@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.detect import WORTH_TELLING, ranked
 from sniffer.decoding.names import AND
+from sniffer.decoding.understanding import FEW, GOOD, POOR, Understanding, usual_bauds
 from sniffer.doctor.records import Level, Listened, Observation, Trial
-from sniffer.doctor.understanding import FEW, GOOD, POOR, Understanding, usual_bauds
 from sniffer.ground.model import MarkKind
 from sniffer.ground.wording import Sentence
 

@@ -19,7 +19,7 @@ from sniffer.ground.timing import LATENCY_NS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sniffer.doctor.understanding import Understanding
+    from sniffer.decoding.understanding import Understanding
 
 MERGED: Final = 0.5
 """Share of replies in the same read as their request from which on response times are lost."""

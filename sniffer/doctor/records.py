@@ -12,7 +12,7 @@ from sniffer.protocols import is_file
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from sniffer.doctor.understanding import Understanding
+    from sniffer.decoding.understanding import Understanding
     from sniffer.ground.model import Chunk
     from sniffer.ports.listing import PortInfo
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from sniffer.decoding.understanding import understand
 from sniffer.doctor.adapter import about_adapter
 from sniffer.doctor.line import about_bytes, about_line
 from sniffer.doctor.reads import about_reads
 from sniffer.doctor.records import Level, Listened, Observation
-from sniffer.doctor.understanding import understand
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -73,6 +73,7 @@ class MarkKind(enum.IntEnum):
     HELD = 10  # the tap itself came late: these bytes may be older than stamped by ``count`` ns
     MERGED = 11  # of two taps' lines in a log, merged: each stamp may lag by ``count`` ns
     SILENT = 12  # the line was taken for silent here: what was open was ended, whatever came later
+    TUNED = 13  # the port listens at another rate from here on; ``count`` is the rate
 
 
 class Mark(NamedTuple):

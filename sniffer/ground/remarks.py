@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 LINE_ERRORS: Final = frozenset({MarkKind.FRAMING, MarkKind.PARITY, MarkKind.BREAK})
 """Kinds that say: the byte may not be what was on the line."""
 
-TEARS: Final = frozenset({MarkKind.LOST, MarkKind.BACK, MarkKind.SKIPPED, MarkKind.SILENT})
+TEARS: Final = frozenset(
+    {MarkKind.LOST, MarkKind.BACK, MarkKind.SKIPPED, MarkKind.SILENT, MarkKind.TUNED}
+)
 """Kinds that say: bytes are missing here, or none came, for long; nothing crosses this place."""
 
 

@@ -31,8 +31,8 @@ class Flight:
     """A flight recorder: no recording, but one each time something happens.
 
     ``before_ns`` and ``most`` are the ring, in time and in bytes; None: bounded by the other one.
-    ``triggers`` are what ``watching.awaited_in`` reads: codes, causes, rules. ``ring_file`` is where
-    the ring is kept on the disk, too.
+    ``triggers`` are what ``watching.awaited_in`` reads: codes, causes, rules. In ``ring_file`` the
+    ring is kept on the disk, too.
     """
 
     before_ns: int | None

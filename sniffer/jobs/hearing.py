@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Account:
+class HeardCapture:
     """What was heard; ``damage`` says why the input was not read to its end (empty: it was)."""
 
     summary: Summary
@@ -30,7 +30,7 @@ class Account:
 
 def hear(
     opened: Source, options: Options, *, name: str, tell: Teller, patience: Patience | None = None
-) -> Account:
+) -> HeardCapture:
     """Decode a source and keep what reports and checks ask for.
 
     Raises:
@@ -47,4 +47,4 @@ def hear(
         patience=patience,
         on_break=damage.append,
     )
-    return Account(summary, collector, diagnosis, ending, "; ".join(damage))
+    return HeardCapture(summary, collector, diagnosis, ending, "; ".join(damage))

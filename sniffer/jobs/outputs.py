@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer import __version__
-from sniffer.decoding.options import alarm_facts
+from sniffer.decoding.options import SINCE, alarm_facts
 from sniffer.decoding.pacing import ASSUMED
 from sniffer.ground.files import files_of, is_lost, occupied, open_binary, probe, refuse_occupied
 from sniffer.ground.model import OutputError
@@ -41,13 +41,17 @@ def session_facts(
         "protocol": options.name,
         "written": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
-    told = {k: v for k, v in (known or {}).items() if k.startswith(("baud.", "latency_ns."))}
+    known = known or {}
+    told = {k: v for k, v in known.items() if k.startswith(("baud.", "latency_ns."))}
     if options.baud is not None:
         facts["baud"] = str(options.baud)
-    elif (known or {}).get("rate") != ASSUMED and any(k.startswith("baud.") for k in told):
+    elif known.get("rate") != ASSUMED and any(k.startswith("baud.") for k in told):
         facts |= {k: v for k, v in told.items() if k.startswith("baud.")}
     else:
         facts["rate"] = ASSUMED  # what stands as a bus's rate is the protocol's usual one
+    for key in (k for k in known if k.startswith(f"{SINCE}.")):  # but where it was found
+        rate = f"baud.{key.removeprefix(f'{SINCE}.')}"
+        facts |= {key: known[key], rate: known.get(rate, "")}
     if options.latency_ns is not None:
         facts["latency_ns"] = str(options.latency_ns)
     else:

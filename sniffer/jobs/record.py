@@ -207,6 +207,8 @@ def run_recording(
         file,
         stops,
         mergers=tapping.mergers,
+        searches=tapping.searches,
+        on_rate=tell.tuned,
         wishes=wishes,
         on_round=lambda recorder: _all(beside, recorder),
         latency_ns=max(tapping.options.latencies.values(), default=0),
@@ -226,6 +228,7 @@ def run_recording(
     if file is not None:
         beside.append(functools.partial(_deleted, file, tell))
     if view is not None:
+        view.hold(tapping.searches)
         pipeline.add(view)
         beside.append(functools.partial(_idle, view, tapping.anchor))
     for note in tapping.notes:

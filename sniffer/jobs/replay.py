@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
 from sniffer.decoding.pipeline import AUTO, Options
+from sniffer.decoding.rates import emptied
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import (
     NS,
@@ -213,6 +214,8 @@ def replay(
         if options.protocol == AUTO and not played:
             told = {**_told(head, options, now), **options.protocols}
             options = replace(options, protocols=told)
+        if window.is_part:
+            chunks, options = emptied(chunks, options.begins), replace(options, begins={})
         part = within(timed(chunks, _baud(options)), window, ends=True)
         groups: Iterable[Sequence[Chunk]] = paced(steps(part), speed)
         if window.is_part:

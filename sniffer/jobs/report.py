@@ -26,7 +26,7 @@ from sniffer.sources import open_source
 
 if TYPE_CHECKING:
     from sniffer.diagnosis import Incident
-    from sniffer.jobs.hearing import Account
+    from sniffer.jobs.hearing import HeardCapture
     from sniffer.jobs.session import Patience
     from sniffer.sources import Source
 
@@ -134,7 +134,7 @@ def _draw(opened: Source, options: Options, evidence: Exhibits) -> None:
 
 
 def _content(
-    hearing: Account,
+    hearing: HeardCapture,
     opened: Source,
     name: str,
     notes: tuple[str, ...],

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from sniffer.decoding.detect import Detection
+    from sniffer.decoding.rates import RateSearch
     from sniffer.jobs.files import RecordingFiles
     from sniffer.tap.reader import Anchor
     from sniffer.tap.recorder import Recorder
@@ -64,6 +65,16 @@ class Teller:
     def found(self, bus: str, detection: Detection) -> None:
         """Tell which protocol a bus was found to speak."""
         self.talk(f"{bus}: {detection}")
+
+    def tuned(self, bus: str, search: RateSearch) -> None:
+        """Tell which rate a bus was found to have."""
+        others = ", ".join(str(baud) for baud in dict.fromkeys(search.tried))
+        if not search.is_found:
+            self.talk(f"{bus}: its rate was not found; read as {search.baud} bit/s")
+        elif others:
+            self.talk(f"{bus}: {search.baud} bit/s; nothing held at {others}")
+        else:
+            self.talk(f"{bus}: {search.baud} bit/s")
 
     def mistaken(self, recorder: Recorder) -> None:
         """Tell of buses that speak something else than was said."""

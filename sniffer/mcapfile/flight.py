@@ -13,38 +13,32 @@ no other one: that needs something that is new.
 from __future__ import annotations
 
 import contextlib
-import heapq
 import time
-from collections import deque
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.names import joined, protocols_named
-from sniffer.decoding.pipeline import AUTO, Options, Pipeline
+from sniffer.decoding.pipeline import AUTO, Options
 from sniffer.ground.files import is_lost, writing
-from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark, MarkKind
+from sniffer.ground.model import NS, Chunk
+from sniffer.mcapfile.flightfile import FlightFile
 from sniffer.mcapfile.open import OpenIncidents
 from sniffer.mcapfile.ring import Ring
 from sniffer.mcapfile.ringfile import RingFile, put_aside
-from sniffer.messages import TRIGGER
+from sniffer.messages import OFFSET, TRIGGER
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
     from pathlib import Path
 
+    from sniffer.decoding.rates import Rate
     from sniffer.decoding.sink import Part
     from sniffer.diagnosis.tracking import IncidentChange
-    from sniffer.ground.cutting import Placed
     from sniffer.ground.model import Batch
-    from sniffer.mcapfile.sink import McapSink
     from sniffer.protocols.base import BusProtocol
 
 LONGEST: Final = 10
 """What goes on happening prolongs a recording to so many times the time after the first one."""
-
-PIECE: Final = 1 << 16
-"""Bytes that are recorded and decoded in one go, as the recorder itself does."""
 
 STEP_S: Final = 0.03
 """How long is worked on a recording in one round, in seconds: the ports come first."""
@@ -97,100 +91,6 @@ class Around:
     before_ns: int | None = None
     after_ns: int = 10 * NS
     most: int = RING_MOST
-
-
-class _FlightFile:
-    """One file: chunks go in, and in steps what is made of them."""
-
-    def __init__(
-        self,
-        path: Path,
-        facts: Mapping[str, str],
-        options: Options,
-        placed: Mapping[str, Sequence[Placed]],
-        *,
-        until_ns: int,
-        last_ns: int,
-        durable: bool,
-        topics: Collection[str] | None,
-    ) -> None:
-        from sniffer.mcapfile.sink import McapSink  # the mcap library is loaded when it is needed
-
-        self.path = path
-        self.until_ns = until_ns
-        self.last_ns = last_ns
-        self.is_over = False
-        self.bytes = 0
-        starts = {bus: some[0][0] for bus, some in placed.items() if some}
-        self.sink: McapSink = McapSink(
-            path,
-            facts,
-            overwrite=False,
-            live=True,
-            durable=durable,
-            topics=topics,
-            starts=starts,
-        )
-        self._pipeline = Pipeline(options, [self.sink], live=True, starts=starts)
-        each = [[chunk for _, chunk in some] for some in placed.values()]
-        # of one bus they stay in their order, whatever their stamps say
-        self._waiting = deque(heapq.merge(*each, key=lambda c: c.t_ns or 0))
-        self._ended: list[Chunk] = []
-        self._wires = dict.fromkeys(starts, Direction.UNKNOWN)
-
-    def add(self, chunks: Sequence[Chunk]) -> None:
-        """Take what came since; what is too late waits, for the end may be put off."""
-        if not self.is_over:
-            self._waiting.extend(chunks)
-
-    def end(self, now_ns: int) -> None:
-        """Take nothing more: what is open at that time was not waited for."""
-        self.is_over = True
-        mark = (Mark(MarkKind.ENDED, 0, count=0),)
-        self._ended = [Chunk(b"", now_ns, Clock.READ, b, w, mark) for b, w in self._wires.items()]
-
-    def work(self, until: float) -> bool:
-        """Write and decode until it is time to do other things; tell whether it is finished."""
-        while by_bus := self._piece():
-            self._take(by_bus)
-            if time.monotonic() >= until:
-                return False
-        if self.is_over:
-            self._take({chunk.bus: [chunk] for chunk in self._ended})
-            with contextlib.suppress(UndecidedError):  # its bytes are recorded
-                self._pipeline.close()
-            self._pipeline.finish()
-            return True
-        self.sink.flush()
-        return False
-
-    def _piece(self) -> dict[str, list[Chunk]]:
-        """Return some of what waits, by bus: nothing that is later than the end."""
-        by_bus: dict[str, list[Chunk]] = {}
-        size = 0
-        while self._waiting and size < PIECE:
-            if (self._waiting[0].t_ns or 0) > self.until_ns:
-                break
-            chunk = self._waiting.popleft()
-            by_bus.setdefault(chunk.bus, []).append(chunk)
-            self._wires.setdefault(chunk.bus, chunk.direction)
-            size += len(chunk.data)
-        self.bytes += size
-        return by_bus
-
-    def _take(self, by_bus: Mapping[str, Sequence[Chunk]]) -> None:
-        """Record chunks, and decode them then."""
-        for bus, chunks in by_bus.items():
-            self._pipeline.record(bus, chunks)
-        self._check()
-        self.sink.flush()
-        for bus, chunks in by_bus.items():
-            self._pipeline.decode(bus, chunks)
-        self._check()
-
-    def _check(self) -> None:
-        if self._pipeline.failure is not None:
-            raise self._pipeline.failure
 
 
 class FlightRecorder:
@@ -247,7 +147,7 @@ class FlightRecorder:
         self._open = OpenIncidents()
         self._finished = 0
         self._told_short = False
-        self._current: _FlightFile | None = None
+        self._current: FlightFile | None = None
         self._next: Happening | None = None
         with writing(path):
             list(path.parent.iterdir())  # whether files can be written there is seen now
@@ -332,6 +232,18 @@ class FlightRecorder:
         """Learn what a bus speaks, where these are several."""
         self._know(bus, [protocol for protocol, _ in parts])
 
+    def tuned(self, bus: str, rate: Rate) -> None:
+        """Take the rate that was found for a bus: files that begin from now on say so."""
+        self._session.update((f"{key}.{bus}", value) for key, value in rate.facts().items())
+        if self._ring_file is not None:
+            self._ring_file.tuned(bus, rate)
+        o = self._options
+        self._options = replace(
+            o,
+            bauds={**o.bauds, bus: rate.baud},
+            latencies={**o.latencies, bus: rate.latency_ns},
+        )
+
     def incidents(self, changes: Sequence[IncidentChange]) -> None:
         """Take what has become of incidents; a file begins with those that are open."""
         self._open.take(changes)
@@ -413,10 +325,12 @@ class FlightRecorder:
             for bus, named in self._options.protocols.items()
             if named != AUTO
         }
-        current = _FlightFile(
+        starts = {f"{OFFSET}.{bus}": str(some[0][0]) for bus, some in placed.items() if some}
+        facts = {**self._session, **protocols, **told}
+        current = FlightFile(
             path,
-            {**self._session, **protocols, **told},
-            self._options,
+            facts,
+            replace(self._options, begins={}).with_facts({**facts, **starts}),
             placed,
             until_ns=until_ns,
             last_ns=last_ns,
@@ -433,7 +347,7 @@ class FlightRecorder:
             f"have {self._around.after_ns / NS:g} s after it"
         )
 
-    def _end(self, current: _FlightFile) -> None:
+    def _end(self, current: FlightFile) -> None:
         self._finished += current.sink.size
         self._current = None
         self._tell(f"{current.path}: {current.bytes} bytes")

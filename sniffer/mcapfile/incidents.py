@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.tracking import Stage
-from sniffer.ground.model import Severity
-from sniffer.messages.recording_pb2 import Anomaly, Incident
+from sniffer.mcapfile.levels import SEVERITIES
+from sniffer.messages.recording_pb2 import Incident
 
 if TYPE_CHECKING:
     from sniffer.diagnosis.tracking import IncidentChange
@@ -18,11 +18,6 @@ _STAGES: Final = {
     Stage.WITHDRAWN: Incident.Stage.WITHDRAWN,
     Stage.ENDED: Incident.Stage.ENDED,
 }
-_SEVERITIES: Final = {
-    Severity.NOTE: Anomaly.Severity.NOTE,
-    Severity.WARN: Anomaly.Severity.WARN,
-    Severity.ERROR: Anomaly.Severity.ERROR,
-}
 
 
 def message_of(change: IncidentChange) -> Incident:
@@ -33,7 +28,7 @@ def message_of(change: IncidentChange) -> Incident:
         t_ns=change.t_ns,
         stage=_STAGES[change.stage],
         id=str(i.number),
-        severity=_SEVERITIES[i.severity],
+        severity=SEVERITIES[i.severity],
         bus=i.bus,
         servo_ids=i.servo_ids,
         first_t_ns=i.first_ns,

@@ -11,7 +11,7 @@ import copy
 import json
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
@@ -20,11 +20,12 @@ from sniffer.decoding.joining import joined, runs
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import OK
 from sniffer.ground.distinct import distinct
-from sniffer.ground.model import I64, NS, Clock, Severity
+from sniffer.ground.model import I64, NS, Clock
 from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.encoder import U16, Blob, Encoder, Heads, Loose
 from sniffer.mcapfile.fields import FIRST_VALUE, state_field
 from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds
+from sniffer.mcapfile.levels import LEVELS, SEVERITIES
 from sniffer.mcapfile.raw import HeldChunks
 from sniffer.messages.log_pb2 import Log
 from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, RawChunk, Transaction
@@ -40,17 +41,6 @@ if TYPE_CHECKING:
     from sniffer.ground.model import Batch, Chunk
     from sniffer.mcapfile.queue import Queue
     from sniffer.protocols.base import BusProtocol
-
-LEVELS: Final = {
-    Severity.NOTE: Log.Level.INFO,
-    Severity.WARN: Log.Level.WARNING,
-    Severity.ERROR: Log.Level.ERROR,
-}
-SEVERITIES: Final = {
-    Severity.NOTE: Anomaly.Severity.NOTE,
-    Severity.WARN: Anomaly.Severity.WARN,
-    Severity.ERROR: Anomaly.Severity.ERROR,
-}
 
 
 class BusWriter:
@@ -123,6 +113,10 @@ class BusWriter:
         if self.protocol is None:
             self._start(protocol)
         self._batches.append(batch)
+
+    def tune(self, baud: int) -> None:
+        """Learn the rate of the bus."""
+        self._baud = baud
 
     @property
     def is_known(self) -> bool:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from sniffer.decoding.rates import Rate
     from sniffer.ground.model import Chunk
     from sniffer.mcapfile.ring import Ring
     from sniffer.mcapfile.sink import McapSink
@@ -64,6 +65,13 @@ class RingFile:
     def know(self, bus: str, protocols: Sequence[BusProtocol]) -> None:
         """Learn what a bus speaks: the next file says so."""
         self._spoken[bus] = joined(protocols)
+
+    def tuned(self, bus: str, rate: Rate) -> None:
+        """Take the rate that was found for a bus."""
+        self._session.update((f"{key}.{bus}", value) for key, value in rate.facts().items())
+        for sink in (self._sink, self._next):
+            if sink is not None:
+                sink.tuned(bus, rate)
 
     def add(self, block: RingBlock, chunks: Sequence[Chunk]) -> None:
         """Take what the ring has taken."""

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from sniffer.decoding.rates import Rate
     from sniffer.decoding.sink import Part
     from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.cutting import Placed
@@ -186,6 +187,12 @@ class RotatingMcap:
         self._check()
         self._protocols[bus] = [protocol for protocol, _ in parts]
         self._sink.write_together(bus, parts)
+
+    def tuned(self, bus: str, rate: Rate) -> None:
+        """Take the rate that was found for a bus; files that follow say so, too."""
+        self._check()
+        self._session.update((f"{key}.{bus}", value) for key, value in rate.facts().items())
+        self._sink.tuned(bus, rate)
 
     def incidents(self, changes: Sequence[IncidentChange]) -> None:
         """Take what has become of incidents; a new file begins with those that are open."""

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from sniffer.decoding.rates import Rate
     from sniffer.decoding.sink import Part
     from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.model import Batch, Chunk
@@ -190,6 +191,14 @@ class McapSink:
                     self._file.metadata(END, {_told(k): v for k, v in end.items()})
                 yield from self._file.finishing()
         self._closed = True
+
+    def tuned(self, bus: str, rate: Rate) -> None:
+        """Take the rate that was found for a bus: it stands in the file from now on."""
+        with self._guard():
+            told = rate.facts()
+            self._session.update((f"{key}.{bus}", value) for key, value in told.items())
+            self._bus(bus).tune(rate.baud)
+            self._file.metadata(f"{BUS}.{bus}", {"bus": bus, **told})
 
     def incidents(self, changes: Sequence[IncidentChange]) -> None:
         """Take what has become of incidents; it is written with what was decoded."""

@@ -20,13 +20,14 @@ from sniffer.ports.base import (
     Port,
     PortLostError,
     PortOptions,
+    Retunable,
     forbidden,
     missing,
     no_port,
     shown,
 )
 
-__all__ = ["Counters", "Port", "PortLostError", "PortOptions", "open_port"]
+__all__ = ["Counters", "Port", "PortLostError", "PortOptions", "Retunable", "open_port"]
 
 
 def open_port(name: str, options: PortOptions) -> Port:

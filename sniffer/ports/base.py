@@ -5,7 +5,7 @@ from __future__ import annotations
 import stat
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal, Protocol
+from typing import TYPE_CHECKING, Final, Literal, Protocol, runtime_checkable
 
 from sniffer.ground.model import InputError, SnifferError
 
@@ -103,6 +103,14 @@ class Port(Protocol):
 
     def close(self) -> None:
         """Let go of the port, without a change on its lines."""
+
+
+@runtime_checkable
+class Retunable(Port, Protocol):
+    """A port whose baud can be changed while it stays open: RTS and DTR stay as they are."""
+
+    def retune(self, baud: int) -> None:
+        """Listen at another baud; see ``TtyPort``."""
 
 
 def shown(name: str) -> str:

@@ -135,6 +135,19 @@ class TtyPort:
             InputError: the adapter cannot do it.
             PortLostError: the port is gone.
         """
+        self.retune(baud)
+        # through the unmarker, which must see every escape to its end
+        self.unmark(self.read())
+
+    def retune(self, baud: int) -> None:
+        """Listen at another baud, and leave what has come: it may be of either.
+
+        Only the settings of this port change, nothing is sent or thrown away.
+
+        Raises:
+            InputError: the adapter cannot do it.
+            PortLostError: the port is gone.
+        """
         try:
             before = kernel.settings(self._fd)
             kernel.set_settings(self._fd, before.listening(baud))
@@ -142,8 +155,6 @@ class TtyPort:
         except OSError as error:
             raise self._lost(error.strerror) from None
         true = refuse_other(self.name, baud, got, self._divider())
-        # through the unmarker, which must see every escape to its end
-        self.unmark(self.read())
         self.baud = baud
         self.latency_ns = self._latency_ns()
         self._facts |= {"baud_asked": str(baud), "baud_got": str(true)}

@@ -326,6 +326,21 @@ def ends_goal(protocol: Framing) -> Mapping[int, int]:
     return told
 
 
+def reply_delay_ns(protocol: Framing, register: Register, raw: int) -> int | None:
+    """Return what a servo's delay register makes it wait, in ns; None: this register is none.
+
+    A protocol may say it as ``reply_delay_ns``, by the register's name and its value; else it is
+    one whose name has ``delay`` and whose unit is that of a time.
+    """
+    told = getattr(protocol, "reply_delay_ns", None)
+    if told is not None:
+        known: int | None = told(register.name, raw)
+        return known
+    if "delay" not in register.name or register.unit != "us":
+        return None
+    return int(raw * register.scale * 1000)
+
+
 def no_clues(frame: SlowFrame) -> list[Clue]:
     """Return nothing: registers have addresses here, and ``slow_parts`` tells them."""
     del frame

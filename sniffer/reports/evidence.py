@@ -32,11 +32,17 @@ PIECES: Final = 4
 """Frames and gaps of one place that are drawn, the first ones."""
 
 
+BEFORE, BEHIND = 2, 1
+"""Frames beside a place that are told in a line each: what was asked, who answered too."""
+
+
 class Exhibit(NamedTuple):
-    """One place with what stands there, in wire order."""
+    """One place with what stands there, in wire order, and the frames right beside it."""
 
     place: Place
     pieces: tuple[Drawn, ...]
+    before: tuple[Drawn, ...] = ()
+    behind: tuple[Drawn, ...] = ()
 
 
 def chosen(incident: Incident, most: int = PLACES) -> list[Place]:
@@ -60,6 +66,7 @@ class Exhibits:
         self._wanted: dict[str, list[tuple[int, int, int]]] = {}
         self._places: list[tuple[int, Place]] = []
         self._pieces: dict[int, list[Drawn]] = {}
+        self._beside: dict[int, tuple[list[Drawn], list[Drawn]]] = {}
         for incident in incidents:
             for place in chosen(incident):
                 if len(self._places) < DRAWN_MOST:
@@ -83,6 +90,7 @@ class Exhibits:
             for low, high, nth in self._wanted.get(name, ()):
                 if low < end and high > batch.base:
                     pieces = self._pieces.setdefault(nth, [])
+                    self._beside.setdefault(nth, _beside(batch, protocol, low, high))
                     pieces += _pieces(batch, protocol, low, high, PIECES - len(pieces))
             if self._left.get(name, end + 1) <= end:
                 del self._left[name]
@@ -95,7 +103,8 @@ class Exhibits:
         out: dict[int, list[Exhibit]] = {}
         for nth, (number, place) in enumerate(self._places):
             pieces = sorted(self._pieces.get(nth, []), key=lambda piece: piece.offset)
-            out.setdefault(number, []).append(Exhibit(place, tuple(pieces)))
+            beside = (tuple(frames) for frames in self._beside.get(nth, ((), ())))
+            out.setdefault(number, []).append(Exhibit(place, tuple(pieces), *beside))
         return out
 
 
@@ -110,6 +119,18 @@ def _pieces(batch: Batch, protocol: BusProtocol, low: int, high: int, most: int)
         draw_frame(batch, protocol, i) if is_frame else draw_gap(batch, protocol, gaps[i])
         for _, is_frame, i in sorted(at)[: max(most, 0)]
     ]
+
+
+def _beside(
+    batch: Batch, protocol: BusProtocol, low: int, high: int
+) -> tuple[list[Drawn], list[Drawn]]:
+    """Return the frames of a batch right before and right behind two absolute offsets."""
+    f = batch.frames
+    last = int(np.searchsorted(f.end, low - batch.base, "right"))
+    first = int(np.searchsorted(f.start, high - batch.base, "left"))
+    before, behind = range(max(last - BEFORE, 0), last), range(first, min(first + BEHIND, len(f)))
+    rows = ([draw_frame(batch, protocol, i) for i in some] for some in (before, behind))
+    return next(rows), next(rows)
 
 
 def _within(start: I64, length: I64, low: int, high: int) -> list[tuple[int, int]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import html
 from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.wording import plain
+from sniffer.ground.wording import plain, short
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -27,20 +27,20 @@ Content = str | int | float
 
 
 def text(content: Content) -> Markup:
-    """Return a content as it may stand in a page; what steers a terminal or a line is written out.
+    """Return a content as it may stand in a page.
 
-    Newlines stay.
+    What steers a terminal or a line is written out, newlines aside, and endless words are cut.
     """
     if isinstance(content, Markup):
         return content
     lines = str(content).split("\n")
-    return Markup(html.escape("\n".join(plain(line) for line in lines)))
+    return Markup(html.escape("\n".join(short(plain(line)) for line in lines)))
 
 
 def tag(name: str, /, *content: Content, **attributes: Content | None) -> Markup:
     """Return an element; ``cls`` is its class, ``data_x`` its ``data-x``, None leaves one out."""
     told = "".join(
-        f' {_spelled(key)}="{text(str(value))}"'
+        f' {_spelled(key)}="{html.escape(plain(str(value)))}"'
         for key, value in attributes.items()
         if value is not None
     )

@@ -2,13 +2,12 @@
 "use strict";
 (() => {
   const blocks = [...document.querySelectorAll(".tracks")];
-  if (!blocks.length) return;
+  if (!document.querySelector(".tracks .plot svg")) return;
   const size = Number(blocks[0].dataset.size);
   const width = Number(blocks[0].dataset.width);
   const whole = document.getElementById("whole");
-  const steps = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60,
-    120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400];
-  const HEIGHT = 240;
+  const steps = whole.dataset.steps.split(" ").map(Number);
+  const HEIGHT = document.querySelector(".tracks .plot svg").viewBox.baseVal.height;
   let from = 0;
   let to = size;
 

@@ -17,7 +17,7 @@ from sniffer.ground.wording import counted
 from sniffer.reports import tables, words
 from sniffer.reports.boxes import drawing
 from sniffer.reports.content import tale, titled
-from sniffer.reports.curves import Charts
+from sniffer.reports.curves import STEPS_S, Charts
 from sniffer.reports.histograms import TimeScale, histogram
 from sniffer.reports.markup import Markup, joined, tag
 from sniffer.reports.shapes import shape
@@ -25,6 +25,7 @@ from sniffer.reports.shapes import shape
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from sniffer.decoding.drawing import Drawn
     from sniffer.diagnosis.model import Incident
     from sniffer.reports.content import Content
     from sniffer.reports.evidence import Exhibit
@@ -32,6 +33,21 @@ if TYPE_CHECKING:
 
 SERVOS: Final = 32
 """Servos that have curves and a histogram, those with incidents first: a page stays below 3 MB."""
+
+BUSES: Final = 16
+"""Buses that have curves and a table of anomalies, the first ones."""
+
+INCIDENTS: Final = 50
+"""Incidents that are told with their bytes, the worst ones."""
+
+FINDINGS: Final = 40
+"""Findings of an incident that are told."""
+
+WIDE: Final = 24
+"""Bytes of a frame that is told in a line."""
+
+ROWS: Final = 512
+"""Rows of a table."""
 
 LIKELY: Final = 3
 """Causes of an incident that are told."""
@@ -136,17 +152,26 @@ def _contents(content: Content) -> Markup:
         "recorded": "how it was recorded",
     }
     links = [tag("a", title, href=f"#{name}") for name, title in places.items()]
-    whole = tag("button", "whole time", type_="button", id="whole", hidden="")
+    whole = tag(
+        "button",
+        "whole time",
+        type_="button",
+        id="whole",
+        hidden="",
+        data_steps=" ".join(f"{step:g}" for step in STEPS_S),
+    )
     return tag("nav", *(joined([link, " "]) for link in links), whole)
 
 
 def _incidents(content: Content) -> Iterator[Markup]:
     if not content.incidents:
         return
+    told = content.incidents[:INCIDENTS]
     yield tag(
         "section",
         tag("h2", counted(len(content.incidents), "incident")),
-        *(_incident(content, i, content.exhibits.get(i.number, ())) for i in content.incidents),
+        *(_incident(content, i, content.exhibits.get(i.number, ())) for i in told),
+        *_more(len(content.incidents) - len(told), "incidents", "`sniffer diagnose` tells them"),
         id="incidents",
     )
 
@@ -169,7 +194,7 @@ def _incident(content: Content, incident: Incident, shown: Sequence[Exhibit]) ->
     ]
     found = [
         tag("tr", tag("td", f.code), tag("td", f.count, cls="number"), tag("td", f.what))
-        for f in incident.findings
+        for f in incident.findings[:FINDINGS]
     ]
     parts = [
         tag("h3", shape(incident.severity), f" {incident.number}. {titled(incident)}"),
@@ -181,6 +206,7 @@ def _incident(content: Content, incident: Incident, shown: Sequence[Exhibit]) ->
         *([tag("p", incident.against)] if incident.against else []),
         tag("h4", "What was found"),
         _wide(tag("table", tag("tbody", *found))),
+        *_more(len(incident.findings) - len(found), "findings"),
     ]
     if shown:
         parts += [tag("h4", "The bytes"), *(_exhibit(e, clock) for e in shown)]
@@ -196,12 +222,26 @@ def _exhibit(exhibit: Exhibit, clock: Clock) -> Markup:
     place = exhibit.place
     when = words.moment(place.t_ns, clock)
     caption = tag("figcaption", tag("b", when), f" byte {place.offset}: {place.what}")
-    return tag("figure", caption, *map(drawing, exhibit.pieces), cls="exhibit")
+    return tag(
+        "figure",
+        caption,
+        *_beside("before it", exhibit.before),
+        *map(drawing, exhibit.pieces),
+        *_beside("behind it", exhibit.behind),
+        cls="exhibit",
+    )
+
+
+def _beside(where: str, frames: Sequence[Drawn]) -> Iterator[Markup]:
+    """Yield frames in a line each."""
+    for frame in frames:
+        shown = frame.raw[:WIDE].hex(" ").upper() + (" …" if len(frame.raw) > WIDE else "")
+        yield tag("p", f"{where}: {frame.title} ", tag("code", shown), cls="beside")
 
 
 def _buses(content: Content, charts: Charts) -> Iterator[Markup]:
     several = len(content.collector.wires) > 1
-    for bus, wire in content.collector.wires.items():
+    for bus, wire in list(content.collector.wires.items())[:BUSES]:
         names = {bus, *content.collector.lanes_of(bus)}
         mine = [i for i in content.incidents if i.bus in names]
         if several:
@@ -210,6 +250,7 @@ def _buses(content: Content, charts: Charts) -> Iterator[Markup]:
             why = "The input has no clock: how busy the line was is not known."
             yield tag("p", why, cls="dim")
         yield charts.bus(wire, mine)
+    yield from _more(len(content.collector.wires) - BUSES, "buses", "without curves")
     yield from (tag("p", told, cls="dim") for told in tables.outcomes(content))
 
 
@@ -217,6 +258,7 @@ def _servos(content: Content) -> Iterator[Markup]:
     table = tables.servos(content)
     if table.rows:
         yield _wide(_table(table, "servos"))
+        yield from _more(len(table.rows) - ROWS, "servos")
     else:
         yield tag("p", "No servo was heard.", cls="dim")
     if told := tables.silent(content):
@@ -249,8 +291,7 @@ def _curves(
             charts.servo(mine, content.incidents_of(lane, servo)),
             cls="servo",
         )
-    if left_out:
-        yield tag("p", f"{counted(left_out, 'further servo')}: figures above, no curves.")
+    yield from _more(left_out, "servos", "figures above, no curves")
 
 
 def _times(content: Content, drawn: Sequence[tuple[str, int, ServoFigures]]) -> Iterator[Markup]:
@@ -276,7 +317,7 @@ def _anomalies(content: Content) -> Iterator[Markup]:
     found = tables.anomalies(content)
     if not found:
         yield tag("p", "None.")
-    for bus, kinds in found:
+    for bus, kinds in found[:BUSES]:
         if len(content.summary.buses) > 1:
             yield tag("h3", bus)
         rows = [
@@ -294,6 +335,7 @@ def _anomalies(content: Content) -> Iterator[Markup]:
         head = ("level", "code", "count", "servos", "the first one", "try")
         titles = tag("thead", tag("tr", *(tag("th", name) for name in head)))
         yield _wide(tag("table", titles, tag("tbody", *rows), cls="anomalies"))
+    yield from _more(len(found) - BUSES, "buses")
 
 
 def _bytes(content: Content) -> Iterator[Markup]:
@@ -322,8 +364,18 @@ def _table(table: tables.Table, name: str | None = None) -> Markup:
         return tag(name, value, cls="number" if k in table.numbers else None)
 
     head = tag("tr", *(cell("th", k, title) for k, title in enumerate(table.head)))
-    rows = [tag("tr", *(cell("td", k, value) for k, value in enumerate(r))) for r in table.rows]
+    rows = [
+        tag("tr", *(cell("td", k, value) for k, value in enumerate(r))) for r in table.rows[:ROWS]
+    ]
     return tag("table", tag("thead", head), tag("tbody", *rows), cls=name)
+
+
+def _more(n: int, what: str, how: str = "") -> Iterator[Markup]:
+    """Yield that ``n`` more are not told; nothing where there are none."""
+    if n > 0:
+        one = what.removesuffix("es" if what == "buses" else "s")
+        told = f"and {n} further {what if n > 1 else one}"
+        yield tag("p", f"{told}: {how}." if how else f"{told}.", cls="dim")
 
 
 def _wide(table: Markup) -> Markup:

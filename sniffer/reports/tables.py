@@ -11,7 +11,7 @@ from sniffer.decoding.summary import FIGURES
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import OBSERVED
 from sniffer.ground.model import Clock, Severity
-from sniffer.ground.wording import counted
+from sniffer.ground.wording import counted, one_line
 from sniffer.reports import words
 from sniffer.reports.figures import POSITION
 
@@ -34,6 +34,11 @@ CLOCKS: Final[Mapping[Clock, str]] = MappingProxyType(
 MEASURED: Final = ("voltage", "temperature", "load", "current")
 
 REPLY: Final = f"reply {' / '.join(FIGURES)} ms"
+
+FACTS: Final = 200
+VALUE: Final = 500
+NAME: Final = 80
+"""Facts of a recording that are told, and characters of each: a header may hold 4 MiB of them."""
 
 SILENT: Final = 24
 """Ids that never answered are named up to so many."""
@@ -173,8 +178,16 @@ def recorded(content: Content) -> list[tuple[str, str]]:
     for name, wire in content.collector.wires.items():
         out += ((f"{name}: {key}", value) for key, value in _wire(wire))
     out += (("note", note) for note in content.notes)
-    out += sorted(content.facts.items())
-    return out
+    out += sorted(content.facts.items())[:FACTS]
+    if len(content.facts) > FACTS:
+        out.append(("...", f"and {len(content.facts) - FACTS} more facts"))
+    return [(one_line(key)[:NAME], clipped(value)) for key, value in out]
+
+
+def clipped(value: str) -> str:
+    """Return a text of bounded length."""
+    line = one_line(value)
+    return line if len(line) <= VALUE else f"{line[: VALUE - 1]}…"
 
 
 def _wire(wire: WireFigures) -> Iterator[tuple[str, str]]:

@@ -107,6 +107,9 @@ def _incident(content: Content, incident: Incident) -> Iterator[str]:
         place = exhibit.place
         at = words.moment(place.t_ns, clock)
         yield from (f"{at}, byte {place.offset}: {told(place.what)}", "")
+        yield from (f"- before it: {told(piece.title)}" for piece in exhibit.before)
+        yield from (f"- behind it: {told(piece.title)}" for piece in exhibit.behind)
+        yield from [""] if exhibit.before or exhibit.behind else []
         yield from _drawn([line for piece in exhibit.pieces for line in [*piece.lines, ""]])
 
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 from sniffer.decoding.names import joined, protocols_named
 from sniffer.decoding.pipeline import AUTO, Options
+from sniffer.decoding.rates import RateSearch
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import Direction, SnifferError
 from sniffer.ground.timing import LATENCY_NS
 from sniffer.ground.wording import Sentence
 from sniffer.merge.merger import Merger
-from sniffer.ports import PortOptions, open_port
+from sniffer.ports import PortOptions, Retunable, open_port
 from sniffer.tap.reader import BREATH_NS, Anchor, Listener
 from sniffer.tap.tap import PortSpec, Tap
 
@@ -43,7 +44,8 @@ class Listening:
 class Tapping:
     """Ports that are listened to, and all that the recorder and the file need to know about them.
 
-    ``notes`` are for the user; ``warnings`` too, also where quiet was asked for.
+    ``searches`` are of the buses whose rate nobody has stated: it is looked for. ``notes`` are for
+    the user; ``warnings`` too, also where quiet was asked for.
     """
 
     listener: Listener
@@ -52,6 +54,7 @@ class Tapping:
     options: Options
     facts: Mapping[str, str]
     mergers: Mapping[str, Merger]
+    searches: Mapping[str, RateSearch] = field(default_factory=dict)
     notes: Sequence[str] = ()
     warnings: Sequence[str] = ()
 
@@ -78,11 +81,16 @@ def listen(specs: Sequence[PortSpec], options: Options, how: Listening) -> Tappi
             taps.append(Tap(spec, port, wire))
         stack.pop_all()
     anchor = Anchor.take()
+    searches = {} if pair else _searches(taps, options)
     latencies = {tap.spec.bus: _latency(taps, tap.spec.bus, options) for tap in taps}
     told = replace(
         options,
         protocols={spec.bus: spec.protocol for spec in specs if spec.protocol is not None},
-        bauds={tap.spec.bus: tap.port.baud for tap in taps if _has_a_rate(tap, options)},
+        bauds={
+            tap.spec.bus: tap.port.baud
+            for tap in taps
+            if _has_a_rate(tap, options) and tap.spec.bus not in searches
+        },
         latencies=latencies,
     )
     mergers: dict[str, Merger] = {}
@@ -93,8 +101,10 @@ def listen(specs: Sequence[PortSpec], options: Options, how: Listening) -> Tappi
     facts = _facts(taps, told, anchor, pair)
     listener = Listener([tap.port for tap in taps], ways, anchor)
     listener.start()
-    notes = _assumed([tap for tap in taps if _has_a_rate(tap, options)], options)
-    return Tapping(listener, tuple(taps), anchor, told, facts, mergers, notes, shared(taps))
+    fixed = [t for t in taps if _has_a_rate(t, options) and t.spec.bus not in searches]
+    notes = [*_assumed(fixed, options), *_looked_for(searches)]
+    warnings = shared(taps)
+    return Tapping(listener, tuple(taps), anchor, told, facts, mergers, searches, notes, warnings)
 
 
 def _assumed(taps: Sequence[Tap], options: Options) -> list[str]:
@@ -103,6 +113,26 @@ def _assumed(taps: Sequence[Tap], options: Options) -> list[str]:
     return [
         f"{bus}: listening at {FALLBACK_BAUD} bit/s; {port}@BAUD says another rate"
         for bus, port in said.items()
+    ]
+
+
+def _searches(taps: Sequence[Tap], options: Options) -> dict[str, RateSearch]:
+    """Return a search for each bus whose rate nobody stated, and whose port can be tuned."""
+    out: dict[str, RateSearch] = {}
+    for tap in taps:
+        stated = tap.spec.baud or options.baud
+        if stated is None and not tap.port.is_virtual and isinstance(tap.port, Retunable):
+            named = tap.spec.protocol or options.protocol
+            spoken = () if named == AUTO else options.all_spoken(named)
+            out[tap.spec.bus] = RateSearch(spoken, tap.port.baud)
+    return out
+
+
+def _looked_for(searches: Mapping[str, RateSearch]) -> list[str]:
+    return [
+        f"{bus}: no rate is stated: listening at {search.baud} bit/s, and at others where nothing "
+        "holds"
+        for bus, search in searches.items()
     ]
 
 

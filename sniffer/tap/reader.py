@@ -13,11 +13,12 @@ import os
 import selectors
 import threading
 import time
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.model import NEVER_NS, NS, SnifferError
-from sniffer.ports import Counters, Port, PortLostError, PortOptions, open_port
+from sniffer.ground.model import NEVER_NS, NS, InputError, SnifferError
+from sniffer.ports import Port, PortLostError, PortOptions, Retunable, open_port
+from sniffer.tap.events import Back, Counted, Event, Lost, Read, Retuned
 from sniffer.tap.waiting import Account
 
 if TYPE_CHECKING:
@@ -59,6 +60,9 @@ RETRY_S: Final = 0.25
 NUMBERED: Final = "/dev/pts/"
 """Names that are given to others when they are free: a terminal of that name is another one."""
 
+WAKES: Final = 64
+"""So many who woke the reader are heard in one go."""
+
 COUNTERS_S: Final = 1.0
 """How often the driver's error counters are read."""
 
@@ -84,46 +88,6 @@ class Anchor:
         return time.time_ns() - self.now()
 
 
-class Read(NamedTuple):
-    """Raw bytes of one read, at the time of its end.
-
-    ``held_ns`` is how long they may have been there already because nobody looked; 0: not worth a
-    word.
-    """
-
-    port: int
-    t_ns: int
-    data: bytes
-    held_ns: int = 0
-
-
-class Lost(NamedTuple):
-    """The port went away."""
-
-    port: int
-    t_ns: int
-
-
-class Back(NamedTuple):
-    """The port was opened again, as another object."""
-
-    port: int
-    t_ns: int
-    opened: Port
-
-
-class Counted(NamedTuple):
-    """The driver's counters have risen."""
-
-    port: int
-    t_ns: int
-    now: Counters
-    before: Counters
-
-
-Event = Read | Lost | Back | Counted
-
-
 class Listener:
     """Reads ports until it is stopped; ``drain`` hands over what came since.
 
@@ -143,6 +107,7 @@ class Listener:
         """What ended a reader thread that nobody asked to end."""
         self._events: collections.deque[Event] = collections.deque()
         self._found: collections.deque[tuple[_Line, Port]] = collections.deque()
+        self._tunes: collections.deque[tuple[_Line, int]] = collections.deque()
         self._anchor = anchor
         self._stop = threading.Event()
         self._stopping = threading.Lock()
@@ -169,6 +134,13 @@ class Listener:
         """Begin to read."""
         for thread in self._threads:
             thread.start()
+
+    def tune(self, port: int, baud: int) -> None:
+        """Have a port listened at another rate; ``Retuned`` tells from where on it is."""
+        with self._stopping:
+            if not self._stop.is_set():
+                self._tunes.append((self._lines[port], baud))
+                os.write(self._wakes, b".")
 
     def drain(self) -> list[Event]:
         """Return what has come since the last call, in the order of arrival of each port."""
@@ -243,12 +215,14 @@ class Listener:
                     is_new = False
                 for key, _ in ready:
                     if key.data is None:
-                        os.read(self._waker, len(lines))
+                        os.read(self._waker, WAKES)
                     elif self._read(key.data, held_ns, came) is None:
                         selector.unregister(key.fileobj)
                         gone, key.data.port = key.data.port, None
                         self._thread(functools.partial(self._look_for, key.data, gone)).start()
                 self._heard[number] = looked
+                while self._tunes:
+                    self._tune(*self._tunes.popleft())
                 while self._found:
                     line, port = self._found.popleft()
                     self._take_back(line, port)
@@ -319,6 +293,25 @@ class Listener:
             self._events.append(Lost(line.number, self._anchor.now()))
             return None
         return data
+
+    def _tune(self, line: _Line, baud: int) -> None:
+        """Listen at another rate; what came until then was heard at the one before."""
+        line.options = replace(line.options, baud=baud)  # it may be away, and is back like that
+        done, port = True, line.port
+        if isinstance(port, Retunable):
+            try:
+                self._note(line, port.read())
+                port.retune(baud)
+                self._note(line, port.read())
+            except InputError:
+                done = False
+            except PortLostError:
+                pass  # the next read finds out, too
+        self._events.append(Retuned(line.number, self._anchor.now(), baud, done))
+
+    def _note(self, line: _Line, data: bytes) -> None:
+        if data:
+            self._events.append(Read(line.number, self._anchor.now(), data))
 
     def _take_back(self, line: _Line, port: Port) -> None:
         line.port, line.counters = port, port.counters()

@@ -13,8 +13,12 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, Protocol
 
+from sniffer.decoding.rates import Rate, SearchStep
 from sniffer.decoding.sink import Sink
 from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError, Mark, MarkKind, OutputError
+from sniffer.ground.timing import LATENCY_NS
+from sniffer.tap.events import Retuned
+from sniffer.tap.reader import BREATH_NS
 from sniffer.tap.status import BusStatus, Status
 
 if TYPE_CHECKING:
@@ -22,8 +26,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.decoding.pipeline import Pipeline
+    from sniffer.decoding.rates import RateSearch
     from sniffer.merge.merger import Merger
-    from sniffer.tap.reader import Anchor, Event, Listener
+    from sniffer.tap.events import Event
+    from sniffer.tap.reader import Anchor, Listener
     from sniffer.tap.stops import Stops
     from sniffer.tap.tap import Tap
 
@@ -39,6 +45,9 @@ UNSEEN_S: Final = (0.5, 1.0)
 DUTY: Final = 0.05
 """Share of the time that decoding takes before the passes become rarer: a pass has a fixed cost,
 whatever it holds, so fewer of them for many busy buses are cheaper."""
+
+NOT_TOLD_NS: Final = max(LATENCY_NS.values())
+"""What is taken for the latency of an adapter that does not tell."""
 
 PASS: Final = 1 << 16
 """Bytes of one bus that are decoded in one go: 30 ms at the worst that a line can say."""
@@ -130,6 +139,8 @@ class Recorder:
         file: the recording, None where only other outputs were asked for.
         stops: what ends it.
         mergers: by bus, where two taps hear one.
+        searches: by bus, where the rate is looked for; such a bus has one tap.
+        on_rate: is told which rate a bus was found to have.
         wishes: what signals ask for.
         on_round: is called once a round, with the recorder.
         latency_ns: by how much a stamp may lag behind its bytes, the greatest of all buses.
@@ -147,6 +158,8 @@ class Recorder:
         stops: Stops,
         *,
         mergers: Mapping[str, Merger] | None = None,
+        searches: Mapping[str, RateSearch] | None = None,
+        on_rate: Callable[[str, RateSearch], None] = lambda bus, search: None,
         wishes: Wishes | None = None,
         on_round: Callable[[Recorder], None] = lambda recorder: None,
         latency_ns: int = 0,
@@ -163,6 +176,8 @@ class Recorder:
         self._file = file
         self._stops = stops
         self._mergers = dict(mergers or {})
+        self._searches = dict(searches or {})
+        self._on_rate = on_rate
         self._on_round = on_round
         self._latency_ns = latency_ns
         self._backlog = backlog
@@ -239,11 +254,14 @@ class Recorder:
         """Hand what came to the recording; return up to which time that is all there is."""
         heard_ns = self._listener.heard_ns
         self._record(self._listener.drain(), heard_ns)
+        self._search_on(heard_ns)
         return heard_ns
 
     def _record(self, events: Sequence[Event], heard_ns: int) -> None:
         by_bus: dict[str, list[Chunk]] = {}
         for event in events:
+            if isinstance(event, Retuned) and not event.done:
+                self._untunable(event)
             for chunk in self.taps[event.port].chunks(event):
                 by_bus.setdefault(chunk.bus, []).append(chunk)
                 if chunk.data:
@@ -258,7 +276,34 @@ class Recorder:
     def _hand_over(self, bus: str, chunks: Sequence[Chunk]) -> None:
         self.pipeline.record(bus, chunks)
         self._check()
-        self._waiting[bus].add(chunks)
+        if (search := self._searches.get(bus)) is not None:
+            self._search(bus, search, search.hear(chunks))
+        else:
+            self._waiting[bus].add(chunks)
+
+    def _search(self, bus: str, search: RateSearch, verdict: SearchStep) -> None:
+        """Do what the search for a rate asks for; nothing is decoded until it is over."""
+        number = next(n for n, tap in enumerate(self.taps) if tap.spec.bus == bus)
+        if verdict is SearchStep.TRY:
+            self._listener.tune(number, search.baud)
+        elif verdict is SearchStep.FOUND:
+            del self._searches[bus]
+            held_ns = self.taps[number].port.latency_ns
+            latency_ns = BREATH_NS + (NOT_TOLD_NS if held_ns is None else held_ns)
+            self.pipeline.tune(bus, Rate(search.baud, search.begin, latency_ns))
+            self._waiting[bus].add(search.heard())
+            self._on_rate(bus, search)
+
+    def _search_on(self, now_ns: int) -> None:
+        """Tell the searches for rates how late it is."""
+        for bus, search in list(self._searches.items()):
+            self._search(bus, search, search.idle(now_ns))
+
+    def _untunable(self, event: Retuned) -> None:
+        """Have another rate tried where the adapter cannot do one."""
+        bus = self.taps[event.port].spec.bus
+        if (search := self._searches.get(bus)) is not None:
+            self._search(bus, search, search.cannot(event.baud))
 
     def _decode(self, until: float) -> bool:
         """Decode what waits, the buses in turn, until it is time to record; tell if that is all."""
@@ -315,6 +360,9 @@ class Recorder:
         for bus, merger in self._mergers.items():
             if rest := merger.close():
                 self._hand_over(bus, rest)
+        for bus, search in list(self._searches.items()):
+            search.settle()
+            self._search(bus, search, SearchStep.FOUND)
         now_ns = self._anchor.now()
         for bus, tap in {tap.spec.bus: tap for tap in self.taps if tap.bytes}.items():
             ended = (Mark(MarkKind.ENDED, 0, count=0),)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark, MarkKind
-from sniffer.tap.reader import Back, Counted, Event, Lost, Read
+from sniffer.tap.events import Back, Counted, Event, Lost, Read, Retuned
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -96,6 +96,9 @@ class Tap:
                 self.port, self.away_ns = port, None
                 self._past, self._marked, self._counts, self._unmarked = self.errors, 0, 0, 0
                 yield self._chunk(b"", t_ns, (Mark(MarkKind.BACK, 0, count=away_ns),))
+            case Retuned(t_ns=t_ns, baud=baud, done=done):
+                if done:
+                    yield self._chunk(b"", t_ns, (Mark(MarkKind.TUNED, 0, count=baud),))
             case Counted(t_ns=t_ns, now=now, before=before):
                 marks = tuple(self._counted(now, before))
                 self._since = 0

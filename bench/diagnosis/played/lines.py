@@ -44,6 +44,10 @@ class LssTongue(Tongue):
         """Say something that is not answered."""
         return Say(command(servo_id, word, value), False)
 
+    def identify(self, servo_id: int) -> Say:
+        """Ask for the firmware."""
+        return self.query(servo_id, "QF")
+
     def hello(self, servo_id: int) -> Iterator[Say]:
         """Ask for the model and the origin, or not."""
         if self.rng.random() < 0.7:

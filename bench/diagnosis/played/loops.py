@@ -10,12 +10,9 @@ from bench.diagnosis.played.cases import EVERY, Cases
 from bench.diagnosis.played.draft import ALL, PIPED, SELDOM, TURN
 from bench.diagnosis.played.robot import LONGEST
 from sniffer.ground.model import NS
-from sniffer.simulation.ailments import FOREVER_NS
 from sniffer.simulation.talk import MS, US
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from bench.diagnosis.played.draft import Draft, Play
 
 CASES: Final = Cases()
@@ -137,24 +134,32 @@ def bus_saturated(draft: Draft) -> None:
 
 @CASES(*EVERY, polls=(ALL, TURN), servos=(2, 4))
 def retry_storm(draft: Draft) -> None:
-    """A servo is busy for a moment, and the controller asks it again and again, without a pause."""
-    who = draft.pick()
-    spans = draft.episodes(0.3, 1.0)
-    draft.habit = dataclasses.replace(draft.habit, tries=1, rate_hz=max(draft.habit.rate_hz, 25))
+    """A servo does not answer one of many questions for now, and is asked again without a pause."""
+    rng, who = draft.rng, draft.pick()
+    spans = draft.episodes(0.4, 1.5)
+    period_s = rng.choice((0.1, 0.25))
+    draft.habit = dataclasses.replace(draft.habit, tries=1)
+    nags = rng.randint(10, 25)
 
     def stubborn(play: Play) -> None:
-        play.robot.nature.stubborn = 400
+        question = play.tongue.identify(who)
+
+        def ask() -> None:
+            play.robot.nature.stubborn = nags
+            play.tell([question])
+            play.robot.nature.stubborn = 0
+
+        def extra(cycle: int) -> None:
+            del cycle
+            if play.stage.now_s >= play.robot.nature.next_s:
+                play.robot.nature.next_s = play.stage.now_s + period_s
+                ask()
+
+        play.robot.nature.extras.append(extra)
         play.tongue.patience = play.stage.wire_ns(LONGEST) + 4 * MS
+        for first_s, last_s in spans:
+            play.stage.at(first_s, lambda: play.stage.ignored.add(question.raw))
+            play.stage.at(last_s, play.stage.ignored.clear)
 
     draft.start(stubborn)
-    for first_s, last_s in spans:
-        draft.at(first_s, _silenced(who, FOREVER_NS))
-        draft.at(last_s, _silenced(who, 0))
-    draft.truth("retry-storm", who, spans[0][0], spans[-1][1])
-
-
-def _silenced(who: int, until_ns: int) -> Callable[[Play], None]:
-    def act(play: Play) -> None:
-        play.servo(who).deaf_until_ns = until_ns
-
-    return act
+    draft.truth("retry-storm", who, spans[0][0], spans[-1][1] + 0.3)

@@ -23,6 +23,9 @@ BRIEFLY_NS: Final = 30 * US
 LONGEST: Final = 28
 """Bytes that an answer has at most; whoever waits less never hears one."""
 
+PIPED_BYTES: Final = 14
+"""Longest answer to a query of the position, with some room."""
+
 COMES_S: Final = 1.5
 """How long servos take to where their motion begins."""
 
@@ -64,6 +67,8 @@ class Nature:
     """How long it waits for an answer of a servo that it shall not hear out, in ns."""
     stubborn: int = 0
     """How often it asks a silent servo again at once, without a pause."""
+    next_s: float = 0.0
+    """When it asks the next time for what it does not ask in each cycle."""
 
 
 class Robot:
@@ -87,6 +92,9 @@ class Robot:
     def run(self, seconds: float) -> None:
         """Say hello, switch on, go round."""
         until_ns = int(seconds * NS)
+        if self.habit.polls == PIPED:  # they answer when all are asked, one behind the other
+            for servo in self.stage.bus.servos.values():
+                servo.lag_ns = len(self.asked) * self._slot_ns
         for servo_id in self.asked:
             self.say(self.tongue.hello(servo_id))
         for servo_id in self.moved:
@@ -182,13 +190,19 @@ class Robot:
         """Ask for the position of all, with time between for each other's answers; then listen."""
         stage = self.stage
         asked = {i: next(iter(self.tongue.look(i, 0))).raw for i in self.asked}
-        until_ns = stage.now_ns
+        ends = []
         for raw in asked.values():
-            answers = stage.post(raw)
-            until_ns = max([until_ns, *(answer.t_end_ns for answer in answers)])
-            stage.wait(stage.now_ns + stage.wire_ns(12))
-        missing = stage.now_ns + self.tongue.patience
-        stage.wait(until_ns if len(asked) == len(self.asked) else missing)
+            begun = stage.now_ns
+            ends += [answer.t_end_ns for answer in stage.post(raw)]
+            stage.wait(begun + self._slot_ns)
+        all_there = len(ends) == len(asked)
+        stage.wait(max(ends) if all_there else stage.now_ns + self.tongue.patience)
+        stage.wait(stage.now_ns + self._pause())
+
+    @property
+    def _slot_ns(self) -> int:
+        """From one question of many to the next: an answer's time, and some room."""
+        return self.stage.wire_ns(PIPED_BYTES)
 
     def _pause(self) -> int:
         return self.habit.pause_ns + self.rng.randrange(self.habit.pause_ns // 3 + 1)

@@ -71,6 +71,8 @@ class Stage:
         """When the last one who speaks so far is done."""
         self.refusals: dict[int, Callable[[Any, Message], Message | None]] = {}
         """What a servo says to a request instead of obeying; nothing where None."""
+        self.ignored: set[bytes] = set()
+        """Requests that servos hear, and do not answer for now."""
         self.baud = baud
         self._named = dict(self.bus.servos)
         self._ears = Ears(protocol_named(protocol), models)
@@ -173,7 +175,8 @@ class Stage:
         free_ns = asked_ns
         for servo_id in delivery.to:
             servo = self.bus.servos[servo_id]
-            if asked_ns < servo.deaf_until_ns and not servo.low:
+            is_deaf = asked_ns < servo.deaf_until_ns and not servo.low
+            if is_deaf or delivery.request.data in self.ignored:
                 continue
             refusal = self.refusals.get(servo_id)
             answer = refusal(servo, delivery.request) if refusal is not None else None

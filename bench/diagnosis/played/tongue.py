@@ -45,6 +45,10 @@ class Tongue(abc.ABC):
         return Say(delivery.request.data, delivery.patience_ns > 0, KEEPS_NS)
 
     @abc.abstractmethod
+    def identify(self, servo_id: int) -> Say:
+        """Ask what the servo is."""
+
+    @abc.abstractmethod
     def hello(self, servo_id: int) -> Iterator[Say]:
         """Ask who is there, and for limits."""
 

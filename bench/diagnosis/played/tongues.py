@@ -20,7 +20,7 @@ from sniffer.protocols.wck.grammar import build
 from sniffer.simulation.memory import pack
 from sniffer.simulation.mightyzap_servo import TOP, command, packet
 from sniffer.simulation.rs30x import IDENTITY, PRESENT, flag_byte, joined, request
-from sniffer.simulation.rs30x_servo import OFF, ON, tenths
+from sniffer.simulation.rs30x_servo import OFF, ON, Rs30xServo, tenths
 from sniffer.simulation.talk import MS
 
 if TYPE_CHECKING:
@@ -78,10 +78,14 @@ class MightyZapTongue(Tongue):
         """Read bytes from an address on."""
         return Say(command(servo_id, LOAD, address=address, length=length).data)
 
+    def identify(self, servo_id: int) -> Say:
+        """Ping."""
+        return Say(command(servo_id, ECHO).data)
+
     def hello(self, servo_id: int) -> Iterator[Say]:
         """Ping; read ids, delay and limits, or not."""
         if self.rng.random() < 0.8:
-            yield Say(command(servo_id, ECHO).data)
+            yield self.identify(servo_id)
         if self.reads_limits:
             yield self.load(servo_id, 0x00, 0x13)
 
@@ -133,6 +137,21 @@ class MightyZapTongue(Tongue):
         return self.stage.bus.table.register(name)
 
 
+def _holds(servo: Rs30xServo) -> None:
+    """Let a servo stay where it is when its torque is switched on, and not go to 0 first.
+
+    Source: RS305CR manual, 4.3 No. 30, torque-on holding.
+    """
+    usual = servo.power_on
+
+    def power_on() -> None:
+        usual()
+        servo.memory.raw["goal_position"] = tenths(servo.joint.position)
+
+    servo.power_on = power_on  # type: ignore[method-assign]
+    servo.memory.raw["goal_position"] = tenths(servo.joint.position)
+
+
 class Rs30xTongue(Tongue):
     """Reads by nibble or by address; writes with or without an acknowledgement."""
 
@@ -148,6 +167,7 @@ class Rs30xTongue(Tongue):
         for servo in stage.bus.servos.values():
             servo.memory.raw["return_delay"] = delay  # type: ignore[attr-defined]
             servo.burn()  # type: ignore[attr-defined]
+            _holds(servo)  # type: ignore[arg-type]
 
     def write(self, servo_id: int, address: int, data: bytes, *, ack: bool | None = None) -> Say:
         """Write bytes from an address on."""
@@ -158,6 +178,10 @@ class Rs30xTongue(Tongue):
     def read(self, servo_id: int, address: int, length: int) -> Say:
         """Read bytes from an address on."""
         return Say(request(servo_id, flag_byte(ASKS_ADDRESS), address, length, 0))
+
+    def identify(self, servo_id: int) -> Say:
+        """Read the model."""
+        return self.read(servo_id, 0x00, 3)
 
     def hello(self, servo_id: int) -> Iterator[Say]:
         """Read the fixed and the ROM area, or not."""
@@ -222,13 +246,21 @@ class WckTongue(Tongue):
 
     patience_ns = (12 * MS, 100 * MS)
 
+    def __init__(self, stage: Stage, rng: random.Random) -> None:
+        super().__init__(stage, rng)
+        self.reads_limits = rng.random() < 0.7
+
     def _op(self, op: str, who: int, **fields: int) -> Say:
         built = _wck(op, who, tuple(fields.items()))
         return Say(built, True, KEEPS_NS if fields else 0)
 
+    def identify(self, servo_id: int) -> Say:
+        """Read the overload limit."""
+        return self._op("overload_read", servo_id)
+
     def hello(self, servo_id: int) -> Iterator[Say]:
         """Read the boundaries, or not."""
-        if self.rng.random() < 0.7:
+        if self.reads_limits:
             yield self._op("boundary_read", servo_id)
 
     def switch(self, servo_id: int, *, on: bool) -> Iterator[Say]:

@@ -9,7 +9,7 @@ from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.clocks import LOOKED, clock_of
-from sniffer.diagnosis.damage import IN_REPLY
+from sniffer.diagnosis.damage import IN_IDLE, IN_REPLY
 from sniffer.diagnosis.lineerrors import IN_ANSWERS, IN_REQUESTS
 from sniffer.diagnosis.misread import BACK, BITS, BITS_FEW, FRONT, alike_of
 from sniffer.diagnosis.model import Finding, Place
@@ -96,6 +96,18 @@ ENDING: Final = 5
 """From this bit of a byte on a clock that is off by a twentieth, and edges that are late beside,
 show."""
 
+OFTEN: Final = 0.05
+"""Part of a servo's answers that must have a line error: noise hits one now and then."""
+
+EDGES: Final = frozenset(0xFF << k & 0xFF for k in range(9))
+"""Bytes of one rising edge: what a UART makes of a line that falls low for a moment."""
+
+BARE: Final = 2
+"""Bytes of an answer without a header."""
+
+WIDE: Final = 12
+"""Packets with line errors that tell whose they are."""
+
 APART: Final = 10.0
 """How many times the others' share of line errors a servo must have."""
 
@@ -164,7 +176,8 @@ def last_bits(case: Case) -> Iterator[Finding]:
         mine = errors.get(servo, 0)
         others = elsewhere + sum(n for s, n in errors.items() if s != servo)
         rest = max(case.ledger.frames - answered[servo], 1)
-        alone = mine >= LEAST and mine / max(answered[servo], 1) >= APART * (others + 1) / rest
+        alone = mine >= OFTEN * answered[servo] and mine >= LEAST
+        alone = alone and mine / max(answered[servo], 1) >= APART * (others + 1) / rest
         bitwise = len(flips) >= SAME and late >= PURE * max(len(flips), ending)
         if not (alone or bitwise):
             continue
@@ -196,6 +209,34 @@ def last_bits(case: Case) -> Iterator[Finding]:
             strength=1.0 if alone and bitwise else max(sureness(chance, 1e-4), 0.8 * alone),
             brief=f"the last bits of servo {servo} are misread",
         )
+
+
+def wide_errors(case: Case) -> Iterator[Finding]:
+    """Find the one servo in whose answers all line errors are that an adapter tells by the packet."""
+    errors = case.ledger.line_errors
+    within = {s: told for s, told in errors.within.items() if s in case.answering}
+    ahead = sorted(within, key=lambda s: -within[s][0])
+    if errors.wide < WIDE or len(ahead) < 2 or len(case.answering) < 2:
+        return
+    one, other = ahead[:2]
+    n, first, last = within[one]
+    answered = case.total("ok", one) + case.total("damaged", one)
+    if n < PURE_WAY * errors.wide or within[other][0] > MOST * n or n < OFTEN * answered:
+        return
+    torn = sum(d.turn == IN_REPLY and d.servo_id == one for d in case.damages)
+    if torn > n / 2:
+        return  # what tears answers makes such errors, too
+    yield Finding(
+        "last-bits",
+        one,
+        first,
+        last,
+        n,
+        f"of {errors.wide} packets with line errors {n} hold an answer of servo {one}, "
+        f"{within[other][0]} one of servo {other}; its frames are hardly ever torn",
+        strength=0.8,
+        brief=f"stop bits of servo {one} are missed",
+    )
 
 
 def clocks(case: Case) -> Iterator[Finding]:
@@ -255,6 +296,28 @@ def ends(case: Case) -> Iterator[Finding]:
         )
 
 
+def strays_before(case: Case) -> Iterator[Finding]:
+    """Find bare answers with a stray byte before them: there is no header that tells the two apart."""
+    answers = [m for m in case.misreads if m.damage.turn == IN_REPLY and m.damage.alike]
+    before = [
+        m
+        for m in answers
+        if 1 <= m.damage.length - len(m.damage.expected) <= 2
+        and m.damage.got[0] in EDGES
+        and len(m.damage.expected) <= BARE
+    ]
+    alone = len({m.servo_id for m in before}) == 1 and len(case.answering) > 1
+    alone = alone or len(before) < LEAST * sum(d.turn == IN_IDLE for d in case.damages)
+    if len(before) >= 2 * LEAST and len(before) >= MOST * len(answers) and not alone:
+        yield _finding(
+            "strays-at-turn",
+            before,
+            f"{len(before)} of {len(answers)} torn answers have a stray byte more at their beginning",
+            "stray bytes before answers",
+            min(0.4 + 0.1 * len(before), 1.0),
+        )
+
+
 def _late(case: Case, answers: Sequence[Misread]) -> set[int]:
     """Return the places of torn answers that begin later than any sound one: they lack a byte."""
     byte_ns = case.ledger.byte_ns
@@ -309,5 +372,5 @@ def _places(read: Iterable[Misread]) -> tuple[Place, ...]:
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (bits, last_bits, clocks, ends)
+RULES: Final[tuple[Rule, ...]] = (bits, last_bits, wide_errors, clocks, ends, strays_before)
 """The rules of this area."""

@@ -10,7 +10,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.efforts import effort
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.warmth import hot_times
-from sniffer.diagnosis.tracks import track
+from sniffer.diagnosis.tracks import LOOKS, track
 from sniffer.ground.model import NS
 from sniffer.protocols.base import RESTARTS
 
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
-    from sniffer.diagnosis.tracks import Away, Track
+    from sniffer.diagnosis.tracks import Away, JointTrack
+    from sniffer.ground.model import I64
 
 FINDINGS: Final = (
     FindingCode(
@@ -63,6 +64,9 @@ FINDINGS: Final = (
 BEFORE_NS: Final = 5 * NS
 """An alarm or a restart may be so long before the joint is seen to hang."""
 
+AFTER_NS: Final = 2 * NS
+"""... and so long behind its beginning: it is weak before it lets go."""
+
 ALARMS: Final = (
     "device-overload",
     "device-overheating",
@@ -73,6 +77,9 @@ ALARMS: Final = (
     "device-stuck",
 )
 """Alarms upon which servos switch their motor off, or are about to."""
+
+HARD: Final = 1.25
+"""A motor that gives up and tries again pushes less in the middle than it does at its hardest."""
 
 SHORTLY_NS: Final = NS // 10
 """Before an alarm of overload a motor pushes for tenths of a second; less tells nothing."""
@@ -133,51 +140,65 @@ def stuck(case: Case) -> Iterator[Finding]:
         )
 
 
-def _stands(one: Track, t_ns: int) -> bool:
+def _stands(one: JointTrack, t_ns: int) -> bool:
     """Tell whether a joint did not move with its goals right before a moment."""
     p, g = one.position, one.goal
     row = int(np.searchsorted(p.t_first, t_ns, "right")) - 1
     if row > 0 and t_ns - int(p.t_first[row]) < SHORTLY_NS:
         row -= 1  # it has just begun: what was before tells more
-    if row < 0:
+    first = row
+    while first > 0 and p.n[first : row + 1].sum() < LOOKS and row - first < 2:
+        first -= 1
+    if row < 0 or p.n[first : row + 1].sum() < LOOKS - 1:
         return False
-    since, until = int(p.t_first[row]), t_ns
+    since, until = int(p.t_first[first]), t_ns
     goals = np.flatnonzero((g.t >= since) & (g.t_first < until))
     if not len(goals):
         return False
     asked = float(g.high[goals].max() - g.low[goals].min())
-    return asked > one.far / 4 and float(p.high[row] - p.low[row]) < asked / 4
+    went = float(p.high[first : row + 1].max() - p.low[first : row + 1].min())
+    return asked > one.far / 4 and went < asked / 4
 
 
-def _moves(one: Track) -> bool:
+def _moves(one: JointTrack) -> bool:
     """Tell whether a joint ever moved as its goals did."""
     p = one.position
     return float(p.high.max() - p.low.min()) > one.far / 2
 
 
-def _kind(case: Case, one: Track, away: Away) -> str:
+def _kind(case: Case, one: JointTrack, away: Away) -> str:
     """Name what a stretch is, by effort and by what was before it."""
     motor = effort(case, one.servo_id)
     if motor is None:
         return "joint-not-following"
     steady, peaks = motor.between(away.first_ns + NS // 2, away.last_ns)
-    if steady >= motor.pushes_from:
+    if steady >= motor.pushes_from or peaks >= HARD * motor.pushes_from:
         return "joint-stalled"
     if not peaks <= motor.idles_to:
         return "joint-not-following"
-    since, until = away.first_ns - BEFORE_NS, away.first_ns + 2 * NS
     alarms = case.anomalies(*ALARMS, servo_id=one.servo_id).t_ns
-    alarms = np.concatenate([alarms, hot_times(case, one.servo_id)])
-    if ((alarms >= since) & (alarms <= until)).any():
+    if _since(one, away, np.concatenate([alarms, hot_times(case, one.servo_id)])):
         return "joint-limp-after-alarm"
     back = [s.back_ns for s in case.ledger.silences.of(one.servo_id) if s.back_ns is not None]
-    begun = [*back, *case.order_times(one.servo_id, RESTARTS).tolist()]
-    if any(since <= t <= until for t in begun):
-        return "joint-limp-after-restart"
-    return "joint-limp"
+    begun = np.array([*back, *case.order_times(one.servo_id, RESTARTS).tolist()], np.int64)
+    return "joint-limp-after-restart" if _since(one, away, begun) else "joint-limp"
 
 
-def _found(case: Case, one: Track, code: str, several: Sequence[Away], *, moved: bool) -> Finding:
+def _since(one: JointTrack, away: Away, moments: I64) -> bool:
+    """Tell whether it hangs since one of some moments: shortly behind it, or it never moved."""
+    near = moments[moments <= away.first_ns + AFTER_NS]
+    if not len(near):
+        return False
+    last = int(near.max())
+    p = one.position
+    rows = np.flatnonzero((p.t_first >= last + AFTER_NS // 4) & (p.t <= away.first_ns))
+    still = len(rows) and float(p.high[rows].max() - p.low[rows].min()) < one.far / 2
+    return away.first_ns - last <= BEFORE_NS or bool(still)
+
+
+def _found(
+    case: Case, one: JointTrack, code: str, several: Sequence[Away], *, moved: bool
+) -> Finding:
     servo, unit = one.servo_id, one.position.unit
     longest = max(several, key=lambda a: a.last_ns - a.first_ns)
     took_ns = longest.last_ns - longest.first_ns

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case, Series
     from sniffer.diagnosis.rules import Rule
     from sniffer.diagnosis.steps import Leap
-    from sniffer.diagnosis.tracks import Track
+    from sniffer.diagnosis.tracks import JointTrack
 
 FINDINGS: Final = (
     FindingCode(
@@ -32,7 +32,7 @@ FINDINGS: Final = (
         "doubtful-value",
         "device",
         "A single value stands far from those before and behind it, in a protocol whose answers have no checksum.",
-        "A position that jumps and comes back with the next value, or a temperature that does so by ten degrees.",
+        "Once, or with damage on the line: a position that jumps and comes back with the next value, or a temperature that does so by ten degrees.",
     ),
 )
 
@@ -43,8 +43,8 @@ FASTEST: Final = {"deg": 1500.0, "mm": 400.0}
 AHEAD: Final = 4.0
 """How many times the greatest of the usual steps a jump is."""
 
-USUAL: Final = 0.9
-"""Most of the time has no greater steps than this share of the buckets."""
+USUAL: Final = 0.5
+"""Half of the time has no greater steps, however often it jumps."""
 
 LEAST_SHARE: Final = 0.04
 """A jump is at least so much of the register's range, or of what was met."""
@@ -54,6 +54,12 @@ WRAPS: Final = 0.8
 
 SOON_NS: Final = NS // 4
 """Within longer times a joint may well have been there and back."""
+
+LATER_NS: Final = 2 * NS
+"""The same where its goals are known, and none was there."""
+
+LESS: Final = 0.7
+"""How much it counts without a checksum."""
 
 BACK: Final = 0.25
 """A value is back if no more than this part of the jump is left."""
@@ -87,7 +93,8 @@ def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Lea
         if joint is not None and joint.position.index == p.index and _was_told(joint, s):
             continue
         follows = steps[k + 1] if k + 1 < len(steps) else None
-        comes_back = _comes_back(s, follows) and s.took_ns <= SOON_NS
+        soon = SOON_NS if joint is None else LATER_NS
+        comes_back = _comes_back(s, follows) and s.took_ns <= soon
         if comes_back or (_is_too_fast(case, p, s) and not _returns(steps, k)):
             out.append(s)
     return out
@@ -95,10 +102,10 @@ def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Lea
 
 def _span(p: Series) -> float:
     low, high = p.register.range or (0, 0)
-    return (high - low) * abs(p.register.scale) or float(p.high.max() - p.low.min())
+    return (high - low) * p.scale or float(p.high.max() - p.low.min())
 
 
-def _was_told(joint: Track, s: Leap) -> bool:
+def _was_told(joint: JointTrack, s: Leap) -> bool:
     """Tell whether a goal lies at least half the way to where the position jumps."""
     since, until = np.array([s.t_ns - s.took_ns - NS]), np.array([s.t_ns])
     low, high = (float(x[0]) * MILLI for x in in_force(joint.goal, since, until))
@@ -128,7 +135,8 @@ def _is_too_fast(case: Case, p: Series, s: Leap) -> bool:
 
 def _jumped(case: Case, servo: int, p: Series, jumps: Sequence[Leap]) -> Finding:
     first = jumps[0]
-    guarded = case.has_checksum
+    # damage that passes for a value comes with damage that does not
+    guarded = case.has_checksum or (len(jumps) > 1 and not len(case.damage["n"]))
     to = f"{p.told(first.before / MILLI)} to {p.told(first.after / MILLI)}"
     took = f" within {first.took_ns / 1e6:.0f} ms" if case.has_clock else ""
     often = "" if len(jumps) == 1 else f", {len(jumps)} times"
@@ -140,7 +148,7 @@ def _jumped(case: Case, servo: int, p: Series, jumps: Sequence[Leap]) -> Finding
         len(jumps),
         f"the position of servo {servo} jumps from {to}{took}{often}",
         tuple(Place(s.at, 1, s.t_ns, f"position {p.told(s.after / MILLI)}") for s in jumps[:3]),
-        strength=min(0.8 + 0.1 * len(jumps), 1.0),
+        strength=min(0.8 + 0.1 * len(jumps), 1.0) * (1.0 if case.has_checksum else LESS),
         brief=f"position of servo {servo} jumps from {to}",
         episodes=tuple((s.t_ns - s.took_ns, s.t_ns) for s in jumps),
     )

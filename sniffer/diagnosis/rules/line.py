@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -11,6 +12,8 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.twins import of_twins
+from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -58,6 +61,8 @@ FINDINGS: Final = (
     ),
 )
 
+STRAYS: Final = (AT_TURN, IN_IDLE)
+
 LEAST: Final = 3
 """Places that make a pattern."""
 
@@ -70,6 +75,15 @@ CHANCE: Final = 1e-3
 CLEARLY: Final = 0.05
 """What each of several servos must show; all of them together are beyond doubt then."""
 
+MANY: Final = 20
+"""Strays of which some would have hit a frame if they came at any time."""
+
+LEAST_BUSY: Final = 0.05
+"""Part of the time for which a line that somebody polls is busy at least: without a clock."""
+
+HITS: Final = 0.3
+"""Part of the disturbances within a frame that are long enough, and at the place, to alter a bit."""
+
 PLENTY: Final = 12
 """So many places are beyond doubt."""
 
@@ -78,10 +92,18 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
     """Tell whose frames are damaged: some servos' answers, all answers, all requests, or all."""
     d = case.damage
     in_reply, in_request = d["turn"] == IN_REPLY, d["turn"] == IN_REQUEST
-    torn = {s: n for s, n in sums(_rows(d, in_reply), "servo_id", "n").items() if s >= 0}
+    others = Counter(  # what twins tear is a matter of its own
+        (x.turn, x.servo_id) for x in case.damages if case.twins and of_twins(case, x)
+    )
+    torn = {
+        s: n - others[IN_REPLY, s]
+        for s, n in sums(_rows(d, in_reply), "servo_id", "n").items()
+        if s >= 0 and n > others[IN_REPLY, s]
+    }
     answered = {s: case.total("ok", s) + case.total("damaged", s) for s in {*torn, *case.servos}}
     answered = {s: max(n, torn.get(s, 0)) for s, n in answered.items() if n or torn.get(s)}
     asked_torn = int(d["n"][in_request].sum())
+    asked_torn -= sum(n for (turn, _), n in others.items() if turn == IN_REQUEST)
     requests = int(case.traffic["requests"].sum()) + asked_torn
     total = sum(torn.values()) + asked_torn
     if total < LEAST:
@@ -154,29 +176,52 @@ def strays(case: Case) -> Iterator[Finding]:
     """Tell where single bytes of nobody stand."""
     d = case.damage
     at_turn, idle = d["turn"] == AT_TURN, d["turn"] == IN_IDLE
+    if case.twins and sum(of_twins(case, x) for x in case.damages if x.turn in STRAYS) >= LEAST:
+        return  # they are what is left of second answers
     turns, between = int(d["n"][at_turn].sum()), int(d["n"][idle].sum())
-    seen = sorted({x.got.hex(" ").upper() for x in case.damages if x.turn in (AT_TURN, IN_IDLE)})
+    torn = int(d["n"][np.isin(d["turn"], (IN_REPLY, IN_REQUEST))].sum())
+    seen = sorted({x.got.hex(" ").upper() for x in case.damages if x.turn in STRAYS})
     shown = ", ".join(seen[:4])
+    both = at_turn | idle
     if turns >= LEAST and turns >= 3 * between:
-        answers = max(case.total("ok"), 1)
         yield _damage(
             case,
             at_turn,
             "strays-at-turn",
             None,
-            f"{turns} times stray bytes stand at the turn of {answers} exchanges, {between} times "
-            f"elsewhere: {shown}",
+            f"{turns} times stray bytes stand at the turn of {max(case.total('ok'), 1)} exchanges, "
+            f"{between} times elsewhere: {shown}",
             f"{turns} stray bytes where the direction changes",
+        )
+    elif turns + between >= MANY and _spares_frames(case, torn, turns + between):
+        yield _damage(
+            case,
+            both,
+            "strays-at-turn",
+            None,
+            f"{turns + between} times stray bytes stand between frames, and {torn} frames of "
+            f"{case.ledger.frames} are torn: what came at any time would hit frames, too; {shown}",
+            f"{turns + between} stray bytes between frames",
+            0.9,
         )
     elif turns + between >= LEAST and between:
         yield _damage(
             case,
-            at_turn | idle,
+            both,
             "strays-anywhere",
             None,
             f"{turns + between} times stray bytes came while nobody spoke: {shown}",
             f"{turns + between} stray bytes",
         )
+
+
+def _spares_frames(case: Case, torn: int, strays: int) -> bool:
+    """Tell whether frames are spared by what makes strays, as chance would not have it."""
+    busy = LEAST_BUSY
+    if case.has_clock and case.seconds:
+        busy = min(case.ledger.bytes * case.ledger.byte_ns / (case.seconds * NS), 1.0)
+    hits = busy * HITS
+    return at_least(strays, strays + torn, 1 - hits) < CHANCE
 
 
 def _rows(table: dict[str, I64], rows: Mask) -> dict[str, I64]:

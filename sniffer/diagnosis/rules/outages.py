@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -9,7 +10,9 @@ import numpy as np
 from sniffer.diagnosis.case import BUCKET_NS, episodes
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.twins import of_twins
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -47,6 +50,9 @@ AHEAD: Final = 5.0
 SAME: Final = 0.75
 """Part of a servo's bad moments that must be another's, too, for the two to fail together."""
 
+IN_A_ROW: Final = 2.5
+"""Losses of a servo that are no further apart than so many of its turns are of one moment."""
+
 NEAR_NS: Final = NS // 8
 """Losses that are closer than that are of one moment: servos are asked one after the other."""
 
@@ -55,22 +61,25 @@ SELDOM: Final = 0.4
 
 
 class _Lost:
-    """What one servo lost, by bucket."""
+    """What one servo lost and had again."""
 
     def __init__(self, case: Case, servo: int) -> None:
         a = case.answers
         mine = np.flatnonzero(a["servo_id"] == servo)
-        bad = a["missing"][mine] + a["damaged"][mine]
+        spells = case.ledger.silences.of(servo)
+        until = spells[-1].first_ns if spells and spells[-1].back_ns is None else case.last_ns + 1
+        events = case.anomalies("no-response", "damaged-response", servo_id=servo)
+        events = events.take(events.t_ns < until)  # what it never came back from is another matter
         self.servo = servo
         self.ok = int(a["ok"][mine].sum())
-        self.bad = int(bad.sum())
         self.torn = int(a["damaged"][mine].sum())
-        self.rows: I64 = mine[bad > 0]
-        self.buckets: I64 = a["bucket"][self.rows]
-        good = a["bucket"][mine[a["ok"][mine] > 0]]
-        self.came_back = bool(len(good) and len(self.buckets) and good[-1] >= self.buckets[0])
-        events = case.anomalies("no-response", "damaged-response", servo_id=servo)
-        self.times: I64 = np.sort(events.t_ns)
+        self.bad = min(int((a["missing"] + a["damaged"])[mine].sum()), len(events))
+        order = np.argsort(events.t_ns, kind="stable")
+        self.times: I64 = events.t_ns[order]
+        self.at: I64 = events.at[order]
+        # Losses in a row are one moment: it was not asked between them.
+        asked = max(self.ok + self.bad, 1)
+        self.turn_ns = (case.last_ns - case.first_ns) / asked
 
     @property
     def share(self) -> float:
@@ -79,8 +88,9 @@ class _Lost:
 
     @property
     def moments(self) -> int:
-        """How many times it was away: buckets in a row are one."""
-        return 1 + int((np.diff(self.buckets) > 1).sum()) if len(self.buckets) else 0
+        """How many times it was away."""
+        apart = np.diff(self.times) > IN_A_ROW * self.turn_ns
+        return 1 + int(apart.sum()) if len(self.times) else 0
 
     def within(self, times: I64) -> float:
         """Return the part of its losses that are near some moments (sorted)."""
@@ -94,8 +104,14 @@ class _Lost:
 
 def losses(case: Case) -> Iterator[Finding]:
     """Find servos that lose answers now and then, and those that do it together."""
-    lost = [one for s in case.answering if (one := _Lost(case, s)).ok + one.bad > LEAST]
-    bad = sorted((one for one in lost if one.bad and one.came_back), key=lambda one: -one.share)
+    torn = Counter(d.servo_id for d in case.damages if d.turn == IN_REPLY)
+    twins = Counter(d.servo_id for d in case.damages if d.turn == IN_REPLY and of_twins(case, d))
+    lost = [
+        one
+        for s in case.answering
+        if 2 * twins[s] <= torn[s] and (one := _Lost(case, s)).ok + one.bad > LEAST
+    ]
+    bad = sorted((one for one in lost if one.bad), key=lambda one: -one.share)
     if not bad or bad[0].bad < LEAST or bad[0].moments < MOMENTS:
         return
     group, sound = _group(case, bad, lost)
@@ -103,27 +119,26 @@ def losses(case: Case) -> Iterator[Finding]:
         return
     rest_bad, rest = sum(o.bad for o in sound), sum(o.bad + o.ok for o in sound)
     shared = _shared(group)
-    first = min(int(case.answers["t_first"][o.rows].min()) for o in group)
+    first = min(int(o.times[0]) for o in group)
     for one in group:
-        a = {name: column[one.rows] for name, column in case.answers.items()}
         chance = at_least(one.bad, one.bad + one.ok, (rest_bad + 1) / (rest + 2)) if sound else 0.1
         places = tuple(
             Place(at, 1, t, "a request without a sound answer")
-            for at, t in zip(a["at"][:3].tolist(), a["t_first"][:3].tolist(), strict=True)
+            for at, t in zip(one.at[:3].tolist(), one.times[:3].tolist(), strict=True)
         )
         others = f"{rest_bad} of {rest} of {len(sound)} others" if sound else "nobody else is there"
         yield Finding(
             "comes-and-goes",
             one.servo,
             first,
-            int(a["t_last"].max()),
+            int(one.times[-1]),
             one.bad,
             f"servo {one.servo} lost {one.bad} of {one.bad + one.ok} answers "
             f"({one.torn} of them torn) in {one.moments} moments; {others}",
             places,
             strength=max(sureness(chance), 0.4),
             brief=f"servo {one.servo} loses answers in {one.moments} moments",
-            episodes=episodes(a["t_first"], a["t_last"], BUCKET_NS),
+            episodes=episodes(one.times, one.times, BUCKET_NS),
         )
         if one.servo in shared:
             with_it = ", ".join(str(s) for s in shared if s != one.servo)
@@ -131,7 +146,7 @@ def losses(case: Case) -> Iterator[Finding]:
                 "lost-together",
                 one.servo,
                 first,
-                int(a["t_last"].max()),
+                int(one.times[-1]),
                 one.moments,
                 f"servo {one.servo} loses answers in the same moments as servo {with_it}",
                 places,
@@ -160,6 +175,10 @@ def _group(case: Case, bad: list[_Lost], lost: list[_Lost]) -> tuple[list[_Lost]
     group = list(clear)
     if not _often(moments):
         group += [o for o in bad if o not in clear and o.within(moments) >= SAME]
+    left = [one for one in lost if one not in group]
+    if len(left) > 1 and not min(one.bad for one in left):
+        # beside it most lose nothing: who does is behind the same place, or else has a cause of his
+        group += [one for one in left if one.bad >= MOMENTS]
     sound = [one for one in lost if one not in group]
     rest = sum(one.bad for one in sound) / max(sum(one.bad + one.ok for one in sound), 1)
     if sound and rest * AHEAD > min(one.share for one in clear):

@@ -44,6 +44,12 @@ FINDINGS: Final = (
         "At least three such silences, nine tenths of them within a factor of eight.",
     ),
     FindingCode(
+        "away-without-a-tear",
+        "pairing",
+        "A servo goes away time and again, and never within an answer.",
+        "More than three silences or single losses, and no torn answer of it.",
+    ),
+    FindingCode(
         "misses-now-and-then",
         "pairing",
         "One servo leaves requests without an answer now and then; others hardly ever do.",
@@ -72,6 +78,9 @@ CHANCE: Final = 3.0
 
 SWEEP: Final = 5
 """Ids without a servo, asked about alike: somebody looks who is there."""
+
+PLENTY: Final = 6
+"""So many silences would tear an answer if it were the contact's."""
 
 ALIKE: Final = 8
 """Restarts of one servo take about as long each time; contacts open for as long as they like."""
@@ -134,8 +143,9 @@ def silences(case: Case) -> Iterator[Finding]:
             yield _away(servo, away)
             if len(away) >= AGAIN and _alike(away):
                 yield _again(servo, away)
-        if not away:
+        else:
             yield from _now_and_then(case, servo)
+        yield from _whole(case, servo)
 
 
 def _outages(case: Case, servo: int) -> list[Silence]:
@@ -200,6 +210,22 @@ def _again(servo: int, away: Sequence[Silence]) -> Finding:
     )
 
 
+def _whole(case: Case, servo: int) -> Iterator[Finding]:
+    """Yield that a servo that went away often never did so within an answer."""
+    runs = case.ledger.silences.runs(servo)
+    if len(runs) <= AGAIN or case.total("damaged", servo):
+        return
+    yield Finding(
+        "away-without-a-tear",
+        servo,
+        runs[0].first_ns,
+        runs[-1].back_ns or 0,
+        len(runs),
+        f"servo {servo} was away {len(runs)} times, and not one of its answers is torn",
+        strength=min(len(runs) / PLENTY, 1.0),
+    )
+
+
 def _now_and_then(case: Case, servo: int) -> Iterator[Finding]:
     """Yield the single losses of one servo, if it has far more of them than others."""
     runs = case.ledger.silences.runs(servo)
@@ -219,7 +245,7 @@ def _now_and_then(case: Case, servo: int) -> Iterator[Finding]:
         f"servo {servo} left {missing} of {asked} requests without an answer, one by one; "
         f"all others {others_missing} of {others}",
         tuple(Place(s.at, s.length, s.first_ns, "a request without an answer") for s in runs[:3]),
-        strength=min(0.6 + missing / 50, 1.0),
+        strength=min(0.8 + missing / 50, 1.0),
         brief=f"servo {servo} misses requests",
     )
 

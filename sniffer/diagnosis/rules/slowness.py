@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.protocols.base import reply_delay_ns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,7 +27,7 @@ FINDINGS: Final = (
         "slower-than-its-delay",
         "timing",
         "A servo takes longer to answer than its delay register says.",
-        "Half of its answers begin surely 2 ms later than the delay that was read or written.",
+        "Half of its answers begin surely a millisecond later than the delay that was read or written.",
     ),
 )
 
@@ -42,7 +43,7 @@ LEAST: Final = 5
 PEERS: Final = 0.9
 """Nearly all answers of the others are faster than what this share of them is."""
 
-BEYOND_NS: Final = 2_000_000
+BEYOND_NS: Final = 1_000_000
 """What a servo may need to work out an answer, beside its delay."""
 
 
@@ -54,6 +55,7 @@ class _Slow(NamedTuple):
     of: int
     usual_ns: int
     peers_ns: int
+    too_long_ns: int
 
 
 def slow(case: Case) -> Iterator[Finding]:
@@ -69,15 +71,18 @@ def slow(case: Case) -> Iterator[Finding]:
     for op, keys in by_op.items():
         for key in keys:
             servo, count = (key >> 32) - 1, took.count(key)
-            peers = [b for k in keys if k != key and (b := took.at(k, PEERS)) is not None]
+            peers = sorted(b for k in keys if k != key and (b := took.at(k, PEERS)) is not None)
             if servo not in case.servos or not peers or count < LEAST:
                 continue
-            fast = sorted(b.high for b in peers)[(len(peers) - 1) // 2]
-            late = took.above(key, max(fast + MORE_NS, TIMES * fast))
+            fast = peers[(len(peers) - 1) // 2]
+            too_long = max(fast.high, fast.low + MORE_NS, round(TIMES * fast.low))
+            late = took.above(key, too_long)
             if late >= max(LEAST, SHARE * count):
                 usual = took.at(key, 0.5)
                 assert usual is not None
-                found.setdefault(servo, []).append(_Slow(op, late, count, usual.low, fast))
+                found.setdefault(servo, []).append(
+                    _Slow(op, late, count, usual.low, fast.high, too_long)
+                )
             else:
                 fair[servo] = fair.get(servo, 0) + count
     if len(found) > len(case.answering) / 2:  # then it is the others that are fast
@@ -91,8 +96,7 @@ def slow(case: Case) -> Iterator[Finding]:
 def _finding(case: Case, servo: int, several: list[_Slow]) -> Finding:
     worst = max(several, key=lambda s: s.slow)
     rows = np.flatnonzero(
-        (case.answers["servo_id"] == servo)
-        & (case.answers["took_max"] > max(worst.peers_ns + MORE_NS, TIMES * worst.peers_ns))
+        (case.answers["servo_id"] == servo) & (case.answers["took_max"] > worst.too_long_ns)
     )
     a = case.answers
     first, last = (
@@ -124,16 +128,18 @@ def beyond_delay(case: Case) -> Iterator[Finding]:
     """Servos slower than their own delay register, where that is in microseconds."""
     if not case.has_clock:
         return
-    registers = case.protocol.registers
-    delays = [i for i, r in enumerate(registers) if "delay" in r.name and r.unit == "us"]
-    if not delays:
-        return
     took = case.ledger.took
     for servo in case.answering:
-        told = case.settings(*(registers[i].name for i in delays), servo_id=servo)
-        if not len(told):
+        delays = [
+            (row, delay)
+            for row, (what, raw) in enumerate(_settings(case, servo))
+            if (delay := reply_delay_ns(case.protocol, case.protocol.registers[what], raw))
+            is not None
+        ]
+        if not delays:
             continue
-        delay_ns = int(told.after.max() * registers[int(told.what[0])].scale * 1000)
+        told = case.settings(servo_id=servo).take(np.array([row for row, _ in delays]))
+        delay_ns = max(delay for _, delay in delays)
         keys = [k for k in took.keys if (k >> 32) - 1 == servo]
         key = max(keys, key=took.count, default=None)
         usual = None if key is None else took.at(key, 0.5)
@@ -152,6 +158,11 @@ def beyond_delay(case: Case) -> Iterator[Finding]:
                 strength=0.8,
                 brief=f"servo {servo} answers slowly",
             )
+
+
+def _settings(case: Case, servo: int) -> list[tuple[int, int]]:
+    h = case.settings(servo_id=servo)
+    return [*zip(h.what.tolist(), h.after.tolist(), strict=True)]
 
 
 RULES: Final[tuple[Rule, ...]] = (slow, beyond_delay)

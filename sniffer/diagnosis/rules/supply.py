@@ -9,6 +9,7 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.efforts import effort
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,10 +25,24 @@ FINDINGS: Final = (
         "The supply voltage that a servo measures falls far below what it usually is, or below its limit.",
         "A voltage more than a tenth below what the servo has for most of the time, or its peers; it counts in full from a fifth on, or below the servo's own limit.",
     ),
+    FindingCode(
+        "supply-steady",
+        "device",
+        "The supply of a servo was as usual right before it fell silent.",
+        "A voltage within a twentieth of the usual one in the tenth of a second before its silences, known of half of them at least.",
+    ),
 )
+
+JUST_NS: Final = NS // 10
+"""A voltage that was measured so shortly before a silence tells what the supply was like."""
+
+BEFORE_NS: Final = NS
+"""So close to each other, two signs are of one sag."""
 
 SAG: Final = 0.10
 """Part of the usual voltage; wires and a sound supply under a robot's load move it by less."""
+
+STEADY: Final = 0.05
 
 DEEP: Final = 0.20
 """... and from this part on nothing else explains it."""
@@ -64,12 +79,40 @@ def voltage_sag(case: Case) -> Iterator[Finding]:
         yield _sag(case, servo, v, low, normal, limit)
 
 
+def steady(case: Case) -> Iterator[Finding]:
+    """Servos that fell silent with their supply in order."""
+    for servo in case.measured_by("voltage"):
+        v = case.series(servo, "voltage")
+        spells = [s for s in case.ledger.silences.runs(servo) if s.missed > 1]
+        if v is None or not spells or len(v) < 2:
+            continue
+        usual = float(np.quantile(v.mean, USUALLY))
+        began = np.array([s.first_ns for s in spells], np.int64)
+        row = np.searchsorted(v.t, began, "right") - 1
+        known = (row >= 0) & (began - v.t[np.maximum(row, 0)] <= JUST_NS)
+        if 2 * known.sum() < len(known) or (v.low[row[known]] < (1 - STEADY) * usual).any():
+            continue
+        began, row = began[known], row[known]
+        yield Finding(
+            "supply-steady",
+            servo,
+            int(began[0]),
+            int(began[-1]),
+            len(row),
+            f"servo {servo} measures {v.told(float(v.low[row].min()))} right before it falls silent",
+            tuple(
+                Place(int(v.at[r]), 1, int(v.t_first[r]), f"voltage {v.told(v.last[r])}")
+                for r in row[:2].tolist()
+            ),
+        )
+
+
 def _sag(case: Case, servo: int, v: Series, low: I64, normal: float, limit: float) -> Finding:
     least = float(v.low[low].min())
     strength = min(max((1 - least / normal - SHALLOW) / (DEEP - SHALLOW), 0.0), 1.0)
     if least < limit:
         strength = 1.0
-    if len(low) < 2 and not case.has_checksum:
+    if len(low) < 2 and not case.has_checksum and not _is_borne_out(case, servo, v, low):
         strength *= LONE
     under = " under load" if _is_loaded(case, servo, v, low) else ""
     below = f", its limit is {v.told(limit)}" if least < limit else ""
@@ -88,6 +131,14 @@ def _sag(case: Case, servo: int, v: Series, low: I64, normal: float, limit: floa
         brief=f"supply of servo {servo} sags to {v.told(least)}{under}",
         values=(("least", least), ("usual", normal)),
     )
+
+
+def _is_borne_out(case: Case, servo: int, v: Series, low: I64) -> bool:
+    """Tell whether the servo complains, or falls silent, about when its voltage is low."""
+    since, until = int(v.t_first[low[0]]) - BEFORE_NS, int(v.t[low[-1]]) + BEFORE_NS
+    told = case.anomalies("device-safe-mode", "device-input-voltage", servo_id=servo).t_ns
+    silent = [s.first_ns for s in case.ledger.silences.runs(servo)]
+    return any(since <= t <= until for t in (*told.tolist(), *silent))
 
 
 def _limit(case: Case, servo: int) -> float:
@@ -116,5 +167,5 @@ def _is_loaded(case: Case, servo: int, v: Series, low: I64) -> bool:
     return then > HEAVY * usual > 0
 
 
-RULES: Final[tuple[Rule, ...]] = (voltage_sag,)
+RULES: Final[tuple[Rule, ...]] = (voltage_sag, steady)
 """The rules of this file."""

@@ -10,7 +10,7 @@ from sniffer.diagnosis.case import runs
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.efforts import Effort, effort
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.tracks import track
+from sniffer.diagnosis.tracks import LOOKS, track
 from sniffer.ground.codes import CONFIG
 from sniffer.ground.model import NS
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
-    from sniffer.ground.model import I64
+    from sniffer.ground.model import I64, Mask
 
 FINDINGS: Final = (
     FindingCode(
@@ -44,7 +44,7 @@ FINDINGS: Final = (
         "load-high",
         "device",
         "A servo bears nearly all that it can, for long.",
-        "For a second or longer a load of 80 % (60 %, if that is four times what the servos of the bus usually have), or a current twice that of a motor that pushes.",
+        "For a second or longer, three times or more in a row, a load of 80 % (60 %, and for two seconds 50 %, if that is four times what the servos of the bus usually have), or a current twice that of a motor that pushes.",
     ),
 )
 
@@ -60,7 +60,8 @@ RATE_DEGC_S: Final = 1.0
 
 BEARS: Final = 0.8
 MUCH: Final = 0.6
-"""Parts of the greatest load."""
+HALF: Final = 0.5
+"""Parts of the greatest load; the less, the longer, and the more beside the others'."""
 
 TIMES: Final = 4.0
 
@@ -147,12 +148,14 @@ def load(case: Case) -> Iterator[Finding]:
         if motor is None:
             continue
         usual = _usual(case, motor)
+        m = motor.steady
         if motor.full:
-            heavy = motor.steady >= BEARS * motor.full
-            heavy |= motor.steady >= max(MUCH * motor.full, TIMES * usual)
+            heavy = (m >= BEARS * motor.full) | (m >= max(MUCH * motor.full, TIMES * usual))
         else:
-            heavy = motor.steady >= max(2 * motor.pushes_from, TIMES * usual)
-        stretches = runs(heavy, motor.series.t, LASTS_NS)
+            heavy = m >= max(2 * motor.pushes_from, TIMES * usual)
+        stretches = _long(motor, heavy, LASTS_NS)
+        if not stretches and motor.full:
+            stretches = _long(motor, m >= max(HALF * motor.full, TIMES * usual), 2 * LASTS_NS)
         if not stretches:
             continue
         s = motor.series
@@ -175,6 +178,12 @@ def load(case: Case) -> Iterator[Finding]:
             brief=f"servo {servo} at {motor.told(most)}",
             episodes=tuple((int(s.t_first[a]), int(s.t[b - 1])) for a, b in stretches),
         )
+
+
+def _long(motor: Effort, heavy: Mask, least_ns: int) -> list[tuple[int, int]]:
+    """Return the stretches that last, and were looked at often enough."""
+    s = motor.series
+    return [(a, b) for a, b in runs(heavy, s.t, least_ns) if s.n[a:b].sum() >= LOOKS - 1]
 
 
 def _stands(case: Case, servo: int, stretches: Sequence[tuple[int, int]]) -> bool:

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.causes import CAUSES
-from sniffer.diagnosis.weights import controller, device, line, tap
+from sniffer.diagnosis.weights import controller, device, line, tap, wire
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def _by_cause() -> Mapping[str, Mapping[str, Weight]]:
     out: dict[str, dict[str, Weight]] = {slug: {} for slug in CAUSES}
-    for table in (tap.WEIGHTS, line.WEIGHTS, device.WEIGHTS, controller.WEIGHTS):
+    for table in (tap.WEIGHTS, line.WEIGHTS, wire.WEIGHTS, device.WEIGHTS, controller.WEIGHTS):
         for weight in table:
             out[weight.cause][weight.finding] = weight
     return MappingProxyType({slug: MappingProxyType(rows) for slug, rows in out.items()})

@@ -74,10 +74,10 @@ class Rs30x:
     everyone: tuple[int, ...] = (EVERYONE,)
     blank = b""
     ordered = False
-    keeps = "flash_write"
-    """The command before which no setting is written to memory. Source: RS305CR manual, 4.2 (No. 4 to
-    29 are in RAM) and flag bit 6."""
     ends_goal = MappingProxyType({REBOOT: RESTARTS})
+    keeps = "flash_write"
+    """The command before which no setting is written to memory. Source: RS305CR manual, 4.2: No. 4
+    to 29 are in RAM; flag bit 6."""
 
     frame = staticmethod(block.frame)
     describe = staticmethod(block.describe)
@@ -109,6 +109,10 @@ class Rs30x:
     def window_ns(self, frames: Frames) -> I64:
         """Return the reply window, alike for every request."""
         return np.full(len(frames), WINDOW_NS)
+
+    def reply_delay_ns(self, name: str, raw: int) -> int | None:
+        """Return the return delay. Source: RS305CR manual, 4.2 No. 7."""
+        return 100_000 + 50_000 * raw if name == "return_delay" else None
 
     def status_names(self, status: int) -> tuple[str, ...]:
         """Name the errors and alarms of a return packet, or a NACK."""

@@ -170,7 +170,7 @@ class Strip(Entity):
         return rr.StateChange.columns(state=list(itertools.chain(*values)))
 
 
-class Line(NamedTuple):
+class LogLine(NamedTuple):
     """A line of a log: when, how much it matters, and what."""
 
     t_ns: int
@@ -183,9 +183,9 @@ class Log(Entity):
 
     def add(self, anomalies: Sequence[Anomaly]) -> None:
         """Take anomalies."""
-        self.tell([Line(a.t_ns, a.severity, f"{a.code}: {a.detail}") for a in anomalies])
+        self.tell([LogLine(a.t_ns, a.severity, f"{a.code}: {a.detail}") for a in anomalies])
 
-    def tell(self, lines: Sequence[Line]) -> None:
+    def tell(self, lines: Sequence[LogLine]) -> None:
         """Take lines."""
         self._add(np.array([line.t_ns for line in lines], np.int64), lines)
 
@@ -198,7 +198,7 @@ class Log(Entity):
         )
 
 
-def _dated(line: Line) -> str:
+def _dated(line: LogLine) -> str:
     """Return time of day or seconds, and the text: the viewer's own time column is cut short."""
     t = line.t_ns
     if t >= DATED_NS:

@@ -20,7 +20,7 @@ from sniffer.decoding.summary import FIGURES, Quantiles
 from sniffer.ground.codes import OK, RESPONSE, WHOLE
 from sniffer.ground.files import open_binary
 from sniffer.ground.model import I64, Clock, OutputError
-from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Line, Log, Strip
+from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Log, LogLine, Strip
 from sniffer.sinks.rerun.layout import (
     ALARMS,
     EVERYONE,
@@ -131,7 +131,7 @@ class RerunSink:
             self._style()
             self._layout()
 
-    def incident(self, bus: str, servo_ids: Sequence[int], line: Line) -> None:
+    def incident(self, bus: str, servo_ids: Sequence[int], line: LogLine) -> None:
         """Take what has become of an incident: it stands at the bus and at each of its servos."""
         import rerun as rr
 

@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, Final, NoReturn
 
 from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.pipeline import Pipeline
+from sniffer.decoding.rates import Rate
 from sniffer.ground.model import OutputError
-from sniffer.sinks.rerun.entities import Line
+from sniffer.sinks.rerun.entities import LogLine
 from sniffer.viewers import viewer
 from sniffer.viewers.companion.parcels import (
     CONNECT,
@@ -157,10 +158,15 @@ class Watcher:
         """Decode all parcels, those of a bus in one pass, and wait until the viewer has them."""
         waiting: dict[str, list[Chunk]] = {}
         now_ns = 0
-        for bus, missing, chunks, now, words in parcels:
+        for bus, missing, chunks, now, words, baud in parcels:
             now_ns = now or now_ns
+            if baud:
+                latency_ns = self._setup.options.latencies.get(bus, 0)
+                self._pipeline.tune(bus, Rate(baud, 0, latency_ns))
             for word in words:
-                self._sink.incident(bus, word.servo_ids, Line(word.t_ns, word.severity, word.text))
+                self._sink.incident(
+                    bus, word.servo_ids, LogLine(word.t_ns, word.severity, word.text)
+                )
             self._has_shown |= bool(chunks)
             if missing and chunks:
                 self._decode(waiting)

@@ -55,7 +55,7 @@ class Setup:
         return _SIZE.pack(len(data)) + data
 
 
-class Word(NamedTuple):
+class IncidentWord(NamedTuple):
     """A line about an incident of a bus and some of its servos."""
 
     t_ns: int
@@ -65,13 +65,17 @@ class Word(NamedTuple):
 
 
 class Parcel(NamedTuple):
-    """Chunks of one bus, ``missing`` bytes behind those before; or what time it is, or words."""
+    """Chunks of one bus, ``missing`` bytes behind those before.
+
+    Or only what time it is, words about the bus, or its rate, before its first chunk.
+    """
 
     bus: str
     missing: int
     chunks: Sequence[Chunk]
     now_ns: int = 0
-    words: Sequence[Word] = ()
+    words: Sequence[IncidentWord] = ()
+    baud: int = 0
 
 
 def packed(
@@ -79,7 +83,8 @@ def packed(
     chunks: Sequence[Chunk],
     missing: int = 0,
     now_ns: int = 0,
-    words: Sequence[Word] = (),
+    words: Sequence[IncidentWord] = (),
+    baud: int = 0,
 ) -> bytes:
     """Return a parcel as bytes."""
     columns = (
@@ -89,7 +94,7 @@ def packed(
         [c.direction for c in chunks],
         [c.marks for c in chunks],
     )
-    body = pickle.dumps((bus, missing, now_ns, columns, list(map(tuple, words))))
+    body = pickle.dumps((bus, missing, now_ns, columns, list(map(tuple, words)), baud))
     return _SIZE.pack(len(body)) + body
 
 
@@ -127,11 +132,10 @@ class Unpacker:
 
 
 def _unpacked(body: bytes) -> Parcel:
-    bus, missing, now_ns, columns, words = pickle.loads(
-        body
-    )  # from the process that started this one
+    # from the process that started this one
+    bus, missing, now_ns, columns, words, baud = pickle.loads(body)
     chunks = [
         Chunk(data, t_ns, clock, bus, direction, marks)
         for data, t_ns, clock, direction, marks in zip(*columns, strict=True)
     ]
-    return Parcel(bus, missing, chunks, now_ns, [Word(*word) for word in words])
+    return Parcel(bus, missing, chunks, now_ns, tuple(IncidentWord(*word) for word in words), baud)

@@ -29,15 +29,16 @@ from sniffer.viewers.companion.parcels import (
     SAY,
     WEB,
     WINDOW,
+    IncidentWord,
     Setup,
-    Word,
     packed,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from sniffer.decoding.pipeline import Options
+    from sniffer.decoding.rates import Rate
     from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
@@ -103,6 +104,7 @@ class LiveView:
         self._size = 0
         self._sent_s = time.monotonic()
         self._missing: dict[str, int] = {}
+        self._held: set[str] = set()
         setup = Setup(mode, name, options, window_s, address, tuple(arguments))
         self._backlog = bytearray(_packed(setup))
         self._heard = b""
@@ -127,12 +129,22 @@ class LiveView:
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks; they go out with all others of a tenth of a second."""
-        if not self._is_alive or not chunks:
+        if not self._is_alive or not chunks or bus in self._held:
             return
         self._groups.setdefault(bus, []).extend(chunks)
         self._size += sum([len(c.data) for c in chunks])
         if self._size >= GROUP_BYTES or time.monotonic() - self._sent_s >= GROUP_S:
             self._send()
+
+    def hold(self, buses: Iterable[str]) -> None:
+        """Leave buses out until their rate is found: what is heard until then is no frame."""
+        self._held = set(buses)
+
+    def tuned(self, bus: str, rate: Rate) -> None:
+        """Show a bus from now on, at the rate that was found."""
+        self._held.discard(bus)
+        if self._is_alive:
+            self._backlog += packed(bus, (), baud=rate.baud)
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Take what was decided; the other process decides for itself."""
@@ -143,7 +155,7 @@ class LiveView:
             return
         for change in changes:
             i = change.incident
-            word = Word(i.last_ns, i.severity, i.servo_ids, str(change))
+            word = IncidentWord(i.last_ns, i.severity, i.servo_ids, str(change))
             self._backlog += packed(i.bus, (), words=[word])
 
     def idle(self, now_ns: int) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.detect import Scores, UndecidedError
 from sniffer.decoding.names import joined, protocols_named
-from sniffer.decoding.pipeline import AUTO
+from sniffer.decoding.options import AUTO
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:

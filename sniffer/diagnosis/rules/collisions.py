@@ -1,0 +1,143 @@
+"""Two that speak at once: twins that share an id."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Final
+
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.misread import BITS_FEW, FRONT
+from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.twins import LEAST, PART, torn_answers
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.rules import Rule
+
+FINDINGS: Final = (
+    FindingCode(
+        "answers-twice",
+        "pairing",
+        "A servo answers twice: one answer torn and one whole behind the same request, or two whole ones.",
+        "Three such requests or more, and one in fifty of its answers.",
+    ),
+    FindingCode(
+        "answers-mixed",
+        "pairing",
+        "Torn answers of a servo are two of its answers at once, some bits apart.",
+        "The bytes with which its answers always begin, laid over themselves some bits later (AND, OR), are what a UART made of at least three torn answers, and of a quarter of them.",
+    ),
+    FindingCode(
+        "answers-always-torn",
+        "pairing",
+        "Hardly an answer of a servo is whole, and none is missing, while others are sound.",
+        "At least eight answers, of which nineteen in twenty are torn and one in ten at most is missing; no clock, no single bit and no lost first byte explains it.",
+    ),
+)
+
+ALWAYS: Final = 8
+NEARLY: Final = 0.9
+"""How many torn answers, and which part of all, are always."""
+
+FEW: Final = 0.1
+"""Part of the answers of others that may be torn, and of a servo's own that may be missing."""
+
+PLAIN: Final = 0.5
+"""Part of the torn answers that single bits, or lost first bytes, may explain."""
+
+
+def answers_twice(case: Case) -> Iterator[Finding]:
+    """Find servos of which two answers come."""
+    for servo, twin in case.twins.items():
+        if twin.twice < LEAST:
+            continue
+        told = [
+            f"{n} times {what}"
+            for n, what in (
+                (twin.whole, "two whole answers to one request"),
+                (len(twin.torn), "a torn answer before a whole one"),
+                (len(twin.stray), "stray bytes behind its exchanges and nobody else's"),
+                (len(twin.crossed), "a torn request behind its exchanges"),
+                (len(twin.foreign), "the beginning of its answer where another's is due"),
+            )
+            if n
+        ]
+        traces = [*twin.torn, *twin.stray, *twin.foreign, *twin.crossed]
+        times = [d.t_ns for d in traces] + twin.times
+        events = case.anomalies("duplicate-response", servo_id=servo)
+        yield Finding(
+            "answers-twice",
+            servo,
+            min(times),
+            max(times),
+            twin.twice,
+            f"servo {servo} answers twice in {case.total('ok', servo)} exchanges: "
+            + ", ".join(told),
+            tuple(Place(d.at, d.length, d.t_ns, "a trace of a second answer") for d in traces[:2])
+            + case.places(events, "a second answer", 2),
+            strength=min(0.5 + twin.twice / 20, 1.0),
+            brief=f"servo {servo} answers {twin.twice} requests twice",
+        )
+
+
+def answers_mixed(case: Case) -> Iterator[Finding]:
+    """Find servos whose torn answers are two of theirs at once."""
+    for servo, twin in case.twins.items():
+        if len(twin.mixed) < max(LEAST, PART * twin.tried):
+            continue
+        shifts = sorted(mix.shift for _, mix in twin.mixed)
+        how = Counter(mix.how for _, mix in twin.mixed).most_common(1)[0][0]
+        yield Finding(
+            "answers-mixed",
+            servo,
+            twin.mixed[0][0].t_ns,
+            twin.mixed[-1][0].t_ns,
+            len(twin.mixed),
+            f"{len(twin.mixed)} of {twin.tried} torn answers of servo {servo} are two of its answers "
+            f"at once ({how}), {shifts[0]:.1f} to {shifts[-1]:.1f} bits apart",
+            tuple(
+                Place(d.at, d.length, d.t_ns, f"two answers {mix.shift:.1f} bits apart ({mix.how})")
+                for d, mix in twin.mixed[:3]
+            ),
+            strength=min(0.5 + len(twin.mixed) / 12, 1.0),
+            brief=f"answers of servo {servo} lie over each other",
+        )
+
+
+def always_torn(case: Case) -> Iterator[Finding]:
+    """Find servos of which hardly an answer is whole, and none is missing."""
+    for servo, torn in torn_answers(case).items():
+        # from the first torn one on: a twin may come later
+        since = torn[0].t_ns
+        a = case.answers
+        rows = (a["servo_id"] == servo) & (a["t_first"] >= since)
+        ok, missing = int(a["ok"][rows].sum()), int(a["missing"][rows].sum())
+        bad = int(a["damaged"][rows].sum())
+        if bad < ALWAYS or bad < NEARLY * (ok + bad) or missing > FEW * bad:
+            continue
+        others = [s for s in case.servos if s != servo and case.total("ok", s)]
+        rest = sum(case.total("damaged", s) for s in others)
+        if not others or rest > FEW * sum(case.total("ok", s) for s in others):
+            continue
+        read = [m for m in case.misreads if m.servo_id == servo]
+        plain = sum((m.shape == BITS_FEW and len(m.flips) == 1) or m.shape == FRONT for m in read)
+        if plain > PLAIN * len(read):
+            continue
+        yield Finding(
+            "answers-always-torn",
+            servo,
+            since,
+            torn[-1].t_ns,
+            bad,
+            f"{bad} of {ok + bad} answers of servo {servo} are torn and {missing} are missing, "
+            f"{rest} of others are torn",
+            tuple(Place(d.at, d.length, d.t_ns, "a torn answer") for d in torn[:3]),
+            strength=min(0.5 + bad / 40, 1.0),
+            brief=f"hardly an answer of servo {servo} is whole",
+        )
+
+
+RULES: Final[tuple[Rule, ...]] = (answers_twice, answers_mixed, always_torn)
+"""The rules of this area."""

@@ -1,0 +1,174 @@
+"""Two controllers on one bus: requests in two rhythms that have nothing to do with each other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.model import Finding, Place
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.rules import Rule
+
+FINDINGS: Final = (
+    FindingCode(
+        "interleaved-requests",
+        "pairing",
+        "The same requests come in two rhythms at once: at an even period, and at any time between.",
+        "Of two servos' requests a quarter or more come sooner than their period, spread evenly over it, and hardly one later.",
+    ),
+    FindingCode(
+        "unrelated-periods",
+        "pairing",
+        "Requests come in two even periods of which neither is a multiple of the other.",
+        "Requests of at least two kinds, each within 3 % of its period in three of five cases, the periods 4 % off any multiple of each other.",
+    ),
+)
+
+LEAST: Final = 40
+"""Periods of one kind of request: of fewer no shape can be told."""
+
+SOONER: Final = 0.25
+LATER: Final = 0.2
+"""Parts of all periods."""
+
+EVEN: Final = 0.4
+"""What comes sooner is spread: no twentieth of an octave holds more than this part of it."""
+
+TIGHT: Final = 0.6
+"""Part of the periods that are the usual one, where one program keeps the time."""
+
+APART: Final = 0.04
+"""How far a ratio of periods must be from a whole number; each is known to 1 %."""
+
+FAR: Final = 6.0
+"""Of periods so many times as long nobody can tell whether they are multiples."""
+
+_NEAR: Final = 2
+"""Bins beside the fullest one that are the same period: 3 %."""
+
+
+class _Rhythm(NamedTuple):
+    """The usual period of one kind of request, in ns, and parts of all periods."""
+
+    key: int
+    servo_id: int
+    period_ns: float
+    tight: float
+    sooner: float
+    later: float
+    lump: float
+    soonest_ns: float
+    times: int
+
+
+def interleaved(case: Case) -> Iterator[Finding]:
+    """Requests that two programs send, each at its own period."""
+    if not case.has_clock:
+        return
+    mixed = [
+        r
+        for r in _rhythms(case)
+        if r.sooner >= SOONER
+        and r.later <= LATER
+        and r.lump <= EVEN
+        and r.soonest_ns < 0.4 * r.period_ns
+    ]
+    if len({r.servo_id for r in mixed}) < 2:
+        return
+    most = max(mixed, key=lambda r: r.times)
+    yield _finding(
+        case,
+        "interleaved-requests",
+        sum(r.times for r in mixed),
+        f"requests to {len({r.servo_id for r in mixed})} servos come every "
+        f"{most.period_ns / 1e6:.1f} ms, and {100 * most.sooner:.0f} % of them at any time between",
+        strength=min(0.6 + most.sooner, 1.0),
+        brief="the same requests in two rhythms",
+    )
+
+
+def unrelated(case: Case) -> Iterator[Finding]:
+    """Requests in two periods that do not belong together."""
+    if not case.has_clock:
+        return
+    even = sorted((r for r in _rhythms(case) if r.tight >= TIGHT), key=lambda r: r.period_ns)
+    if len(even) < 2:
+        return
+    for slow in reversed(even):
+        fast = even[0]
+        ratio = slow.period_ns / fast.period_ns
+        if ratio > FAR or abs(ratio - round(ratio)) < APART * ratio:
+            continue
+        torn = int(case.damage["n"].sum())
+        yield _finding(
+            case,
+            "unrelated-periods",
+            slow.times + fast.times,
+            f"some requests come every {fast.period_ns / 1e6:.1f} ms, others every "
+            f"{slow.period_ns / 1e6:.1f} ms, {ratio:.2f} times as long; {torn} torn places",
+            # one program may have two timers, but it does not run into itself
+            strength=1.0 if torn >= 3 else 0.3,
+            brief="requests in two unrelated rhythms",
+        )
+        return
+
+
+def _rhythms(case: Case) -> list[_Rhythm]:
+    periods = case.ledger.periods
+    edges = 2 ** (
+        np.arange(len(periods.counts(periods.keys[0])) if periods.keys else 0) / periods.per_octave
+    )
+    out = []
+    for key in periods.keys:
+        count = periods.count(key)
+        if count < LEAST:
+            continue
+        bins = periods.counts(key)
+        wide = np.convolve(bins, np.ones(2 * _NEAR + 1, np.int64), "same")
+        top = int(wide.argmax())
+        before = bins[: max(top - _NEAR, 0)]
+        # a twentieth of an octave, as wide as what is called one period
+        lump = int(np.convolve(before, np.ones(2 * _NEAR + 1, np.int64), "same").max(initial=0))
+        sooner = int(before.sum())
+        behind = int(bins[top + 4 * _NEAR :].sum())
+        first = int(np.searchsorted(np.cumsum(bins), 0.1 * count))
+        out.append(
+            _Rhythm(
+                key,
+                (key >> 44) - 1,
+                float(edges[top]),
+                int(wide[top]) / count,
+                sooner / count,
+                behind / count,
+                lump / max(sooner, 1),
+                float(edges[min(first, len(edges) - 1)]),
+                count,
+            )
+        )
+    return out
+
+
+def _finding(
+    case: Case, code: str, count: int, what: str, *, strength: float, brief: str
+) -> Finding:
+    return Finding(
+        code,
+        None,
+        case.first_ns,
+        case.last_ns,
+        count,
+        what,
+        (Place(int(case.traffic["at"].min(initial=0)), 1, case.first_ns, "the first request"),),
+        strength=strength,
+        brief=brief,
+    )
+
+
+RULES: Final[tuple[Rule, ...]] = (interleaved, unrelated)
+"""The rules of this file."""

@@ -1,0 +1,204 @@
+"""Servos of which two answers come: the traces of the second one, in its own place or others'.
+
+Where the second answer comes late, it runs into the next exchange: what is torn there is not its
+servo's fault but the twin's.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.chances import at_least
+from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
+from sniffer.diagnosis.misread import alike_of
+from sniffer.diagnosis.mixing import LEAST as SURE_BYTES
+from sniffer.diagnosis.mixing import Mix, beginning, mix_of
+from sniffer.ground.codes import RESPONSE
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.damage import Damage
+
+LEAST: Final = 3
+
+SHARE: Final = 0.02
+"""Part of a servo's answers that must come twice."""
+
+PART: Final = 0.25
+"""Part of the torn answers that must be two at once."""
+
+AHEAD: Final = 3.0
+"""How many times the others' share of torn answers a servo must have to be looked at."""
+
+LOOKED: Final = 100
+"""Torn answers of a servo that are looked at."""
+
+STEADY: Final = 0.3
+"""A delay is another servo's if it varies no more than so much of what one's own would."""
+
+JITTER_NS: Final = 300_000
+"""By how much a servo's time to answer varies at most, between nine tenths of its answers."""
+
+NEAR_NS: Final = 3_000_000
+"""What comes later behind an exchange is not its doing."""
+
+ALONE: Final = 0.75
+"""Part of the places that must stand behind one servo's exchanges to be its."""
+
+CHANCE: Final = 1e-6
+
+SOME: Final = 10
+"""Delays from which on one knows how they vary."""
+
+
+@dataclass(slots=True)
+class Twin:
+    """What shows that a servo answers twice.
+
+    ``whole``: second answers that are whole; ``torn``: torn answers before a whole one; ``stray``:
+    stray bytes behind its exchanges and nobody else's; ``foreign``: torn bytes that begin like its
+    answers where the next servo's is due; ``crossed``: torn requests behind its exchanges and
+    hardly any others; ``mixed``: torn answers that are two of its own, with how.
+    """
+
+    servo_id: int
+    whole: int = 0
+    times: list[int] = field(default_factory=list)
+    torn: list[Damage] = field(default_factory=list)
+    stray: list[Damage] = field(default_factory=list)
+    foreign: list[Damage] = field(default_factory=list)
+    crossed: list[Damage] = field(default_factory=list)
+    mixed: list[tuple[Damage, Mix]] = field(default_factory=list)
+    tried: int = 0
+
+    @property
+    def twice(self) -> int:
+        """How many second answers there are."""
+        return self.whole + sum(map(len, (self.torn, self.stray, self.foreign, self.crossed)))
+
+
+def twins(case: Case) -> Mapping[int, Twin]:
+    """Return the servos that answer twice by what was heard."""
+    found = {servo: Twin(servo) for servo in case.servos}
+    known = case.ledger.damages.likes.known
+    begins = _beginnings(case)
+    for d in case.damages:
+        mine = found.get(d.servo_id)
+        if d.turn == IN_REPLY and d.is_answered and mine is not None:
+            mine.torn.append(d)
+        earlier = found.get(d.earlier_id)
+        if earlier is not None and d.earlier_id != d.servo_id and d.turn not in (AT_TURN, IN_IDLE):
+            theirs = begins.get(d.earlier_id, b"")
+            if _begins_like(d.got, theirs, [b for s, b in begins.items() if s != d.earlier_id]):
+                earlier.foreign.append(d)
+    late = _late_twins(case)
+    strays = [d for d in case.damages if d.turn == AT_TURN]
+    requests = [d for d in case.damages if d.turn == IN_REQUEST]
+    one = _behind_one(case, strays, SOME)
+    if one in found and one not in late:
+        found[one].stray += strays
+    one = _behind_one(case, requests, SOME)
+    if one in found:
+        found[one].crossed += requests
+    for servo, twin in found.items():
+        events = case.anomalies("duplicate-response", servo_id=servo)
+        rows = case.alarm_rows("duplicate-response", servo_id=servo)
+        whole = int(case.alarms["n"][rows].sum())
+        other = late.get(servo)
+        if other is None:
+            twin.whole, twin.times = whole, events.t_ns.tolist()
+        else:  # they come a steady time behind the request to another one
+            whose = found[other]
+            whose.stray += [
+                d for d in case.damages if d.turn in (AT_TURN, IN_IDLE) and d.earlier_id == other
+            ]
+    for servo, torn in torn_answers(case).items():
+        twin = found.setdefault(servo, Twin(servo))
+        tried = [(d, b) for d in torn if len(b := beginning(alike_of(d, known))) >= SURE_BYTES]
+        twin.tried = len(tried)
+        twin.mixed = [(d, mix) for d, b in tried if (mix := mix_of(d.got, b)) is not None]
+    return {s: t for s, t in found.items() if _is_twin(case, t)}
+
+
+def _is_twin(case: Case, t: Twin) -> bool:
+    twice = t.twice >= LEAST and t.twice >= SHARE * case.total("ok", t.servo_id)
+    return twice or len(t.mixed) >= max(LEAST, PART * t.tried)
+
+
+def of_twins(case: Case, d: Damage) -> bool:
+    """Tell whether a torn place is a twin's, or in the exchange behind a twin's."""
+    return d.servo_id in case.twins or d.earlier_id in case.twins
+
+
+def torn_answers(case: Case) -> dict[int, Sequence[Damage]]:
+    """Return the torn answers of each servo that has far more of them than others."""
+    out: dict[int, list[Damage]] = {}
+    for d in case.damages:
+        if d.turn == IN_REPLY and d.servo_id >= 0:
+            out.setdefault(d.servo_id, []).append(d)
+    frames = max(case.ledger.frames, 1)
+    total = sum(len(torn) for torn in out.values())
+    return {
+        s: torn[:LOOKED]
+        for s, torn in sorted(out.items())
+        if len(torn) >= LEAST
+        and len(torn) / (case.total("ok", s) + len(torn)) >= AHEAD * (total - len(torn)) / frames
+    }
+
+
+def _beginnings(case: Case) -> Mapping[int, bytes]:
+    """Return with what the answers of each servo begin."""
+    likes = case.ledger.damages.likes
+    answers: dict[int, list[bytes]] = {}
+    for request, known in likes.known.items():
+        answers.setdefault(likes.asked[request], []).extend(known)
+    return {servo: beginning(some) for servo, some in answers.items()}
+
+
+def _begins_like(got: bytes, theirs: bytes, others: Sequence[bytes]) -> bool:
+    """Tell whether bytes begin as one servo's answers up to where others' differ, and behind."""
+    differ = [
+        next((k + 1 for k, (a, b) in enumerate(zip(theirs, other, strict=False)) if a != b), 0)
+        for other in others
+    ]
+    size = max(differ, default=0)
+    return size >= 2 and len(got) > size and got[:size] == theirs[:size]
+
+
+def _behind_one(case: Case, places: Sequence[Damage], least: int) -> int:
+    """Return the servo behind whose exchanges such places stand, and behind nobody else's; -1."""
+    if len(places) < least:
+        return -1
+    # what stands behind a request that nobody answers is behind the exchange before
+    whose = [d.asked_id if d.behind == RESPONSE else d.earlier_id for d in places]
+    near = [s for s, d in zip(whose, places, strict=True) if 0 <= d.since_ns <= NEAR_NS]
+    if not near:
+        return -1
+    one, count = Counter(near).most_common(1)[0]
+    exchanges = sum(case.total("ok", s) for s in case.servos)
+    usual = case.total("ok", one) / max(exchanges, 1) if one >= 0 else 1.0
+    alone = count >= ALONE * len(places) and usual <= ALONE / 2
+    return one if alone and at_least(count, len(places), usual) < CHANCE else -1
+
+
+def _late_twins(case: Case) -> Mapping[int, int]:
+    """Return servos behind whose answers stray bytes stand that come steadily behind another's."""
+    by_pair: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for d in case.damages:
+        if d.turn in (AT_TURN, IN_IDLE) and d.asked_ns >= 0 and d.earlier_ns >= 0:
+            by_pair.setdefault((d.asked_id, d.earlier_id), []).append((d.asked_ns, d.earlier_ns))
+    out = {}
+    for (servo, earlier), delays in by_pair.items():
+        if len(delays) < SOME or earlier not in case.servos or servo == earlier:
+            continue
+        low, high = np.quantile(np.array(delays), (0.05, 0.95), axis=0)
+        own, theirs = (high - low).tolist()
+        if theirs <= min(STEADY * own, JITTER_NS):
+            out[servo] = earlier
+    return out

@@ -1,0 +1,143 @@
+"""Joints and their goals: what hangs, what is blocked, and what only looks like it."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from tests.diagnosed import codes, verdicts
+from tests.servos import finding, lss, polled
+
+HANGS = {"joint-limp", "joint-stalled", "joint-not-following", "joint-limp-after-restart"}
+
+
+def swings(t: float) -> float:
+    """Go to and fro over 60 degrees, a new goal four times a second."""
+    return 30 * math.sin(round(t * 4) / 4)
+
+
+def follows(t: float) -> float:
+    """Be there a little later."""
+    return 30 * math.sin(t - 0.15)
+
+
+def works(t: float) -> float:
+    return 180 + 60 * math.sin(3 * t)
+
+
+def test_a_joint_that_stays_where_it_is_with_an_idle_motor_hangs_limp() -> None:
+    d = lss(*polled(lambda t: -50.0, swings, milliampere=lambda t: 40))
+    assert verdicts(d.incidents()) == [("torque-off", (5,))]
+    told = finding(d, "joint-limp")
+    assert told is not None
+    assert "stood at -50 deg" in told.what
+    assert told.places
+
+
+def test_a_joint_that_stays_where_it_is_and_pushes_is_blocked() -> None:
+    d = lss(*polled(lambda t: -50.0, swings, milliampere=lambda t: 900))
+    assert verdicts(d.incidents()) == [("stall", (5,))]
+
+
+def test_a_joint_without_measured_load_only_does_not_follow() -> None:
+    d = lss(*polled(lambda t: -50.0, swings))
+    assert codes(d) & HANGS == {"joint-not-following"}
+    (incident,) = d.incidents()
+    assert incident.cause == "torque-off"
+    assert incident.causes[0].confidence < 0.8
+
+
+def test_a_joint_in_the_middle_of_its_goals_hangs_limp_all_the_same() -> None:
+    d = lss(*polled(lambda t: 0.0, swings, milliampere=lambda t: 40))
+    assert "joint-limp" in codes(d)
+
+
+def test_a_joint_that_hangs_from_some_moment_on_is_told_from_then_on() -> None:
+    d = lss(
+        *polled(
+            lambda t: follows(t) if t < 6 else -55.0,
+            swings,
+            seconds=14,
+            milliampere=lambda t: works(t) if t < 6 else 40,
+        )
+    )
+    told = finding(d, "joint-limp")
+    assert told is not None
+    assert told.first_ns - d.cases()[0].first_ns == pytest.approx(6e9, abs=1.5e9)
+
+
+@pytest.mark.parametrize(
+    ("what", "place", "goal"),
+    [
+        ("follows its goals", follows, swings),
+        ("follows a second later", lambda t: 30 * math.sin(t - 0.8), swings),
+        ("rests where it was sent", lambda t: 20.0, lambda t: 20.0),
+        ("is on its way, slowly", lambda t: min(8 * t, 80), lambda t: 80.0),
+        (
+            "gets goals that no joint follows",
+            lambda t: 2 * math.sin(9 * t),
+            lambda t: 12.0 if round(t * 12) % 2 else -12.0,
+        ),
+        ("gives way a little under its weight", lambda t: follows(t) - 3, swings),
+        (
+            "rests between moves",
+            lambda t: [0.0, 40.0, -40.0][min(int(max(t - 0.4, 0) / 4), 2)],
+            lambda t: [0.0, 40.0, -40.0][min(int(t / 4), 2)],
+        ),
+    ],
+    ids=lambda x: x if isinstance(x, str) else "",
+)
+def test_a_sound_joint_is_not_told_to_hang(what: str, place: object, goal: object) -> None:
+    assert callable(place)
+    assert callable(goal)
+    d = lss(*polled(place, goal, milliampere=works))
+    assert not codes(d) & HANGS, what
+    assert not d.incidents()
+
+
+@pytest.mark.parametrize("order", ["#5L", "#5H", "#5WD900", "#5MD300", "#5RESET"])
+def test_a_joint_that_was_told_something_else_since_does_not_miss_its_goal(order: str) -> None:
+    d = lss(
+        *polled(
+            lambda t: follows(t) if t < 6 else -70.0,
+            lambda t: swings(t) if t < 5.8 else None,
+            milliampere=lambda t: 40,
+            also=[(5.9, order)],
+        )
+    )
+    assert not codes(d) & HANGS
+
+
+def test_goals_in_another_unit_end_those_in_degrees() -> None:
+    d = lss(
+        *polled(
+            lambda t: follows(t) if t < 6 else -70.0,
+            lambda t: swings(t) if t < 5.8 else None,
+            milliampere=lambda t: 40,
+            also=[(6 + 0.5 * k, f"#5P{900 + k}") for k in range(10)],
+        )
+    )
+    assert not codes(d) & HANGS
+
+
+def test_a_joint_that_hangs_since_its_servo_was_away_is_limp_after_a_restart() -> None:
+    said = polled(
+        lambda t: follows(t) if t < 6 else -70.0,
+        swings,
+        seconds=14,
+        milliampere=lambda t: works(t) if t < 6 else 40,
+    )
+    kept = [(t, line) for t, line in said if not (6 < t < 6.3 and line.startswith("*"))]
+    d = lss(*kept)
+    assert {"joint-limp-after-restart", "away-for-a-while"} <= codes(d)
+    assert len(d.incidents()) == 1
+
+
+def test_a_servo_that_says_it_is_limp_while_it_has_goals_is_without_torque() -> None:
+    said = [(k * 0.5, f"#5D{(-1) ** k * 300}") for k in range(20)]
+    said += [(k * 0.5 + 0.4, "#5Q *5Q1") for k in range(20)]
+    d = lss(*said)
+    assert verdicts(d.incidents()) == [("torque-off", (5,))]
+    released = [(k * 0.5, "#5L") for k in range(20)]
+    assert not lss(*[(t, x) for t, x in said if "D" not in x], *released).incidents()

@@ -1,0 +1,96 @@
+"""Faults of servos, from the bus to the verdict: one incident, the right cause, the right servo."""
+
+from __future__ import annotations
+
+import pytest
+
+from sniffer.diagnosis.rules import FINDINGS
+from sniffer.simulation.buses import BUSES
+from tests.diagnosed import codes, verdicts
+from tests.servos import suffering
+
+WITHIN = {"mightyzap": 1, "lss": 2, "wck": 1, "rs30x": 1}
+
+BROWNOUT = "brownout:{}:100%@3s+0.05s"
+
+FAULTS = [
+    ("brownout", BROWNOUT, ("mightyzap", "lss", "wck", "rs30x")),
+    ("servo-reset-loop", "reset-loop:{}@2s", ("mightyzap", "rs30x")),
+    ("servo-dead", "dead:{}@6s", ("mightyzap", "wck")),
+    ("servo-absent", "absent:{}", ("mightyzap", "wck")),
+    ("slow-servo", "slow:{}", ("mightyzap", "lss", "wck", "rs30x")),
+    ("torque-off", "limp:{}@2s", ("mightyzap", "lss", "wck", "rs30x")),
+    ("stall", "stall:{}@3s+4s", ("mightyzap", "lss", "wck", "rs30x")),
+    ("overload", "overload:{}@2s", ("mightyzap", "lss", "rs30x")),
+    ("overheat", "overheat:{}@0.5s", ("mightyzap", "rs30x")),
+    ("servo-refuses", "refuse:{}", ("mightyzap", "rs30x")),
+    ("chatty-device", "chatty:{}:4%", ("mightyzap", "lss", "wck", "rs30x")),
+]
+
+LONG = {"overheat": 16.0}
+"""What takes its time; all else shows within ten seconds."""
+
+CASES = [
+    pytest.param(cause, protocol, fault.format(WITHIN[protocol]), id=f"{cause}-{protocol}")
+    for cause, fault, protocols in FAULTS
+    for protocol in protocols
+]
+
+DEVICE = [f.code for f in FINDINGS.values() if f.area == "device"]
+
+
+@pytest.mark.parametrize(("cause", "protocol", "fault"), CASES)
+def test_a_fault_of_a_servo_is_one_incident_with_its_cause_first(
+    cause: str, protocol: str, fault: str
+) -> None:
+    incidents = suffering(protocol, fault, LONG.get(cause, 10.0)).incidents()
+    assert verdicts(incidents) == [(cause, (WITHIN[protocol],))]
+
+
+@pytest.mark.parametrize("protocol", BUSES)
+def test_sound_servos_show_nothing_that_a_faulty_one_would(protocol: str) -> None:
+    assert not codes(suffering(protocol, seconds=10.0)) & set(DEVICE)
+
+
+SHOWS = [
+    ("voltage-sag", "mightyzap", BROWNOUT),
+    ("device-input-voltage", "mightyzap", BROWNOUT),
+    ("away-for-a-while", "rs30x", BROWNOUT),
+    ("device-safe-mode", "lss", BROWNOUT),
+    ("away-again-and-again", "mightyzap", "reset-loop:{}@2s"),
+    ("misses-now-and-then", "lss", "reset-loop:{}@2s"),
+    ("back-at-defaults", "rs30x", "reset-loop:{}@2s"),
+    ("torque-gone", "rs30x", "reset-loop:{}@2s"),
+    ("supply-steady", "mightyzap", "reset-loop:{}@2s"),
+    ("silent-since", "wck", "dead:{}@6s"),
+    ("never-answered", "wck", "absent:{}"),
+    ("slower-than-peers", "wck", "slow:{}"),
+    ("joint-limp", "wck", "limp:{}@2s"),
+    ("limp-by-status", "lss", "limp:{}@2s"),
+    ("joint-stalled", "rs30x", "stall:{}@3s+4s"),
+    ("device-blocked", "lss", "stall:{}@3s+4s"),
+    ("stuck-before-alarm", "mightyzap", "stall:{}@3s+4s"),
+    ("joint-limp-after-alarm", "mightyzap", "stall:{}@3s+4s"),
+    ("load-high", "rs30x", "overload:{}@2s"),
+    ("device-overload", "mightyzap", "overload:{}@2s"),
+    ("temperature-high", "rs30x", "overheat:{}@0.5s"),
+    ("temperature-rising", "mightyzap", "overheat:{}@0.5s"),
+    ("refuses-command", "mightyzap", "refuse:{}"),
+    ("refuses-torque", "rs30x", "refuse:{}"),
+    ("goals-without-torque", "rs30x", "refuse:{}"),
+    ("speaks-unasked", "wck", "chatty:{}:4%"),
+]
+
+
+@pytest.mark.parametrize(("code", "protocol", "fault"), SHOWS)
+def test_what_a_faulty_servo_shows_is_found(code: str, protocol: str, fault: str) -> None:
+    seconds = LONG.get(fault.split(":")[0], 10.0)
+    assert code in codes(suffering(protocol, fault.format(WITHIN[protocol]), seconds))
+
+
+def test_the_story_of_a_brownout_goes_from_the_sag_over_the_alarm_to_the_silence() -> None:
+    (incident,) = suffering("mightyzap", BROWNOUT.format(1), 10.0).incidents()
+    story = incident.story
+    steps = ("supply of servo 1 sags", "complains of its supply", "servo 1 silent for")
+    places = [story.index(step) for step in steps]
+    assert places == sorted(places), story
