@@ -82,6 +82,8 @@ class Ledger:
         self.first_ns: int | None = None
         self.last_ns = 0
         self.models: dict[int, tuple[str, int]] = {}
+        self.has_wires = False
+        """Whether frames came in on wires that are told apart."""
         self.traffic = Buckets(TRAFFIC)
         """By bucket and servo: frames."""
         self.answers = Buckets(ANSWERS)
@@ -142,6 +144,7 @@ class Ledger:
             self.refusals.add(batch)
         if len(f):
             self.frames += len(f)
+            self.has_wires = self.has_wires or bool(f.direction.any())
             if self.has_checksum is None:
                 self._look_for_checksum(batch)
             if self.first_ns is None:

@@ -35,6 +35,12 @@ ABOUT: Final = 0.5
 PART: Final = 0.05
 """Part of the travel of the goals: less is no jump that anybody would see."""
 
+BACK: Final = 3
+"""Quarter seconds within which a jump comes back."""
+
+AMONG: Final = 5
+"""Goals in a quarter second among which one step alone can be told from a fast move."""
+
 BUCKETS: Final = 12
 """Quarter seconds of moving goals that make a history."""
 
@@ -126,10 +132,20 @@ def _usual(case: Case, goals: Series, r: int) -> float:
     if before < NEAR // 2 or (behind < NEAR // 4 and not ends) or _lacks_goals(case, goals, r):
         return 0.0
     usual = float(step[small].max())
-    # Steps of a fast move add up, a jump stands alone or comes back.
-    way = abs(float(goals.last[r] - goals.first[r]))
-    alone = way <= step[r] + goals.n[r] * usual
-    return usual if alone and step[r] >= BEYOND * usual else 0.0
+    return usual if step[r] >= BEYOND * usual and _stands_out(goals, r) else 0.0
+
+
+def _stands_out(goals: Series, r: int) -> bool:
+    """Tell whether a step is no part of a fast move: it comes back, or stands alone among many."""
+    alike = np.flatnonzero(
+        (np.abs(goals.bucket - goals.bucket[r]) <= BACK) & (goals.step >= ABOUT * goals.step[r])
+    )
+    before, after = max(int(alike[0]) - 1, 0), int(alike[-1])
+    way = abs(float(goals.last[after] - goals.last[before]))
+    if way <= ABOUT * goals.step[r]:
+        return True
+    alone = len(alike) == 1 and goals.n[r] >= AMONG
+    return bool(alone and way <= goals.step[r] * (1 + 1 / BEYOND))
 
 
 def _lacks_goals(case: Case, goals: Series, r: int) -> bool:
