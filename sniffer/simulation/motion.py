@@ -33,7 +33,7 @@ HELD_WARMTH: Final = 0.3
 HANGS_AT: Final = 0.08
 """Where a joint hangs that nothing drives, and how fast it falls there: per second, squared."""
 
-FALLS: Final = 6.0
+FALLS: Final = 25.0
 
 Trajectory = Callable[[float], float]
 """The goal, 0..1, at a time in seconds."""
