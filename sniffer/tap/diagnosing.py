@@ -36,7 +36,7 @@ EVERY_S: Final = 0.5
 JUDGED_S: Final = 1.0
 """How often a bus is judged at most, in seconds."""
 
-SHARE: Final = 0.1
+SHARE: Final = 0.2
 QUIET_SHARE: Final = 0.03
 """Share of the time that judging all buses may take: of those on which something was wrong since
 they were judged last, and of the others."""
