@@ -110,7 +110,7 @@ def test_what_is_packed_comes_out_of_the_pipe_in_pieces_of_any_size(
     for at in range(0, len(data), size):
         unpacker.feed(data[at : at + size])
         out += unpacker.parcels()
-    assert out == [Parcel("left arm", missing, chunks, 7, []) for chunks, missing in groups]
+    assert out == [Parcel("left arm", missing, chunks, 7) for chunks, missing in groups]
 
 
 @pytest.mark.parametrize(

@@ -36,13 +36,16 @@ EVERY_S: Final = 0.5
 JUDGED_S: Final = 1.0
 """How often a bus is judged at most, in seconds."""
 
-SHARE: Final = 0.1
+SHARE: Final = 0.2
 QUIET_SHARE: Final = 0.03
 """Share of the time that judging all buses may take: of those on which something was wrong since
 they were judged last, and of the others."""
 
 _WORSE: Final = np.array([severity > Severity.NOTE for severity in SEVERITY])
 """Codes that are worse than a note, by their numbers."""
+
+END_S: Final = 3.0
+"""How long the end of a recording waits for its buses to be judged; many of them were just now."""
 
 MOST: Final = 8 << 20
 """Bytes of the buses that wait here at most."""
@@ -130,9 +133,14 @@ class Diagnosing:
                 return
 
     def _last(self) -> None:
+        """Judge all buses once more, those first on which something is wrong, as time allows."""
         self._take_in()
-        for case in self._diagnosis.cases():
-            self._judge(case, (case.bus, case.protocol.name))
+        until = time.monotonic() + END_S
+        keys = {(case.bus, case.protocol.name): case for case in self._diagnosis.cases()}
+        for key in sorted(keys, key=lambda key: key not in self._news):
+            self._judge(keys[key], key)
+            if time.monotonic() > until:
+                break
         self._changes += self._tracker.end(self._now())
 
     def _take_in(self) -> None:
