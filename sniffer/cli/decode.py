@@ -21,7 +21,6 @@ from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
 from sniffer.decoding.sink import Sink
-from sniffer.diagnosis import Diagnosis
 from sniffer.diagnostics.alarms import Alarm
 from sniffer.ground.model import Severity
 from sniffer.ground.registers import RegisterMap
@@ -88,9 +87,11 @@ def decode(
     """
     options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms)
     printed: list[Sink] = []
-    diagnosis = Diagnosis() if summary and not quiet and output_format == "text" else None
-    if diagnosis is not None:
-        printed.append(diagnosis)
+    diagnosis = None
+    if summary and not quiet and output_format == "text":
+        from sniffer.diagnosis import Diagnosis
+
+        printed.append(diagnosis := Diagnosis())
     if not quiet and not summary:
         printed.append(Standard(_printer(output_format), sys.stdout, alone=not outputs))
     with patient() as patience:
