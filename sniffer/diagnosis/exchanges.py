@@ -12,6 +12,7 @@ import numpy as np
 from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.histograms import Histograms
 from sniffer.diagnosis.kinds import KINDS, RequestKinds
+from sniffer.diagnosis.moments import RequestMoments
 from sniffer.diagnosis.requests import UNTOLD, Held, RequestRows, has_failed
 from sniffer.ground.codes import NOT_EXPECTED, OK, REQUEST
 from sniffer.ground.model import ECHO, NS
@@ -114,6 +115,7 @@ class Exchanges:
         self._protocol = protocol
         self._byte_ns = 0
         self.kinds = RequestKinds()
+        self.moments = RequestMoments()
         self.count = 0
         self.turns = Histograms()
         """Of sound exchanges: from the end of a request to the beginning of the next, by kind."""
@@ -153,7 +155,9 @@ class Exchanges:
         """Take the requests of a batch, and what became of requests, at a rate of the line."""
         f, self._byte_ns = batch.frames, byte_ns
         asks = np.flatnonzero((f.kind == REQUEST) & (f.flags & ECHO == 0))
-        rows = RequestRows(batch, asks, self._open, self.kinds.add(batch, asks))
+        kind = self.kinds.add(batch, asks)
+        self.moments.add(f.t_start[asks], kind)
+        rows = RequestRows(batch, asks, self._open, kind)
         if len(rows) and len(batch.transactions):
             rows.tell(batch, self._protocol)
         many = self._close(rows) if len(rows) > 1 else 0

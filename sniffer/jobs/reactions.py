@@ -89,9 +89,7 @@ class Reactions:
             return
         self._commands.close()
         if self._commands.left_out:
-            self._tell.warn(
-                f"{self._commands.left_out} commands of --on were left out: too many were due"
-            )
+            self._tell.warn(f"{self._commands.left_out} commands were left out: too many were due")
 
     def _run(self, seen: Sighting) -> None:
         for wanted, command in self._waits.commands:

@@ -259,7 +259,7 @@ class FlightRecorder:
             self._told_short = True
             self._tell(
                 f"the ring is full with {self.ring.size} bytes: there is less time in it than was "
-                "asked for; --ring SIZE makes it larger"
+                "asked for"
             )
         current = self._current
         if current is not None and current.sink.is_deleted and current.path not in self._deleted:

@@ -33,7 +33,7 @@ BEYOND: Final = 4.0
 ABOUT: Final = 0.5
 """Steps that are at least so much of a jump are jumps, too: the way back."""
 
-PART: Final = 0.05
+PART: Final = 0.25
 """Part of the travel of the goals: less is no jump that anybody would see."""
 
 BACK: Final = 3

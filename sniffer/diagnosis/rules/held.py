@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import HELD, IN_IDLE
 from sniffer.diagnosis.model import Finding, Place
@@ -138,16 +139,20 @@ def babbles(case: Case) -> Iterator[Finding]:
 
 def _stopped(case: Case) -> bool:
     """Tell whether there are quarters of a second full of such bytes, or with hardly a frame."""
+    if not case.has_clock:
+        return True
     line, traffic = case.line, case.traffic
     frames = np.zeros(len(line["bucket"]))
     where = np.searchsorted(line["bucket"], traffic["bucket"])
     known = where < len(frames)
     np.add.at(frames, where[known], traffic["frames"][known])
     usual = float(np.median(frames[frames > 0])) if (frames > 0).any() else 0.0
-    if not case.has_clock:
-        return True
+    babble = np.zeros(len(line["bucket"]))
+    ones = [d for d in case.damages if d.got and _ones(d) >= ONES]
+    at = np.searchsorted(line["bucket"], np.array([d.t_ns // BUCKET_NS for d in ones], np.int64))
+    np.add.at(babble, np.minimum(at, len(babble) - 1), [d.length for d in ones])
     stopped = (line["gap_bytes"] >= FULL) & (frames <= STOPS * usual)
-    stopped |= line["gap_bytes"] >= DENSE
+    stopped |= babble >= DENSE
     there = int(line["gap_bytes"][stopped].sum())
     return bool(stopped.sum() >= TWICE and there >= THERE * int(line["gap_bytes"].sum()))
 

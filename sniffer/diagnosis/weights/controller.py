@@ -36,6 +36,8 @@ WEIGHTS: Final = (
     *for_(
         "impatient-controller",
         ("hasty-request", 4.0, "it does not wait as long as sound answers take"),
+        ("streams-apart", -2.0, "two loops keep two times"),
+        ("requests-run-together", -4.0, "it does not speak into its own requests"),
         ("request-in-answer", 3.5, "its requests run into answers"),
         ("request-over-answer", 3.5, "its requests begin while answers are on the line"),
         ("request-swallowed", 3.5, "its requests are lost in answers"),
