@@ -8,7 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.forms import OFTEN, single
+from sniffer.diagnosis.rules.forms import OFTEN, may_be_torn, single
 from sniffer.ground.codes import COMMANDED
 from sniffer.ground.model import NS, UNUSUAL
 from sniffer.ground.register import unseen_scale
@@ -102,6 +102,8 @@ def goal_range(case: Case) -> Iterator[Finding]:
         worst = high if high > register.range[1] else low
         events = case.anomalies("value-out-of-range", servo_id=servo)
         count = case.count("value-out-of-range", servo_id=servo)
+        if may_be_torn(case, count):
+            continue
         yield Finding(
             "goal-beyond-range",
             single(case, servo),
@@ -172,6 +174,8 @@ def writes(case: Case) -> Iterator[Finding]:
         span = int(w["t_first"][i]), int(w["t_last"][i])
         place = Place(int(w["at"][i]), int(w["length"][i]), span[0], f"writes {register.name}")
         who = single(case, servo)
+        if may_be_torn(case, n):
+            continue
         sure = 1.0 if refused or n >= OFTEN else 0.7
         said = f", and it refused {refused} of them" if refused else ""
         if "w" not in register.access:
@@ -205,7 +209,7 @@ def unnamed_writes(case: Case) -> Iterator[Finding]:
     u = case.ledger.unnamed.table()
     for i in range(len(u["n"])):
         n, refused, servo = int(u["n"][i]), int(u["refused"][i]), int(u["servo_id"][i])
-        if u["acknowledged"][i]:
+        if u["acknowledged"][i] or may_be_torn(case, n):
             continue  # another model, most likely: its servo knows the address
         yield Finding(
             "writes-unnamed",

@@ -55,6 +55,12 @@ ID_SET: Final = "id_set"
 WHOLE: Final = 4
 """Fewer bytes come again by chance."""
 
+TORN: Final = ("bad-checksum", "damaged-frame", "truncated-frame", "noise", "idle-tail")
+"""Codes of bytes that are no frame."""
+
+BY_CHANCE: Final = 64
+"""Of so many torn frames one may hold: a checksum has seven or eight bits, and some have none."""
+
 OFTEN: Final = 3
 """A frame that holds by chance does not come again; a mistake in a program does."""
 
@@ -63,6 +69,12 @@ def single(case: Case, servo: int) -> int | None:
     """Return a servo, None where all or several are meant."""
     known = servo in case.answering or bool((case.writes["servo_id"] == servo).any())
     return servo if known and servo not in case.protocol.everyone else None
+
+
+def may_be_torn(case: Case, count: int) -> bool:
+    """Tell whether so many frames may be torn ones that hold by chance, as one in 256 does."""
+    torn = case.count(*TORN)
+    return torn >= OFTEN and count <= 1 + torn // BY_CHANCE
 
 
 def gain_read(case: Case) -> Iterator[Finding]:
@@ -104,7 +116,7 @@ def _misused(case: Case, line: bytes) -> str:
 def odd_commands(case: Case) -> Iterator[Finding]:
     """Requests that are not as the manual has them, and modifiers where they mean nothing."""
     kinds = case.ledger.exchanges.kinds
-    torn = case.count("bad-checksum", "damaged-frame", "truncated-frame", "noise", "idle-tail")
+    torn = case.count(*TORN)
     has_modifiers = any(r.kind == "modifier" for r in case.protocol.registers)
     for k, odd in enumerate(kinds.odd):
         n, servo = int(kinds.n[k]), kinds.servo_id[k]
@@ -115,7 +127,9 @@ def odd_commands(case: Case) -> Iterator[Finding]:
         if wrong:
             text = kinds.example[k].decode("latin-1").strip()
             code, what = "modifier-misused", f"{n} x {text}: {name} has no modifier {wrong}"
-        elif odd & (MALFORMED | UNKNOWN) and (n >= OFTEN or not torn):
+        elif odd & (MALFORMED | UNKNOWN) and (
+            not torn or (n >= OFTEN and not may_be_torn(case, n))
+        ):
             how = "with a body it cannot have" if odd & MALFORMED else "which stands in no manual"
             code, what = "odd-commands", f"{n} x {name} {how}: {shown}"
         else:

@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.forms import TORN, may_be_torn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -37,6 +38,9 @@ PART: Final = 0.25
 
 BACK: Final = 3
 """Quarter seconds within which a jump comes back."""
+
+RETURNS: Final = 0.8
+"""Part of a jump by which goals come back from it."""
 
 AMONG: Final = 5
 """Goals in a quarter second among which one step alone can be told from a fast move."""
@@ -73,8 +77,7 @@ def goal_jumps(case: Case) -> Iterator[Finding]:
             continue
         worst = int(rows[np.argmax(goals.step[rows])])
         returns = bool(np.abs(goals.last[worst] - goals.first[worst]) < goals.step[worst] / 2)
-        torn = case.count("bad-checksum", "damaged-frame", "noise", "truncated-frame")
-        if torn >= DOUBT and _is_weak(case):
+        if may_be_torn(case, len(rows)) or (case.count(*TORN) >= DOUBT and _is_weak(case)):
             continue
         yield Finding(
             "goal-jump",
@@ -132,16 +135,21 @@ def _usual(case: Case, goals: Series, r: int) -> float:
     if before < NEAR // 2 or (behind < NEAR // 4 and not ends) or _lacks_goals(case, goals, r):
         return 0.0
     usual = float(step[small].max())
-    return usual if step[r] >= BEYOND * usual and _stands_out(goals, r) else 0.0
+    return usual if step[r] >= BEYOND * usual and _stands_out(case, goals, r) else 0.0
 
 
-def _stands_out(goals: Series, r: int) -> bool:
+def _stands_out(case: Case, goals: Series, r: int) -> bool:
     """Tell whether a step is no part of a fast move: it comes back, or stands alone among many."""
     alike = np.flatnonzero(
         (np.abs(goals.bucket - goals.bucket[r]) <= BACK) & (goals.step >= ABOUT * goals.step[r])
     )
     before, after = max(int(alike[0]) - 1, 0), int(alike[-1])
     way = abs(float(goals.last[after] - goals.last[before]))
+    if not case.has_clock:
+        # It may be a pause: the path goes on meanwhile. Only what comes back at once is a jump.
+        ends = goals.first[r], goals.last[r]
+        out = max(goals.high[r] - max(ends), min(ends) - goals.low[r])
+        return bool(out >= RETURNS * goals.step[r] and way <= ABOUT * goals.step[r])
     if way <= ABOUT * goals.step[r]:
         return True
     alone = len(alike) == 1 and goals.n[r] >= AMONG

@@ -33,7 +33,7 @@ FINDINGS: Final = (
         "tap",
         "Requests lack bytes: a controller sends them in one go, and noise alters bytes but hardly "
         "ever takes any away.",
-        "Torn requests that begin or end as a request which this controller made, and are shorter; "
+        "Torn requests that begin as one which this controller made and end as one, without a middle; "
         "most torn requests are so.",
     ),
     FindingCode(
@@ -83,7 +83,7 @@ def torn_requests(case: Case) -> Iterator[Finding]:
         # what stands right behind a torn answer was said into it
         if d.turn == IN_REPLY or d.at in ends:
             continue
-        if _lost(d.got, known) or (bare and _lost(d.got[:-bare], known)):
+        if _is_short(d.got, known) or (bare and _is_short(d.got[:-bare], known)):
             short.append(d)
         else:
             altered += any(is_altered(d.got, whole) for whole in known)
@@ -191,16 +191,13 @@ def _answered(case: Case, torn: Sequence[Damage]) -> list[Damage]:
     return [d for d in torn if d.at + d.length in behind]
 
 
-def _lost(got: bytes, known: Sequence[bytes]) -> int:
-    """Return how many bytes are missing from a request that was meant; 0: none, or nobody knows."""
-    best = 0
-    for whole in known:
-        missing = len(whole) - len(got)
-        if missing <= 0 or (best and missing >= best) or len(got) < PIECE:
-            continue
-        if alike(got, whole) + alike(got[::-1], whole[::-1]) >= len(got):
-            best = missing
-    return best
+def _is_short(got: bytes, known: Sequence[bytes]) -> bool:
+    """Tell whether bytes are the beginning of a request, the end of one, or both without a middle."""
+    if len(got) < PIECE or len(got) in {len(whole) for whole in known}:
+        return False
+    head = max((alike(got, whole) for whole in known), default=0)
+    tail = max((alike(got[::-1], whole[::-1]) for whole in known), default=0)
+    return head + tail >= len(got)
 
 
 def is_altered(got: bytes, whole: bytes) -> bool:

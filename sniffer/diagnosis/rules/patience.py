@@ -13,6 +13,7 @@ from sniffer.diagnosis.rules.losses import alike, is_altered
 from sniffer.diagnosis.rules.order import Order
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
 from sniffer.ground.model import NS, Clock
+from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -74,6 +75,9 @@ FINDINGS: Final = (
 
 MS: Final = 1_000_000
 
+KNOWN: Final = 5
+"""Sound exchanges of a kind that say how long one takes."""
+
 ENOUGH: Final = 2
 """One may be a stamp that is off."""
 
@@ -94,7 +98,7 @@ TAIL: Final = 3
 """Bytes that end, or begin, as a request does: three alike by chance are one in 16 million."""
 
 PART_TORN: Final = 0.2
-"""Share of torn answers with a request in them; less may be torn requests that look so."""
+"""Share of failed exchanges that show a cause; what fewer show may look so by chance."""
 
 MORE: Final = 2
 """Bytes beyond what an answer has in common with a request: both begin with one header."""
@@ -123,11 +127,7 @@ def hasty(case: Case) -> Iterator[Finding]:
     if not case.has_clock or not case.total("ok"):
         return
     exchanges = case.ledger.exchanges
-    known = {
-        k: least.low
-        for k in exchanges.spans.keys
-        if (least := exchanges.spans.at(k, 0.02)) is not None and exchanges.spans.count(k) >= 5
-    }
+    known = _shortest(case)
     if exchanges.in_flight > PIPED * case.total("ok"):
         return  # it asks several at once, and they answer in turn
     shown = []
@@ -138,7 +138,7 @@ def hasty(case: Case) -> Iterator[Finding]:
         judged += 1
         if f.wait_ns + f.unsure_ns < known[f.kind]:
             shown.append(f)
-    if len(shown) < ENOUGH:
+    if len(shown) < max(ENOUGH, PART_TORN * judged):
         return
     most = max(f.wait_ns for f in shown)
     least_ns = min(known[f.kind] for f in shown)
@@ -210,9 +210,13 @@ def hurried(case: Case) -> Iterator[Finding]:
 
 def request_in_answer(case: Case) -> Iterator[Finding]:
     """Requests that run into answers, by their bytes."""
+    if not case.has_clock or case.latency_ns > LATENCY_NS or case.count("adapter-echo"):
+        return  # of an echo it is what comes back; of a host that holds bytes, two pieces
+    asked = {f.at + f.length: f.t_ns for f in case.ledger.exchanges.failed}
     places = [d for d in case.damages if d.turn == IN_REPLY and d.asked]
-    if not places or case.count("adapter-echo"):
-        return  # of an echo it is what comes back
+    places = [d for d in places if d.at in asked and _is_in_one_go(case, d, asked[d.at])]
+    if not places:
+        return
     known = {*case.ledger.exchanges.kinds.example, *(d.asked for d in places)}
     torn = [d for d in places if _holds_request(d, known)]
     if len(torn) < ENOUGH or len(torn) < PART_TORN * len(places):
@@ -234,7 +238,7 @@ def swallowed(case: Case) -> Iterator[Finding]:
     """Requests that are missing behind torn answers."""
     exchanges = case.ledger.exchanges
     torn = {d.at: d for d in case.damages if d.turn == IN_REPLY}
-    if not torn:
+    if not torn or not case.has_clock or case.latency_ns > LATENCY_NS:
         return
     order = Order(case)
     judged, shown = 0, []
@@ -243,6 +247,8 @@ def swallowed(case: Case) -> Iterator[Finding]:
         if damage is None or f.outcome != DAMAGED or f.kind not in order.usual:
             continue
         if damage.length + SHORT < len(damage.expected):
+            continue
+        if not _is_in_one_go(case, damage, f.t_ns):
             continue
         judged += 1
         if order.skips_one(f.kind, f.next_kind):
@@ -263,6 +269,18 @@ def swallowed(case: Case) -> Iterator[Finding]:
     )
 
 
+def _is_in_one_go(case: Case, d: Damage, asked_ns: int) -> bool:
+    """Tell whether no bytes are missing in damage behind a request.
+
+    It is over as soon as an answer that begins when this servo's do has as many bytes.
+    """
+    a = case.answers
+    rows = a["servo_id"] == d.servo_id
+    begins = int(a["took_sum"][rows].sum()) / max(int(a["took_n"][rows].sum()), 1)
+    whole = (d.length + SHORT) * byte_time_ns(case.baud)
+    return d.t_ns - asked_ns <= begins + whole + case.latency_ns
+
+
 def _holds_request(d: Damage, known: Iterable[bytes]) -> bool:
     """Tell whether damage begins or ends as a request, and not as the answer that is due."""
     if any(is_altered(d.got, q) or q.startswith(d.got) for q in known):
@@ -277,13 +295,19 @@ def _holds_request(d: Damage, known: Iterable[bytes]) -> bool:
 
 def after_next(case: Case) -> Iterator[Finding]:
     """Answers that come when the controller has gone on."""
+    if not case.has_clock:
+        return
     rows = case.alarm_rows("late-response")
-    waits = case.ledger.exchanges.waited()
+    exchanges, known = case.ledger.exchanges, _shortest(case)
+    waits = exchanges.waited()
     for servo in np.unique(case.alarms["servo_id"][rows]).tolist():
         mine = rows[case.alarms["servo_id"][rows] == servo]
         late = int(case.alarms["n"][mine].sum())
-        hasty = int(waits["hasty"][waits["servo_id"] == servo].sum())
-        if late < ENOUGH or 2 * hasty < late or not case.has_clock:
+        failed = [f for f in exchanges.failed if f.servo_id == servo]
+        hasty = sum(f.wait_ns + f.unsure_ns < known.get(f.kind, 0) for f in failed)
+        if not any(f.kind in known for f in failed):  # it never answers in time
+            hasty = int(waits["hasty"][waits["servo_id"] == servo].sum())
+        if late < ENOUGH or 2 * hasty < late:
             continue
         yield Finding(
             "answers-after-next",
@@ -292,13 +316,20 @@ def after_next(case: Case) -> Iterator[Finding]:
             int(case.alarms["t_last"][mine].max()),
             late,
             f"{late} answers of servo {servo} come behind the next request, which did not wait for "
-            f"the manual's time ({hasty} times)",
+            f"them ({hasty} times)",
             case.places(
                 case.anomalies("late-response", servo_id=servo), "an answer behind the next"
             ),
             strength=min(0.5 + late / 20, 1.0),
             brief=f"answers of servo {servo} come behind the next request",
         )
+
+
+def _shortest(case: Case) -> dict[int, int]:
+    """Return the shortest time, in ns, within which sound answers are over, by kind of request."""
+    spans = case.ledger.exchanges.spans
+    least = {k: spans.at(k, 0.02) for k in spans.keys if spans.count(k) >= KNOWN}
+    return {k: bounds.low for k, bounds in least.items() if bounds is not None}
 
 
 def retry_storms(case: Case) -> Iterator[Finding]:

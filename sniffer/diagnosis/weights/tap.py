@@ -67,6 +67,11 @@ WEIGHTS: Final = (
                 "doubtful-value",
                 "echo-mismatch",
                 "refuses-command",
+                "goal-beyond-range",
+                "odd-commands",
+                "position-jumps",
+                "request-swallowed",
+                "answers-after-next",
             )
         ),
         *(
@@ -101,7 +106,6 @@ WEIGHTS: Final = (
         ("away-for-a-while", 0.2, "answers in a row are missing here"),
         ("hasty-request", -2.0, "the controller itself cuts answers"),
         ("request-in-answer", -2.0, "two senders at once"),
-        ("request-swallowed", -1.0, "answers are torn, but lack no bytes"),
     ),
     *for_(
         "tap-swapped",

@@ -1,0 +1,224 @@
+"""What the tap does to a capture is told as the tap's doing, once, and nobody else is accused."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind, Severity
+from tests.conversations import MS, TONGUES, Conversation, robot, through_usb, without_clock
+from tests.diagnosed import codes, found, verdicts
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis import Diagnosis
+
+PROTOCOLS = tuple(TONGUES)
+ADDRESSED = tuple(name for name in PROTOCOLS if name != "wck")
+"""Protocols whose answers are something without their requests."""
+
+
+def echoed(talk: Conversation) -> list[Chunk]:
+    """Let the adapter hear what it sends."""
+    out = []
+    for chunk in talk.chunks:
+        if chunk.direction == Direction.TX:
+            note = (chunk.t_ns or 0) - len(chunk.data) * talk.byte_ns + 1
+            out.append(replace(chunk, t_ns=note, direction=Direction.UNKNOWN))
+        out.append(replace(chunk, direction=Direction.UNKNOWN))
+    return out
+
+
+def one_wire(talk: Conversation) -> list[Chunk]:
+    return [replace(chunk, direction=Direction.UNKNOWN) for chunk in talk.chunks]
+
+
+def only(talk: Conversation, side: Direction) -> list[Chunk]:
+    heard = [chunk for chunk in talk.chunks if chunk.direction == side]
+    return [replace(chunk, direction=Direction.UNKNOWN) for chunk in heard]
+
+
+def holes(chunks: list[Chunk], *, told: bool = False, seed: int = 7) -> list[Chunk]:
+    """Lose a few dozen bytes every so often, wherever they stand."""
+    rng = random.Random(seed)
+    out: list[Chunk] = []
+    until, gone = rng.randint(300, 700), 0
+    for chunk in chunks:
+        kept = bytearray()
+        for value in chunk.data:
+            if gone:
+                gone -= 1
+                continue
+            kept.append(value)
+            until -= 1
+            if not until:
+                until, gone = rng.randint(300, 700), rng.randint(8, 40)
+        if kept:
+            out.append(replace(chunk, data=bytes(kept)))
+        if told and gone and len(kept) < len(chunk.data):
+            out.append(Chunk(b"", chunk.t_ns, Clock.SAMPLE, marks=(Mark(MarkKind.OVERRUN, 0),)))
+    return out
+
+
+def alarms(diagnosis: Diagnosis) -> list[str]:
+    return [i.cause for i in diagnosis.incidents() if i.severity > Severity.NOTE]
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_an_adapters_echo_is_one_note_and_no_alarm_stands_beside_it(protocol: str) -> None:
+    talk = robot(protocol, 4)
+    (incident,) = talk.diagnosed(echoed(talk)).incidents()
+    assert (incident.cause, incident.severity, incident.servo_ids) == ("echo", Severity.NOTE, ())
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_an_echo_without_a_clock_is_the_same_note(protocol: str) -> None:
+    talk = robot(protocol, 4)
+    assert verdicts(talk.diagnosed(without_clock(echoed(talk))).incidents()) == [("echo", ())]
+
+
+def test_an_echo_of_what_nobody_answers_is_said_to_stand_there_twice() -> None:
+    talk = Conversation("mightyzap")
+    for n in range(200):
+        talk.write(talk.tongue.goal(1 + n % 3, (n % 90) / 100))
+        talk.rest(5)
+    found_codes = codes(talk.diagnosed(echoed(talk)))
+    assert "said-twice" in found_codes
+    assert "said-twice" not in codes(talk.diagnosed(one_wire(talk)))
+
+
+def test_an_echo_that_differs_shows_that_requests_are_altered_on_the_line() -> None:
+    talk = robot("mightyzap", 8)
+    rng = random.Random(1)
+    heard: list[Chunk] = []
+    was_request = False
+    for chunk in echoed(talk):
+        again = was_request and bool(heard) and heard[-1].data == chunk.data
+        if again and rng.random() < 0.03:
+            at = rng.randrange(len(chunk.data))
+            torn = bytearray(chunk.data)
+            torn[at] ^= 1 << rng.randrange(8)
+            chunk = replace(chunk, data=bytes(torn))
+        was_request = not again
+        heard.append(chunk)
+    told = talk.diagnosed(heard)
+    assert "echo-differs" in codes(told)
+    assert "bad-cable" not in alarms(told)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_tap_on_the_controllers_wire_is_one_note(protocol: str) -> None:
+    talk = robot(protocol, 4)
+    (incident,) = talk.diagnosed(only(talk, Direction.TX)).incidents()
+    assert (incident.cause, incident.severity) == ("tap-one-way", Severity.NOTE)
+    assert "goes-on-unanswered" in {finding.code for finding in incident.findings} or (
+        protocol in ("lss", "rs30x")  # their manuals leave a servo more time than it takes
+    )
+
+
+@pytest.mark.parametrize("protocol", ADDRESSED)
+def test_a_tap_on_the_servos_wire_is_one_note(protocol: str) -> None:
+    talk = robot(protocol, 4)
+    (incident,) = talk.diagnosed(only(talk, Direction.RX)).incidents()
+    assert (incident.cause, incident.severity) == ("tap-one-way", Severity.NOTE)
+
+
+def test_a_controller_that_waits_in_vain_hears_no_answer_either() -> None:
+    def in_vain(talk: Conversation, cycle: int, servo: int) -> bool:
+        talk.ask_in_vain(servo, 25)
+        return True
+
+    told = codes(robot("mightyzap", 8, instead=in_vain, rate_hz=10).diagnosed())
+    assert {"nobody-answers", "waits-in-vain"} <= told
+    assert "goes-on-unanswered" not in told
+
+
+def test_a_scan_that_finds_servos_late_is_not_heard_one_way() -> None:
+    talk = Conversation("mightyzap")
+    for servo in range(10, 40):
+        talk.ask_in_vain(servo, 8)
+    for n in range(200):
+        talk.read(1, n / 400)
+        talk.rest(10)
+    assert not talk.diagnosed().incidents()
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_swapped_wires_are_one_finding_and_one_incident(protocol: str) -> None:
+    talk = robot(protocol, 3)
+    other = {Direction.TX: Direction.RX, Direction.RX: Direction.TX}
+    swapped = [replace(chunk, direction=other[chunk.direction]) for chunk in talk.chunks]
+    diagnosis = talk.diagnosed(swapped)
+    assert verdicts(diagnosis.incidents()) == [("tap-swapped", ())]
+    assert [f.code for f in found(diagnosis)].count("wires-swapped") == 1
+
+
+def test_wires_as_they_should_be_are_not_swapped() -> None:
+    assert not robot("rs30x", 3).diagnosed().incidents()
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
+def test_bytes_that_the_driver_says_it_lost_are_the_taps(protocol: str) -> None:
+    talk = robot(protocol, 8)
+    (incident,) = talk.diagnosed(holes(one_wire(talk), told=True)).incidents()
+    assert (incident.cause, incident.servo_ids) == ("tap-loss", ())
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_bytes_that_are_missing_without_a_word_are_the_taps_too(protocol: str) -> None:
+    talk = robot(protocol, 12)
+    told = talk.diagnosed(holes(one_wire(talk)))
+    assert alarms(told) == ["tap-loss"], [f.what for f in found(told)]
+
+
+def test_missing_bytes_are_told_without_a_clock() -> None:
+    talk = robot("mightyzap", 12)
+    told = talk.diagnosed(without_clock(holes(one_wire(talk))))
+    assert alarms(told) == ["tap-loss"]
+
+
+def test_altered_bytes_are_not_lost_by_the_tap() -> None:
+    talk = robot("mightyzap", 12)
+    rng = random.Random(2)
+    heard = []
+    for chunk in one_wire(talk):
+        if rng.random() < 0.02:
+            torn = bytearray(chunk.data)
+            torn[rng.randrange(len(torn))] ^= 1 << rng.randrange(8)
+            chunk = replace(chunk, data=bytes(torn))
+        heard.append(chunk)
+    assert "tap-loss" not in alarms(talk.diagnosed(heard))
+
+
+def test_a_clock_that_is_set_back_is_a_finding_and_no_incident() -> None:
+    talk = robot("mightyzap", 4)
+    middle = len(talk.chunks) // 2
+    stepped = [
+        replace(c, clock=Clock.FILE, t_ns=(c.t_ns or 0) - 3_000 * MS * (k > middle))
+        for k, c in enumerate(one_wire(talk))
+    ]
+    told = talk.diagnosed(stepped)
+    assert "clock-stepped" in codes(told)
+    assert not told.incidents()
+
+
+def test_a_recorder_that_reads_late_is_a_finding_and_no_incident() -> None:
+    talk = robot("mightyzap", 4)
+    late = Mark(MarkKind.HELD, 0, 1, 80 * MS)
+    heard = [
+        replace(c, clock=Clock.READ, marks=(late,) if k == 200 else ())
+        for k, c in enumerate(one_wire(talk))
+    ]
+    told = talk.diagnosed(heard)
+    assert "tap-was-late" in codes(told)
+    assert not told.incidents()
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_host_of_16_ms_is_a_finding_and_no_incident(protocol: str) -> None:
+    talk = robot(protocol, 6)
+    told = talk.diagnosed(through_usb(one_wire(talk)))
+    assert "coarse-stamps" in codes(told)
+    assert not told.incidents(), [f.what for f in found(told)]

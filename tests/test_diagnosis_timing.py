@@ -1,0 +1,131 @@
+"""Cycles, stalls and bus load: what is told of them, and what the stamps do not carry."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from dataclasses import replace
+
+import pytest
+
+from sniffer.ground.model import Mark, MarkKind, Severity
+from tests.conversations import MS, TONGUES, Conversation, robot, through_usb, without_clock
+from tests.diagnosed import codes, verdicts
+
+PROTOCOLS = tuple(TONGUES)
+
+
+def stalling(protocol: str, ms: float = 200, every: int = 70) -> Conversation:
+    return robot(
+        protocol, 10, before=lambda talk, n: talk.rest(ms if n % every == every - 1 else 0)
+    )
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_loop_that_stops_now_and_then_is_the_controllers_stall(protocol: str) -> None:
+    incidents = stalling(protocol).diagnosed().incidents()
+    assert verdicts(incidents) == [("controller-stall", ())]
+    assert incidents[0].count == 5
+
+
+def test_a_stall_is_told_through_a_host_that_is_late_by_less() -> None:
+    talk = stalling("mightyzap", 300)
+    assert "loop-stalls" in codes(talk.diagnosed(through_usb(talk.chunks)))
+
+
+def test_a_stall_that_a_late_host_may_have_made_is_not_told() -> None:
+    talk = stalling("mightyzap", 40)
+    found = codes(talk.diagnosed(through_usb(talk.chunks)))
+    assert "loop-stalls" not in found
+    assert "coarse-stamps" in found
+
+
+def test_without_a_clock_nothing_is_told_of_stalls() -> None:
+    talk = stalling("rs30x")
+    assert not talk.diagnosed(without_clock(talk.chunks)).incidents()
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_pauses_that_missing_answers_explain_are_no_stalls(protocol: str) -> None:
+    def in_vain(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 2 or cycle % 60:
+            return False
+        talk.ask_in_vain(2, 250)
+        return True
+
+    assert "loop-stalls" not in codes(robot(protocol, 10, instead=in_vain).diagnosed())
+
+
+def test_a_person_who_stops_the_program_for_seconds_is_no_stall() -> None:
+    talk = robot("lss", 10, before=lambda talk, n: talk.rest(3000 if n == 100 else 0))
+    assert not talk.diagnosed().incidents()
+
+
+def test_a_program_that_rests_before_each_move_does_not_stall() -> None:
+    rng = random.Random(3)
+    talk = Conversation("mightyzap")
+    for _ in range(40):
+        place = rng.random()
+        talk.send(1, place)
+        for _ in range(rng.randint(8, 20)):
+            talk.read(1, place)
+            talk.rest(rng.uniform(18, 24))
+        talk.rest(rng.uniform(100, 900))
+    assert not talk.diagnosed().incidents()
+
+
+def test_a_pause_in_which_the_tap_itself_was_late_is_no_stall() -> None:
+    talk = stalling("mightyzap")
+    late = [
+        replace(chunk, marks=(Mark(MarkKind.HELD, 0, len(chunk.data), 200 * MS),))
+        if (chunk.t_ns or 0) - (before.t_ns or 0) > 150 * MS
+        else chunk
+        for before, chunk in itertools.pairwise([talk.chunks[0], *talk.chunks])
+    ]
+    assert "loop-stalls" not in codes(talk.diagnosed(late))
+
+
+def trembling(protocol: str, part: float) -> Conversation:
+    rng = random.Random(5)
+    most = part * 50
+    return robot(protocol, 12, rate_hz=20, before=lambda talk, n: talk.rest(rng.uniform(0, most)))
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_loop_whose_cycles_differ_by_half_is_uneven(protocol: str) -> None:
+    assert verdicts(trembling(protocol, 0.7).diagnosed().incidents()) == [("controller-jitter", ())]
+
+
+def test_a_loop_that_sleeps_a_little_longer_or_shorter_is_sound() -> None:
+    assert not trembling("rs30x", 0.15).diagnosed().incidents()
+
+
+def test_what_trembles_less_than_the_host_is_late_is_not_told() -> None:
+    talk = trembling("mightyzap", 0.7)
+    assert "loop-jitters" not in codes(talk.diagnosed(through_usb(talk.chunks)))
+
+
+def test_a_request_that_is_made_twice_in_some_cycles_makes_no_loop_uneven() -> None:
+    def twice(talk: Conversation, cycle: int) -> None:
+        if cycle % 3 == 0:
+            talk.read(1, 0.5)
+
+    assert not robot("mightyzap", 8, behind=twice).diagnosed().incidents()
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
+def test_a_line_without_a_pause_is_full_and_only_a_note(protocol: str) -> None:
+    talk = Conversation(protocol, 57600)
+    for n in range(1500):
+        servo = 1 + n % 5
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.02)
+        talk.say(talk.tongue.answer(servo, 0.5))
+        talk.rest(0.02)
+    (incident,) = talk.diagnosed().incidents()
+    assert incident.cause == "bus-saturated"
+    assert incident.severity is Severity.NOTE
+
+
+def test_a_line_that_is_busy_half_of_the_time_is_not_full() -> None:
+    assert not robot("mightyzap", 6, rate_hz=60).diagnosed().incidents()
