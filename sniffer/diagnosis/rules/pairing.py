@@ -232,7 +232,7 @@ def _now_and_then(case: Case, servo: int) -> Iterator[Finding]:
 
 def late_replies(case: Case) -> Iterator[Finding]:
     """Servos whose answers come behind their window."""
-    late = {s: case.count("late-response", servo_id=s) for s in case.answering}
+    late = {s: case.count("late-response", servo_id=s) for s in case.servos}
     for servo, n in late.items():
         others = sum(late.values()) - n
         if n < AGAIN or others > n:

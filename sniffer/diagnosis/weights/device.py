@@ -231,6 +231,7 @@ WEIGHTS: Final = (
         "chatty-device",
         ("speaks-unasked", 4.0, "it speaks without being asked"),
         ("unsolicited-response", 0.8, "answers that nobody asked for"),
+        ("answers-twice", 0.8, "what it says may stand behind its answer"),
         ("duplicate-response", 0.6, "what it says may stand behind an answer"),
         ("late-response", 0.3, "what it says may look like a late answer"),
         ("mismatched-response", 0.3, "what it says may stand where an answer is due"),
