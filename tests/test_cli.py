@@ -288,3 +288,37 @@ def test_help_loads_no_command_and_nothing_that_reckons() -> None:
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.splitlines()[-1] == "[]"
+
+
+ROOT = Path(__file__).parents[1]
+HEAVY = ("numpy.ma", "tomllib", "tempfile", "importlib.metadata", "serial", "mcap")
+FAR = ("merge", "mcapfile", "ports", "simulation", "tap", "viewers", "decoding.reference")
+SMALL = "sample_captures/mightyzap_manual.hex"
+
+
+@pytest.mark.parametrize(
+    ("command", "apart"),
+    [
+        (["decode", SMALL], ("decoding.rows", "protocols.lss", "protocols.rs30x")),
+        (["decode", SMALL, "--protocol", "mightyzap"], ("protocols.wck", "protocols.rs30x")),
+        (["decode", "sample_captures/lss_manual.bin"], ("protocols.mightyzap", "protocols.wck")),
+        (["explain", "FF FF FF 01 04 F2 8C 02 7A"], ("sinks", "sources", "protocols.lss")),
+        (["protocols"], ("decoding", "sinks", "sources")),
+        (["registers", "mightyzap-12lf"], ("decoding", "sinks", "sources")),
+    ],
+    ids=" ".join,
+)
+def test_a_small_thing_loads_only_what_it_needs(command: list[str], apart: tuple[str, ...]) -> None:
+    """What is loaded is most of what it costs; how long that takes, the machine decides."""
+    code = (
+        "import sys; from sniffer.cli import run; status = run(sys.argv[1:]); "
+        "print(status, *sys.modules, file=sys.stderr)"
+    )
+    python = [sys.executable, "-c", code, *command]
+    ran = subprocess.run(python, capture_output=True, text=True, check=True, cwd=ROOT)
+    status, *loaded = ran.stderr.splitlines()[-1].split()
+    assert status == "0"
+    rich = () if command[0] == "decode" else ("rich",)  # the table of a decoded capture is its
+    assert ran.stdout.count("\n") > 3
+    unwanted = {*HEAVY, *rich, *(f"sniffer.{room}" for room in (*FAR, *apart))}
+    assert not unwanted & {*loaded}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import jsonschema
 import pytest
 
+from bench.diagnosis.catalogue import scenarios
 from sniffer.ground.registers import schema_path
 from sniffer.simulation.buses import simulate
 from sniffer.simulation.faults import read_fault
@@ -111,3 +112,14 @@ def test_a_part_that_ends_before_it_begins_is_refused(diagnose: Asked) -> None:
     done = diagnose.says(CAPTURES / "wck_clean.log", "--from", "3", "--to", "2")
     assert done.status == 2
     assert "--to must lie behind --from" in done.err
+
+
+def test_a_capture_at_a_wrong_rate_is_told_as_that_and_not_as_an_unknown_protocol(
+    diagnose: Asked, tmp_path: Path
+) -> None:
+    scenario = next(s for s in scenarios() if s.name == "wrong-baud-double-mightyzap")
+    path = tmp_path / "a.log"
+    lines = [f"({h.t_end_ns / 1e9:.6f}) bus0 #{h.wire.hex()}\n" for h in scenario.make(0) if h.wire]
+    path.write_text("".join(lines), encoding="ascii")
+    (incident,) = diagnose.told(path)["incidents"]
+    assert incident["causes"][0]["cause"] == "wrong-baud"

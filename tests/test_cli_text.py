@@ -190,10 +190,12 @@ def test_the_name_of_a_bus_cannot_steer_the_terminal(
 # --- the summary -------------------------------------------------------------------------------
 
 
-def summary(capsys: Capsys, monkeypatch: Patch, tmp_path: Path, data: bytes | str) -> list[str]:
+def summary(
+    capsys: Capsys, monkeypatch: Patch, tmp_path: Path, data: bytes | str, *options: str
+) -> list[str]:
     path = tmp_path / "in.bin"
     path.write_bytes(data if isinstance(data, bytes) else data.encode())
-    return shown(capsys, monkeypatch, path, 80, "--summary").splitlines()
+    return shown(capsys, monkeypatch, path, 80, "--summary", *options).splitlines()
 
 
 def test_the_summary_counts_in_words(capsys: Capsys, monkeypatch: Patch, tmp_path: Path) -> None:
@@ -233,10 +235,10 @@ def test_a_hundred_percent_is_said_of_nothing_less(
     assert lines[1] == "  36001 bytes = 36000 in 2800 frames (99.99 %) + 1 in 1 gap"
 
 
-def test_the_summary_shows_the_level_and_the_first_of_each_anomaly(
+def test_a_verbose_summary_shows_the_level_and_the_first_of_each_anomaly(
     capsys: Capsys, monkeypatch: Patch, tmp_path: Path
 ) -> None:
-    lines = summary(capsys, monkeypatch, tmp_path, damaged(talk(20)))
+    lines = summary(capsys, monkeypatch, tmp_path, damaged(talk(20)), "--verbose")
     head = next(line for line in lines if line.startswith("  level"))
     assert re.split(r"  +", head.strip()) == [
         "level",
@@ -252,6 +254,18 @@ def test_the_summary_shows_the_level_and_the_first_of_each_anomaly(
     levels = [x.split()[0] for x in lines[lines.index(head) + 1 :] if x[:3].strip()]
     assert levels == sorted(levels, key=["error", "warn", "note"].index)
     assert len(levels) > 3
+
+
+def test_the_summary_tells_an_incident_with_the_anomalies_that_it_explains(
+    capsys: Capsys, monkeypatch: Patch, tmp_path: Path
+) -> None:
+    lines = summary(capsys, monkeypatch, tmp_path, damaged(talk(200)) * 3)
+    head = next(line for line in lines if line.startswith("  level"))
+    assert re.split(r"  +", head.strip()) == ["level", "incident", "sure", "explains"]
+    told = "\n".join(lines[lines.index(head) + 1 :])
+    assert re.search(r"^  (error|warn) +[a-z-]+: .* \d+ % ", told, re.MULTILINE)
+    assert "bad-checksum" in told
+    assert "`sniffer diagnose` says why, and what to do" in told
 
 
 # --- colour ------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from sniffer.decoding.detect import ENOUGH, Detection, UndecidedError, detect
 from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.framing import Block
 from sniffer.ground.model import UNKNOWN, Chunk, Frames
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation.buses import simulate
@@ -25,7 +26,6 @@ from tests.streams import module
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.ground.framing import Block
     from sniffer.ground.model import Spans
     from sniffer.protocols.base import BusProtocol
 
@@ -123,7 +123,7 @@ def test_what_cannot_be_told_names_the_best_two_and_no_more() -> None:
     with pytest.raises(UndecidedError) as caught:
         detect([Chunk(talk)])
     assert sum(f"{name} " in str(caught.value) for name in PROTOCOLS) <= 2
-    assert "--protocol" in str(caught.value)
+    assert "name it with `protocol`" in str(caught.value)
 
 
 def test_nothing_cannot_be_told() -> None:
@@ -143,7 +143,7 @@ def test_only_the_beginning_is_looked_at() -> None:
 def five(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let Dynamixel 1.0 be known, whose frames mightyZAP's contain."""
     five = [*PROTOCOLS.candidates(), cast("BusProtocol", Dynamixel1())]
-    monkeypatch.setattr(PROTOCOLS, "candidates", lambda: five)
+    monkeypatch.setattr(PROTOCOLS, "candidates", lambda heard=None: five)
 
 
 @pytest.mark.usefixtures("five")
@@ -195,7 +195,7 @@ class Twin(Dynamixel1):
 
 @pytest.fixture
 def twins(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(PROTOCOLS, "candidates", lambda: [Dynamixel1(), Twin()])
+    monkeypatch.setattr(PROTOCOLS, "candidates", lambda heard=None: [Dynamixel1(), Twin()])
 
 
 @pytest.mark.usefixtures("twins")
@@ -203,7 +203,7 @@ class TestTwoThatExplainTheSameBytes:
     def test_a_tie_stays_one_and_is_told(self) -> None:
         with pytest.raises(UndecidedError, match=r"dynamixel1 100.0%, twin 100.0%") as caught:
             detect([Chunk(said(40))])
-        assert "--protocol" in str(caught.value)
+        assert "name it with `protocol`" in str(caught.value)
 
     def test_who_knows_the_commands_is_taken(self) -> None:
         writes = b"".join(packet(n % 4, WRITE, bytes([30, n])) for n in range(60))
@@ -235,3 +235,25 @@ def test_a_protocol_is_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
         pipeline.feed([Chunk(heard("mightyzap")[at : at + 50])])
     assert pipeline.speaks("bus0") == "mightyzap"
     assert len(asked) == len(set(asked)) == 1
+
+
+@pytest.mark.parametrize("name", PROTOCOLS.built_in)
+@given(picked=st.data())
+def test_who_is_not_asked_would_have_seen_no_frame(name: str, picked: st.DataObject) -> None:
+    """Signs of protocols save loading them; a frame without one would make the protocol deaf."""
+    talk = st.lists(st.sampled_from([*heard(name, 0.3)]), max_size=60).map(bytes)
+    data = picked.draw(st.one_of(st.binary(max_size=60), talk, st.just(heard(name, 0.1))))
+    kept = picked.draw(st.frozensets(st.sampled_from([*range(256)])))
+    data = bytes(byte for byte in data if byte not in kept)
+    asked = PROTOCOLS[name] in PROTOCOLS.candidates(data)
+    block = Block(np.frombuffer(data, np.uint8), np.empty(0, np.int64), True)
+    assert asked or not len(PROTOCOLS[name].frame(block)[0])
+
+
+def test_bytes_in_which_nobody_can_have_a_frame_are_told_as_before() -> None:
+    assert not {p.name for p in PROTOCOLS.candidates(b"\x00\x01\x02")} & {*PROTOCOLS.built_in}
+    with pytest.raises(UndecidedError, match="none explains any of them"):
+        detect([Chunk(bytes(3000))])
+    text = b"#5QD\r*5QD1443\r" * 30
+    found = detect([Chunk(text)])
+    assert found.scores == {"mightyzap": 0.0, "lss": 1.0, "rs30x": 0.0, "wck": 0.0}

@@ -116,7 +116,7 @@ def test_commands_that_take_long_hold_nothing_up_and_are_four_at_once(
         ran = run.stop()
     pids = [int(pid) for pid in lines_of(begun)]
     assert ran.status == 0
-    assert ran.err.count("a command of --on still runs, as process ") == 4
+    assert ran.err.count("a command that was started still runs, as process ") == 4
     assert "18 commands of --on were left out: too many were due" in ran.err
     for pid in pids:
         os.kill(pid, 9)

@@ -94,8 +94,8 @@ def test_an_endless_line_streams() -> None:
 
 
 def test_decimal_is_read_only_when_told() -> None:
-    assert "--input-format decimal" in refusal(b"255 255 1 4 2 21 1 226")
-    assert "--input-format decimal" in refusal(b"{10, 20, 30}")
+    assert "say `input_format='decimal'`" in refusal(b"255 255 1 4 2 21 1 226")
+    assert "say `input_format='decimal'`" in refusal(b"{10, 20, 30}")
     for text in (b"255 255 1 4", b"[255, 255,\n 1, 4]", b"255;255;1;4; # four"):
         assert read(text, "decimal") == b"\xff\xff\x01\x04"
     source = open_source(b"10 20", radix="decimal")
@@ -286,11 +286,11 @@ def test_the_stored_sample_is_refused_by_name(name: str) -> None:
         (b"< 0x54 (T)\n> \t0x4b (K)\n", "interceptty"),
         (b"  vcan0  1F0   [8]  80 4A 0F 00 00 00 00 00\n", "candump -L"),
         (b"\x1b[1;32m00000000: \x1b[0m4141  AA\n", "colours"),
-        (b"hello world\n", "--input-format bin"),
-        (b'{"some": "json"}\n', "--input-format bin"),
-        (b"# only\n# comments\n", "--input-format bin"),
+        (b"hello world\n", "say `input_format='bin'`"),
+        (b'{"some": "json"}\n', "say `input_format='bin'`"),
+        (b"# only\n# comments\n", "say `input_format='bin'`"),
         (b"\n\n", "blank"),
-        (b"Add more bad\n", "--input-format bin"),
+        (b"Add more bad\n", "say `input_format='bin'`"),
     ],
 )
 def test_what_is_not_read_is_refused_in_one_line_that_says_what_to_do(

@@ -44,10 +44,20 @@ UNSHOWN: Final[Mapping[tuple[str, str], str]] = MappingProxyType(
 )
 """Why a host cannot show a cause."""
 
+NO_CHECKSUM: Final[Mapping[tuple[str, str, str], str]] = MappingProxyType(
+    {
+        (host, "clock-drift", "wck"): "its answers have no checksum, and stop bits are not told of"
+        for host in ("usb16", "log", "raw")
+    }
+)
+"""Why a host cannot show a cause in a protocol."""
+
 ALSO_RIGHT: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
         # requests hold, nobody ever answers: rates, a cut wire, a dead supply look all the same
         "wrong-baud-controller": ("tap-one-way",),
+        # a driver that lets go too early: edges to one, the switching of the direction to another
+        "signal-integrity-last-byte": ("turnaround",),
     }
 )
 """By how a scenario's name begins, what is as right in the first place, if the truth is listed."""
@@ -88,9 +98,10 @@ def findings(truth: Truth, name: str, host: str) -> tuple[str, ...]:
     return tuple(code for code in known if (host, code) not in UNHEARD)
 
 
-def excuse(truth: Truth, host: str) -> str:
+def excuse(truth: Truth, host: str, protocol: str) -> str:
     """Return why a host cannot show a fault; nothing where it can."""
-    return UNSHOWN.get((host, truth.cause), "")
+    known = UNSHOWN.get((host, truth.cause), "")
+    return known or NO_CHECKSUM.get((host, truth.cause, protocol), "")
 
 
 def accepted(truth: Truth, name: str) -> tuple[str, ...]:

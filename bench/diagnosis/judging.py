@@ -126,7 +126,7 @@ def score(case: Case) -> Score:
                 bool(naming),
                 bool(listing),
                 bool(sure),
-                excuse(truth, case.host),
+                excuse(truth, case.host, case.protocol),
             )
         )
     wrong = tuple(t for t in case.told if t not in right)

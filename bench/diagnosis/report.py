@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from bench.diagnosis.evidence import ALSO_RIGHT, UNSHOWN
+from bench.diagnosis.evidence import ALSO_RIGHT, NO_CHECKSUM, UNSHOWN
 from bench.diagnosis.figures import MILLION, percent, share, table
 
 if TYPE_CHECKING:
@@ -176,10 +176,11 @@ def _failures(figures: Figures) -> str:
 
 def _excused() -> str:
     rows = [(host, f"`{cause}`", why) for (host, cause), why in UNSHOWN.items()]
+    rows += [(host, f"`{cause}` of {of}", why) for (host, cause, of), why in NO_CHECKSUM.items()]
     lines = table(("host", "cause", "why"), rows)
     also = [
         f"In `{name}` {' and '.join(more)} is as right in the first place, if the truth is listed: "
-        "on the wire there is no difference."
+        "the wire shows both alike."
         for name, more in ALSO_RIGHT.items()
     ]
     return "\n".join(["## What a host cannot show", "", *lines, "", *also, ""])

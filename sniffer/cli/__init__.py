@@ -13,7 +13,6 @@ import importlib
 import io
 import os
 import sys
-import traceback
 import warnings
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
 from typing import Any, Final, TextIO
@@ -223,6 +222,8 @@ def _chain(error: BaseException) -> Iterator[BaseException]:
 def _debug() -> None:
     """Print where an exception came from, for who asks."""
     if os.environ.get(DEBUG):
+        import traceback
+
         with contextlib.suppress(OSError):
             traceback.print_exc()
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import click
-from rich.console import Console
 
 from sniffer.cli.options import ProtocolName, examples, with_registers
-from sniffer.decoding.pipeline import AUTO
+from sniffer.decoding.options import AUTO
 from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.explain import explain_bytes, read_hex
 
@@ -39,7 +38,6 @@ def explain(
     data = read_hex(" ".join(hex_bytes))
     before = read_hex(after) if after else b""
     held, lines = explain_bytes(data, before, protocol=protocol, model=model, tables=tables)
-    console = Console(highlight=False, soft_wrap=True)
     for line in lines:
-        console.print(line, markup=False)
+        click.echo(line)
     return 0 if held else 1

@@ -8,9 +8,9 @@ import textwrap
 from typing import Any
 
 import click
-from rich.console import Console
 
 from sniffer.cli.options import examples
+from sniffer.cli.streams import width_of_terminal
 from sniffer.ground.codes import ROLES
 from sniffer.ground.registers import Register, RegisterMap
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
@@ -19,7 +19,7 @@ from sniffer.protocols import PROTOCOLS, is_file, protocol_named
 @click.command()
 def protocols() -> None:
     """List the protocols with their models and baud rates."""
-    width = Console().width
+    width = width_of_terminal()
     for p in PROTOCOLS.values():
         rates = [f"{p.baud} (default)", *(str(b) for b in p.bauds if b != p.baud)]
         facts = {"models": ", ".join(m.model for m in p.models), "baud": ", ".join(rates)}
@@ -120,7 +120,7 @@ def _as_dict(r: Register) -> dict[str, Any]:
 
 
 def _print(table: RegisterMap) -> None:
-    width = Console().width
+    width = width_of_terminal()
     click.echo(textwrap.fill(f"{table.model}: {table.title}", width))
     if table.source:
         click.echo(textwrap.fill(table.source, width))

@@ -8,17 +8,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from sniffer.decoding.names import is_known, protocols_named
-from sniffer.decoding.pipeline import AUTO, Options
-from sniffer.diagnostics.alarms import Alarm, alarm_in
 from sniffer.ground.limits import BAUDS, IDS, number_in
 from sniffer.ground.model import InputError
 from sniffer.ground.registers import RegisterMap
 from sniffer.protocols import PROTOCOLS
-from sniffer.protocols.base import BusProtocol
-from sniffer.sources import SOURCES
 
 if TYPE_CHECKING:
+    from sniffer.decoding.options import Options
+    from sniffer.diagnostics.alarms import Alarm
+    from sniffer.protocols.base import BusProtocol
+
     _Name = click.ParamType[str]
 else:
     _Name = click.ParamType  # click 8.1 has no other name for it
@@ -85,6 +84,8 @@ class ProtocolName(_Name):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Take a name that is known; one that cannot be used says why."""
+        from sniffer.decoding.names import is_known, protocols_named
+
         named = str(value)
         if named not in self._beside:
             if not is_known(named):
@@ -138,6 +139,8 @@ def alarms_of(
     context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
 ) -> tuple[Alarm, ...]:
     """Read ``--alarm 'temperature > 70 for 2s'``."""
+    from sniffer.diagnostics.alarms import alarm_in
+
     try:
         return tuple(map(alarm_in, given))
     except InputError as error:
@@ -158,6 +161,9 @@ with_alarms = click.option(
 
 def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that say how bytes are to be read."""
+    from sniffer.decoding.options import AUTO
+    from sniffer.sources import SOURCES
+
     for option in reversed(
         (
             click.option(
@@ -210,6 +216,8 @@ def pipeline_options(
     Raises:
         SnifferError: a model is not known, or a table or a rule is of no use.
     """
+    from sniffer.decoding.options import Options
+
     options = Options(
         protocol=protocol,
         baud=baud,

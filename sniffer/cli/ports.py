@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import click
-from rich.console import Console
 
 from sniffer.cli.options import examples, printed
-from sniffer.cli.streams import say
+from sniffer.cli.streams import say, width_of_terminal
 from sniffer.ports.listing import READY, REFUSED, PortInfo
 from sniffer.ports.listing import ports as listed
 
@@ -51,7 +50,7 @@ def show(found: Sequence[PortInfo], output_format: str) -> None:
         for info in found:
             click.echo(json.dumps(as_dict(info), ensure_ascii=False))
     else:
-        for line in lines(found, Console().width):
+        for line in lines(found, width_of_terminal()):
             click.echo(line)
 
 

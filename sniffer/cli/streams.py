@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 
 import click
@@ -21,3 +22,15 @@ def say(message: str) -> None:
     """Talk to the user: one line on standard error; where that cannot be written, nobody hears."""
     with contextlib.suppress(OSError):
         click.echo(f"sniffer: {one_line(worded(message))}", err=True)
+
+
+def width_of_terminal() -> int:
+    """Return how many columns there are; 80 where nobody can tell."""
+    told = os.environ.get("COLUMNS", "")
+    if told.isdecimal() and int(told[:6]):
+        return int(told[:6])
+    for fd in range(3):
+        with contextlib.suppress(OSError):
+            if columns := os.get_terminal_size(fd).columns:
+                return columns
+    return 80

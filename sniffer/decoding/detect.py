@@ -136,17 +136,19 @@ class Scores:
     ) -> None:
         taken = _first(chunks)
         self.size = sum(len(c.data) for c in taken)
-        each = {p.name: p for p in (*PROTOCOLS.candidates(), *also)}
+        heard = b"".join(c.data for c in taken)
+        each = {p.name: p for p in (*PROTOCOLS.candidates(heard), *also)}
         self._heard = {name: _Heard(p, taken) for name, p in each.items()} if taken else {}
         for mine in self._heard.values():
             for other in self._heard.values():
                 if other is not mine:
                     mine.yield_to(other)
-        self.shares = {name: heard.bytes / self.size for name, heard in self._heard.items()}
+        none = dict.fromkeys(PROTOCOLS.built_in if taken else (), 0.0)  # also who was not loaded
+        self.shares = {**none, **{n: heard.bytes / self.size for n, heard in self._heard.items()}}
         """By name: the share of the bytes that this candidate explains and no better one does."""
         self._weights = {
-            name: share * (IMPOSSIBLE if baud and baud not in self._heard[name].bauds else 1)
-            for name, share in self.shares.items()
+            name: self.shares[name] * (IMPOSSIBLE if baud and baud not in heard.bauds else 1)
+            for name, heard in self._heard.items()
         }
 
     def share_of(self, name: str) -> float:
@@ -166,8 +168,21 @@ class Scores:
         """
         if not self.size:
             raise UndecidedError("the input has no bytes: nothing to decode")
+        names = ranked(self._weights)
+        found = self._found(names[0], names[1:]) if names else None
+        if found is not None:
+            return found
+        shown = _shares(self.shares, [n for n in names[:2] if self.shares[n] >= 0.001])
+        why = f" ({shown or 'none explains any of them'})"
+        told = (
+            "cannot tell the protocol of these {size} bytes{why}: name it with {protocol}, or "
+            "check that this is a bus capture"
+        )
+        raise UndecidedError(Sentence(told, size=self.size, why=why))
+
+    def _found(self, first: str, others: Sequence[str]) -> Detection | None:
+        """Return what the best candidate is taken for, if it is clear enough that it is that."""
         weights = self._weights
-        first, *others = ranked(weights)
         share, second = self.shares[first], weights[others[0]] if others else 0.0
         both = self._beside(first, others)
         if both is not None:
@@ -177,13 +192,7 @@ class Scores:
         frames = int(self._heard[first].counts.sum())
         if share >= FEW and frames >= FRAMES and weights[first] >= 4 * second:
             return Detection(first, GUESSED, self.shares, share)
-        shown = _shares(self.shares, [n for n in (first, *others[:1]) if self.shares[n] >= 0.001])
-        why = f" ({shown or 'none explains any of them'})"
-        told = (
-            "cannot tell the protocol of these {size} bytes{why}: name it with {protocol}, or "
-            "check that this is a bus capture"
-        )
-        raise UndecidedError(Sentence(told, size=self.size, why=why))
+        return None
 
     def _beside(self, first: str, others: Sequence[str]) -> Detection | None:
         """Return the best with another one that explains much of what it leaves over."""

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from sniffer.ground.codes import RESPONSE
+from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import Block
 from sniffer.ground.model import DEPTH, I64, U8, Mask, Spans
 
@@ -122,7 +123,7 @@ def _settled(rows: _Claims, ordered: Mask) -> tuple[_Claims, int | None]:
         return rows, None
     again = loses & ((end > before) | ordered[owner])
     # An answer without a header is none without the request it stands behind.
-    for k in np.unique(owner[loses]).tolist():
+    for k in numbers(owner[loses]).tolist():
         mine = np.flatnonzero(owner == k)
         one, next_one = mine[:-1], mine[1:]
         bare = loses[one] & (kind[next_one] == RESPONSE) & (start[next_one] == end[one])

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.ground.codes import MANY, MISMATCHED, NEVER, OK, REQUEST, RESPONSE
+from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import in_order
 from sniffer.ground.model import ANY_ID, DEPTH, I64, NO_ALT, Frames, Mask
 
@@ -253,7 +254,7 @@ class _Rows:
         if not len(every):
             return None
         out = np.zeros(len(f), np.int64)
-        for asked in np.unique(f.token[every]).tolist():
+        for asked in numbers(f.token[every]).tolist():
             mine = np.zeros(len(f), np.int64)
             mine[every[f.token[every] == asked]] = 1
             out += np.where(token == asked, np.cumsum(mine), 0)

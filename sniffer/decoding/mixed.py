@@ -28,6 +28,7 @@ from sniffer.decoding.holes import holes_of, mark_tail
 from sniffer.decoding.names import joined
 from sniffer.decoding.pairing import CHAIN
 from sniffer.diagnostics import WireRules
+from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import Block
 from sniffer.ground.limits import chunks_of
 from sniffer.ground.model import GAP_MAX, I64, Anomaly, Batch, Chunk, Frames, Gap, SnifferError
@@ -198,7 +199,7 @@ class MixedDecoder:
         edges_to = np.concatenate([rows.start, [cut]])
         speakers = np.concatenate([[self._speaker], rows.owner])
         since = np.where(self._heard, 0, len(edges_to))  # from which of these places on
-        for k in np.unique(rows.owner).tolist():
+        for k in numbers(rows.owner).tolist():
             since[k] = min(int(since[k]), 1 + int(np.argmax(rows.owner == k)))
         out: list[list[Gap]] = [[] for _ in mets]
         for hole in np.flatnonzero(edges_to > edges_from).tolist():

@@ -150,7 +150,7 @@ class Options:
                     package = f" ({owner})" if (owner := facts.get(f"plugin.{bus}")) else ""
                     told = (
                         "{bus} needs the protocol {name}{package}: install the package that has "
-                        "it, or give its file as {protocol}"
+                        "it, or give its file with {protocol}"
                     )
                     raise InputError(Sentence(told, bus=bus, name=repr(name[:40]), package=package))
             return dict(known)

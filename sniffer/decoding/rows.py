@@ -6,12 +6,10 @@ The only place where a Python object per frame exists; bulk work stays in the co
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-import numpy as np
-
+from sniffer.decoding.fields import frame_fields, tidy, value_ranges
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import KINDS, OUTCOMES, PARTS, PROVENANCES, ROLES, WHOLE
 from sniffer.ground.model import (
@@ -24,14 +22,13 @@ from sniffer.ground.model import (
     Batch,
     Clock,
     Direction,
-    Samples,
 )
-from sniffer.protocols.base import BusProtocol, view
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from sniffer.ground.registers import Register
+    from sniffer.protocols.base import BusProtocol
+
 
 FLAGS: Final[Mapping[int, str]] = {
     MALFORMED: "malformed",
@@ -153,55 +150,6 @@ def as_dict(row: Row) -> dict[str, Any]:
     return out
 
 
-def tidy(value: float) -> float | None:
-    """Return a value as people read it: NaN is none, rounding dust is swept off."""
-    return None if math.isnan(value) else round(value, 6)
-
-
-def value_entry(register: Register, raw: int, value: float, part: int) -> dict[str, Any]:
-    """Return one register value as ``fields`` show it."""
-    out: dict[str, Any] = {"raw": raw}
-    if part == WHOLE and register.unit:
-        out |= {"value": tidy(value), "unit": register.unit}
-    if part == WHOLE:
-        names = register.names(raw)
-        if names is not None:
-            out["names" if isinstance(names, list) else "name"] = names
-    return out
-
-
-def _frame_fields(batch: Batch, protocol: BusProtocol, i: int, values: range) -> dict[str, Any]:
-    f, v = batch.frames, batch.values
-    start, length = int(f.start[i]), int(f.length[i])
-    row = view(f, i, v.register[values.start : values.stop].tolist())
-    out = protocol.fields(batch.data[start : start + length], row)
-    targets: dict[str, dict[str, Any]] = {}
-    covered = 0
-    for k in values:
-        register = protocol.registers[int(v.register[k])]
-        part = int(v.part[k])
-        name = register.name if part == WHOLE else f"{register.name} ({PARTS[part]})"
-        entry = value_entry(register, int(v.raw[k]), float(v.value[k]), part)
-        covered += register.width if part == WHOLE else 1
-        if int(v.servo_id[k]) == row.servo_id:
-            out[name] = entry
-        else:
-            targets.setdefault(str(int(v.servo_id[k])), {})[name] = entry
-    if targets:
-        out["targets"] = targets
-    elif row.address >= 0 and covered < row.data_length and "data" not in out:
-        # registers no table names: shown as the bytes they are
-        at = start + row.data_start
-        out["data"] = batch.data[at : at + row.data_length].hex()
-    return out
-
-
-def value_ranges(v: Samples, n: int) -> list[int]:
-    """Return for each frame where its values begin; one more entry ends the last."""
-    edges: list[int] = np.searchsorted(v.row, np.arange(n + 1)).tolist()
-    return edges
-
-
 def frame_row(batch: Batch, protocol: BusProtocol, bus: str, i: int, values: range) -> FrameRow:
     """Return frame ``i`` of a batch."""
     f = batch.frames
@@ -220,7 +168,7 @@ def frame_row(batch: Batch, protocol: BusProtocol, bus: str, i: int, values: ran
         servo_id=servo if servo >= 0 else None,
         op=protocol.op_name(int(f.op[i])),
         checksum="ok" if protocol.checksum_of(raw) else "none",
-        fields=_frame_fields(batch, protocol, i, values),
+        fields=frame_fields(batch, protocol, i, values),
         flags=tuple(name for bit, name in FLAGS.items() if flags & bit) if flags else (),
         t_start_ns=int(f.t_start[i]),
         uncertainty_ns=uncertainty if uncertainty >= 0 else None,

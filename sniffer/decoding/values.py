@@ -18,6 +18,7 @@ from sniffer.diagnostics.evidence import loose_counts
 from sniffer.diagnostics.learned import FeedbackWrite, Meaning, ScaleMisfit
 from sniffer.ground.codes import ASSUMED, OBSERVED, PROFILE, REQUEST, WHOLE
 from sniffer.ground.columns import UNSEEN, columns_of
+from sniffer.ground.distinct import numbers
 from sniffer.ground.model import (
     ECHO,
     F64,
@@ -198,8 +199,8 @@ class Scaling:
         """Whether a value may contradict one of the modes that are, or may come to be, in force."""
         if not self.state.modes or not len(hits):
             return False
-        modes = {int(m) & 255 for m in np.unique(v.raw[hits])}
-        modes |= {int(m) for known in self.state.modes.values() for m in np.unique(known)}
+        modes = {int(m) & 255 for m in numbers(v.raw[hits])}
+        modes |= {int(m) for known in self.state.modes.values() for m in numbers(known)}
         modes.discard(-1)
         mine = np.flatnonzero(traits & MODED)
         lowest = self._known.limit[:, sorted(modes)].min(axis=1, initial=np.inf)

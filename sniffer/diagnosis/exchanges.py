@@ -12,6 +12,7 @@ import numpy as np
 from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.histograms import Histograms
 from sniffer.diagnosis.kinds import KINDS, RequestKinds
+from sniffer.diagnosis.moments import RequestMoments
 from sniffer.diagnosis.requests import UNTOLD, Held, RequestRows, has_failed
 from sniffer.ground.codes import NOT_EXPECTED, OK, REQUEST
 from sniffer.ground.model import ECHO, NS
@@ -114,6 +115,7 @@ class Exchanges:
         self._protocol = protocol
         self._byte_ns = 0
         self.kinds = RequestKinds()
+        self.moments = RequestMoments()
         self.count = 0
         self.turns = Histograms()
         """Of sound exchanges: from the end of a request to the beginning of the next, by kind."""
@@ -131,6 +133,14 @@ class Exchanges:
         """How many of the first answers have each length, in bytes."""
         self.in_flight = 0
         """Answered requests behind which another was made before their answer was over."""
+        self.early = np.zeros(0, np.int64)
+        """How often that was so, by kind."""
+        self.hurried = Histograms()
+        """How long the controller waited then, from the end of a request on; key 0."""
+        self.overlaps = 0
+        """Of these, how many answers were on the line before the next request was, and with it."""
+        self.overlapping: list[tuple[int, int, int]] = []
+        """The first of them: place, length and end of the request."""
         self.doubled = 0
         """Requests without an answer that were said once more right behind, byte for byte."""
         self.silent = 0
@@ -145,7 +155,9 @@ class Exchanges:
         """Take the requests of a batch, and what became of requests, at a rate of the line."""
         f, self._byte_ns = batch.frames, byte_ns
         asks = np.flatnonzero((f.kind == REQUEST) & (f.flags & ECHO == 0))
-        rows = RequestRows(batch, asks, self._open, self.kinds.add(batch, asks))
+        kind = self.kinds.add(batch, asks)
+        self.moments.add(f.t_start[asks], kind)
+        rows = RequestRows(batch, asks, self._open, kind)
         if len(rows) and len(batch.transactions):
             rows.tell(batch, self._protocol)
         many = self._close(rows) if len(rows) > 1 else 0
@@ -164,16 +176,16 @@ class Exchanges:
         since = np.maximum(r.t_end[:many], r.answer_end[:many])
         failed, ok = has_failed(outcome), outcome == OK
         idle = next_start - since
-        early = idle < 0
+        early = ok & (idle < 0)
         if early.any():
-            self.in_flight += int((ok & early).sum())
+            self._hurried(r, np.flatnonzero(early), idle)
         silent = outcome == NOT_EXPECTED
         self.silent += int(np.count_nonzero(silent))
         near = np.flatnonzero(silent & (idle <= 3 * self._byte_ns))
         if len(near):
             self.doubled += int(r.same(near).sum())
         any_failed = bool(failed.any())
-        self._usual(r, many, idle, ok & ~early, failed)
+        self._usual(r, many, idle, ok & (idle >= 0), failed)
         self._rest(r, since, idle, ~failed)
         if any_failed or self._run is not None:
             rows = np.flatnonzero(failed)
@@ -181,6 +193,23 @@ class Exchanges:
             again[rows] = r.same(rows)
             self._went_wrong(r, rows, again)
         return many
+
+    def _hurried(self, r: RequestRows, rows: I64, idle: I64) -> None:
+        """Note requests that came before the answer to the last one was over."""
+        self.in_flight += len(rows)
+        more = np.bincount(np.maximum(r.kind[rows], 0), minlength=len(self.early))
+        more[: len(self.early)] += self.early
+        self.early = more
+        wait = r.t_start[rows + 1] - r.t_end[rows]
+        self.hurried.add(np.zeros(len(rows), np.int64), wait, wait)
+        unsure = np.maximum(r.unsure(rows), r.unsure(rows + 1)) + self._byte_ns // 4
+        # The answer stands before the next request: both were on the line at once.
+        after = r.places(rows) + r.lengths(rows) + r.answer_length[rows]
+        over = rows[(r.places(rows + 1) == after) & (idle[rows] < -unsure)]
+        self.overlaps += len(over)
+        some = over[: KEPT - len(self.overlapping)]
+        columns = (r.places(some), r.lengths(some), r.t_end[some])
+        self.overlapping += zip(*(column.tolist() for column in columns), strict=True)
 
     def _usual(self, r: RequestRows, many: int, idle: I64, ok: Mask, failed: Mask) -> None:
         """Count what sound exchanges take, of the first ones."""

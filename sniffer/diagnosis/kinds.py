@@ -22,8 +22,10 @@ ODD: Final = MALFORMED | UNKNOWN | UNUSUAL
 
 _SLOTS: Final = 1 << 16
 
-_STEP: Final = np.uint64(0x9E3779B97F4A7C15)
-"""An odd number of 64 bits: multiplying by it spreads keys over the slots (Fibonacci hashing)."""
+_STEPS: Final = tuple(
+    np.uint64(step) for step in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9)
+)
+"""Odd numbers of 64 bits, by which keys are spread over the slots. Source: primes of xxHash."""
 
 
 class RequestKinds:
@@ -62,10 +64,12 @@ class RequestKinds:
     def add(self, batch: Batch, asks: I64) -> I64:
         """Count the requests in some rows of a batch; return the kind of each, -1: one too many."""
         f = batch.frames
-        key = (f.servo_id[asks].astype(np.int64) + 1) << 56
-        odd = f.flags[asks] & ODD
-        key ^= (f.op[asks] << 20) ^ (f.address[asks] + 1) ^ odd.astype(np.int64) << 48
-        slot = ((key.astype(np.uint64) * _STEP) >> np.uint64(48)).astype(np.int64)
+        key = f.op[asks].view(np.uint64) * _STEPS[0]
+        key ^= f.address[asks].view(np.uint64) * _STEPS[1]
+        key ^= (
+            f.servo_id[asks].astype(np.uint64) << np.uint64(8) | (f.flags[asks] & ODD)
+        ) * _STEPS[2]
+        slot = (key >> np.uint64(48) ^ (key >> np.uint64(20) & np.uint64(0xFFFF))).astype(np.int64)
         kind = self._number[slot]
         if (kind < 0).any() and len(self) < KINDS:
             new = np.flatnonzero(kind < 0)

@@ -16,6 +16,7 @@ from sniffer.diagnosis.damage import Damages
 from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happened
 from sniffer.diagnosis.exchanges import Exchanges
 from sniffer.diagnosis.histograms import Histograms
+from sniffer.diagnosis.kept import ALARMS, ANSWERS, LINE, TRAFFIC, VALUES
 from sniffer.diagnosis.lineerrors import LineErrors
 from sniffer.diagnosis.orders import KINDS, Orders
 from sniffer.diagnosis.refusals import Refusals
@@ -64,60 +65,6 @@ FINE_OCTAVE: Final = 64
 HEAD: Final = 1 << 15
 """Bytes kept from the beginning, and of what no frame claims: enough to look for another rate."""
 
-_TRAFFIC: Final = {
-    "frames": "sum",
-    "requests": "sum",
-    "bytes": "sum",
-    "at": "first",
-    "end": "last",
-    "t_first": "first",
-    "t_last": "last",
-}
-_ANSWERS: Final = {
-    "asked": "sum",
-    "ok": "sum",
-    "missing": "sum",
-    "damaged": "sum",
-    "mismatched": "sum",
-    "unsolicited": "sum",
-    "took_n": "sum",
-    "took_sum": "sum",
-    "took_min": "min",
-    "took_max": "max",
-    "spread_max": "max",
-    "at": "min",
-    "t_first": "min",
-    "t_last": "max",
-}
-_LINE: Final = {
-    "bytes": "sum",
-    "gap_bytes": "sum",
-    "gaps": "sum",
-    "pause_max": "max",
-    "at": "min",
-    "t_first": "min",
-    "t_last": "max",
-}
-_VALUES: Final = {
-    "n": "sum",
-    "low": "min",
-    "high": "max",
-    "total": "sum",
-    "first": "first",
-    "last": "last",
-    "step": "max",
-    "at": "first",
-    "t_first": "first",
-    "t_last": "last",
-}
-_ALARMS: Final = {
-    "n": "sum",
-    "at": "first",
-    "length": "first",
-    "t_first": "first",
-    "t_last": "last",
-}
-
 NOT_KNOWN: Final = 1 << 62
 """Stands for no duration among minima."""
 
@@ -135,15 +82,17 @@ class Ledger:
         self.first_ns: int | None = None
         self.last_ns = 0
         self.models: dict[int, tuple[str, int]] = {}
-        self.traffic = Buckets(_TRAFFIC)
+        self.has_wires = False
+        """Whether frames came in on wires that are told apart."""
+        self.traffic = Buckets(TRAFFIC)
         """By bucket and servo: frames."""
-        self.answers = Buckets(_ANSWERS)
+        self.answers = Buckets(ANSWERS)
         """By bucket and servo asked: what became of requests; ``took`` in ns, bounds apart."""
-        self.line = Buckets(_LINE)
+        self.line = Buckets(LINE)
         """By bucket: bytes, unclaimed ones, the longest pause between two requests."""
-        self.values = Buckets(_VALUES)
+        self.values = Buckets(VALUES)
         """By bucket, servo and register, in thousandths; ``step`` is between two neighbours."""
-        self.alarms = Buckets(_ALARMS)
+        self.alarms = Buckets(ALARMS)
         """By bucket, code (a row of ``found.CODES``) and servo."""
         self.events = Events()
         self.took = Histograms()
@@ -195,6 +144,7 @@ class Ledger:
             self.refusals.add(batch)
         if len(f):
             self.frames += len(f)
+            self.has_wires = self.has_wires or bool(f.direction.any())
             if self.has_checksum is None:
                 self._look_for_checksum(batch)
             if self.first_ns is None:

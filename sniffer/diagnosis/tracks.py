@@ -58,7 +58,7 @@ class Away(NamedTuple):
     error: float
 
 
-class Track:
+class JointTrack:
     """One joint: what it was told and where it was, in one unit."""
 
     def __init__(self, case: Case, servo_id: int, goal: Series, position: Series) -> None:
@@ -233,12 +233,12 @@ def _latest(moments: I64, t: I64, until: I64 | None = None) -> I64:
     return np.where(place >= 0, ends[np.maximum(place, 0)], -NEVER_NS)
 
 
-def track(case: Case, servo_id: int) -> Track | None:
+def track(case: Case, servo_id: int) -> JointTrack | None:
     """Return goals and positions of a servo that are counted alike; None: there are none."""
     for position in case.every(servo_id, "position"):
         for goal in case.every(servo_id, "goal_position"):
             if goal.register.access != "r" and _alike(goal, position):
-                return Track(case, servo_id, goal, position)
+                return JointTrack(case, servo_id, goal, position)
     return None
 
 

@@ -45,6 +45,9 @@ STEADY: Final = 0.3
 JITTER_NS: Final = 300_000
 """By how much a servo's time to answer varies at most, between nine tenths of its answers."""
 
+NEAR_NS: Final = 3_000_000
+"""What comes later behind an exchange is not its doing."""
+
 ALONE: Final = 0.75
 """Part of the places that must stand behind one servo's exchanges to be its."""
 
@@ -174,7 +177,10 @@ def _behind_one(case: Case, places: Sequence[Damage], least: int) -> int:
         return -1
     # what stands behind a request that nobody answers is behind the exchange before
     whose = [d.asked_id if d.behind == RESPONSE else d.earlier_id for d in places]
-    one, count = Counter(whose).most_common(1)[0]
+    near = [s for s, d in zip(whose, places, strict=True) if 0 <= d.since_ns <= NEAR_NS]
+    if not near:
+        return -1
+    one, count = Counter(near).most_common(1)[0]
     exchanges = sum(case.total("ok", s) for s in case.servos)
     usual = case.total("ok", one) / max(exchanges, 1) if one >= 0 else 1.0
     alone = count >= ALONE * len(places) and usual <= ALONE / 2

@@ -9,6 +9,7 @@ import numpy as np
 
 from sniffer.diagnostics.rules import anomaly
 from sniffer.ground.codes import OK
+from sniffer.ground.distinct import numbers
 from sniffer.ground.model import DEPTH
 
 if TYPE_CHECKING:
@@ -185,7 +186,7 @@ def _same(batch: Batch, missed: Missed, later: _Answered, i: I64, k: I64) -> Mas
     row, asked = missed.row[one[ours]], asked[ours]
     length = f.length[row]
     alike = length == later.asking.length[asked]
-    for size in np.unique(length[alike]).tolist():
+    for size in numbers(length[alike]).tolist():
         of = np.flatnonzero(alike & (length == size))
         steps = np.arange(size)
         first = data[f.start[row[of]][:, None] + steps]

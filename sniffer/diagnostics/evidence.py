@@ -93,7 +93,7 @@ class Evidence:
     def settle(self, row: int, servos: Iterable[int]) -> tuple[list[Turn], list[Verdict]]:
         """Decide anew: return what changes from ``row`` on, and what there is to tell of whom."""
         state = self.state
-        who = np.union1d(list(self._stale), self._everyone).astype(np.int64)
+        who = np.array(sorted({*self._stale, *self._everyone}), np.int64)
         self._stale.clear()
         model, origin = state.model.copy(), state.origin[who]
         self._decide(who)

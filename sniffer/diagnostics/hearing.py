@@ -14,6 +14,7 @@ import numpy as np
 from sniffer.diagnostics.found import NUMBER, Anomalies
 from sniffer.diagnostics.rules import anomaly
 from sniffer.ground.codes import REQUEST, RESPONSE
+from sniffer.ground.distinct import numbers
 from sniffer.ground.gaps import BLANK, NOISE, Gaps
 from sniffer.ground.model import NEVER_NS, Anomaly, Direction
 
@@ -48,7 +49,7 @@ class Hearing:
         if self._hears_requests and self._hears_answers:
             return found
         f = batch.frames
-        self._wires.update(np.unique(f.direction).tolist())
+        self._wires.update(numbers(f.direction).tolist())
         asked = self._first(batch, REQUEST, heard=self._hears_requests)
         answered = self._first(batch, RESPONSE, heard=self._hears_answers)
         found = found.take(np.lexsort((found.length, found.at)))

@@ -55,7 +55,7 @@ class RegisterColumns:
                 self.by_mode[i, UNSEEN] = unseen_scale(r)
                 self.limit[i, list(table)] = [scale_limit(r, mode) for mode in table]
         self.unseen = np.where(self.is_moded, self.by_mode[:, UNSEEN], self.scale)
-        self.selects_mode = np.isin(np.array([r.name for r in registers]), modes)
+        self.selects_mode = np.array([r.name in modes for r in registers], bool)
         self.effect = np.array([r.effect or "" for r in registers])
         self.low = np.array([r.range[0] if r.range else -FAR for r in registers], np.int64)
         self.high = np.array([r.range[1] if r.range else FAR for r in registers], np.int64)

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 SPARE: Final = 1024
 """So wide a range is counted however few numbers there are."""
 
+FEW: Final = 64
+"""So many are sorted as they are. ``np.unique`` would also load ``numpy.ma``, to look whether they
+are masked: it costs more than all else that is done with a small capture."""
+
 
 def distinct(column: Any) -> tuple[I64, I64, I64]:
     """Return the distinct numbers in order, the place of each row's among them, and how often."""
@@ -33,3 +37,10 @@ def distinct(column: Any) -> tuple[I64, I64, I64]:
             return found + low, place[shifted], times[found]
     values, which, counts = np.unique(column, return_inverse=True, return_counts=True)
     return values.astype(np.int64), which.astype(np.int64), counts.astype(np.int64)
+
+
+def numbers(column: Any) -> I64:
+    """Return the distinct numbers in order."""
+    if len(column) <= FEW:
+        return np.array(sorted({*column.tolist()}), np.int64)
+    return distinct(column)[0]

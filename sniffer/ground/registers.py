@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import functools
 import re
-import tomllib
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED, ROLES
 from sniffer.ground.model import SnifferError
 from sniffer.ground.register import TYPES, Register, bit_names, scale_limit, unseen_scale
+from sniffer.ground.toml import quick
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -206,7 +206,11 @@ _MODEL: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 def _parsed(text: str, name: str) -> _Toml:
     """Read a table; a model that its head does not name is called like the file."""
     try:
-        head = tomllib.loads(text)
+        head = quick(text)
+        if head is None:
+            import tomllib
+
+            head = tomllib.loads(text)
         entries = head.pop("register", [])
         model = str(head.get("model", Path(name).stem))
         if unknown := sorted(head.keys() - _HEAD):

@@ -11,7 +11,6 @@ from sniffer.ground.limits import BAUDS, whole
 from sniffer.ground.model import Batch, Chunk, DamagedInputError
 from sniffer.ground.needs import need_pyarrow
 from sniffer.ground.registers import RegisterMap
-from sniffer.merge.wires import in_order
 from sniffer.sources import MIXED, open_source
 
 if TYPE_CHECKING:
@@ -154,6 +153,8 @@ def decode(
     damage = None
     groups: Iterable[Sequence[Chunk]] = given
     if given.format in MIXED:
+        from sniffer.merge.wires import in_order
+
         groups = in_order(given, options, lambda message: None)
     try:
         for group in groups:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from sniffer.decoding.detect import UndecidedError
+from sniffer.decoding.options import Options
 from sniffer.diagnosis import Diagnosis
 from sniffer.jobs.convert import convert
-from sniffer.jobs.replay import replay
+from sniffer.jobs.replay import replay as played
+from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from sniffer.decoding.options import Options
     from sniffer.diagnosis import Incident
     from sniffer.jobs.replay import Window
     from sniffer.jobs.session import Ending, Patience
@@ -60,9 +62,38 @@ def diagnose(
         InputError: the input cannot be read, its protocol cannot be told, or the window is empty.
         SnifferError: unknown protocol or model, or a number that cannot be.
     """
+    try:
+        diagnosis, ending = _diagnosed(source, options, input_format, window, patience, tell)
+    except UndecidedError:
+        if str(source) == "-":
+            raise  # standard input can be read only once
+        # What nothing explains may have been read at a wrong rate. Whose frames it is not is the
+        # same then: it is judged as the first protocol's.
+        first = replace(options or Options(), protocol=next(iter(PROTOCOLS)))
+        diagnosis, ending = _diagnosed(source, first, input_format, window, patience, tell)
+        if not diagnosis.incidents():
+            raise
+    return Diagnosed(
+        diagnosis.incidents(),
+        diagnosis.judged(),
+        diagnosis.sentence(),
+        diagnosis.has_clock,
+        ending,
+    )
+
+
+def _diagnosed(
+    source: str | Path,
+    options: Options | None,
+    input_format: str,
+    window: Window | None,
+    patience: Patience | None,
+    tell: Teller | None,
+) -> tuple[Diagnosis, Ending]:
+    """Decode a capture into a diagnosis."""
     diagnosis = Diagnosis()
     if window is not None and window.is_part:
-        ending = replay(
+        ending = played(
             source,
             lambda: diagnosis,
             options,
@@ -82,10 +113,4 @@ def diagnose(
             patience=patience,
             tell=tell,
         ).ending
-    return Diagnosed(
-        diagnosis.incidents(),
-        diagnosis.judged(),
-        diagnosis.sentence(),
-        diagnosis.has_clock,
-        ending,
-    )
+    return diagnosis, ending

@@ -10,7 +10,6 @@ from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.ground.wording import Sentence
-from sniffer.merge.wires import in_order
 from sniffer.sources import MIXED
 
 if TYPE_CHECKING:
@@ -88,6 +87,8 @@ def merged(
     """Return the groups of a source; lines of two taps that their host mixed are merged."""
     if source.format not in MIXED:
         return groups
+    from sniffer.merge.wires import in_order
+
     return in_order(groups, options, tell.talk)
 
 

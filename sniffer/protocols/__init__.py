@@ -19,7 +19,13 @@ PROTOCOLS: Final = Registry(
         "lss": "sniffer.protocols.lss:Lss",
         "rs30x": "sniffer.protocols.rs30x:Rs30x",
         "wck": "sniffer.protocols.wck:Wck",
-    }
+    },
+    signs={
+        "mightyzap": (b"\xff",),
+        "lss": (b"#\r", b"*\r"),
+        "rs30x": (b"\xfa\xaf", b"\xfd\xdf"),
+        "wck": (b"\xff",),
+    },
 )
 """The built-in protocols, then plug-ins, as a mapping; each is loaded when it is asked for."""
 

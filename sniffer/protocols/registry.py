@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 import warnings
-from collections.abc import ItemsView, Iterator, Mapping, ValuesView
+from collections.abc import ItemsView, Iterator, Mapping, Sequence, ValuesView
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.loading import PluginWarning
@@ -29,13 +29,17 @@ class Registry(Mapping[str, BusProtocol]):
 
     Args:
         built_in: by name ``module:PROTOCOL``, or a class of which one is made.
+        signs: of built-in ones, sets of bytes of which each of its first frames has one whole.
 
     Raises:
         PluginError: what was asked for by its name is a plug-in that cannot be used.
     """
 
-    def __init__(self, built_in: Mapping[str, str]) -> None:
+    def __init__(
+        self, built_in: Mapping[str, str], signs: Mapping[str, Sequence[bytes]] | None = None
+    ) -> None:
         self._built_in = dict(built_in)
+        self._signs = {name: [frozenset(sign) for sign in of] for name, of in (signs or {}).items()}
         self._loaded: dict[str, BusProtocol] = {}
         self._plugins: dict[str, Plugin] | None = None
         self._files: dict[Path, BusProtocol] = {}
@@ -92,16 +96,23 @@ class Registry(Mapping[str, BusProtocol]):
                 _warn(str(error))
             return None
 
-    def candidates(self) -> list[BusProtocol]:
+    def candidates(self, heard: bytes | None = None) -> list[BusProtocol]:
         """Return the protocols that are looked for where none is named.
 
         A plug-in is one of them if it says ``auto = True``: only here all of them are loaded.
+        Built-in ones that cannot have a frame in ``heard`` are left out, and not even loaded.
         """
+        there = None if heard is None else frozenset(heard)
         return [
             protocol
-            for name, protocol in self.items()
+            for name in self
+            if self._may_be(name, there) and (protocol := self.usable(name)) is not None
             if name in self._built_in or getattr(protocol, "auto", False) is True
         ]
+
+    def _may_be(self, name: str, there: frozenset[int] | None) -> bool:
+        signs = self._signs.get(name)
+        return there is None or signs is None or any(sign <= there for sign in signs)
 
     def origin(self, name: str) -> str:
         """Return where a protocol comes from: a package, a file; empty: it is built in."""

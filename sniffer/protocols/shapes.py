@@ -9,6 +9,7 @@ import numpy as np
 
 from sniffer.ground.clues import Clues
 from sniffer.ground.codes import REQUEST, WHOLE
+from sniffer.ground.distinct import numbers
 from sniffer.ground.registers import TYPES, Entry
 from sniffer.protocols.base import Sightings, Values
 
@@ -239,7 +240,7 @@ class Sights:
         # new, it makes the next million a look-up (16 bits name every number: no clue is wider). It
         # is told in sets, as one number may be two clues.
         place = raw.astype(np.int64) & 0xFFFF
-        for new in np.unique(raw[table[place] < 0]).tolist():
+        for new in numbers(raw[table[place] < 0]).tolist():
             found = tuple(self.number(c) for c in self.rules.value(check, new, written=written))
             if found not in self.sets:
                 self.sets.append(found)

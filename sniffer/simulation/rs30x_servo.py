@@ -161,7 +161,11 @@ class Rs30xServo(Servo):
         self.joint.enabled = self.memory.raw["torque_enable"] == ON
         if self.joint.enabled:
             self.joint.is_limp = False
-            self.joint.goal = self.memory.raw["goal_position"] / TRAVEL + 0.5
+            # beyond its limits it goes to the limit. Source: RS305CR manual, 4.3 No. 30
+            raw = self.memory.raw
+            low, high = (raw.get(f"{side}_angle_limit", 0) for side in ("ccw", "cw"))
+            goal = min(max(raw["goal_position"], low), high) if low < high else raw["goal_position"]
+            self.joint.goal = goal / TRAVEL + 0.5
 
 
 ACKNOWLEDGED: Final = bytes(ACK.build({"answer": ACK_BYTE}))

@@ -131,8 +131,10 @@ class WckServo(Servo):
 
     def move(self, goal: float) -> None:
         """Go there."""
+        raw = self.memory.raw
+        low, high = raw["lower_boundary"] / TOP, raw["upper_boundary"] / TOP
         self.joint.enabled = True
-        self.joint.goal = goal
+        self.joint.goal = min(max(goal, low), high)
 
     def obey(self, op: str, values: tuple[Value, ...]) -> None:
         """Do what a command says."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
 from typing import TYPE_CHECKING, Final
 
@@ -16,6 +15,7 @@ from sniffer.decoding.summary import FIGURES
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import OBSERVED
+from sniffer.ground.patterns import later
 from sniffer.ground.wording import and_, counted, plain, short
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ GLUE: Final = "\u2800"
 SERVOS: Final = 3
 """How many servos are named beside an anomaly."""
 
-_PADDING: Final = re.compile(r" *(\x1b\[0m)? *$")
+_PADDING: Final = later(r" *(\x1b\[0m)? *$")
 
 _COLOUR = {"error": "red", "warn": "yellow", "note": "cyan"}
 

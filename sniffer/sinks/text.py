@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, TextIO
 from rich.console import Console
 from rich.style import Style
 
-from sniffer.decoding.rows import frame_row, value_ranges
+from sniffer.decoding.fields import frame_fields, value_ranges
 from sniffer.decoding.summary import Summary
 from sniffer.diagnosis import Diagnosis
 from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE, WHOLE
@@ -201,7 +201,7 @@ class TextSink:
             told.insert(0, "+".join(protocol.status_names(status)).replace("_", " "))
         if not told:
             op = protocol.op_name(int(f.op[i]))
-            fields = frame_row(batch, protocol, "", i, values).fields
+            fields = frame_fields(batch, protocol, i, values)
             if fields.get("text") == fields.get("value"):
                 fields = {k: x for k, x in fields.items() if k != "value"}
             told = [text for k, x in fields.items() if (text := _plainly(k, x, op, own))]

@@ -11,20 +11,21 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import NS, Chunk, Clock, Direction
+from sniffer.ground.patterns import later
 from sniffer.sources.text import DamagedLine, LineBlock, Opened, blocks, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 # time, its fraction, bus, label, CAN FD flags, bytes, remote request, direction of candump -x
-_LINE: Final = re.compile(
+_LINE: Final = later(
     rb"^(?:\(([0-9]{1,10})(?:\.([0-9]*))?\)[ \t]+)?([^\s#()]+)[ \t]+"
     rb"([TtRr][Xx]|[0-9A-Fa-f]{1,8}|)#(#[0-9A-Fa-f])?((?:[0-9A-Fa-f]{2})*)(R[0-9A-Fa-f]?)?"
     rb"(?:[ \t]+([RT]))?[ \t]*$",
     re.MULTILINE,
 )
 # what a line looks like that broke off while it was written, before its "#"
-_HALF: Final = re.compile(rb"\([0-9]*\.?[0-9]*(\)[ \t]*([^\s#()]+([ \t]+[0-9A-Za-z]*)?)?)?$")
+_HALF: Final = later(rb"\([0-9]*\.?[0-9]*(\)[ \t]*([^\s#()]+([ \t]+[0-9A-Za-z]*)?)?)?$")
 _DIRECTIONS: Final = {
     b"TX": Direction.TX,
     b"T": Direction.TX,

@@ -12,6 +12,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from sniffer.ground.patterns import later
 from sniffer.sources.text import PIECE, DamagedLine, LineBlock, Opened, blocks, quoted, untimed
 
 if TYPE_CHECKING:
@@ -32,8 +33,8 @@ _FORMATS: Final = {8: b"%0*o", 10: b"%0*d", 16: b"%0*x"}
 _SHAPE: Final = bytes.maketrans(_DIGITS[16], b"h" * len(_DIGITS[16]))
 _PROBED: Final = 64  # lines looked at to tell octal, decimal and hex offsets apart
 _RUN: Final = 4096  # lines of one layout read at once, at most
-_XXD: Final = re.compile(rb" *([0-9A-Fa-f]{4,16}):(?: (.*))?$", re.DOTALL)
-_OFFSET: Final = re.compile(rb" *([0-9A-Fa-f]{4,16})(?: +(.*))?$", re.DOTALL)
+_XXD: Final = later(rb" *([0-9A-Fa-f]{4,16}):(?: (.*))?$", re.DOTALL)
+_OFFSET: Final = later(rb" *([0-9A-Fa-f]{4,16})(?: +(.*))?$", re.DOTALL)
 
 
 class DumpLine(NamedTuple):

@@ -12,7 +12,6 @@ import os
 import select
 import stat
 import sys
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final, Protocol
 
@@ -150,6 +149,8 @@ class Spooled(File):
     """
 
     def __init__(self, origin: Origin) -> None:
+        import tempfile  # with all that packs and unpacks files: few inputs need it
+
         self._file = tempfile.NamedTemporaryFile(prefix="sniffer-", suffix=".mcap")  # noqa: SIM115
         try:
             with origin.open() as stream:

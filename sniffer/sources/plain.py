@@ -6,9 +6,9 @@ lines are looked at one by one, and tokens only to say where the mistake is.
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING, Final
 
+from sniffer.ground.patterns import later
 from sniffer.sources.text import DamagedLine, LineBlock, Opened, blocks, quoted, untimed
 
 if TYPE_CHECKING:
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 _DIGITS: Final = b"0123456789abcdefABCDEF"
 # what may stand between bytes, besides blanks: lists, C arrays, string quotes around \x escapes
 _MARKS: Final = bytes.maketrans(b",;{}[]()\"'\r", b" " * 11)
-_TOKEN: Final = re.compile(rb"[^\s,;{}\[\]()\"']+")
-_BYTES: Final = re.compile(rb"(?:(?:0[xX]|\\x)?[0-9A-Fa-f]{2})+|0[xX][0-9A-Fa-f]?|\\x")
-_ODD: Final = re.compile(rb"(?:0[xX]|\\x|[0-9A-Fa-f])+")
-_STRANGE: Final = re.compile(rb"[^0-9A-Fa-fxX\\]|$")
-_SINGLE: Final = re.compile(rb"\b0[xX]([0-9A-Fa-f])\b")
+_TOKEN: Final = later(rb"[^\s,;{}\[\]()\"']+")
+_BYTES: Final = later(rb"(?:(?:0[xX]|\\x)?[0-9A-Fa-f]{2})+|0[xX][0-9A-Fa-f]?|\\x")
+_ODD: Final = later(rb"(?:0[xX]|\\x|[0-9A-Fa-f])+")
+_STRANGE: Final = later(rb"[^0-9A-Fa-fxX\\]|$")
+_SINGLE: Final = later(rb"\b0[xX]([0-9A-Fa-f])\b")
 # "static const uint8_t data[] = {", the length that xxd -i writes behind the array, the b of b""
-_ASIDE: Final = re.compile(
+_ASIDE: Final = later(
     rb"(?:^|(?<=\s))(?:#|//).*$"
     rb"|/\*.{,200}?\*/"
     rb"|^\s*(?:[A-Za-z_]\w*\s+)+\w+\s*\[\s*\w*\s*\]\s*=\s*(?=\{|$)"

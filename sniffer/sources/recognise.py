@@ -10,6 +10,7 @@ import re
 from typing import Final
 
 from sniffer.ground.model import InputError
+from sniffer.ground.patterns import later
 from sniffer.ground.wording import Sentence
 from sniffer.sources import candump, jsonl
 from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, DumpLine, bytes_in, counted, tidy
@@ -30,12 +31,12 @@ RAW_SUFFIXES: Final = frozenset({".bin", ".dat", ".raw"})
 MCAP_MAGIC: Final = b"\x89MCAP"
 
 _CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\v\f\r")) + b"\x7f"
-_CARRIAGE: Final = re.compile(rb"\r(?!\n)")
+_CARRIAGE: Final = later(rb"\r(?!\n)")
 # Lynxmotion LSS: "#5QD" asks, "*5QD1443" answers; only "*QID5" names no servo
-_LSS: Final = re.compile(rb"#\d{1,3}[A-Za-z]+[-\w.*]*|\*\d{0,3}[A-Za-z]+[-\w.]*")
-_COLOUR: Final = re.compile(rb"\x1b\[[0-9;]*m")
-_LIST: Final = re.compile(rb"[{\[(]")
-_LISTED: Final = re.compile(rb"[0-9]+")
+_LSS: Final = later(rb"#\d{1,3}[A-Za-z]+[-\w.*]*|\*\d{0,3}[A-Za-z]+[-\w.]*")
+_COLOUR: Final = later(rb"\x1b\[[0-9;]*m")
+_LIST: Final = later(rb"[{\[(]")
+_LISTED: Final = later(rb"[0-9]+")
 _BETWEEN: Final = b" ,;{}[]()\"'xX\\"
 _OD_OF_NOTHING: Final = b"0000000"
 _MOSTLY: Final = 0.6  # share of hex tokens that makes the rest of a line a mistake in hex

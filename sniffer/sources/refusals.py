@@ -9,6 +9,7 @@ import re
 from typing import Final, NamedTuple
 
 from sniffer.ground.model import InputError
+from sniffer.ground.patterns import later
 
 
 class _Kind(NamedTuple):
@@ -46,7 +47,7 @@ _ZIP: Final = b"PK\x03\x04"
 
 _DATE: Final = rb"\d{4}[-/]\d\d[-/]\d\d[ T]\d\d:\d\d:\d\d"
 _LOGS: Final = tuple(
-    _Kind(re.compile(pattern), what, instead)
+    _Kind(later(pattern), what, instead)
     for pattern, what, instead in (
         (
             rb"Time ?\[s\],(?:Value|Packet ID)",
@@ -91,9 +92,9 @@ _LOGS: Final = tuple(
         ),
     )
 )
-_WORD_LINE: Final = re.compile(rb"([0-9A-Fa-f]{6,8})((?: +[0-9A-Fa-f]+)+) *$")
-_UNDER: Final = re.compile(rb" {6,}\S")  # od's second type stands under the first
-_SEVEN: Final = re.compile(rb"[0-9A-Fa-f]{7} ")
+_WORD_LINE: Final = later(rb"([0-9A-Fa-f]{6,8})((?: +[0-9A-Fa-f]+)+) *$")
+_UNDER: Final = later(rb" {6,}\S")  # od's second type stands under the first
+_SEVEN: Final = later(rb"[0-9A-Fa-f]{7} ")
 
 
 def refused(what: str, instead: str) -> InputError:

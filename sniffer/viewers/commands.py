@@ -96,7 +96,7 @@ class Commands:
             thread.join(max(0.0, deadline - time.monotonic()))
         with self._lock:
             for process in self._running.values():
-                self._tell(f"a command of --on still runs, as process {process.pid}")
+                self._tell(f"a command that was started still runs, as process {process.pid}")
                 process.returncode = 0  # it is left on purpose: Popen need not warn of it
 
     def _work(self) -> None:

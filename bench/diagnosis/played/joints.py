@@ -145,19 +145,21 @@ def overload(draft: Draft) -> None:
     draft.truth("overload", who, first_s, draft.seconds if saves else last_s + 0.3)
 
 
-def _shifted(play: Play, who: int, shift: float, until_s: float) -> None:
-    """Let a servo measure its position wrongly for a moment."""
-    servo, stage = play.servo(who), play.stage
+def _shifted(play: Play, who: int, shift: float, times: int) -> None:
+    """Let a servo measure its position wrongly, so often."""
+    servo = play.servo(who)
     top = 1.0 if servo.joint.position < 0.5 else -1.0
-    usual = servo.measure
+    usual, left = servo.measure, [True] * times
 
     def measure() -> None:
         joint = servo.joint
         true = joint.position
-        if stage.bus.now_ns < until_s * NS:
-            joint.position = min(max(true + top * shift, 0.0), 1.0)
+        joint.position = min(max(true + top * shift, 0.0), 1.0)
         usual()
         joint.position = true
+        left.pop()
+        if not left:
+            servo.measure = usual
 
     servo.measure = measure
 
@@ -170,6 +172,7 @@ def position_jump_measured(draft: Draft) -> None:
     times = sorted(rng.uniform(2, draft.seconds - 1) for _ in range(rng.randint(2, 6)))
     for t in times:
         shift = rng.uniform(0.25, 0.45)
-        lasts_s = rng.uniform(0.04, 0.1)
-        draft.at(t, functools.partial(_shifted, who=who, shift=shift, until_s=t + lasts_s))
+        # a client that reads one register after the other measures anew for each
+        wrong = functools.partial(_shifted, who=who, shift=shift, times=rng.randint(2, 4))
+        draft.at(t, wrong)
     draft.truth("position-jump", who, times[0], times[-1] + 0.2)

@@ -24,10 +24,6 @@ CASES: Final = Cases()
 Spans = list[tuple[float, float]]
 
 
-def _during(spans: Spans, now_s: float) -> bool:
-    return any(first_s <= now_s < last_s for first_s, last_s in spans)
-
-
 def _bend(draft: Draft, who: int, bend: Callable[[float, int], int | None]) -> None:
     def start(play: Play) -> None:
         play.robot.nature.bends[who] = bend
@@ -46,8 +42,11 @@ def _leaned(spans: Spans, now_s: float, raw: int, goal: int) -> int:
     return round(raw + (goal - raw) * share)
 
 
-BEYOND: Final = {"mightyzap": (3700, 4000), "rs30x": (1520, 1900), "wck": (215, 250)}
-"""Goals outside the limits that are set below, or for an RS30x outside what its manual allows."""
+BEYOND: Final = {"mightyzap": (3700, 4000), "rs30x": (1080, 1190), "wck": (215, 250)}
+"""Goals outside the limits that are set below."""
+
+FAR_BEYOND: Final = {"mightyzap": (4100, 4400), "rs30x": (1520, 1900)}
+"""Goals outside what the manual allows."""
 
 
 @CASES("mightyzap", "rs30x", "wck", polls=(ALL, TURN))
@@ -55,13 +54,19 @@ def goal_out_of_range(draft: Draft) -> None:
     """Goals beyond limits that were read from the servo, or beyond the range of the manual."""
     who = draft.pick()
     spans = draft.episodes(2.4, 5)
-    goal = draft.rng.randint(*BEYOND[draft.protocol])
+    beyond = BEYOND
+    if draft.protocol in FAR_BEYOND and draft.rng.random() < 0.3:
+        beyond = FAR_BEYOND
+    goal = draft.rng.randint(*beyond[draft.protocol])
 
     def limits(play: Play) -> None:
         for servo in play.stage.bus.servos.values():
             raw = servo.memory.raw  # type: ignore[attr-defined]
             if draft.protocol == "mightyzap":
                 raw["short_stroke_limit"], raw["long_stroke_limit"] = 50, 3600
+            elif draft.protocol == "rs30x":
+                raw["ccw_angle_limit"], raw["cw_angle_limit"] = -1000, 1000
+                servo.burn()  # type: ignore[attr-defined]
             elif draft.protocol == "wck":
                 raw["lower_boundary"], raw["upper_boundary"] = 4, 205
         play.tongue.reads_limits = True
@@ -74,7 +79,7 @@ def goal_out_of_range(draft: Draft) -> None:
     draft.truth("goal-out-of-range", who, spans[0][0], spans[-1][1])
 
 
-INSIDE: Final = {"mightyzap": (60, 3500), "rs30x": (-1400, 1400), "wck": (6, 200)}
+INSIDE: Final = {"mightyzap": (60, 3500), "rs30x": (-950, 950), "wck": (6, 200)}
 """Goals of the sound servos, and of the sound part of the run, lie between."""
 
 
@@ -107,16 +112,21 @@ def goal_jumps(draft: Draft) -> None:
     rng, who = draft.rng, draft.pick()
     low, high = TRAVEL[draft.protocol]
     times = sorted(rng.uniform(2.5, draft.seconds - 1) for _ in range(rng.randint(2, 5)))
-    lasts_s = rng.uniform(0.05, 0.12)
-    spans = [(t, t + lasts_s) for t in times]
+    goals = rng.randint(1, 3)
 
-    def jump(now_s: float, raw: int) -> int:
-        if not _during(spans, now_s):
-            return raw
-        share = (raw - low) / (high - low)
-        return round(low + (high - low) * (0.97 if share < 0.5 else 0.03))
+    def start(play: Play) -> None:
+        due = [t for t in times for _ in range(goals)]
 
-    _bend(draft, who, jump)
+        def jump(now_s: float, raw: int) -> int:
+            if not due or now_s < due[0]:
+                return raw
+            due.pop(0)
+            share = (raw - low) / (high - low)
+            return round(low + (high - low) * (0.97 if share < 0.5 else 0.03))
+
+        play.robot.nature.bends[who] = jump
+
+    draft.start(start)
     draft.truth("position-jump", who, times[0], times[-1] + 0.5)
 
 

@@ -36,6 +36,10 @@ def _sag(play: Play, who: int, part: float) -> None:
     play.servo(who).joint.sag = part
 
 
+def _gone(play: Play, who: int) -> None:
+    play.servo(who).deaf_until_ns = FOREVER_NS
+
+
 def _back(play: Play, who: int, boot_s: float) -> None:
     servo = play.servo(who)
     servo.power_on()
@@ -46,10 +50,16 @@ def sags(draft: Draft, whom: list[int]) -> None:
     """Let the supply of some servos sag now and then, until they restart."""
     rng = draft.rng
     stretches = draft.episodes(0.3, 0.9)
+    if draft.protocol == "wck":
+        del stretches[1:]  # more would be a module that restarts time and again: nothing tells
     depth = rng.uniform(0.33, 0.48)
     for first_s, last_s in stretches:
         for who in whom:
             boot_s = rng.uniform(0.065, 0.09) if draft.protocol == "wck" else rng.uniform(0.1, 0.35)
+            if draft.protocol == "wck":  # it tells of no voltage: it is away, and that is all
+                draft.at(first_s, functools.partial(_gone, who=who))
+                draft.at(last_s, functools.partial(_back, who=who, boot_s=boot_s))
+                continue
             draft.at(first_s, functools.partial(_sag, who=who, part=depth * 0.8))
             middle = first_s + 0.4 * (last_s - first_s)
             draft.at(middle, functools.partial(_sag, who=who, part=depth))
@@ -62,7 +72,7 @@ def sags(draft: Draft, whom: list[int]) -> None:
 @CASES(*EVERY)
 def brownout(draft: Draft) -> None:
     """One servo's wire is thin, or all hang on one supply."""
-    sags(draft, list(draft.ids) if draft.rng.random() < 0.25 else [draft.pick()])
+    sags(draft, list(draft.ids) if draft.rng.random() < 0.3 else [draft.pick()])
 
 
 def _soon_gives_up(play: Play) -> None:

@@ -9,7 +9,7 @@ from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.clocks import LOOKED, clock_of
-from sniffer.diagnosis.damage import IN_REPLY
+from sniffer.diagnosis.damage import IN_IDLE, IN_REPLY
 from sniffer.diagnosis.lineerrors import IN_ANSWERS, IN_REQUESTS
 from sniffer.diagnosis.misread import BACK, BITS, BITS_FEW, FRONT, alike_of
 from sniffer.diagnosis.model import Finding, Place
@@ -307,6 +307,7 @@ def strays_before(case: Case) -> Iterator[Finding]:
         and len(m.damage.expected) <= BARE
     ]
     alone = len({m.servo_id for m in before}) == 1 and len(case.answering) > 1
+    alone = alone or len(before) < LEAST * sum(d.turn == IN_IDLE for d in case.damages)
     if len(before) >= 2 * LEAST and len(before) >= MOST * len(answers) and not alone:
         yield _finding(
             "strays-at-turn",

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.forms import OFTEN, single
 from sniffer.ground.codes import COMMANDED
-from sniffer.ground.model import MALFORMED, NS, UNKNOWN, UNUSUAL
+from sniffer.ground.model import NS, UNUSUAL
+from sniffer.ground.register import unseen_scale
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -58,26 +59,6 @@ FINDINGS: Final = (
         "At least eight writes of one setting that is kept without power (or commands to keep "
         "settings), at a pace that reaches the rated cycles within the servo's life.",
     ),
-    FindingCode(
-        "gain-read-sets-id",
-        "controller",
-        "wCK servos are given the id 0 by a command that client libraries take for a gain read.",
-        "`id_set` (0C) to the id 0, sent to a servo of another id: the appendix of the manual has "
-        "the codes of gain read (0A) and id set exchanged.",
-    ),
-    FindingCode(
-        "modifier-misused",
-        "controller",
-        "A modifier stands behind a command that has none, or behind another than its own.",
-        "LSS lines that hold, with modifiers the page does not allow with that command.",
-    ),
-    FindingCode(
-        "odd-commands",
-        "controller",
-        "Requests that hold and are not as the manual has them, time and again from the same code.",
-        "Kinds of requests with a body they cannot have, or that stand in no manual, and how often "
-        "each was sent.",
-    ),
 )
 
 LIMITS: Final = (
@@ -88,9 +69,6 @@ LIMITS: Final = (
 """Registers that bound a goal, by their names in the tables (mightyZAP, RS30x, wCK). LSS has none
 for angles: its angular range is for pulses and RC mode."""
 
-ID_SET: Final = "id_set"
-"""The command whose code the appendix of the wCK manual (1.07, A-4) gives for reading gains."""
-
 LOOP: Final = 8
 """Writes of one setting that no set-up needs: a person who tunes a gain tries a few."""
 
@@ -100,9 +78,6 @@ microcontrollers give 100 000 for EEPROM (ATmega328P, 8.1) and 10 000 for flash.
 
 LIFE_H: Final = 2000
 """Hours of use within which the memory is worn out at the pace seen: a year of working days."""
-
-OFTEN: Final = 3
-"""A frame that holds by chance does not come again; a mistake in a program does."""
 
 
 def _told(register: Register, raw: int) -> str:
@@ -129,7 +104,7 @@ def goal_range(case: Case) -> Iterator[Finding]:
         count = case.count("value-out-of-range", servo_id=servo)
         yield Finding(
             "goal-beyond-range",
-            _single(case, servo),
+            single(case, servo),
             int(events.t_ns[0]) if len(events) else int(w["t_first"][i]),
             int(events.t_ns[-1]) if len(events) else int(w["t_last"][i]),
             max(count, 1),
@@ -149,7 +124,7 @@ def goal_limits(case: Case) -> Iterator[Finding]:
         if goals is None or limits is None:
             continue
         low, high = limits
-        spare = abs(goals.register.scale) * 1.01
+        spare = abs(unseen_scale(goals.register)) * 1.01
         rows = np.flatnonzero((goals.low < low - spare) | (goals.high > high + spare))
         if not len(rows):
             continue
@@ -196,7 +171,7 @@ def writes(case: Case) -> Iterator[Finding]:
         n, parts, refused = int(w["n"][i]), int(w["parts"][i]), int(w["refused"][i])
         span = int(w["t_first"][i]), int(w["t_last"][i])
         place = Place(int(w["at"][i]), int(w["length"][i]), span[0], f"writes {register.name}")
-        who = _single(case, servo)
+        who = single(case, servo)
         sure = 1.0 if refused or n >= OFTEN else 0.7
         said = f", and it refused {refused} of them" if refused else ""
         if "w" not in register.access:
@@ -234,7 +209,7 @@ def unnamed_writes(case: Case) -> Iterator[Finding]:
             continue  # another model, most likely: its servo knows the address
         yield Finding(
             "writes-unnamed",
-            _single(case, servo),
+            single(case, servo),
             int(u["t_first"][i]),
             int(u["t_last"][i]),
             n,
@@ -262,7 +237,7 @@ def memory_wear(case: Case) -> Iterator[Finding]:
         pace = f", which last {hours:.3g} hours at this pace" if case.has_clock else ""
         yield Finding(
             "memory-written-often",
-            _single(case, servo),
+            single(case, servo),
             *span,
             n,
             f"{n} times {what} of servo {servo}, which keeps it without power: {n / RATED:.2%} of the "
@@ -300,86 +275,11 @@ def _kept(case: Case) -> dict[int, _Kept]:
     return out
 
 
-def gain_read(case: Case) -> Iterator[Finding]:
-    """Ids that a client sets to 0 because it thinks that it reads gains."""
-    if ID_SET not in map(case.protocol.op_name, case.ledger.exchanges.kinds.op):
-        return
-    rows = case.settings("servo_id")
-    given = rows.take((rows.written == 1) & (rows.after == 0) & (rows.servo_id > 0))
-    for servo in np.unique(given.servo_id).tolist():
-        mine = given.take(given.servo_id == servo)
-        yield Finding(
-            "gain-read-sets-id",
-            servo,
-            int(mine.t_ns[0]),
-            int(mine.t_ns[-1]),
-            len(mine),
-            f"servo {servo} is told the id 0 by id_set (0C): clients send this where they mean a gain "
-            "read (0A)",
-            case.places(mine, "id_set to 0"),
-            brief=f"servo {servo} is given the id 0",
-        )
-
-
-_WORDS: Final = re.compile(r"([A-Z]+)(-?\d*)")
-
-
-def _misused(case: Case, line: bytes) -> str:
-    """Return the first modifier of a line that its command does not have; empty: there is none."""
-    known: dict[str, set[str]] = {}
-    for r in case.protocol.registers:
-        if r.kind == "modifier":
-            known.setdefault(r.word, set()).update(r.modifies)
-    action, *modifiers = (word for word, _ in _WORDS.findall(line.decode("latin-1").upper()))
-    # of some the page says nothing: they may stand anywhere
-    wrong = (m for m in modifiers if m not in known or (known[m] and action not in known[m]))
-    return next(wrong, "")
-
-
-def odd_commands(case: Case) -> Iterator[Finding]:
-    """Requests that are not as the manual has them, and modifiers where they mean nothing."""
-    kinds = case.ledger.exchanges.kinds
-    torn = case.count("bad-checksum", "damaged-frame", "truncated-frame", "noise", "idle-tail")
-    has_modifiers = any(r.kind == "modifier" for r in case.protocol.registers)
-    for k, odd in enumerate(kinds.odd):
-        n, servo = int(kinds.n[k]), kinds.servo_id[k]
-        name = case.protocol.op_name(kinds.op[k])
-        shown = kinds.example[k][:24].hex(" ").upper()
-        span = kinds.t_first[k], int(kinds.t_last[k])
-        wrong = _misused(case, kinds.example[k]) if has_modifiers and odd & UNUSUAL else ""
-        if wrong:
-            text = kinds.example[k].decode("latin-1").strip()
-            code, what = "modifier-misused", f"{n} x {text}: {name} has no modifier {wrong}"
-        elif odd & (MALFORMED | UNKNOWN) and (n >= OFTEN or not torn):
-            how = "with a body it cannot have" if odd & MALFORMED else "which stands in no manual"
-            code, what = "odd-commands", f"{n} x {name} {how}: {shown}"
-        else:
-            continue
-        yield Finding(
-            code,
-            _single(case, servo),
-            *span,
-            n,
-            what,
-            (Place(kinds.at[k], len(kinds.example[k]), span[0], name),),
-            strength=min(0.5 + n / 10, 1.0),
-            brief=f"{name} is not as the manual has it",
-        )
-
-
-def _single(case: Case, servo: int) -> int | None:
-    """Return a servo, None where all or several are meant."""
-    known = servo in case.answering or bool((case.writes["servo_id"] == servo).any())
-    return servo if known and servo not in case.protocol.everyone else None
-
-
 RULES: Final[tuple[Rule, ...]] = (
     goal_range,
     goal_limits,
     writes,
     unnamed_writes,
     memory_wear,
-    gain_read,
-    odd_commands,
 )
 """The rules of this area."""

@@ -21,16 +21,25 @@ FINDINGS: Final = (
         "goal-jump",
         "controller",
         "One goal jumps far from the one before it, in a row of goals that move in small steps.",
-        "A step six times beyond nine tenths of all others and a twentieth of the travel, between "
-        "goals that go on in small steps, with no pause before it.",
+        "A step four times beyond all others within two seconds, and a twentieth of the travel, "
+        "between goals that go on in small steps, with no pause before it.",
     ),
 )
 
-BEYOND: Final = 6.0
-"""A path that is smooth has no step several times beyond its fast parts."""
+BEYOND: Final = 4.0
+"""A path that is smooth has no step several times beyond all others near it."""
+
+ABOUT: Final = 0.5
+"""Steps that are at least so much of a jump are jumps, too: the way back."""
 
 PART: Final = 0.05
 """Part of the travel of the goals: less is no jump that anybody would see."""
+
+BACK: Final = 3
+"""Quarter seconds within which a jump comes back."""
+
+AMONG: Final = 5
+"""Goals in a quarter second among which one step alone can be told from a fast move."""
 
 BUCKETS: Final = 12
 """Quarter seconds of moving goals that make a history."""
@@ -38,7 +47,7 @@ BUCKETS: Final = 12
 NEAR: Final = 8
 """Quarter seconds around a jump in which the goals must be moving in small steps."""
 
-SHARE: Final = 0.1
+SHARE: Final = 0.2
 """Of so many steps that are far beyond the others they are the program's way: it moves from point
 to point."""
 
@@ -73,9 +82,8 @@ def goal_jumps(case: Case) -> Iterator[Finding]:
             int(goals.t_first[rows[0]]),
             int(goals.t[rows[-1]]),
             len(rows),
-            f"a goal of servo {servo} jumps by {goals.told(float(goals.step[worst]))}, where nine "
-            f"tenths of its steps are below {goals.told(usual)}"
-            + (", and comes back" if returns else ""),
+            f"a goal of servo {servo} jumps by {goals.told(float(goals.step[worst]))}, and no other step "
+            f"near is above {goals.told(usual)}" + (", and comes back" if returns else ""),
             tuple(
                 Place(int(goals.at[r]), 1, int(goals.t_first[r]), "goals among which one jumps")
                 for r in rows[:3]
@@ -98,37 +106,65 @@ def _is_weak(case: Case) -> bool:
 
 
 def _jumps(case: Case, goals: Series) -> tuple[I64, float]:
-    """Return the buckets with a jump, and what nine tenths of the steps are below."""
+    """Return the buckets with a jump, and what the other steps near them are below."""
     none = np.empty(0, np.int64)
     step: F64 = goals.step
     moving = step > 0
     if moving.sum() < BUCKETS:
         return none, 0.0
-    usual = float(np.quantile(step[moving], 0.9))
     travel = float(goals.high.max() - goals.low.min())
-    far = step > max(BEYOND * usual, PART * travel)
-    if not 0 < far.sum() <= max(SHARE * moving.sum(), 1):
-        return none, usual
+    far = step > max(BEYOND * float(np.median(step[moving])), PART * travel)
+    if not far.any():
+        return none, 0.0
+    found = [(r, usual) for r in np.flatnonzero(far).tolist() if (usual := _usual(case, goals, r))]
+    if not 0 < len(found) <= max(SHARE * moving.sum(), 1):
+        return none, 0.0
+    return np.array([r for r, _ in found], np.int64), max(usual for _, usual in found)
+
+
+def _usual(case: Case, goals: Series, r: int) -> float:
+    """Return the greatest of the small steps around a jump; 0: it is none."""
+    bucket, step = goals.bucket, goals.step
+    near = np.abs(bucket - bucket[r]) <= NEAR
+    small = near & (step > 0) & (step < ABOUT * step[r])
+    before, behind = int(small[:r].sum()), int(small[r + 1 :].sum())
+    ends = bucket[r] >= bucket[-1] - 1
+    if before < NEAR // 2 or (behind < NEAR // 4 and not ends) or _lacks_goals(case, goals, r):
+        return 0.0
+    usual = float(step[small].max())
+    return usual if step[r] >= BEYOND * usual and _stands_out(goals, r) else 0.0
+
+
+def _stands_out(goals: Series, r: int) -> bool:
+    """Tell whether a step is no part of a fast move: it comes back, or stands alone among many."""
+    alike = np.flatnonzero(
+        (np.abs(goals.bucket - goals.bucket[r]) <= BACK) & (goals.step >= ABOUT * goals.step[r])
+    )
+    before, after = max(int(alike[0]) - 1, 0), int(alike[-1])
+    way = abs(float(goals.last[after] - goals.last[before]))
+    if way <= ABOUT * goals.step[r]:
+        return True
+    alone = len(alike) == 1 and goals.n[r] >= AMONG
+    return bool(alone and way <= goals.step[r] * (1 + 1 / BEYOND))
+
+
+def _lacks_goals(case: Case, goals: Series, r: int) -> bool:
+    """Tell whether goals are missing before a jump: a path is a function of time, and goes on."""
+    beside = slice(max(r - 1, 0), r + 1)
+    if (np.diff(goals.bucket[beside]) > 1).any():
+        return True
+    near = np.abs(goals.bucket - goals.bucket[r]) <= NEAR
+    if (goals.n[beside] < STATED * float(np.median(goals.n[near]))).any():
+        return True
+    since, until = int(goals.t_first[beside.start]), int(goals.t[r])
+    if any(run.t_ns < until and run.until_ns > since for run in case.ledger.exchanges.all_runs):
+        return True  # one goal was said again and again
     pauses = case.line["pause_max"]
     seen = pauses[pauses > 0]
-    long = PAUSED * float(np.median(seen)) if len(seen) and case.has_clock else np.inf
-    small = moving & ~far
-    often = STATED * float(np.median(goals.n))
-    out = []
-    for r in np.flatnonzero(far).tolist():
-        bucket = goals.bucket[r]
-        near = (goals.bucket >= bucket - NEAR) & (goals.bucket <= bucket + NEAR) & small
-        before, behind = near[:r].sum(), near[r + 1 :].sum()
-        ends = bucket >= goals.bucket[-1] - 1
-        place = int(np.searchsorted(case.line["bucket"], bucket))
-        here = slice(max(place - 1, 0), place + 1)
-        paused = bool((pauses[here] > long).any()) or bool(
-            np.diff(goals.bucket[max(r - 1, 0) : r + 1]).max(initial=0) > 1
-        )
-        missing = goals.n[r] < often or goals.n[max(r - 1, 0)] < often
-        if before >= NEAR // 2 and not missing and (behind >= NEAR // 4 or ends) and not paused:
-            out.append(r)
-    return np.array(out, np.int64), usual
+    if not len(seen) or not case.has_clock:
+        return False
+    place = np.searchsorted(case.line["bucket"], goals.bucket[beside])
+    return bool((pauses[place] > PAUSED * float(np.median(seen))).any())
 
 
 RULES: Final[tuple[Rule, ...]] = (goal_jumps,)

@@ -1,97 +1,182 @@
-"""A line that somebody holds, or that nobody does: low for long, or wandering for long."""
+"""A line that something holds: low for long, one value over and over, or falling all the time."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
+from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.damage import AT_TURN, HELD, IN_IDLE
+from sniffer.diagnosis.damage import HELD, IN_IDLE
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.rules import Rule
 
 FINDINGS: Final = (
     FindingCode(
-        "line-held-low",
+        "held-low",
         "line",
-        "The line goes low while nobody speaks and stays there: one zero byte, and then nothing for long.",
-        "Two zero bytes or more, each with nothing behind it for 40 ms, and hardly another stray byte.",
+        "The line falls low, and nobody says anything for long: a byte of 00, then silence.",
+        "At least twice a 00 that no frame claims, behind which it is silent for longer than the controller ever is, or stray bytes that are nearly all 00 and breaks.",
     ),
     FindingCode(
-        "line-wanders",
+        "held-value",
         "line",
-        "The level of the line wanders for many bytes in a row, as that of a line that is held and let go, or that nobody drives.",
-        "Runs of 24 unclaimed bytes or more, in which two thirds have no edge or but one, 100 bytes in all.",
+        "One value is heard over and over: the line is held at a level.",
+        "Six bytes or more of one value in a row that no frame claims, sixteen in all.",
+    ),
+    FindingCode(
+        "line-babbles",
+        "line",
+        "The line falls all the time, for moments, and no frame gets by meanwhile.",
+        "Rows of sixteen bytes and more, nearly all ones: short falls of an idle line, and no sender.",
     ),
 )
 
-LONG_NS: Final = 40 * NS // 1000
-"""Longer than any answer takes, and than most controllers wait."""
+TWICE: Final = 2
 
-ONLY: Final = 0.7
-"""Part of the stray places that must be zeros: noise gives other bytes, too."""
+LONG_NS: Final = 20_000_000
+"""A shorter silence is a controller's that waits for an answer."""
 
-RUN: Final = 24
-"""Bytes in a row: longer than what is left of frames that were torn once."""
+LONGER: Final = 1.5
+"""How many times the controller's own pauses a silence must be."""
 
-FLAT: Final = 0.6
-"""Part of such bytes with one edge at most; of any 256 bytes nine have so few."""
+NEARLY: Final = 0.7
+"""Part of the stray bytes that must be 00."""
 
-ENOUGH: Final = 100
+BYTES: Final = 16
+"""Bytes in all of one value, or in a row of a babbling line."""
 
-_FLAT: Final = frozenset((0xFF00 >> k) & 0xFF for k in range(9))
-"""Ones behind zeros, the first bits first, and nothing else."""
+MANY: Final = 64
+"""Bytes of FF that are too many for short falls of the line."""
+
+STOPS: Final = 0.25
+"""Part of the usual frames that may get by in a quarter second in which the line babbles."""
+
+FULL: Final = 24
+"""Unclaimed bytes in a quarter second of a babbling line."""
+
+DENSE: Final = 300
+"""Unclaimed bytes in a quarter second that no sparks make, whatever gets by between them."""
+
+THERE: Final = 0.4
+"""Part of all unclaimed bytes that must be there."""
+
+ONES: Final = 0.8
+"""Part of the bits that are ones: in frames half of them are."""
+
+MS: Final = 1_000_000
 
 
 def held_low(case: Case) -> Iterator[Finding]:
-    """Find where the line is low for long."""
-    stray = [d for d in case.damages if d.turn in (IN_IDLE, AT_TURN, HELD)]
-    zeros = [d for d in stray if d.got and not any(d.got)]
-    long = [d for d in zeros if d.until_ns >= LONG_NS or d.turn == HELD]
-    if len(long) < 2 or len(zeros) < ONLY * len(stray):
+    """Find moments in which the line was low for long."""
+    zeros = [d for d in case.damages if d.got and d.got[-1] == 0 and d.length <= len(d.got)]
+    usual = case.ledger.exchanges.idle.at(0, 0.98)
+    least = max(LONG_NS, LONGER * (usual.high if usual is not None else LONG_NS))
+    silent = [d for d in zeros if d.until_ns > least + case.latency_ns] if case.has_clock else []
+    if sum(d.turn == IN_IDLE for d in silent) < len(silent) / 2:
+        silent = []  # torn answers end as they may, and a controller waits behind them
+    alone = [d for d in zeros if d.got == b"\0" and d.turn == IN_IDLE]
+    strays = sum(d.turn == IN_IDLE for d in case.damages)
+    breaks = int(case.line_errors["breaks"].sum()) or case.count("line-break")
+    lone = alone if len(alone) >= NEARLY * strays and breaks >= TWICE else []
+    found = sorted({d.at: d for d in (*silent, *lone)}.values(), key=lambda d: d.at)
+    if len(found) < TWICE:
         return
-    total_ns = sum(max(d.until_ns, 0) for d in long)
-    yield Finding(
-        "line-held-low",
-        None,
-        long[0].t_ns,
-        long[-1].t_ns,
-        len(long),
-        f"{len(long)} times the line goes low while nobody speaks, and nothing is said for "
-        f"{total_ns / NS:.2f} s behind them",
-        tuple(Place(d.at, d.length, d.t_ns, "low, and then nothing") for d in long[:3]),
-        strength=min(0.6 + len(long) / 10, 1.0),
-        brief="the line is held low",
+    longest = max((d.until_ns for d in silent), default=0)
+    pauses = (
+        f"silent for up to {longest / MS:.0f} ms behind {len(silent)} of them" if silent else ""
+    )
+    lows = f"{breaks} breaks were told" if breaks else ""
+    yield _finding(
+        "held-low",
+        found,
+        f"{len(found)} times a 00 that is nobody's: " + ", ".join(filter(None, (pauses, lows))),
+        f"the line falls low {len(found)} times",
+        min(0.4 + 0.15 * len(silent) + 0.1 * len(lone), 1.0),
+        max(d.until_ns for d in found),
     )
 
 
-def wanders(case: Case) -> Iterator[Finding]:
-    """Find long runs of bytes with hardly an edge."""
-    if case.ledger.bytes == 0 or not case.ledger.frames:
+def held_value(case: Case) -> Iterator[Finding]:
+    """Find rows of one value."""
+    held = [d for d in case.damages if d.turn == HELD]
+    size = sum(d.length for d in held)
+    low = sum(d.length for d in held if d.got[0] == 0)
+    # short falls of an idle line are FF, too: a row of them is no proof
+    if low < BYTES and (size < MANY or size < NEARLY * sum(d.length for d in case.damages)):
         return
-    runs = [r for r in case.ledger.unclaimed.runs if len(r.data) >= RUN]
-    flat = [r for r in runs if sum(b in _FLAT for b in r.data) >= FLAT * len(r.data)]
-    size = sum(len(r.data) for r in flat)
-    if size < ENOUGH or 2 * size < sum(len(r.data) for r in runs):
-        return
-    yield Finding(
-        "line-wanders",
-        None,
-        flat[0].t_ns,
-        flat[-1].t_ns,
-        len(flat),
-        f"{len(flat)} runs of {RUN} bytes or more, {size} in all, have hardly an edge: "
-        f"{flat[0].data[:8].hex(' ').upper()} ...",
-        tuple(Place(r.at, len(r.data), r.t_ns, "the line wanders") for r in flat[:3]),
-        strength=min(0.7 + size / 1000, 1.0),
-        brief="the line wanders",
+    values = sorted({f"{d.got[0]:02X}" for d in held})
+    yield _finding(
+        "held-value",
+        held,
+        f"{size} bytes of {', '.join(values)} in {len(held)} rows",
+        f"{size} bytes of {', '.join(values)}",
+        min(0.5 + size / 200, 1.0),
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (held_low, wanders)
-"""The rules of this file."""
+def babbles(case: Case) -> Iterator[Finding]:
+    """Find moments in which the line falls all the time."""
+    rows = [d for d in case.damages if d.length >= BYTES and d.turn != HELD and _ones(d) >= ONES]
+    if len(rows) < TWICE or not _stopped(case):
+        return
+    size = sum(d.length for d in rows)
+    yield _finding(
+        "line-babbles",
+        rows,
+        f"{len(rows)} rows of {size} bytes that are nearly all ones, and no frame in them",
+        f"the line babbles {len(rows)} times",
+        min(0.5 + size / 400, 1.0),
+    )
+
+
+def _stopped(case: Case) -> bool:
+    """Tell whether there are quarters of a second full of such bytes, or with hardly a frame."""
+    if not case.has_clock:
+        return True
+    line, traffic = case.line, case.traffic
+    frames = np.zeros(len(line["bucket"]))
+    where = np.searchsorted(line["bucket"], traffic["bucket"])
+    known = where < len(frames)
+    np.add.at(frames, where[known], traffic["frames"][known])
+    usual = float(np.median(frames[frames > 0])) if (frames > 0).any() else 0.0
+    babble = np.zeros(len(line["bucket"]))
+    ones = [d for d in case.damages if d.got and _ones(d) >= ONES]
+    at = np.searchsorted(line["bucket"], np.array([d.t_ns // BUCKET_NS for d in ones], np.int64))
+    np.add.at(babble, np.minimum(at, len(babble) - 1), [d.length for d in ones])
+    stopped = (line["gap_bytes"] >= FULL) & (frames <= STOPS * usual)
+    stopped |= babble >= DENSE
+    there = int(line["gap_bytes"][stopped].sum())
+    return bool(stopped.sum() >= TWICE and there >= THERE * int(line["gap_bytes"].sum()))
+
+
+def _ones(d: Damage) -> float:
+    return sum(byte.bit_count() for byte in d.got) / (8 * len(d.got))
+
+
+def _finding(
+    code: str, places: Sequence[Damage], what: str, brief: str, strength: float, more_ns: int = 0
+) -> Finding:
+    return Finding(
+        code,
+        None,
+        places[0].t_ns,
+        places[-1].t_ns + max(more_ns, 0),
+        len(places),
+        what,
+        tuple(Place(d.at, d.length, d.t_ns, "the line is held") for d in places[:3]),
+        strength=strength,
+        brief=brief,
+        episodes=tuple((d.t_ns, d.t_ns + max(d.until_ns, 0)) for d in places),
+    )
+
+
+RULES: Final[tuple[Rule, ...]] = (held_low, held_value, babbles)
+"""The rules of this area."""

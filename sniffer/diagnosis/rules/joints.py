@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
-    from sniffer.diagnosis.tracks import Away, Track
+    from sniffer.diagnosis.tracks import Away, JointTrack
     from sniffer.ground.model import I64
 
 FINDINGS: Final = (
@@ -140,7 +140,7 @@ def stuck(case: Case) -> Iterator[Finding]:
         )
 
 
-def _stands(one: Track, t_ns: int) -> bool:
+def _stands(one: JointTrack, t_ns: int) -> bool:
     """Tell whether a joint did not move with its goals right before a moment."""
     p, g = one.position, one.goal
     row = int(np.searchsorted(p.t_first, t_ns, "right")) - 1
@@ -160,13 +160,13 @@ def _stands(one: Track, t_ns: int) -> bool:
     return asked > one.far / 4 and went < asked / 4
 
 
-def _moves(one: Track) -> bool:
+def _moves(one: JointTrack) -> bool:
     """Tell whether a joint ever moved as its goals did."""
     p = one.position
     return float(p.high.max() - p.low.min()) > one.far / 2
 
 
-def _kind(case: Case, one: Track, away: Away) -> str:
+def _kind(case: Case, one: JointTrack, away: Away) -> str:
     """Name what a stretch is, by effort and by what was before it."""
     motor = effort(case, one.servo_id)
     if motor is None:
@@ -184,7 +184,7 @@ def _kind(case: Case, one: Track, away: Away) -> str:
     return "joint-limp-after-restart" if _since(one, away, begun) else "joint-limp"
 
 
-def _since(one: Track, away: Away, moments: I64) -> bool:
+def _since(one: JointTrack, away: Away, moments: I64) -> bool:
     """Tell whether it hangs since one of some moments: shortly behind it, or it never moved."""
     near = moments[moments <= away.first_ns + AFTER_NS]
     if not len(near):
@@ -196,7 +196,9 @@ def _since(one: Track, away: Away, moments: I64) -> bool:
     return away.first_ns - last <= BEFORE_NS or bool(still)
 
 
-def _found(case: Case, one: Track, code: str, several: Sequence[Away], *, moved: bool) -> Finding:
+def _found(
+    case: Case, one: JointTrack, code: str, several: Sequence[Away], *, moved: bool
+) -> Finding:
     servo, unit = one.servo_id, one.position.unit
     longest = max(several, key=lambda a: a.last_ns - a.first_ns)
     took_ns = longest.last_ns - longest.first_ns

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case, Series
     from sniffer.diagnosis.rules import Rule
     from sniffer.diagnosis.steps import Leap
-    from sniffer.diagnosis.tracks import Track
+    from sniffer.diagnosis.tracks import JointTrack
 
 FINDINGS: Final = (
     FindingCode(
@@ -106,7 +106,7 @@ def _span(p: Series) -> float:
     return (high - low) * p.scale or float(p.high.max() - p.low.min())
 
 
-def _was_told(joint: Track, s: Leap) -> bool:
+def _was_told(joint: JointTrack, s: Leap) -> bool:
     """Tell whether a goal lies at least half the way to where the position jumps."""
     since, until = np.array([s.t_ns - s.took_ns - NS]), np.array([s.t_ns])
     low, high = (float(x[0]) * MILLI for x in in_force(joint.goal, since, until))

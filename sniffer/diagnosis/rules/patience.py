@@ -12,7 +12,7 @@ from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.losses import alike, is_altered
 from sniffer.diagnosis.rules.order import Order
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
-from sniffer.ground.model import NS
+from sniffer.ground.model import NS, Clock
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -28,6 +28,13 @@ FINDINGS: Final = (
         "The next request comes before the answer to the last one can be over.",
         "The time from a request without a good answer to the next one, against the shortest time "
         "in which sound answers to such requests are over, less what the stamps leave open.",
+    ),
+    FindingCode(
+        "request-over-answer",
+        "controller",
+        "A request begins while the answer to the one before is still on the line.",
+        "Exact stamps: the request's first byte begins before the answer's last one ends, by more than "
+        "the stamps and rates leave open, on one wire.",
     ),
     FindingCode(
         "request-in-answer",
@@ -47,7 +54,8 @@ FINDINGS: Final = (
         "answers-after-next",
         "controller",
         "Answers come when the controller has asked something else already.",
-        "`late-response` for requests behind which the next one came within the manual's window.",
+        "`late-response` for requests behind which the next one came within the manual's window; or "
+        "answers that come behind the next request time and again, each of which was waited with.",
     ),
     FindingCode(
         "retry-storm",
@@ -69,6 +77,19 @@ MS: Final = 1_000_000
 ENOUGH: Final = 2
 """One may be a stamp that is off."""
 
+PIPED: Final = 0.02
+"""Share of answers behind another request from which on a controller does so by plan, or always."""
+
+WAITED_NS: Final = 1_500_000
+"""A program that asks several at once sends its requests one behind the other; who lets so much time
+pass has waited."""
+
+HABIT: Final = 20
+"""Requests of a kind that show whether it is asked together with others by plan."""
+
+LATENCY_NS: Final = MS
+"""A host that is later may hand on a request before the answer that came first."""
+
 TAIL: Final = 3
 """Bytes that end, or begin, as a request does: three alike by chance are one in 16 million."""
 
@@ -84,8 +105,14 @@ SHORT: Final = 2
 SHARE: Final = 0.4
 """Share of torn answers: noise takes a request behind one in a hundred."""
 
+OVERLAPS: Final = 3
+"""Times that are no rounding."""
+
 STORM: Final = 4
 """Repetitions that no usual client makes: libraries try three times at most."""
+
+ENDLESS: Final = 12
+"""One row of so many is a storm, however short it is in the whole."""
 
 PART: Final = 0.05
 """Part of the time that a storm takes, or of all requests that are repetitions."""
@@ -101,7 +128,7 @@ def hasty(case: Case) -> Iterator[Finding]:
         for k in exchanges.spans.keys
         if (least := exchanges.spans.at(k, 0.02)) is not None and exchanges.spans.count(k) >= 5
     }
-    if exchanges.in_flight > 0.02 * case.total("ok"):
+    if exchanges.in_flight > PIPED * case.total("ok"):
         return  # it asks several at once, and they answer in turn
     shown = []
     judged = 0
@@ -126,6 +153,58 @@ def hasty(case: Case) -> Iterator[Finding]:
         tuple(Place(f.at, f.length, f.t_ns, "the next request comes too soon") for f in shown[:3]),
         strength=min(0.5 + len(shown) / 10, 1.0),
         brief=f"requests within {most / MS:.1f} ms of the last one",
+    )
+
+
+def overlapping(case: Case) -> Iterator[Finding]:
+    """Requests that begin while an answer is on the line."""
+    exchanges = case.ledger.exchanges
+    if case.ledger.clock != Clock.SAMPLE or exchanges.overlaps < OVERLAPS:
+        return
+    if case.ledger.has_wires:
+        return  # two wires, each with its own stamps
+    shown = exchanges.overlapping
+    yield Finding(
+        "request-over-answer",
+        None,
+        shown[0][2],
+        shown[-1][2],
+        exchanges.overlaps,
+        f"{exchanges.overlaps} requests begin while the answer to the one before is on the line",
+        tuple(Place(at, length, t, "its answer is talked over") for at, length, t in shown[:3]),
+        strength=min(0.5 + exchanges.overlaps / 10, 1.0),
+        brief="requests begin while answers are on the line",
+    )
+
+
+def hurried(case: Case) -> Iterator[Finding]:
+    """Requests that come before the answer to the last one, behind some wait or against the habit."""
+    exchanges = case.ledger.exchanges
+    waited = exchanges.hurried.at(0, 0.5)
+    n = exchanges.in_flight - exchanges.overlaps
+    if not case.has_clock or waited is None or n < OVERLAPS:
+        return
+    early, said = exchanges.early, exchanges.kinds.n
+    share = early / np.maximum(said[: len(early)], 1)
+    # Who asks several at once by plan does so with the same requests in every cycle.
+    is_habit = bool((share[said[: len(early)] >= HABIT] > 0.5).any())
+    has_waited = waited.low - case.latency_ns >= WAITED_NS
+    if is_habit and not (has_waited and n > PIPED * case.total("ok")):
+        return
+    if not is_habit and case.latency_ns > LATENCY_NS:
+        return
+    yield Finding(
+        "answers-after-next",
+        None,
+        case.first_ns,
+        case.last_ns,
+        n,
+        f"{n} of {case.total('ok')} answers come behind the next request, which comes "
+        f"{waited.low / MS:.1f} ms behind the one that they answer"
+        + ("" if is_habit else ", where this controller else waits for answers"),
+        (Place(exchanges.kinds.at[0], 1, case.first_ns, "the first request"),),
+        strength=min(0.5 + n / 50, 1.0),
+        brief=f"answers come behind the next request, {waited.low / MS:.1f} ms later",
     )
 
 
@@ -239,10 +318,10 @@ def retry_storms(case: Case) -> Iterator[Finding]:
     took = sum(run.until_ns - run.t_ns for run in storms)
     seconds = max(case.last_ns - case.first_ns, 1)
     share = took / seconds if case.has_clock else total / max(exchanges.count, 1)
-    if share < PART and len(storms) < 3:
+    longest = max(storms, key=lambda run: run.again)
+    if share < PART and len(storms) < 3 and longest.again < ENDLESS:
         return
     servos = sorted({run.servo_id for run in storms})
-    longest = max(storms, key=lambda run: run.again)
     yield Finding(
         "retry-storm",
         servos[0] if len(servos) == 1 else None,
@@ -289,6 +368,8 @@ def absent_costs(case: Case) -> Iterator[Finding]:
 
 RULES: Final[tuple[Rule, ...]] = (
     hasty,
+    overlapping,
+    hurried,
     request_in_answer,
     swallowed,
     after_next,

@@ -146,7 +146,7 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
         f"{count} cycles of {middle / MS:.1f} ms at the middle: one in twenty is shorter "
         f"than {low / MS:.1f} ms, one in twenty longer than {high / MS:.1f} ms "
         f"(stamps good to {case.latency_ns / MS:g} ms)",
-        strength=min(spread / middle, 1.0),
+        strength=min(0.5 + spread / middle, 1.0),
         brief=f"cycles of {low / MS:.0f} to {high / MS:.0f} ms",
         values=(("middle_ns", middle), ("spread_ns", spread)),
     )

@@ -14,6 +14,13 @@ _SPEAKS_INTO: Final = (
 WEIGHTS: Final = (
     *(
         weight
+        for cause in ("bus-noise", "signal-integrity", "turnaround")
+        for weight in for_(
+            cause, ("same-bytes-torn", -3.5, "the same bytes, and never whole: they were sent so")
+        )
+    ),
+    *(
+        weight
         for cause in (
             "bus-noise",
             "signal-integrity",
@@ -22,13 +29,17 @@ WEIGHTS: Final = (
             "emi-load",
             "clock-drift",
             "servo-reset-loop",
+            "duplicate-id",
         )
         for weight in for_(cause, *_SPEAKS_INTO)
     ),
     *for_(
         "impatient-controller",
         ("hasty-request", 4.0, "it does not wait as long as sound answers take"),
+        ("streams-apart", -2.0, "two loops keep two times"),
+        ("requests-run-together", -4.0, "it does not speak into its own requests"),
         ("request-in-answer", 3.5, "its requests run into answers"),
+        ("request-over-answer", 3.5, "its requests begin while answers are on the line"),
         ("request-swallowed", 3.5, "its requests are lost in answers"),
         ("answers-after-next", 3.0, "answers come when it has asked something else"),
         ("late-response", 0.5, "answers are late for it"),
@@ -111,6 +122,19 @@ WEIGHTS: Final = (
         ("goal-jump", 0.5, "the way out of range is a jump"),
         ("value-out-of-range", 0.8, "a number outside the manual's range"),
         ("device-outside-limits", 0.5, "it stands outside its limits"),
+        *(
+            (code, 0.4, "it cannot go there")
+            for code in (
+                "joint-limp",
+                "joint-not-following",
+                "joint-stalled",
+                "stuck-before-alarm",
+                "device-overload",
+                "load-high",
+                "load-high-and-still",
+                "refuses-command",
+            )
+        ),
         ("device-recovered", 0.1, "the complaint ends with the next goal"),
         ("device-packet-not-processable", 0.3, "the servo refuses such a goal"),
         ("device-nack", 0.3, "the servo refuses such a goal"),
@@ -156,6 +180,20 @@ WEIGHTS: Final = (
         ("device-packet-not-processable", 0.8, "the servo refuses the packet"),
         ("device-nack", 0.8, "the servo refuses the packet"),
         ("no-response", 0.3, "servos do not answer it"),
+        ("misses-now-and-then", 0.5, "servos do not answer it"),
+        ("comes-and-goes", 0.3, "servos do not answer it"),
+        ("away-for-a-while", 0.2, "servos do not answer it"),
+        ("refuses-command", 0.5, "servos refuse it"),
+        ("same-bytes-torn", 3.5, "the same bytes that are no frame, time and again"),
+        ("damaged-frame", 0.4, "it is no frame at all"),
+        ("truncated-frame", 0.4, "it is no frame at all"),
+        ("bad-checksum", 0.4, "it is no frame at all"),
+        ("noise", 0.3, "it is no frame at all"),
+        ("damage-in-requests", 0.5, "it is no frame at all"),
+        *(
+            (code, 0.3, "the same bytes are torn in the same way")
+            for code in ("late-edges", "one-way-bits", "same-bit", "strays-anywhere")
+        ),
         ("damage-everywhere", -1.5, "torn frames may hold by chance"),
         ("damage-one-servo", -1.0, "torn frames may hold by chance"),
         ("request-in-answer", -2.0, "requests run into answers"),

@@ -42,7 +42,7 @@ WEIGHTS: Final = (
         ("port-back", 0.5, "the port came back"),
         ("not-decoded", 0.5, "the recorder was too slow to decode"),
         ("goes-on-unanswered", 3.0, "the controller got the answers that are missing here"),
-        ("requests-missing", 1.5, "requests are missing from the controller's order"),
+        ("requests-missing", 1.2, "requests are missing from the controller's order"),
         ("headless-frames", 2.5, "ends of frames stand without their beginnings"),
         ("requests-torn-short", 3.0, "requests lack bytes, which only the tap can have lost"),
         ("answered-though-torn", 3.0, "servos answer requests that are torn here"),

@@ -6,51 +6,6 @@ from typing import Final
 
 from sniffer.diagnosis.weights.table import Weight, for_
 
-_LEFT: Final = (
-    ("noise", 0.6),
-    ("bad-checksum", 0.6),
-    ("damaged-frame", 0.6),
-    ("truncated-frame", 0.5),
-    ("idle-tail", 0.5),
-    ("damaged-response", 0.6),
-    ("no-response", 0.4),
-    ("mismatched-response", 0.4),
-    ("unsolicited-response", 0.4),
-    ("ambiguous-response", 0.3),
-    ("late-response", 0.2),
-    ("unknown-command", 0.3),
-    ("malformed-body", 0.3),
-    ("unusual-form", 0.2),
-    ("value-out-of-range", 0.3),
-    ("doubtful-value", 0.3),
-    ("line-error", 0.6),
-    ("strays-at-turn", 0.3),
-    ("comes-and-goes", 0.4),
-    ("first-byte-torn", 0.3),
-    ("away-for-a-while", 0.3),
-    ("duplicate-response", 0.2),
-    ("echo-mismatch", 0.3),
-    ("answers-in-shreds", 0.2),
-    ("answers-always-torn", 0.2),
-    ("one-way-bits", 0.2),
-    ("last-bits", 0.2),
-    ("misses-now-and-then", 0.2),
-    ("answered-though-torn", 0.2),
-    ("hasty-request", 0.1),
-    ("request-in-answer", 0.1),
-    ("requests-torn-short", 0.1),
-    ("odd-commands", 0.1),
-    ("goal-jump", 0.1),
-    ("refuses-command", 0.1),
-)
-"""What frames that were disturbed leave, whatever disturbs them."""
-
-
-def _left(reason: str) -> tuple[tuple[str, float, str], ...]:
-    """Return the lines of what is left of frames."""
-    return tuple((finding, weight, reason) for finding, weight in _LEFT)
-
-
 WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         "mixed-protocols",
@@ -99,6 +54,20 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         "two-masters",
         ("interleaved-requests", 6.5, "the same requests come in two rhythms"),
         ("unrelated-periods", 5.5, "requests come in two rhythms that do not belong together"),
+        ("requests-run-together", 6.0, "one controller does not speak into its own requests"),
+        ("streams-apart", 3.0, "two loops keep two times"),
+        ("damage-in-answers", 0.3, "answers are spoken into"),
+        ("last-byte-torn", 0.1, "another request begins within the last byte"),
+        ("one-way-bits", 0.1, "who pulls low wins"),
+        ("answers-twice", 0.1, "two ask, and two answers come"),
+        ("duplicate-response", 0.2, "two ask, and two answers come"),
+        ("loop-stalls", 0.3, "each waits for answers that were spoken into"),
+        ("voltage-sag", 0.1, "what holds by chance says anything"),
+        ("held-low", 0.1, "pieces of what ran together"),
+        ("device-stroke-limit", 0.1, "what holds by chance says anything"),
+        ("device-input-voltage", 0.1, "what holds by chance says anything"),
+        ("device-instruction", 0.1, "what holds by chance says anything"),
+        ("device-recovered", 0.1, "what holds by chance says anything"),
         ("hasty-request", 0.8, "one asks while the other waits for its answer"),
         ("request-in-answer", 0.8, "one asks into the other's answer"),
         ("damage-in-requests", 0.8, "requests run into each other"),
@@ -129,30 +98,6 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("device-overload", 0.1, "two programs pull at one joint"),
         ("goal-jump", 0.4, "two programs state goals"),
         ("joint-not-following", 0.3, "two programs state goals"),
-    ),
-    *for_(
-        "line-stuck",
-        ("line-held-low", 6.0, "the line is low while nobody speaks"),
-        ("line-wanders", 6.0, "nobody, or somebody at the wrong time, drives the line"),
-        ("nothing-holds", -3.0, "nothing holds at all: rather another rate"),
-        ("loop-stalls", 0.5, "nothing can be said while it is held"),
-        ("loop-jitters", 0.3, "nothing can be said while it is held"),
-        ("damage-one-servo", 0.2, "what the held line leaves of frames"),
-        ("damage-in-requests", 0.5, "what the held line leaves of frames"),
-        ("damage-everywhere", 0.5, "what the held line leaves of frames"),
-        ("line-break", 1.2, "what the held line leaves of frames"),
-        ("strays-anywhere", 0.6, "what the held line leaves of frames"),
-        *_left("what the held line leaves of frames"),
-    ),
-    *for_(
-        "emi-load",
-        ("damage-with-motion", 5.5, "it is there while motors work"),
-        ("damage-one-servo", -2.0, "only one servo is hit"),
-        ("damage-in-requests", 1.5, "frames that motors disturb"),
-        ("damage-everywhere", 1.5, "frames that motors disturb"),
-        ("line-break", 0.4, "frames that motors disturb"),
-        ("strays-anywhere", 0.6, "frames that motors disturb"),
-        *_left("frames that motors disturb"),
     ),
 )
 """One line each."""

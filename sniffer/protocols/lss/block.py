@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import functools
-import re
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sniffer.ground.clues import told_by_word
 from sniffer.ground.codes import IF_ALL, MANY, MUST, NEVER, REQUEST, RESPONSE
+from sniffer.ground.distinct import numbers
 from sniffer.ground.model import (
     ANY_ID,
     I64,
@@ -22,6 +22,7 @@ from sniffer.ground.model import (
     Mask,
     Spans,
 )
+from sniffer.ground.patterns import later
 from sniffer.protocols.base import Sightings, State, Values
 from sniffer.protocols.lss.grammar import (
     BROADCAST,
@@ -59,8 +60,8 @@ if TYPE_CHECKING:
     from sniffer.ground.framing import Block
 
 _IS_EDGE: Final = np.isin(np.arange(256), [HASH, STAR, CR])
-_NUMBER: Final = re.compile(rb"-?[0-9]{1,%d}" % NUMBER_DIGITS)
-_MODIFIER: Final = re.compile(rb"([A-Za-z]+)([0-9]+)")
+_NUMBER: Final = later(rb"-?[0-9]{1,%d}" % NUMBER_DIGITS)
+_MODIFIER: Final = later(rb"([A-Za-z]+)([0-9]+)")
 _LONG: Final = 27 ** (WORD_LETTERS - 1)  # the least packed word that has all letters
 _Q: Final = packed("Q")
 _TEXT, _LINES = "text", "lines"  # what a block's notes hold
@@ -288,7 +289,7 @@ def _sightings(text: Text, frames: Frames, rows: I64) -> Sightings | None:
     for i in np.flatnonzero(names_itself).tolist():
         take(np.array([i]), text.line(int(at[i]), int(at[i] + length[i])))
     by_word = np.flatnonzero(~names_itself)
-    for word in np.unique(op[by_word]).tolist():
+    for word in numbers(op[by_word]).tolist():
         take(by_word[op[by_word] == word], b"")  # that it is answered tells, not with what
     if not row:
         return None

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from sniffer.ground.model import Gap
+from sniffer.ground.patterns import later
 from sniffer.protocols.lss.grammar import (
     COMMAND_MARK,
     END,
@@ -25,19 +26,19 @@ from sniffer.protocols.lss.grammar import (
     query_form,
 )
 
-_DIGITS: Final = re.compile(rb"[0-9]*")
-_LETTERS: Final = re.compile(rb"[A-Za-z]*")
-_NUMBER: Final = re.compile(rb"-?[0-9]*")
-_TEXT: Final = re.compile(rb"[ !\"$-)+-~]+")
-_TEXT_WORD: Final = re.compile("|".join(TEXT_WORDS).encode(), re.IGNORECASE)
+_DIGITS: Final = later(rb"[0-9]*")
+_LETTERS: Final = later(rb"[A-Za-z]*")
+_NUMBER: Final = later(rb"-?[0-9]*")
+_TEXT: Final = later(rb"[ !\"$-)+-~]+")
+_TEXT_WORD: Final = later("|".join(TEXT_WORDS).encode(), re.IGNORECASE)
 BLANK: Final = b" \t\n"
-_BLANK: Final = re.compile(b"[" + BLANK + b"]+")
-_NOISE: Final = re.compile(rb"[^#* \t\n]+")
-_EDGE: Final = re.compile(rb"[#*\r]")
+_BLANK: Final = later(b"[" + BLANK + b"]+")
+_NOISE: Final = later(rb"[^#* \t\n]+")
+_EDGE: Final = later(rb"[#*\r]")
 # Runs of lines that say nothing are one piece each: a line of hostile bytes makes no object a byte.
-_EMPTY: Final = re.compile(rb"(?:[#*]+\r)+")
-_CUT: Final = re.compile(rb"(?:[#*][^#*\r]{0,%d})+(?=[#*])" % (LONGEST - 1))
-_MARKS: Final = re.compile(rb"[#*]+(?=[#*]|\Z)")
+_EMPTY: Final = later(rb"(?:[#*]+\r)+")
+_CUT: Final = later(rb"(?:[#*][^#*\r]{0,%d})+(?=[#*])" % (LONGEST - 1))
+_MARKS: Final = later(rb"[#*]+(?=[#*]|\Z)")
 _ID_EXPECTED: Final = f"an id of 1 to {ID_DIGITS} digits"
 
 

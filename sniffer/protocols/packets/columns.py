@@ -13,6 +13,7 @@ import numpy as np
 from construct import Container
 
 from sniffer.ground.codes import IF_ALL, MANY, NEVER, OPTIONAL, REQUEST, RESPONSE
+from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import frame_by_plan
 from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL, Frames
 from sniffer.ground.plan import plan_of
@@ -105,7 +106,7 @@ class FamilyColumns:
             block.notes[_PLAIN] = stuffing.find(data)
         at = block.notes[_PLAIN]
         row = np.searchsorted(start, at, "right") - 1
-        rows = np.unique(row[(row >= 0) & (at >= params[row]) & (at < params[row] + count[row])])
+        rows = numbers(row[(row >= 0) & (at >= params[row]) & (at < params[row] + count[row])])
         if self.together.any():  # what answers for several is read by place
             code, servo_id = data[start[rows] + self.code_at], data[start[rows] + self.id_at]
             rows = rows[~(self._answers[code] & self._silent[servo_id])]
@@ -289,7 +290,7 @@ class FamilyColumns:
             flips[1:] &= segment[1:] == segment[:-1]
         rows = np.flatnonzero(flips)
         rows = rows[(code[rows] == code[rows - 1]) & (count[rows] == count[rows - 1])]
-        for size in np.unique(end[rows] - start[rows]).tolist():  # the same bytes: asked once more
+        for size in numbers(end[rows] - start[rows]).tolist():  # the same bytes: asked once more
             mine = rows[end[rows] - start[rows] == size]
             here = start[mine][:, None] + np.arange(size)
             back = (start[mine] - start[mine - 1])[:, None]

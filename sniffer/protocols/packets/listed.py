@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from sniffer.ground.distinct import numbers
 from sniffer.protocols.packets.declare import LISTED
 
 if TYPE_CHECKING:
@@ -135,8 +136,8 @@ def listed(
     due = np.zeros(len(asked), np.int64)  # bytes of a packet that answers for all
     place = np.full(len(asked), -1, np.int64)
     left = np.ones(len(asked), bool)
-    rows = np.unique(asked[answers])
-    for k in np.unique(code[rows]).tolist():
+    rows = numbers(asked[answers])
+    for k in numbers(code[rows]).tolist():
         mine = rows[code[rows] == k]
         for step in steps(body, mine, of.shapes[k]):
             due[step.rows] += step.length + 2 + of.plan.sum_width

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sniffer.ground.codes import REQUEST
+from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import Block
 from sniffer.ground.model import MALFORMED, UNKNOWN, UNUSUAL, Spans
 from sniffer.protocols.packets.declare import LISTED
@@ -70,7 +71,7 @@ class Readings:
         """
         out: list[Nth] = []
         place = np.flatnonzero(several)
-        for code in np.unique(op[place]).tolist():
+        for code in numbers(op[place]).tolist():
             mine = place[op[place] == code]
             found = steps(body, rows[mine], self._columns.shapes[code])
             out += [n._replace(rows=mine[np.searchsorted(rows[mine], n.rows)]) for n in found]
@@ -90,11 +91,11 @@ class Readings:
         between = columns.plan.sum_width + 1  # a checksum and the next one's error
         pos = at[place].copy()
         code = np.where(asked >= 0, frames.op[asked], -1)
-        for k in np.unique(code[code >= 0]).tolist():
+        for k in numbers(code[code >= 0]).tolist():
             if not columns.together[k]:
                 continue
             mine = np.flatnonzero(code == k)
-            for step in steps(body, np.unique(asked[mine]), columns.shapes[k]):
+            for step in steps(body, numbers(asked[mine]), columns.shapes[k]):
                 row = np.minimum(np.searchsorted(step.rows, asked[mine]), len(step.rows) - 1)
                 hit = step.rows[row] == asked[mine]
                 here, row = mine[hit], row[hit]

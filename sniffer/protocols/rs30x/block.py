@@ -9,6 +9,7 @@ import numpy as np
 
 from sniffer.ground.checksums import XOR8
 from sniffer.ground.codes import IF_ALL, MUST, NEVER, REQUEST, RESPONSE
+from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import Block, candidates, settle, undecided_from
 from sniffer.ground.model import (
     ANY_ID,
@@ -24,6 +25,7 @@ from sniffer.ground.model import (
     Mask,
     Spans,
 )
+from sniffer.ground.patterns import later
 from sniffer.ground.plan import plan_of
 from sniffer.protocols.rs30x.grammar import (
     ACK_BYTE,
@@ -158,7 +160,7 @@ def _with_resets(block: Block, start: I64, end: I64, waiting: I64) -> tuple[I64,
         whole = stop <= limit
         more = at[whole]
         more = more[XOR8.good(data, more + PLAN.sum_from, stop[whole] - 1)]
-        waiting = np.union1d(waiting, at[wait])
+        waiting = numbers(np.concatenate([waiting, at[wait]]))
         start, end = np.concatenate([start, more]), np.concatenate([end, more + _RESET_LENGTH])
     return start, end, waiting
 
@@ -274,8 +276,8 @@ def values(block: Block, frames: Frames, rows: I64, state: State, *, shapes: Add
 
 
 _ANY_HEADER: Final = b"|".join(re.escape(p.header) for p in (PLAN, RETURN_PLAN))
-_HEADER: Final = re.compile(_ANY_HEADER)
-_TORN: Final = re.compile(
+_HEADER: Final = later(_ANY_HEADER)
+_TORN: Final = later(
     b"(?:(?:%b).{0,%d}?(?=%b))+" % (_ANY_HEADER, PLAN.prefix - 1 - len(PLAN.header), _ANY_HEADER),
     re.DOTALL,
 )

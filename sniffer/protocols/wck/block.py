@@ -13,6 +13,7 @@ import numpy as np
 
 from sniffer.ground.checksums import XOR7
 from sniffer.ground.codes import MUST, NEVER, OPTIONAL, REQUEST, RESPONSE
+from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import Block, in_order, settle
 from sniffer.ground.model import (
     ANY_ID,
@@ -157,10 +158,10 @@ def frame(block: Block) -> tuple[Spans, int]:
     start, end, kind = start[good], end[good], kind[good]
     begun, done, torn = controller.find(block)
     heads = np.concatenate([start, begun]) if len(begun) else start
-    waiting = np.union1d(waiting, torn) if len(torn) else waiting
+    waiting = numbers(np.concatenate([waiting, torn])) if len(torn) else waiting
     has, unsure = _replies(block, data, start, end, kind, heads, waiting)
     if unsure.any():
-        waiting = np.union1d(waiting, start[unsure])
+        waiting = numbers(np.concatenate([waiting, start[unsure]]))
         sure = ~unsure
         start, end, has = start[sure], end[sure], has[sure]
     if len(begun):

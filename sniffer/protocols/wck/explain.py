@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.checksums import XOR7
 from sniffer.ground.model import Gap
+from sniffer.ground.patterns import later
 from sniffer.protocols.wck import controller
 from sniffer.protocols.wck.block import (
     DATA1,
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 _HEADER_BYTE: Final = bytes([HEADER])
-_HEADER: Final = re.compile(rb"\xff(?=[^\xff])", re.DOTALL)
+_HEADER: Final = later(rb"\xff(?=[^\xff])", re.DOTALL)
 """The last FF of a row of them."""
 
 _STARTS: Final = KIND.reshape(256, 256)

@@ -1,0 +1,186 @@
+"""Two controllers on one line: requests that run into each other, streams that know nothing of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST
+from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.losses import alike
+from sniffer.diagnosis.twins import of_twins
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.rules import Rule
+    from sniffer.ground.model import I64
+
+FINDINGS: Final = (
+    FindingCode(
+        "requests-run-together",
+        "line",
+        "Two requests run into each other: bytes begin as one and end as another.",
+        "Unclaimed bytes that begin as a request of this bus (three bytes and more), end as another one (three bytes), and are as long as neither of the two nor both in a row.",
+    ),
+    FindingCode(
+        "streams-apart",
+        "line",
+        "Requests come in two rhythms that know nothing of each other.",
+        "A kind of request that comes at regular times, and another one that stands at any place between them: by no multiple of the rhythm up to the sixth do they go together.",
+    ),
+)
+
+HEAD: Final = 3
+"""Bytes behind a common beginning, or with it, that tell which frame has begun."""
+
+TAIL: Final = 3
+"""Bytes that tell which one has ended: chance has them once in 16 million."""
+
+SHORT: Final = 6
+"""Requests up to so many bytes are told by one byte less at their end."""
+
+PLENTY: Final = 8
+
+KINDS: Final = 12
+"""Kinds of requests that are compared, the most frequent ones."""
+
+LEAST: Final = 24
+"""Requests of a kind that show a rhythm."""
+
+STEADY: Final = 0.15
+REGULAR: Final = 0.5
+"""A kind is regular if so many of its periods are that near to the middle one: some are torn."""
+
+HARMONICS: Final = 6
+"""A loop may ask something several times a cycle, at steady places of it."""
+
+APART: Final = 0.36
+"""What goes together less than that is apart: of 24 at any place the greatest of six is below."""
+
+PART: Final = 400
+PARTS: Final = 4
+"""Requests that are looked at together at least, and parts of a stretch: one may join later."""
+
+EXACT_NS: Final = 2_000_000
+"""Stamps that are worse tell no place in a cycle."""
+
+MS: Final = 1_000_000
+
+
+def requests_run_together(case: Case) -> Iterator[Finding]:
+    """Find places at which two requests were said at once."""
+    torn = [
+        d
+        for d in case.damages
+        if d.turn in (IN_REQUEST, IN_REPLY) and d.turn != HELD and d.length <= len(d.got)
+        if not (case.twins and of_twins(case, d))
+    ]
+    known = tuple(dict.fromkeys(case.ledger.exchanges.kinds.example))
+    shared = _shared(known)
+    into = [d for d in torn if d.turn == IN_REQUEST and _is_two(d, known, known, shared)]
+    answers = [
+        d for d in torn if d.turn == IN_REPLY and d.alike and _is_two(d, d.alike, known, shared)
+    ]
+    if not into:
+        return
+    every = sorted((*into, *answers), key=lambda d: d.at)
+    requests = sum(d.turn == IN_REQUEST for d in torn)
+    yield Finding(
+        "requests-run-together",
+        None,
+        every[0].t_ns,
+        every[-1].t_ns,
+        len(every),
+        f"{len(into)} of {requests} torn requests begin as one request and end as another, "
+        f"{len(answers)} torn answers end as a request",
+        tuple(Place(d.at, d.length, d.t_ns, "two requests at once") for d in into[:3]),
+        strength=min(0.35 + len(into) / PLENTY, 1.0),
+        brief=f"{len(into)} requests run into each other",
+    )
+
+
+def _is_two(d: Damage, firsts: Iterable[bytes], seconds: Sequence[bytes], shared: int) -> bool:
+    """Tell whether bytes begin as one frame and end as another, and are neither nor both."""
+    begun = [a for a in firsts if alike(d.got, a) >= max(HEAD, shared + 1)]
+    if not begun:
+        return False
+    back = d.got[::-1]
+    ended = [b for b in seconds if alike(back, b[::-1]) >= TAIL - (len(b) <= SHORT)]
+    return any(
+        b != a
+        and d.length not in (len(a), len(b), len(a) + len(b))
+        and alike(back, a[::-1]) < alike(back, b[::-1])
+        for a in begun
+        for b in ended
+    )
+
+
+def _shared(known: Sequence[bytes]) -> int:
+    """Return how many first bytes all requests share: a header tells nothing."""
+    return min((alike(known[0], other) for other in known[1:]), default=0)
+
+
+def streams_apart(case: Case) -> Iterator[Finding]:
+    """Find two kinds of requests whose rhythms do not go together."""
+    if not case.has_clock or case.latency_ns > EXACT_NS:
+        return
+    best: tuple[float, int, int, float, int, int] | None = None
+    for t, kind in case.ledger.exchanges.moments.stretches():
+        parts = max(min(len(t) // PART, PARTS), 1)
+        for part in range(parts):
+            rows = slice(len(t) * part // parts, len(t) * (part + 1) // parts)
+            found = _apart(t[rows], kind[rows])
+            if found is not None and (best is None or found[0] < best[0]):
+                best = found
+    if best is None:
+        return
+    together, one, other, period, first, last = best
+    kinds, protocol = case.ledger.exchanges.kinds, case.protocol
+    names = [f"{protocol.op_name(kinds.op[k])} of servo {kinds.servo_id[k]}" for k in (one, other)]
+    yield Finding(
+        "streams-apart",
+        None,
+        first,
+        last,
+        1,
+        f"{names[0]} comes every {period / MS:.1f} ms, {names[1]} at any time between (they go "
+        f"together by {together:.2f}, 1 is always, 0 never)",
+        strength=1.0 if together < APART / 2 else 0.8,
+        brief="requests come in two rhythms",
+    )
+
+
+def _apart(t: I64, kind: I64) -> tuple[float, int, int, float, int, int] | None:
+    """Return the two kinds that go together least, if they do not, with the rhythm of one."""
+    count = np.bincount(kind)
+    often = [k for k in np.argsort(-count, kind="stable")[:KINDS].tolist() if count[k] >= LEAST]
+    times = {k: t[kind == k] for k in often}
+    best: tuple[float, int, int, float, int, int] | None = None
+    for one in often:
+        between = np.diff(times[one])
+        period = float(np.median(between))
+        if period <= 0 or (np.abs(between / period - 1) < STEADY).mean() < REGULAR:
+            continue
+        for other in often:
+            if other == one:
+                continue
+            row = np.searchsorted(times[one], times[other], "right") - 1
+            since = (times[other] - times[one][np.maximum(row, 0)])[row >= 0] / period
+            since = since[since < 1 + STEADY]
+            if len(since) < LEAST:
+                continue
+            turns = np.exp(2j * np.pi * np.outer(np.arange(1, HARMONICS + 1), since))
+            together = float(np.abs(turns.mean(axis=1)).max())
+            if together < APART and (best is None or together < best[0]):
+                ends = int(times[other][0]), int(times[other][-1])
+                best = together, one, other, period, *ends
+    return best
+
+
+RULES: Final[tuple[Rule, ...]] = (requests_run_together, streams_apart)
+"""The rules of this area."""
