@@ -102,7 +102,7 @@ def test_a_position_that_jumps_and_comes_back_is_what_no_joint_does() -> None:
 
 
 def test_a_position_that_jumps_once_without_a_checksum_is_doubt() -> None:
-    d = lss(*polled(lambda t: 150.0 if 5 < t < 5.03 else 10 + t, lambda t: None))
+    d = lss(*polled(lambda t: 150.0 if 4.99 < t < 5.01 else 10 + t, lambda t: None))
     assert "doubtful-value" in codes(d)
     assert not d.incidents()
 
@@ -154,11 +154,11 @@ def registers(written: bool, *, restart: bool = False) -> list[tuple[float, byte
     for k in range(20):
         out += mightyzap_read(1, 0.1 + k * 0.1, FORCE, on)
     if restart:
-        out += [(2.2, b"\xff\xff\xff\x01\x02\xf8\x04")]
+        out += [(2.05, b"\xff\xff\xff\x01\x02\xf8\x04")]
     if written:
-        out += [mightyzap_write(1, 2.2, FORCE, off)]
+        out += [mightyzap_write(1, 2.05, FORCE, off)]
     for k in range(20):
-        out += mightyzap_read(1, 2.3 + k * 0.1, FORCE, off)
+        out += mightyzap_read(1, 2.1 + k * 0.1, FORCE, off)
     return out
 
 
@@ -184,16 +184,14 @@ def test_goals_behind_a_torque_that_was_switched_off_are_named_with_the_frame_th
     assert verdicts(d.incidents()) == [("torque-off", (1,))]
     told = finding(d, "goals-without-torque")
     assert told is not None
-    assert told.places[0].offset == 8
-    assert "switched off at 1.000 s" in told.what
+    assert told.places[0].offset == 9
+    assert "switched off at 1.001 s" in told.what
 
 
 def test_a_torque_that_is_switched_off_at_the_end_is_no_incident() -> None:
+    goals = [(1000 + 20 * k).to_bytes(2, "little") for k in range(40)]
     out = [mightyzap_write(1, 0.0, FORCE, b"\1")]
-    out += [
-        mightyzap_write(1, 0.5 + k * 0.05, 0x86, (1000 + 20 * k).to_bytes(2, "little"))
-        for k in range(40)
-    ]
+    out += [mightyzap_write(1, 0.5 + k * 0.05, 0x86, goal) for k, goal in enumerate(goals)]
     out += [mightyzap_write(1, 3.0, FORCE, b"\0")]
     out += [row for k in range(40) for row in mightyzap_read(1, 3.1 + k * 0.1, POSITION, b"\0\x02")]
     assert not heard(out, "mightyzap").incidents()
@@ -286,16 +284,17 @@ def test_slowness_is_not_told_where_there_is_no_clock() -> None:
 
 
 def test_late_answers_of_one_servo_are_told() -> None:
-    said = asked(2, since=0, until=8)
+    said = []
     for k in range(40):
-        said += [(0.05 + k * 0.2, "#5QD"), (0.05 + k * 0.2 + 0.12, "*5QD100")]
+        asks = 0.05 + k * 0.3
+        said += [(k * 0.3, "#2QD *2QD100"), (asks, "#5QD"), (asks + 0.17, "*5QD100")]
     d = lss(*said)
-    assert "late-replies" in codes(d)
-    assert ("slow-servo", (5,)) in verdicts(d.incidents())
+    assert {"late-replies", "slower-than-peers"} <= codes(d)
+    assert verdicts(d.incidents()) == [("slow-servo", (5,))]
 
 
 def test_an_answer_that_nobody_asked_for_is_a_lost_request_unless_it_comes_again() -> None:
     calm = [*asked(2, since=0, until=8), *asked(5, since=0, until=8)]
-    d = lss(*calm, *[(1.05 + k, "*5QD100") for k in range(6)])
-    assert verdicts(d.incidents()) == [("chatty-device", (5,))]
-    assert not lss(*calm, (3.05, "*5QD100")).incidents()
+    d = lss(*calm, *[(1.05 + k, "*2QD100") for k in range(6)])
+    assert verdicts(d.incidents()) == [("chatty-device", (2,))]
+    assert not lss(*calm, (3.05, "*2QD100")).incidents()

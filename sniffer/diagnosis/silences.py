@@ -53,7 +53,7 @@ class Silences:
         frames, rows = batch.asking(t.request[told])
         servo, outcome = frames.servo_id[rows].astype(np.int64), t.outcome[told]
         answered = outcome == OK
-        self.heard.update(np.unique(servo[answered]).tolist())
+        self.heard.update((np.flatnonzero(np.bincount(servo[answered] + 1)) - 1).tolist())
         missed = outcome == NO_RESPONSE
         if not missed.any() and not self._open:
             return

@@ -140,6 +140,9 @@ class JointTrack:
         since = t - self._window_ns
         out: Mask = (t - told_at <= AGE_NS) & (ended_at <= since) & (ended_at <= told_at)
         out &= self.goal.t_first[0] <= since
+        for s in self._case.ledger.silences.runs(self.servo_id):
+            if s.missed > 1:  # what did not reach it, it cannot follow
+                out &= (t < s.first_ns) | (t > (s.back_ns or 0) + self._long_ns)
         return out
 
     @functools.cached_property

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.diagnosis.case import Case
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules import (
+    absences,
     bits,
     collisions,
     complaints,
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 Rule = Callable[[Case], Iterable[Finding]]
 
 _AREAS: Final = (
+    absences,
     tap,
     losses,
     line,

@@ -88,7 +88,8 @@ def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Lea
     out = []
     for k, s in enumerate(steps):
         size = s.size / MILLI
-        if size < AHEAD * usual or not LEAST_SHARE * span <= size <= WRAPS * span:
+        wraps = p.register.range is not None and size > WRAPS * span
+        if size < max(AHEAD * usual, LEAST_SHARE * span) or wraps:
             continue
         if joint is not None and joint.position.index == p.index and _was_told(joint, s):
             continue

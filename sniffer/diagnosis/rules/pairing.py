@@ -44,12 +44,6 @@ FINDINGS: Final = (
         "At least three such silences, nine tenths of them within a factor of eight.",
     ),
     FindingCode(
-        "away-without-a-tear",
-        "pairing",
-        "A servo goes away time and again, and never within an answer.",
-        "More than three silences or single losses, and no torn answer of it.",
-    ),
-    FindingCode(
         "misses-now-and-then",
         "pairing",
         "One servo leaves requests without an answer now and then; others hardly ever do.",
@@ -79,11 +73,14 @@ CHANCE: Final = 3.0
 SWEEP: Final = 5
 """Ids without a servo, asked about alike: somebody looks who is there."""
 
-PLENTY: Final = 6
-"""So many silences would tear an answer if it were the contact's."""
-
 ALIKE: Final = 8
 """Restarts of one servo take about as long each time; contacts open for as long as they like."""
+
+BOOT_MS: Final = 1000.0
+"""Small servos are up again within tenths of a second: wCK names 65 ms."""
+
+LONG: Final = 0.5
+"""How much it counts if they stay away for longer."""
 
 AHEAD: Final = 5.0
 """How many times the others' share of losses a servo must have to be the one that misses."""
@@ -145,7 +142,6 @@ def silences(case: Case) -> Iterator[Finding]:
                 yield _again(servo, away)
         else:
             yield from _now_and_then(case, servo)
-        yield from _whole(case, servo)
 
 
 def _outages(case: Case, servo: int) -> list[Silence]:
@@ -205,24 +201,8 @@ def _again(servo: int, away: Sequence[Silence]) -> Finding:
         len(away),
         f"servo {servo} went away {len(away)} times, for {np.median(spans):.0f} ms in the middle "
         f"({spans.min():.0f} to {spans.max():.0f}), every {np.median(apart):.2g} s or so",
-        strength=min(0.55 + 0.15 * len(away), 1.0),
+        strength=min(0.55 + 0.15 * len(away), 1.0) * (LONG if np.median(spans) > BOOT_MS else 1.0),
         episodes=tuple((s.first_ns, s.back_ns or 0) for s in away),
-    )
-
-
-def _whole(case: Case, servo: int) -> Iterator[Finding]:
-    """Yield that a servo that went away often never did so within an answer."""
-    runs = case.ledger.silences.runs(servo)
-    if len(runs) <= AGAIN or case.total("damaged", servo):
-        return
-    yield Finding(
-        "away-without-a-tear",
-        servo,
-        runs[0].first_ns,
-        runs[-1].back_ns or 0,
-        len(runs),
-        f"servo {servo} was away {len(runs)} times, and not one of its answers is torn",
-        strength=min(len(runs) / PLENTY, 1.0),
     )
 
 
@@ -252,7 +232,7 @@ def _now_and_then(case: Case, servo: int) -> Iterator[Finding]:
 
 def late_replies(case: Case) -> Iterator[Finding]:
     """Servos whose answers come behind their window."""
-    late = {s: case.count("late-response", servo_id=s) for s in case.answering}
+    late = {s: case.count("late-response", servo_id=s) for s in case.servos}
     for servo, n in late.items():
         others = sum(late.values()) - n
         if n < AGAIN or others > n:

@@ -1,0 +1,153 @@
+"""What goes with the silences of a servo: torn answers, others that are away, torque that stays."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.model import Finding
+from sniffer.diagnosis.tracks import track
+from sniffer.ground.model import NS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.rules import Rule
+    from sniffer.diagnosis.silences import Silence
+
+FINDINGS: Final = (
+    FindingCode(
+        "away-without-a-tear",
+        "pairing",
+        "A servo goes away time and again, and never within an answer.",
+        "More than three silences or single losses, and no torn answer of it.",
+    ),
+    FindingCode(
+        "torn-when-away",
+        "pairing",
+        "A servo goes away time and again, now and then within an answer.",
+        "More than three silences or single losses, and torn answers of it, two at least and one for ten of those.",
+    ),
+    FindingCode(
+        "others-away-too",
+        "pairing",
+        "When a servo is away, another one is away as well.",
+        "At least two of its silences, and half of them, overlap with silences of one other servo; or that one has a third as many. Others miss nothing.",
+    ),
+    FindingCode(
+        "torque-survives",
+        "pairing",
+        "A servo follows its goals when it is back, and nobody switched its torque on: it was never without power.",
+        "Its torque is off after power-on by the manual's default and was switched on less often than it was away; its joint follows behind the silences.",
+    ),
+)
+
+OFTEN: Final = 3
+"""Silences that are a habit."""
+
+PLENTY: Final = 6
+"""So many silences would tear an answer if a contact made them."""
+
+ALSO: Final = 0.3
+"""Another servo that loses so much of what one does, while others lose nothing, is behind it."""
+
+LESS: Final = 0.7
+"""How much it counts if they are not away at once."""
+
+NEAR_NS: Final = NS // 10
+"""Servos are asked one after the other: silences so close to each other are of one moment."""
+
+
+def tears(case: Case) -> Iterator[Finding]:
+    """Tell whether servos that are away often leave within answers."""
+    for servo in case.answering:
+        runs = case.ledger.silences.runs(servo)
+        torn = case.total("damaged", servo)
+        if len(runs) <= OFTEN or 0 < torn < max(2, len(runs) / 10):
+            continue
+        yield _told(
+            "torn-when-away" if torn else "away-without-a-tear",
+            servo,
+            runs,
+            f"servo {servo} was away {len(runs)} times, and {torn or 'not one'} of its answers "
+            f"{'are' if torn > 1 else 'is'} torn",
+            min(len(runs) / PLENTY, 1.0),
+        )
+
+
+def together(case: Case) -> Iterator[Finding]:
+    """Tell which servos are away when another one is."""
+    runs = {s: case.ledger.silences.runs(s) for s in case.answering}
+    if sum(not r for r in runs.values()) < 1:
+        return  # where all are away it is no matter of one place
+    for servo, mine in runs.items():
+        others = {other: theirs for other, theirs in runs.items() if other != servo and theirs}
+        if not mine or not others:
+            continue
+        both = {o: sum(_overlaps(one, theirs) for one in mine) for o, theirs in others.items()}
+        other = max(both, key=lambda o: both[o])
+        if both[other] >= 2 and 2 * both[other] >= len(mine):
+            what = (
+                f"{both[other]} of {len(mine)} times that servo {servo} was away, servo {other} "
+                f"was, too"
+            )
+            yield _told("others-away-too", servo, mine, what, min(both[other] / len(mine), 1.0))
+            continue
+        other = max(others, key=lambda o: len(others[o]))
+        lost = len(others[other]) + case.total("damaged", other)
+        if lost > 1 and lost >= ALSO * len(mine):
+            what = f"servo {servo} was away {len(mine)} times, and servo {other} {lost} times"
+            yield _told("others-away-too", servo, mine, what, LESS)
+
+
+def _overlaps(one: Silence, others: Sequence[Silence]) -> bool:
+    until = (one.back_ns or 0) + NEAR_NS
+    return any(o.first_ns <= until and (o.back_ns or 0) >= one.first_ns - NEAR_NS for o in others)
+
+
+def torque_kept(case: Case) -> Iterator[Finding]:
+    """Tell which servos had their torque still when they were back."""
+    registers = case.protocol.registers
+    w = case.writes
+    torque = [i for i, r in enumerate(registers) if r.quantity == "torque_enable"]
+    if not any(registers[i].default == 0 for i in torque):
+        return
+    for servo in case.answering:
+        runs = [s for s in case.ledger.silences.runs(servo) if s.missed > 1]
+        joint = track(case, servo)
+        if len(runs) < 2 or joint is None:
+            continue
+        to_it = np.isin(w["servo_id"], [servo, *case.protocol.everyone])
+        writes = int(w["n"][to_it & np.isin(w["register"], torque)].sum())
+        known = [m for m, _ in (case.ledger.models.get(servo, ("", 0)),) if m]
+        mine = [registers[i] for i in torque if not known or registers[i].model in known]
+        back = runs[0].back_ns or 0
+        after = joint.position.t_first > back
+        moved = joint.position.high[after].max(initial=-np.inf) - joint.position.low[after].min(
+            initial=np.inf
+        )
+        if writes >= len(runs) or mine[0].default != 0 or moved < 2 * joint.far:
+            continue
+        if any(a.last_ns > back for a in joint.away):
+            continue
+        yield _told(
+            "torque-survives",
+            servo,
+            runs,
+            f"servo {servo} follows its goals after {len(runs)} silences, and its torque was "
+            f"written {writes} times",
+            1.0,
+        )
+
+
+def _told(code: str, servo: int, runs: Sequence[Silence], what: str, strength: float) -> Finding:
+    return Finding(
+        code, servo, runs[0].first_ns, runs[-1].back_ns or 0, len(runs), what, strength=strength
+    )
+
+
+RULES: Final[tuple[Rule, ...]] = (tears, together, torque_kept)
+"""The rules of this file."""
