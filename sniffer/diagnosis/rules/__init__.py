@@ -44,7 +44,35 @@ if TYPE_CHECKING:
 
 Rule = Callable[[Case], Iterable[Finding]]
 
-_AREAS: Final = (tap, losses, line, bits, pairing, timing, joints, patience, controller, goals, absences, collisions, complaints, crossings, foreign, forms, held, identity, jumps, masters, motors, outages, restarts, slowness, supply, twins, warmth)
+_AREAS: Final = (
+    tap,
+    losses,
+    line,
+    bits,
+    pairing,
+    timing,
+    joints,
+    patience,
+    controller,
+    goals,
+    absences,
+    collisions,
+    complaints,
+    crossings,
+    foreign,
+    forms,
+    held,
+    identity,
+    jumps,
+    masters,
+    motors,
+    outages,
+    restarts,
+    slowness,
+    supply,
+    twins,
+    warmth,
+)
 
 RULES: Final[tuple[Rule, ...]] = (
     *(rule for area in _AREAS for rule in area.RULES),

@@ -22,7 +22,7 @@ FINDINGS: Final = (
         "goal-jump",
         "controller",
         "One goal jumps far from the one before it, in a row of goals that move in small steps.",
-        "A step four times beyond all others within two seconds, and a twentieth of the travel, "
+        "A step four times beyond all others within two seconds, and a quarter of the travel, "
         "between goals that go on in small steps, with no pause before it.",
     ),
 )

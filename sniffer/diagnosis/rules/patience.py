@@ -178,7 +178,7 @@ def overlapping(case: Case) -> Iterator[Finding]:
 
 
 def hurried(case: Case) -> Iterator[Finding]:
-    """Requests that come before the answer to the last one, behind some wait or against the habit."""
+    """Requests that come before the answer to the last one, behind some wait for it."""
     exchanges = case.ledger.exchanges
     waited = exchanges.hurried.at(0, 0.5)
     n = exchanges.in_flight - exchanges.overlaps
@@ -186,12 +186,11 @@ def hurried(case: Case) -> Iterator[Finding]:
         return
     early, said = exchanges.early, exchanges.kinds.n
     share = early / np.maximum(said[: len(early)], 1)
-    # Who asks several at once by plan does so with the same requests in every cycle.
+    # Who asks several at once by plan does not wait first; who does it now and then, with other
+    # requests each time, may do it by plan, too.
     is_habit = bool((share[said[: len(early)] >= HABIT] > 0.5).any())
     has_waited = waited.low - case.latency_ns >= WAITED_NS
-    if is_habit and not (has_waited and n > PIPED * case.total("ok")):
-        return
-    if not is_habit and case.latency_ns > LATENCY_NS:
+    if not (is_habit and has_waited and n > PIPED * case.total("ok")):
         return
     yield Finding(
         "answers-after-next",
@@ -200,8 +199,7 @@ def hurried(case: Case) -> Iterator[Finding]:
         case.last_ns,
         n,
         f"{n} of {case.total('ok')} answers come behind the next request, which comes "
-        f"{waited.low / MS:.1f} ms behind the one that they answer"
-        + ("" if is_habit else ", where this controller else waits for answers"),
+        f"{waited.low / MS:.1f} ms behind the one that they answer",
         (Place(exchanges.kinds.at[0], 1, case.first_ns, "the first request"),),
         strength=min(0.5 + n / 50, 1.0),
         brief=f"answers come behind the next request, {waited.low / MS:.1f} ms later",

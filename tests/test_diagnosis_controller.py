@@ -1,0 +1,443 @@
+"""What a controller does wrong: how it waits, what it writes, in which form, how often."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.conversations import BAUD, MS, T0, TONGUES, Conversation, robot, swinging, through_usb
+from tests.diagnosed import codes, found, verdicts
+from tests.streams import mightyzap, rs30x, wck
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import Chunk
+
+PROTOCOLS = tuple(TONGUES)
+
+
+def one_in(n: int, cycle: int, servo: int) -> bool:
+    return cycle % n == n // 2 and servo == 2
+
+
+# ------------------------------------------------------------------------------------- how it waits
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_a_request_that_comes_before_the_answer_can_be_over_is_hasty(protocol: str) -> None:
+    def hastily(talk: Conversation, cycle: int, servo: int) -> bool:
+        if not one_in(9, cycle, servo):
+            return False
+        talk.say(talk.tongue.ask(2))
+        talk.rest(0.2)  # an answer begins after 0.3 ms
+        return True
+
+    told = robot(protocol, 8, instead=hastily).diagnosed()
+    assert "hasty-request" in codes(told)
+    assert verdicts(told.incidents()) == [("impatient-controller", ())]
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_waiting_in_vain_as_long_as_usual_is_not_hasty(protocol: str) -> None:
+    def in_vain(talk: Conversation, cycle: int, servo: int) -> bool:
+        if not one_in(9, cycle, servo):
+            return False
+        talk.ask_in_vain(2, 30)
+        return True
+
+    told = codes(robot(protocol, 8, instead=in_vain).diagnosed())
+    assert not told & {"hasty-request", "answers-after-next", "retry-storm"}
+
+
+def collided(answer: bytes, request: bytes, at: int) -> bytes:
+    """Return what is heard of a request that begins ``at`` bytes into an answer: lows win."""
+    size = max(len(answer), at + len(request))
+    one = answer + b"\xff" * (size - len(answer))
+    other = b"\xff" * at + request + b"\xff" * (size - at - len(request))
+    return bytes(a & b for a, b in zip(one, other, strict=True))
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_requests_that_run_into_answers_are_the_impatient_controllers(protocol: str) -> None:
+    rng = random.Random(4)
+    lost: set[tuple[int, int]] = set()
+
+    def into(talk: Conversation, cycle: int, servo: int) -> bool:
+        if (cycle, servo) in lost:
+            talk.rest(25)  # what was said into the answer has none of its own
+            return True
+        if servo == 3 or rng.random() > 0.04:
+            return False
+        lost.add((cycle, servo + 1))
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.3)
+        answer = talk.tongue.answer(servo, swinging(servo, talk.now_s))
+        talk.say(collided(answer, talk.tongue.ask(servo + 1), rng.randint(4, len(answer) - 1)))
+        return True
+
+    told = robot(protocol, 12, instead=into, goals=False).diagnosed()
+    assert {"request-swallowed", "request-in-answer"} & codes(told)
+    assert verdicts(told.incidents()) == [("impatient-controller", ())]
+
+
+def test_answers_that_noise_tears_swallow_no_request() -> None:
+    rng = random.Random(5)
+
+    def torn(talk: Conversation, cycle: int, servo: int) -> bool:
+        if rng.random() > 0.04:
+            return False
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.3)
+        answer = bytearray(talk.tongue.answer(servo, 0.5))
+        answer[rng.randrange(3, len(answer))] ^= 1 << rng.randrange(8)
+        talk.say(bytes(answer))
+        talk.rest(25)
+        return True
+
+    told = robot("mightyzap", 12, instead=torn).diagnosed()
+    assert not codes(told) & {"request-swallowed", "request-in-answer", "hasty-request"}
+    assert "impatient-controller" not in [cause for cause, _ in verdicts(told.incidents())]
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_a_controller_that_gives_up_before_each_answer_does_not_wait(protocol: str) -> None:
+    talk = Conversation(protocol)
+    before: bytes | None = None
+    for n in range(900):
+        servo = 1 + n % 3
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(1.2)
+        if before is not None:
+            talk.say(before)
+        talk.rest(1.0)
+        before = talk.tongue.answer(servo, 0.5)
+    told = talk.diagnosed()
+    assert "answers-after-next" in codes(told)
+    assert [cause for cause, _ in verdicts(told.incidents())] == ["impatient-controller"]
+
+
+def test_a_controller_that_asks_all_at_once_by_plan_is_sound() -> None:
+    talk = Conversation("mightyzap")
+    for n in range(300):
+        talk.until(n / 40)
+        for servo in (1, 2, 3):
+            talk.say(talk.tongue.ask(servo))
+            talk.rest(0.1)
+        for servo in (1, 2, 3):
+            talk.rest(0.2)
+            talk.say(talk.tongue.answer(servo, swinging(servo, talk.now_s)))
+    assert not talk.diagnosed().incidents()
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_request_that_is_repeated_without_end_is_a_storm_of_retries(protocol: str) -> None:
+    def stubborn(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 2 or cycle % 100 != 50:
+            return False
+        for _ in range(40):
+            talk.ask_in_vain(2, 12)
+        return False
+
+    assert verdicts(robot(protocol, 10, instead=stubborn).diagnosed().incidents()) == [
+        ("retry-storm", (2,))
+    ]
+
+
+def test_two_retries_are_no_storm() -> None:
+    def retried(talk: Conversation, cycle: int, servo: int) -> bool:
+        if one_in(40, cycle, servo):
+            for _ in range(2):
+                talk.ask_in_vain(2, 12)
+        return False
+
+    assert "retry-storm" not in codes(robot("mightyzap", 10, instead=retried).diagnosed())
+
+
+def test_a_controller_that_asks_one_servo_only_repeats_itself_without_a_storm() -> None:
+    talk = Conversation("mightyzap")
+    for n in range(400):
+        if n < 200:
+            talk.read(1, 0.5)
+        else:
+            talk.ask_in_vain(1, 20)
+        talk.rest(10)
+    assert "retry-storm" not in codes(talk.diagnosed())
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_asking_a_servo_that_is_not_there_is_told_with_what_it_costs(protocol: str) -> None:
+    talk = robot(protocol, 6, rate_hz=20, behind=lambda talk, n: talk.ask_in_vain(9, 20))
+    diagnosis = talk.diagnosed()
+    assert verdicts(diagnosis.incidents()) == [("servo-absent", (9,))]
+    (cost,) = [f for f in found(diagnosis) if f.code == "absent-costs"]
+    assert 0.3 < cost.value("share") < 0.5
+
+
+# ----------------------------------------------------------------------------------- what it writes
+
+WRITE = {
+    "mightyzap": lambda servo, address, data: mightyzap.packet(
+        servo, 0xF3, bytes([address]) + data
+    ),
+    "rs30x": rs30x.write,
+}
+
+
+def writing(protocol: str, servo: int, address: int, data: bytes, every: int = 5) -> Conversation:
+    def also(talk: Conversation, cycle: int) -> None:
+        if cycle % every == 0:
+            talk.write(WRITE[protocol](servo, address, data))
+
+    return robot(protocol, 6, behind=also)
+
+
+@pytest.mark.parametrize(("protocol", "address"), [("mightyzap", 0x8C), ("rs30x", 0x2A)])
+def test_a_write_to_what_is_measured_is_to_what_is_read_only(protocol: str, address: int) -> None:
+    told = writing(protocol, 2, address, b"\x10\x01").diagnosed()
+    assert "writes-read-only" in codes(told)
+    assert verdicts(told.incidents()) == [("read-only-write", (2,))]
+
+
+@pytest.mark.parametrize(("protocol", "address"), [("mightyzap", 0x6A), ("rs30x", 0x38)])
+def test_a_write_where_the_map_has_nothing_is_told(protocol: str, address: int) -> None:
+    told = writing(protocol, 2, address, b"\x10\x01").diagnosed()
+    assert "writes-unnamed" in codes(told)
+    assert verdicts(told.incidents()) == [("read-only-write", (2,))]
+
+
+def test_a_write_that_the_servo_acknowledges_is_of_another_model_not_of_nothing() -> None:
+    def also(talk: Conversation, cycle: int) -> None:
+        talk.say(mightyzap.packet(2, 0xF3, b"\x6a\x10"))
+        talk.rest(0.3)
+        talk.say(mightyzap.packet(2, 0))
+        talk.rest(0.4)
+
+    told = robot("mightyzap", 4, behind=also, goals=False).diagnosed()
+    assert "writes-unnamed" not in codes(told)
+
+
+@pytest.mark.parametrize(("protocol", "address"), [("mightyzap", 0x86), ("rs30x", 0x1E)])
+def test_a_goal_of_one_byte_is_half_a_register(protocol: str, address: int) -> None:
+    told = writing(protocol, 2, address, b"\x10").diagnosed()
+    assert "writes-part" in codes(told)
+    assert verdicts(told.incidents()) == [("partial-write", (2,))]
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_whole_writes_of_what_may_be_written_are_sound(protocol: str) -> None:
+    assert not robot(protocol, 6).diagnosed().incidents()
+
+
+KEEPING = {
+    "mightyzap": lambda n: mightyzap.packet(2, 0xF3, bytes([0x27, n % 200])),
+    "lss": lambda n: b"#2CLED%d\r" % (n % 8),
+    "rs30x": lambda n: rs30x.packet(2, 0x40, 0xFF),
+    "wck": lambda n: wck.command(7 << 5 | 2, 0x0D, bytes([n % 30, 50])),
+}
+"""What is kept without power: a gain, a colour, the command that keeps all, a speed."""
+
+
+def keeping(protocol: str, cycles: range) -> Conversation:
+    def also(talk: Conversation, cycle: int) -> None:
+        if cycle in cycles:
+            talk.write(KEEPING[protocol](cycle))
+            if protocol == "wck":
+                talk.say(bytes([cycle % 30, 50]))
+                talk.rest(0.4)
+
+    return robot(protocol, 8, behind=also)
+
+
+@pytest.mark.parametrize("protocol", KEEPING)
+def test_memory_that_is_written_in_the_loop_wears_out(protocol: str) -> None:
+    diagnosis = keeping(protocol, range(0, 10_000, 4)).diagnosed()
+    assert verdicts(diagnosis.incidents()) == [("nv-wear", (2,))]
+    (wear,) = [f for f in found(diagnosis) if f.code == "memory-written-often"]
+    assert wear.value("writes") == 80
+    assert "hours at this pace" in wear.what
+
+
+@pytest.mark.parametrize("protocol", KEEPING)
+def test_memory_that_is_set_up_once_does_not(protocol: str) -> None:
+    assert not keeping(protocol, range(2)).diagnosed().incidents()
+
+
+def test_settings_that_stay_in_ram_until_they_are_kept_wear_nothing() -> None:
+    talk = writing("rs30x", 2, 0x18, b"\x02", every=2)
+    assert "memory-written-often" not in codes(talk.diagnosed())
+
+
+# --- where it sends it ---
+
+
+def too_far(talk: Conversation, cycle: int) -> None:
+    if 100 <= cycle < 140:
+        request = {
+            "mightyzap": mightyzap.packet(2, 0xF3, b"\x86\x88\x13"),
+            "rs30x": rs30x.write(2, 0x1E, (1700).to_bytes(2, "little")),
+            "lss": b"#2P2900\r",
+        }[talk.protocol]
+        talk.write(request)
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "lss"])
+def test_goals_beyond_the_manuals_range_are_out_of_range(protocol: str) -> None:
+    told = robot(protocol, 6, behind=too_far).diagnosed()
+    assert "goal-beyond-range" in codes(told)
+    assert verdicts(told.incidents()) == [("goal-out-of-range", (2,))]
+
+
+def limited(protocol: str, low: int, high: int) -> Conversation:
+    """Read the limits of servo 2, then move it."""
+
+    def read_limits(talk: Conversation, cycle: int) -> None:
+        if cycle:
+            return
+        if protocol == "mightyzap":
+            talk.say(mightyzap.packet(2, 0xF2, b"\x06\x04"))
+            talk.rest(0.3)
+            limits = low.to_bytes(2, "little") + high.to_bytes(2, "little")
+            talk.say(mightyzap.packet(2, 0, limits))
+        else:
+            talk.say(wck.command(7 << 5 | 2, 0x12, b"\0\0"))
+            talk.rest(0.3)
+            talk.say(bytes([low, high]))
+        talk.rest(5)
+
+    return robot(protocol, 8, before=read_limits)
+
+
+@pytest.mark.parametrize(("protocol", "low", "high"), [("mightyzap", 400, 3000), ("wck", 30, 180)])
+def test_goals_beyond_limits_that_the_servo_told_are_out_of_range(
+    protocol: str, low: int, high: int
+) -> None:
+    told = limited(protocol, low, high).diagnosed()
+    assert "goal-beyond-limits" in codes(told)
+    assert verdicts(told.incidents()) == [("goal-out-of-range", (2,))]
+
+
+@pytest.mark.parametrize(("protocol", "low", "high"), [("mightyzap", 0, 4095), ("wck", 0, 254)])
+def test_goals_within_the_limits_are_sound(protocol: str, low: int, high: int) -> None:
+    assert not limited(protocol, low, high).diagnosed().incidents()
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_goal_that_jumps_and_comes_back_is_a_jump(protocol: str) -> None:
+    def path(servo: int, s: float) -> float:
+        x = swinging(servo, s)
+        return 1 - x if servo == 2 and int(s * 40) in (150, 151, 280) and abs(x - 0.5) > 0.1 else x
+
+    told = robot(protocol, 12, path=path).diagnosed()
+    assert [f.servo_id for f in found(told) if f.code == "goal-jump"] == [2]
+    assert ("position-jump", (2,)) in verdicts(told.incidents())
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_program_that_moves_from_point_to_point_does_not_jump(protocol: str) -> None:
+    rng = random.Random(6)
+    points = [rng.uniform(0.1, 0.9) for _ in range(12)]
+
+    def path(servo: int, s: float) -> float:
+        return points[(int(s) + servo) % len(points)]
+
+    assert "goal-jump" not in codes(robot(protocol, 12, path=path).diagnosed())
+
+
+def test_a_path_that_went_on_while_the_loop_stood_still_does_not_jump() -> None:
+    talk = robot("rs30x", 10, before=lambda talk, n: talk.rest(400 if n % 90 == 89 else 0))
+    assert "goal-jump" not in codes(talk.diagnosed())
+
+
+# ------------------------------------------------------------------------------------ in which form
+
+
+@pytest.mark.parametrize(
+    ("protocol", "request_"),
+    [
+        ("mightyzap", mightyzap.packet(254, 0x73, b"\x86\x02\x01\x00\x08\x02\x00")),
+        ("mightyzap", mightyzap.packet(2, 0xE7, b"\x01")),
+        ("rs30x", rs30x.packet(0, 0, 0x1E, 1, 3, bytes([1, 2, 3]))),
+        ("lss", b"#2XYZ5\r"),
+    ],
+)
+def test_frames_in_a_form_that_no_manual_has_are_malformed(protocol: str, request_: bytes) -> None:
+    def also(talk: Conversation, cycle: int) -> None:
+        if cycle % 10 == 0:
+            talk.write(request_)
+
+    told = robot(protocol, 6, behind=also).diagnosed()
+    assert "odd-commands" in codes(told)
+    assert [cause for cause, _ in verdicts(told.incidents())] == ["malformed-command"]
+
+
+@pytest.mark.parametrize(
+    ("protocol", "bytes_"),
+    [("lss", b"#2D1 5\r"), ("rs30x", b"\xfa\xaf\x02\x00\x1e\x02\x01\x01\x02\x55")],
+)
+def test_the_same_bytes_that_are_no_frame_again_and_again_are_sent_so(
+    protocol: str, bytes_: bytes
+) -> None:
+    def also(talk: Conversation, cycle: int) -> None:
+        if cycle % 10 == 0:
+            talk.write(bytes_)
+            talk.rest(2)
+
+    told = robot(protocol, 6, behind=also).diagnosed()
+    assert "same-bytes-torn" in codes(told)
+    assert [cause for cause, _ in verdicts(told.incidents())] == ["malformed-command"]
+
+
+def test_a_modifier_that_its_command_does_not_have_is_misused() -> None:
+    talk = robot("lss", 5, behind=lambda talk, n: talk.write(b"#2WD90T500\r"))
+    assert "modifier-misused" in codes(talk.diagnosed())
+    sound = robot("lss", 5, behind=lambda talk, n: talk.write(b"#2P1500S750T20\r"))
+    assert "modifier-misused" not in codes(sound.diagnosed())
+
+
+def test_a_gain_read_that_sets_the_id_is_told() -> None:
+    def mixed_up(talk: Conversation, cycle: int) -> None:
+        if cycle == 50:
+            talk.write(wck.command(7 << 5 | 2, 0x0C, b"\0\0"))
+            talk.say(b"\0\0")
+            talk.rest(1)
+
+    def scan(talk: Conversation, cycle: int) -> None:
+        if cycle == 50:
+            talk.write(wck.command(7 << 5 | 2, 0x0C, b"\2\2"))
+            talk.say(b"\2\2")
+            talk.rest(1)
+
+    assert "gain-read-sets-id" in codes(robot("wck", 4, behind=mixed_up).diagnosed())
+    assert "gain-read-sets-id" not in codes(robot("wck", 4, behind=scan).diagnosed())
+
+
+def test_a_form_that_noise_makes_by_chance_is_no_mistake_of_the_controller() -> None:
+    talk = robot("lss", 10)
+    rng = random.Random(8)
+    heard = []
+    for chunk in talk.chunks:
+        if rng.random() < 0.02:
+            torn = bytearray(chunk.data)
+            torn[rng.randrange(1, len(torn) - 1)] ^= 1 << rng.randrange(5)
+            chunk = replace(chunk, data=bytes(torn))
+        heard.append(chunk)
+    causes = [cause for cause, _ in verdicts(talk.diagnosed(heard).incidents())]
+    assert "malformed-command" not in causes
+
+
+def test_requests_that_overlap_answers_are_told_by_exact_stamps_only() -> None:
+    talk = robot("mightyzap", 4)
+    heard: list[Chunk] = []
+    for k, chunk in enumerate(talk.chunks):
+        early = k % 40 == 20 and len(chunk.data) == len(talk.tongue.ask(1))
+        t_ns = (chunk.t_ns or 0) - MS * early
+        heard.append(replace(chunk, t_ns=max(t_ns, heard[-1].t_ns or 0) if heard else t_ns))
+    assert "request-over-answer" not in codes(talk.diagnosed(through_usb(heard)))
+
+
+def test_a_conversation_of_the_tests_takes_the_time_of_its_bytes() -> None:
+    talk = Conversation("mightyzap")
+    talk.read(1, 0.5)
+    assert talk.now_ns - T0 == 18 * (10**10 // BAUD) + 700_000
