@@ -261,11 +261,12 @@ def test_a_port_that_another_program_has_open_is_refused_and_left_as_it_is(
         told = refusal(line.path)
         assert told == (
             f"{line.path} is open in {who}, and not locked: to open it would change its settings "
-            "under that program, and take bytes from it; end that first, or say --shared"
+            "under that program, and take bytes from it; end that first, or say `shared=True`"
         )
         for command in (["record", line.path, "-o", tmp_path / "x.mcap"], ["doctor", line.path]):
             ran = sniffer(*command)
-            assert (ran.status, ran.complaint) == (2, told)
+            in_options = told.replace("`shared=True`", "--shared")
+            assert (ran.status, ran.complaint) == (2, in_options)
         assert not (tmp_path / "x.mcap").exists()
         assert line.settings() == before
     open_port(line.path, AT_115200).close()
