@@ -153,7 +153,7 @@ def test_without_a_display_it_says_what_to_do_instead(
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(OutputError, match="view=.web.*view=.connect"):
+    with pytest.raises(OutputError, match=r"view=.web.*view=.connect"):
         view(WINDOW)
 
 
