@@ -101,23 +101,6 @@ def test_answers_that_noise_tears_swallow_no_request() -> None:
     assert "impatient-controller" not in [cause for cause, _ in verdicts(told.incidents())]
 
 
-@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
-def test_a_controller_that_gives_up_before_each_answer_does_not_wait(protocol: str) -> None:
-    talk = Conversation(protocol)
-    before: bytes | None = None
-    for n in range(900):
-        servo = 1 + n % 3
-        talk.say(talk.tongue.ask(servo))
-        talk.rest(1.2)
-        if before is not None:
-            talk.say(before)
-        talk.rest(1.0)
-        before = talk.tongue.answer(servo, 0.5)
-    told = talk.diagnosed()
-    assert "answers-after-next" in codes(told)
-    assert [cause for cause, _ in verdicts(told.incidents())] == ["impatient-controller"]
-
-
 def test_a_controller_that_asks_all_at_once_by_plan_is_sound() -> None:
     talk = Conversation("mightyzap")
     for n in range(300):
@@ -168,7 +151,7 @@ def test_a_controller_that_asks_one_servo_only_repeats_itself_without_a_storm() 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_asking_a_servo_that_is_not_there_is_told_with_what_it_costs(protocol: str) -> None:
-    talk = robot(protocol, 6, rate_hz=20, behind=lambda talk, n: talk.ask_in_vain(9, 20))
+    talk = robot(protocol, 6, rate_hz=20, before=lambda talk, n: talk.ask_in_vain(9, 20))
     diagnosis = talk.diagnosed()
     assert verdicts(diagnosis.incidents()) == [("servo-absent", (9,))]
     (cost,) = [f for f in found(diagnosis) if f.code == "absent-costs"]
@@ -269,7 +252,7 @@ def test_settings_that_stay_in_ram_until_they_are_kept_wear_nothing() -> None:
     assert "memory-written-often" not in codes(talk.diagnosed())
 
 
-# --- where it sends it ---
+# ------------------------------------------------------------------------------- where it sends it
 
 
 def too_far(talk: Conversation, cycle: int) -> None:

@@ -204,8 +204,8 @@ class Exchanges:
         self.hurried.add(np.zeros(len(rows), np.int64), wait, wait)
         unsure = np.maximum(r.unsure(rows), r.unsure(rows + 1)) + self._byte_ns // 4
         # The answer stands before the next request: both were on the line at once.
-        after = r.places(rows) + r.lengths(rows) + r.answer_length[rows]
-        over = rows[(r.places(rows + 1) == after) & (idle[rows] < -unsure)]
+        first = r.answer_at[rows] < r.places(rows + 1)
+        over = rows[first & (idle[rows] < -unsure)]
         self.overlaps += len(over)
         some = over[: KEPT - len(self.overlapping)]
         columns = (r.places(some), r.lengths(some), r.t_end[some])

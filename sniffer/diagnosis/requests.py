@@ -36,6 +36,7 @@ class Held(Columns):
     kind: I64
     outcome: I64
     answer_end: I64
+    answer_at: I64
     answer_length: I64
     window: I64
 
@@ -55,6 +56,7 @@ class RequestRows:
         self.kind = np.concatenate([held.kind, kind])
         self.outcome = np.concatenate([held.outcome, np.full(n, UNTOLD)])
         self.answer_end = np.concatenate([held.answer_end, np.full(n, -1)])
+        self.answer_at = np.concatenate([held.answer_at, np.full(n, -1)])
         self.answer_length = np.concatenate([held.answer_length, np.zeros(n, np.int64)])
         self.window = np.concatenate([held.window, np.zeros(n, np.int64)])
 
@@ -78,6 +80,8 @@ class RequestRows:
         self.outcome[here] = outcome
         self.answer_end[here] = np.where(response >= 0, f.t_end[np.maximum(response, 0)], -1)
         self.answer_length[here] = np.where(response >= 0, f.length[np.maximum(response, 0)], 0)
+        at = f.start[np.maximum(response, 0)] + batch.base
+        self.answer_at[here] = np.where(response >= 0, at, -1)
         wrong = np.flatnonzero(has_failed(outcome))
         if len(wrong):
             self.window[here[wrong]] = protocol.window_ns(batch.asked(row[told[wrong]]))
@@ -133,6 +137,7 @@ class RequestRows:
             self.kind[many:],
             self.outcome[many:],
             self.answer_end[many:],
+            self.answer_at[many:],
             self.answer_length[many:],
             self.window[many:],
         )

@@ -10,7 +10,6 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import HELD
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.losses import is_altered
 from sniffer.ground.model import MALFORMED, UNKNOWN, UNUSUAL
 
 if TYPE_CHECKING:
@@ -51,6 +50,9 @@ FINDINGS: Final = (
 
 ID_SET: Final = "id_set"
 """The command whose code the appendix of the wCK manual (1.07, A-4) gives for reading gains."""
+
+BITS: Final = 2
+"""Bits that a weak signal alters in one request, always the same ones."""
 
 WHOLE: Final = 4
 """Fewer bytes come again by chance."""
@@ -146,6 +148,13 @@ def odd_commands(case: Case) -> Iterator[Finding]:
         )
 
 
+def _is_torn(got: bytes, whole: bytes) -> bool:
+    """Tell whether bytes are those of a request but for a bit or two."""
+    if len(got) != len(whole):
+        return False
+    return sum((a ^ b).bit_count() for a, b in zip(got, whole, strict=True)) <= BITS
+
+
 def same_bytes(case: Case) -> Iterator[Finding]:
     """Bytes that are no frame and come again and again: somebody sends them so."""
     known = tuple(set(case.ledger.exchanges.kinds.example))
@@ -157,7 +166,7 @@ def same_bytes(case: Case) -> Iterator[Finding]:
         if len(places) < OFTEN or len(got) < WHOLE or len(set(got)) < 3:
             continue
         # A request that is whole at times is torn at others.
-        if 2 * len(places) < len(damages) or any(is_altered(got, whole) for whole in known):
+        if 2 * len(places) < len(damages) or any(_is_torn(got, whole) for whole in known):
             continue
         servos = {d.servo_id for d in places}
         yield Finding(

@@ -12,7 +12,7 @@ from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.losses import alike, is_altered
 from sniffer.diagnosis.rules.order import Order
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
-from sniffer.ground.model import NS, Clock
+from sniffer.ground.model import NEVER_NS, NS, Clock
 from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
@@ -161,8 +161,8 @@ def overlapping(case: Case) -> Iterator[Finding]:
     exchanges = case.ledger.exchanges
     if case.ledger.clock != Clock.SAMPLE or exchanges.overlaps < OVERLAPS:
         return
-    if case.ledger.has_wires:
-        return  # two wires, each with its own stamps
+    if case.ledger.has_wires or case.count("adapter-echo"):
+        return  # two wires, each with its own stamps; or a note of what is about to be sent
     shown = exchanges.overlapping
     yield Finding(
         "request-over-answer",
@@ -182,7 +182,7 @@ def hurried(case: Case) -> Iterator[Finding]:
     exchanges = case.ledger.exchanges
     waited = exchanges.hurried.at(0, 0.5)
     n = exchanges.in_flight - exchanges.overlaps
-    if not case.has_clock or waited is None or n < OVERLAPS:
+    if not case.has_clock or waited is None or n < OVERLAPS or case.count("adapter-echo"):
         return
     early, said = exchanges.early, exchanges.kinds.n
     share = early / np.maximum(said[: len(early)], 1)
@@ -377,7 +377,9 @@ def absent_costs(case: Case) -> Iterator[Finding]:
     waits = case.ledger.exchanges.waited()
     for servo in case.servos:
         rows = np.flatnonzero((waits["servo_id"] == servo) & (waits["outcome"] == NO_RESPONSE))
-        n, took = int(waits["n"][rows].sum()), int(waits["wait_sum"][rows].sum())
+        n = int(waits["n"][rows].sum())
+        # Behind the last request of a cycle the controller rests as well: the shortest wait counts.
+        took = n * int(waits["wait_min"][rows].min(initial=NEVER_NS)) if n else 0
         share = took / max(case.last_ns - case.first_ns, 1)
         if case.ledger.heard_from(servo) or n < 5 or share < PART:
             continue

@@ -8,15 +8,16 @@ from sniffer.diagnosis.weights.table import for_
 
 _SPEAKS_INTO: Final = (
     ("request-swallowed", -3.0, "the request that was due stands in the torn answer"),
+    ("hasty-request", -3.0, "the controller does not wait for the answers that are missing"),
 )
 """What speaks against a fault of the line: the controller tears the answers."""
 
 WEIGHTS: Final = (
     *(
         weight
-        for cause in ("bus-noise", "signal-integrity", "turnaround")
+        for cause in ("bus-noise", "signal-integrity", "turnaround", "duplicate-id", "clock-drift")
         for weight in for_(
-            cause, ("same-bytes-torn", -3.5, "the same bytes, and never whole: they were sent so")
+            cause, ("same-bytes-torn", -8.0, "the same bytes, and never whole: they were sent so")
         )
     ),
     *(
@@ -86,6 +87,7 @@ WEIGHTS: Final = (
             for code in (
                 "away-for-a-while",
                 "away-again-and-again",
+                "away-without-a-tear",
                 "misses-now-and-then",
                 "comes-and-goes",
                 "late-replies",
@@ -192,7 +194,14 @@ WEIGHTS: Final = (
         ("damage-in-requests", 0.5, "it is no frame at all"),
         *(
             (code, 0.3, "the same bytes are torn in the same way")
-            for code in ("late-edges", "one-way-bits", "same-bit", "strays-anywhere")
+            for code in (
+                "late-edges",
+                "one-way-bits",
+                "same-bit",
+                "strays-anywhere",
+                "strays-at-turn",
+                "answers-twice",
+            )
         ),
         ("damage-everywhere", -1.5, "torn frames may hold by chance"),
         ("damage-one-servo", -1.0, "torn frames may hold by chance"),

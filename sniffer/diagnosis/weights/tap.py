@@ -71,6 +71,8 @@ WEIGHTS: Final = (
                 "odd-commands",
                 "position-jumps",
                 "request-swallowed",
+                "request-over-answer",
+                "requests-run-together",
                 "answers-after-next",
             )
         ),
@@ -136,6 +138,13 @@ WEIGHTS: Final = (
         ("truncated-frame", 0.2, "bare answers may look like the beginning of a frame"),
         ("damaged-frame", 0.2, "bare answers may look like a frame"),
         ("bad-checksum", 0.2, "bare answers may look like a frame"),
+    ),
+    *for_(
+        "two-masters",
+        ("answered-though-torn", -5.0, "servos do not answer what ran together"),
+        ("headless-frames", -2.0, "pieces stand alone, nobody spoke beside them"),
+        ("bytes-lost", -1.5, "the tap's driver counted losses"),
+        ("adapter-echo", -2.0, "the adapter hears what it sends"),
     ),
     *for_("bus-noise", ("echo-differs", 2.5, "requests come back altered, too")),
     *for_("bad-cable", ("echo-differs", -2.0, "the controller's own requests are hit, too")),
