@@ -290,7 +290,7 @@ def test_a_ring_is_bounded_in_bytes_and_says_so(tmp_path: Path, line: Terminal) 
         (("--trigger", "no-response"), "--trigger, --post and --ring-file go with --ring 60s"),
         (("--post", "3s"), "--trigger, --post and --ring-file go with --ring 60s"),
         (("--ring", "1", "--trigger", "noise"), "'1' is no size or time"),
-        (("--ring", "9s", "--trigger", "nose"), "no code 'nose': did you mean noise?"),
+        (("--ring", "9s", "--trigger", "nose"), "no code or cause 'nose': did you mean noise?"),
         (
             ("--ring", "9s", "--trigger", "temprature > 3"),
             "temprature > 3: mightyzap has no quantity 'temprature': did you mean temperature?",
@@ -304,9 +304,9 @@ def test_a_ring_is_bounded_in_bytes_and_says_so(tmp_path: Path, line: Terminal) 
             "a flight recorder writes recordings: -o x.mcap",
         ),
         (("--ring", "9s", "--trigger", "noise", "-o", "no/x.mcap"), "there is no folder no"),
-        (("--until", "no-respons"), "no code 'no-respons': did you mean no-response?"),
+        (("--until", "no-respons"), "no code or cause 'no-respons': did you mean no-response?"),
         (("--until", "voltage <"), "'voltage <' is no rule"),
-        (("--on", "nothing", "true"), "no code 'nothing'"),
+        (("--on", "nothing", "true"), "no code or cause 'nothing'"),
     ],
 )
 def test_a_mistake_about_what_is_waited_for_is_told_in_one_line(

@@ -85,7 +85,7 @@ def test_a_command_is_run_once_an_incident_and_knows_what_happened(
 def test_a_command_that_fails_is_told_once_and_the_recording_goes_on(
     tmp_path: Path, line: Terminal
 ) -> None:
-    told = ("--on", "any", "no-such-command; exit 3", "--quiet")
+    told = ("--on", "no-response", "no-such-command; exit 3", "--quiet")
     with recorder(tmp_path, line, *told) as run:
         for servo in (2, 3, 4):
             line.say(unanswered(servo) * 3)
@@ -94,7 +94,9 @@ def test_a_command_that_fails_is_told_once_and_the_recording_goes_on(
         ran = run.stop()
     assert ran.status == 0
     (said,) = ran.err.splitlines()
-    assert said.startswith("sniffer: on any: `no-such-command; exit 3` ended with status 3: ")
+    assert said.startswith(
+        "sniffer: on no-response: `no-such-command; exit 3` ended with status 3: "
+    )
     assert said.endswith("not found; the recording goes on")
     assert len(raw(run.path)["arm"]) == 3 * len(unanswered(2) * 3)
 
@@ -145,4 +147,4 @@ def test_what_ends_a_recording_is_reacted_to_as_well(tmp_path: Path, line: Termi
 def test_a_mistake_in_what_a_command_is_run_on_is_told(tmp_path: Path) -> None:
     ran = sniffer("record", "/dev/null", "--on", "no-reponse", "true")
     assert ran.status == 2
-    assert ran.complaint.endswith("no code 'no-reponse': did you mean no-response?")
+    assert ran.complaint.endswith("no code or cause 'no-reponse': did you mean no-response?")

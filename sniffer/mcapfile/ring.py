@@ -133,14 +133,14 @@ class Ring:
         """Return what each bus said from about then on.
 
         A bus begins where nothing is open, a little before that time; one that was never decoded
-        begins with the first chunk of that time.
+        begins with the last chunk until then.
         """
         out: dict[str, list[Placed]] = {}
         for bus, held in self._buses.items():
             if not held.blocks:
                 continue
             placed = [p for block in held.blocks for p in block.placed()]
-            first = next((at for at, c in placed if (c.t_ns or 0) >= t_ns), held.end)
+            first = max((at for at, c in placed if (c.t_ns or 0) <= t_ns), default=placed[0][0])
             begin = max((p for p in held.places if p <= first), default=first)
             out[bus], _ = behind(placed, max(begin, held.blocks[0].start), 0)
         return out
