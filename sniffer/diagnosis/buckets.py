@@ -5,14 +5,18 @@ A row a key. All its columns are whole numbers, so that sums do not depend on ho
 
 from __future__ import annotations
 
+import copy
+import math
 from typing import TYPE_CHECKING, Any, Final, Union
 
 import numpy as np
 
+from sniffer.ground.model import NS
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from sniffer.ground.model import I64, Mask
+    from sniffer.ground.model import I16, I64, Mask
 
 Column = Union["I64", "Mask", int]
 """Numbers of rows, or one that all of them have."""
@@ -37,6 +41,17 @@ def in_groups(key: I64) -> tuple[I64, I64]:
     begins = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
     return order, begins
 
+
+BUCKET_NS: Final = NS // 4
+"""A bucket of time: no cause is told from what is shorter, but for events, which have own times."""
+
+SERVOS: Final = 512
+"""Servos told apart in a bucket: ids are below 256, and nobody's is -1."""
+
+FINE: Final = 1 << 14
+"""So many buckets (68 minutes) stay as they are; those before are joined by ``COARSE``."""
+
+COARSE: Final = 16
 
 _REDUCE: Final[Mapping[str, Any]] = {
     "sum": np.add.reduceat,
@@ -72,6 +87,12 @@ class Buckets:
         self._parts = [self._reduced(renamed, columns)]
         self._waiting = len(self._parts[0][0])
 
+    def copy(self) -> Buckets:
+        """Return the same rows, to which others can be added."""
+        out = Buckets(self._ways)
+        out._parts, out._waiting = list(self._parts), self._waiting
+        return out
+
     def table(self) -> tuple[I64, dict[str, I64]]:
         """Return the keys in order, and the columns."""
         self._compact()
@@ -87,9 +108,7 @@ class Buckets:
             self._parts = [self._reduced(key, columns)]
         self._waiting = len(self._parts[0][0]) if self._parts else 0
 
-    def _reduced(
-        self, key: I64, columns: Mapping[str, I64 | Mask | int]
-    ) -> tuple[I64, dict[str, I64]]:
+    def _reduced(self, key: I64, columns: Mapping[str, Column]) -> tuple[I64, dict[str, I64]]:
         order, begins = in_groups(key)
         sizes = np.diff(np.append(begins, len(order)))
         firsts, lasts = order[begins], order[begins + sizes - 1]
@@ -109,3 +128,63 @@ class Buckets:
                 reduce = _REDUCE[way]
                 out[name] = reduce(sorted_[id(column)], begins, dtype=np.int64)
         return key[firsts], out
+
+
+class TimedBuckets:
+    """Rows by quarter second, servo and what else is told apart; what is long past is joined.
+
+    So a day takes no more room than some hours. ``within`` names what is told apart beside the
+    servo, and how many numbers, from 0 on, each has.
+    """
+
+    def __init__(self, columns: Mapping[str, str], **within: int) -> None:
+        self._rows = Buckets(columns)
+        self._within = within
+        self._width = SERVOS * math.prod(within.values())
+        self._newest = 0
+        self._joined_until: int | None = None
+
+    def add(self, t_ns: I64, servo_id: I64 | I16, *within: I64, **columns: Column) -> None:
+        """Add rows at their times; servo -1 is nobody."""
+        if not len(t_ns):
+            return
+        bucket = t_ns // BUCKET_NS
+        if self._joined_until is None:
+            self._joined_until = int(bucket.min())
+        key = bucket
+        if int(bucket.min()) < self._joined_until:
+            key = self._coarse(bucket)
+        key = key * SERVOS + servo_id + 1
+        for part, size in zip(within, self._within.values(), strict=True):
+            key = key * size + part
+        self._rows.add(key, **columns)
+        self._newest = max(self._newest, int(bucket.max()))
+        self._join_old(self._joined_until)
+
+    def table(self) -> dict[str, I64]:
+        """Return the columns, with ``bucket``, ``servo_id`` and the names of what is told apart."""
+        key, columns = self._rows.table()
+        out = dict(columns)
+        for name, size in reversed(self._within.items()):
+            out[name], key = key % size, key // size
+        out["servo_id"], out["bucket"] = key % SERVOS - 1, key // SERVOS
+        return out
+
+    def copy(self) -> TimedBuckets:
+        """Return the same, to which rows can be added that are not known for certain."""
+        out = copy.copy(self)
+        out._rows = self._rows.copy()
+        return out
+
+    def _join_old(self, begin: int) -> None:
+        until = begin
+        while self._newest - until >= 2 * FINE:
+            until = (until + FINE) // COARSE * COARSE
+        if until != begin:
+            self._joined_until = until
+            key, _ = self._rows.table()
+            self._rows.rekey(self._coarse(key // self._width) * self._width + key % self._width)
+
+    def _coarse(self, bucket: I64) -> I64:
+        """Return the numbers that buckets have once they are joined."""
+        return np.where(bucket < (self._joined_until or 0), bucket // COARSE * COARSE, bucket)

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.buckets import BUCKET_NS
 from sniffer.diagnosis.events import ANOMALY, REMARK, SETTING, Happenings
-from sniffer.diagnosis.ledger import BUCKET_NS, MILLI, Ledger
+from sniffer.diagnosis.ledger import MILLI, Ledger
 from sniffer.diagnosis.misread import misread
 from sniffer.diagnosis.model import Place
 from sniffer.diagnosis.twins import twins
@@ -136,22 +137,22 @@ class Case:
     @functools.cached_property
     def traffic(self) -> Table:
         """Frames by bucket and servo."""
-        return self.ledger.table("traffic")
+        return self.ledger.traffic.table()
 
     @functools.cached_property
     def answers(self) -> Table:
         """What became of requests, by bucket and servo asked."""
-        return self.ledger.table("answers")
+        return self.ledger.answers.table()
 
     @functools.cached_property
     def line(self) -> Table:
         """Bytes, unclaimed bytes, gaps and the longest pause between requests, by bucket."""
-        return self.ledger.table("line")
+        return self.ledger.line.table()
 
     @functools.cached_property
     def alarms(self) -> Table:
         """Anomalies by bucket, code and servo."""
-        return self.ledger.table("alarms")
+        return self.ledger.alarms.table()
 
     @functools.cached_property
     def writes(self) -> Table:
@@ -201,7 +202,7 @@ class Case:
 
     @functools.cached_property
     def _values(self) -> Table:
-        return self.ledger.table("values")
+        return self.ledger.values.table()
 
     # -------------------------------------------------------------------------------------- views
 

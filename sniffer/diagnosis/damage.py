@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.diagnosis.buckets import Buckets
+from sniffer.diagnosis.buckets import TimedBuckets
 from sniffer.diagnosis.likes import Likes
 from sniffer.ground.codes import MANY, NEVER, NOT_EXPECTED, OK, REQUEST, RESPONSE
 from sniffer.ground.gaps import BLANK, CHECKSUM, IDLE_TAIL, NOISE, Gaps
-from sniffer.ground.model import ECHO, NS, Clock, Columns, Frames
+from sniffer.ground.model import ECHO, Clock, Columns, Frames
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -51,8 +51,6 @@ APART_BYTES: Final = 3
 
 PAUSE_NS: Final = 100_000
 """What a sender may pause within a frame beside that: some clients wait between bytes."""
-
-_BUCKET_NS: Final = NS // 4
 
 _COUNTS: Final = {
     "n": "sum",
@@ -149,7 +147,7 @@ class Damages:
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._protocol = protocol
-        self._counts = Buckets(_COUNTS)
+        self._counts = TimedBuckets(_COUNTS, turn=len(TURNS))
         self.likes = Likes()
         self._kept: list[Damage] = []
         self._open = TornRuns.empty()
@@ -170,18 +168,9 @@ class Damages:
         """Return the counts as columns, with ``bucket``, ``servo_id`` and ``turn``."""
         counts = self._counts
         if len(self._open):
-            key, columns = counts.table()
-            counts = Buckets(_COUNTS)
-            counts.add(key, **columns)
+            counts = counts.copy()
             self._count(counts, self._open, self._told(self._open, None))
-        key, columns = counts.table()
-        rest = key // len(TURNS)
-        return {
-            **columns,
-            "turn": key % len(TURNS),
-            "servo_id": rest % 512 - 1,
-            "bucket": rest // 512,
-        }
+        return counts.table()
 
     def add(self, batch: Batch, byte_ns: int) -> None:
         """Take the gaps of a batch; ``byte_ns`` is how long a byte takes on the line."""
@@ -325,9 +314,11 @@ class Damages:
         until = np.where((next_ns >= 0) & (timed >= 0), next_ns - runs.t_ns, -1)
         return _Told(turn, who, since, until, row, kind, asks, follows)
 
-    def _count(self, counts: Buckets, runs: TornRuns, told: _Told) -> None:
+    def _count(self, counts: TimedBuckets, runs: TornRuns, told: _Told) -> None:
         counts.add(
-            ((runs.t_ns // _BUCKET_NS) * 512 + told.who + 1) * len(TURNS) + told.turn,
+            runs.t_ns,
+            told.who,
+            told.turn,
             n=1,
             bytes=runs.length,
             at=runs.start,

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.diagnosis.buckets import Buckets
+from sniffer.diagnosis.buckets import Buckets, TimedBuckets
 from sniffer.diagnosis.histograms import Histograms
 from sniffer.diagnosis.kinds import KINDS, RequestKinds
 from sniffer.diagnosis.moments import RequestMoments
 from sniffer.diagnosis.requests import UNTOLD, Held, RequestRows, has_failed
 from sniffer.ground.codes import NOT_EXPECTED, OK, REQUEST
-from sniffer.ground.model import ECHO, NS
+from sniffer.ground.model import ECHO
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,8 +36,6 @@ OPEN_MOST: Final = 4096
 """Requests whose fate is not told yet: far more than a decoder holds open."""
 
 _NEXT: Final = 2 * KINDS
-
-_BUCKET_NS: Final = NS // 4
 
 _WAITS: Final = {
     "n": "sum",
@@ -125,8 +123,8 @@ class Exchanges:
         """Of exchanges that did not fail: how long the line was idle behind them; key 0."""
         self.waits = Buckets(_WAITS)
         """Of exchanges that failed, by servo (+1) and outcome."""
-        self.retries = Buckets(_RETRIES)
-        """Requests that were made again, by bucket and servo (+1)."""
+        self.retries = TimedBuckets(_RETRIES)
+        """Requests that were made again, by bucket and servo."""
         self.runs: list[Run] = []
         self.failed: list[Failed] = []
         self.answer_lengths = np.zeros(512, np.int64)
@@ -290,8 +288,9 @@ class Exchanges:
         rows = np.flatnonzero(again)
         if len(rows):
             self.retries.add(
-                r.t_end[rows] // _BUCKET_NS * 512 + r.servos(rows) + 1,
-                n=np.ones(len(rows), np.int64),
+                r.t_end[rows],
+                r.servos(rows),
+                n=1,
                 lost_ns=r.t_start[rows + 1] - r.t_start[rows],
                 at=r.places(rows),
                 t_first=r.t_start[rows],
@@ -341,5 +340,4 @@ class Exchanges:
 
     def retried(self) -> dict[str, I64]:
         """Return ``retries`` as columns, with ``servo_id`` and ``bucket``."""
-        key, columns = self.retries.table()
-        return {**columns, "servo_id": key % 512 - 1, "bucket": key // 512}
+        return self.retries.table()

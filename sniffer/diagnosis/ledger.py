@@ -1,24 +1,24 @@
 """What is remembered of a bus for its diagnosis: traffic by servo and time, and what is rare.
 
 A ledger takes batch after batch and keeps columns: sums and extremes by servo in buckets of
-``BUCKET_NS``, events one by one, durations in histograms. It does not grow with the traffic (old
+a quarter second, events one by one, durations in histograms. It does not grow with the traffic (old
 buckets are joined), and does not depend on how the stream was cut. Nothing is judged here.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.diagnosis.buckets import Buckets
+from sniffer.diagnosis.buckets import TimedBuckets
 from sniffer.diagnosis.damage import Damages
 from sniffer.diagnosis.events import ANOMALY, REMARK, Events, Happenings, happened
 from sniffer.diagnosis.exchanges import Exchanges
 from sniffer.diagnosis.histograms import Histograms
 from sniffer.diagnosis.kept import ALARMS, ANSWERS, LINE, TRAFFIC, VALUES
 from sniffer.diagnosis.lineerrors import LineErrors
-from sniffer.diagnosis.orders import KINDS, Orders
+from sniffer.diagnosis.orders import Orders
 from sniffer.diagnosis.refusals import Refusals
 from sniffer.diagnosis.settings import Settings
 from sniffer.diagnosis.silences import Silences
@@ -37,24 +37,13 @@ from sniffer.ground.codes import (
     WHOLE,
 )
 from sniffer.ground.gaps import Gaps
-from sniffer.ground.model import ECHO, NS, Clock
+from sniffer.ground.model import ECHO, Clock
 from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
     from sniffer.decoding.pacing import Pace
     from sniffer.ground.model import I64, Batch, Frames
     from sniffer.protocols.base import BusProtocol
-
-BUCKET_NS: Final = NS // 4
-"""A bucket of time: no cause is told from what is shorter, but for events, which have own times."""
-
-SERVOS: Final = 512
-"""Keys of servos in a bucket: ids are below 256, and nobody's is -1."""
-
-FINE: Final = 1 << 14
-"""So many buckets (68 minutes) stay as they are; those before are joined by ``COARSE``."""
-
-COARSE: Final = 16
 
 MILLI: Final = 1000
 """Values are kept in thousandths of their unit: sums of whole numbers are the same in any order."""
@@ -84,15 +73,15 @@ class Ledger:
         self.models: dict[int, tuple[str, int]] = {}
         self.has_wires = False
         """Whether frames came in on wires that are told apart."""
-        self.traffic = Buckets(TRAFFIC)
+        self.traffic = TimedBuckets(TRAFFIC)
         """By bucket and servo: frames."""
-        self.answers = Buckets(ANSWERS)
+        self.answers = TimedBuckets(ANSWERS)
         """By bucket and servo asked: what became of requests; ``took`` in ns, bounds apart."""
-        self.line = Buckets(LINE)
+        self.line = TimedBuckets(LINE)
         """By bucket: bytes, unclaimed ones, the longest pause between two requests."""
-        self.values = Buckets(VALUES)
+        self.values = TimedBuckets(VALUES, register=len(protocol.registers))
         """By bucket, servo and register, in thousandths; ``step`` is between two neighbours."""
-        self.alarms = Buckets(ALARMS)
+        self.alarms = TimedBuckets(ALARMS, code=len(CODES))
         """By bucket, code (a row of ``found.CODES``) and servo."""
         self.events = Events()
         self.took = Histograms()
@@ -121,7 +110,6 @@ class Ledger:
         """Bytes of the first such answer."""
         self._asked_at: dict[int, int] = {}
         self._last_asked: int | None = None
-        self._fine_from: int | None = None
         registers = protocol.registers
         self._is_value = np.array([bool(r.quantity) for r in registers], bool)
         self._has_unit = np.array([bool(r.unit) for r in registers], bool)
@@ -160,7 +148,6 @@ class Ledger:
         self.unnamed.add(batch)
         self.unclaimed.add(batch)
         self.is_shared |= batch.is_shared
-        self._join_old()
 
     @property
     def byte_ns(self) -> int:
@@ -176,16 +163,13 @@ class Ledger:
             self.answer_length = length
             self.has_checksum = self.protocol.checksum_of(raw) is not None
 
-    def bucket(self, t_ns: I64) -> I64:
-        """Return the numbers of the buckets of moments."""
-        return t_ns // BUCKET_NS
-
     def _traffic(self, batch: Batch) -> None:
         f = batch.frames
         asks = (f.kind == REQUEST) & (f.flags & ECHO == 0)
         start = f.start + batch.base
         self.traffic.add(
-            self.bucket(f.t_end) * SERVOS + f.servo_id + 1,
+            f.t_end,
+            f.servo_id,
             frames=1,
             requests=asks,
             bytes=f.length,
@@ -210,11 +194,11 @@ class Ledger:
         at = np.where(is_asked, frames.start[rows], f.start[answer]) + batch.base
         timed = (outcome == OK) & (t.response_time_ns[told] >= 0)
         took, spread = t.response_time_ns[told], np.maximum(t.uncertainty_ns[told], 0)
-        key = self.bucket(t_ns) * SERVOS + servo + 1
         least = np.maximum(took - spread, 0)
         sound = bool(timed.all())
         self.answers.add(
-            key,
+            t_ns,
+            servo,
             asked=1 if sound else is_asked,
             ok=1 if sound else outcome == OK,
             missing=0 if sound else outcome == NO_RESPONSE,
@@ -252,7 +236,8 @@ class Ledger:
         self.pauses.add(spread, pause, pause)
         if len(pause):
             self.line.add(
-                self.bucket(since),
+                since,
+                np.full(len(since), -1),
                 bytes=0,
                 gap_bytes=0,
                 gaps=0,
@@ -292,7 +277,9 @@ class Ledger:
         t_ns = v.t_ns[mine]
         at = batch.frames.start[v.row[mine]] + batch.base
         self.values.add(
-            self.bucket(t_ns) * (SERVOS * len(self._is_value)) + who,
+            t_ns,
+            v.servo_id[mine],
+            register,
             n=1,
             low=milli,
             high=milli,
@@ -309,7 +296,8 @@ class Ledger:
         f = batch.frames
         if len(f):
             self.line.add(
-                self.bucket(f.t_end),
+                f.t_end,
+                np.full(len(f), -1),
                 bytes=f.length,
                 gap_bytes=0,
                 gaps=0,
@@ -321,7 +309,8 @@ class Ledger:
         if len(batch.gaps):
             gaps = Gaps.of(batch.gaps)
             self.line.add(
-                self.bucket(gaps.t_ns),
+                gaps.t_ns,
+                np.full(len(gaps), -1),
                 bytes=gaps.length,
                 gap_bytes=gaps.length,
                 gaps=1,
@@ -334,7 +323,9 @@ class Ledger:
     def _alarms(self, base: int, found: Anomalies) -> None:
         code, servo = found.code.astype(np.int64), found.servo_id.astype(np.int64)
         self.alarms.add(
-            (self.bucket(found.t_ns) * len(CODES) + code) * SERVOS + servo + 1,
+            found.t_ns,
+            servo,
+            code,
             n=1,
             at=found.at,
             length=found.length,
@@ -355,31 +346,6 @@ class Ledger:
         told = happened(REMARK, kind, nobody, t_ns, at, length)
         self.events.add(told.having(after=count))
 
-    def _join_old(self) -> None:
-        """Join buckets that are long past, so that a day takes no more room than some hours."""
-        now = self.last_ns // BUCKET_NS
-        if self._fine_from is None:
-            self._fine_from = (self.first_ns or 0) // BUCKET_NS
-        until = self._fine_from
-        while now - until >= 2 * FINE:
-            until = (until + FINE) // COARSE * COARSE
-        if until == self._fine_from:
-            return
-        tables: tuple[tuple[Buckets, int], ...] = (
-            (self.traffic, SERVOS),
-            (self.answers, SERVOS),
-            (self.line, 1),
-            (self.values, SERVOS * len(self._is_value)),
-            (self.alarms, SERVOS * len(CODES)),
-            (self.orders.counts, SERVOS * KINDS),
-        )
-        for buckets, width in tables:
-            key, _ = buckets.table()
-            number = key // width
-            joined = np.where(number < until, number // COARSE * COARSE, number)
-            buckets.rekey(joined * width + key % width)
-        self._fine_from = until
-
     def heard_from(self, servo_id: int) -> bool:
         """Tell whether a servo answered at least once."""
         return servo_id in self.silences.heard
@@ -387,25 +353,6 @@ class Ledger:
     def happenings(self) -> Happenings:
         """Return the events that are kept."""
         return self.events.rows()
-
-    def table(self, name: str) -> dict[str, I64]:
-        """Return a table with its keys taken apart: ``bucket``, ``servo_id`` and the like."""
-        buckets: Buckets = getattr(self, name)
-        key, columns = buckets.table()
-        out: dict[str, Any] = dict(columns)
-        match name:
-            case "line":
-                out["bucket"] = key
-            case "values":
-                out["register"] = key % len(self._is_value)
-                key = key // len(self._is_value)
-            case "alarms":
-                out["code"] = key // SERVOS % len(CODES)
-                out["servo_id"] = key % SERVOS - 1
-                out["bucket"] = key // (SERVOS * len(CODES))
-        if name in ("traffic", "answers", "values"):
-            out["servo_id"], out["bucket"] = key % SERVOS - 1, key // SERVOS
-        return out
 
 
 def pair_key(servo_id: I64, op: I64) -> I64:

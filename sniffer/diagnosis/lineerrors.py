@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.diagnosis.buckets import Buckets
+from sniffer.diagnosis.buckets import TimedBuckets
 from sniffer.ground.codes import REQUEST
-from sniffer.ground.model import NS, MarkKind
+from sniffer.ground.model import MarkKind
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, Batch, Remark
@@ -27,8 +27,6 @@ SHARP: Final = 2
 
 KINDS: Final = (MarkKind.FRAMING, MarkKind.BREAK)
 
-_BUCKET_NS: Final = NS // 4
-
 _COUNTS: Final = {"n": "sum", "breaks": "sum", "at": "first", "t_first": "first", "t_last": "last"}
 
 
@@ -36,7 +34,7 @@ class LineErrors:
     """Counts them by bucket, servo and place."""
 
     def __init__(self) -> None:
-        self._counts = Buckets(_COUNTS)
+        self._counts = TimedBuckets(_COUNTS, place=PLACES)
         self.wide = 0
         """Regions of doubt that are wider."""
         self.within: dict[int, tuple[int, int, int]] = {}
@@ -64,7 +62,9 @@ class LineErrors:
         servo = np.where(inside, np.append(f.servo_id.astype(np.int64), -1)[whose], -1)
         place = np.where(inside, np.where(kind == REQUEST, IN_REQUESTS, IN_ANSWERS), OUTSIDE)
         self._counts.add(
-            ((t_ns // _BUCKET_NS) * 512 + servo + 1) * PLACES + place,
+            t_ns,
+            servo,
+            place,
             n=1,
             breaks=np.array([r.kind == MarkKind.BREAK for r in told], bool),
             at=at + batch.base,
@@ -85,11 +85,4 @@ class LineErrors:
 
     def counted(self) -> dict[str, I64]:
         """Return the counts as columns, with ``bucket``, ``servo_id`` and ``place``."""
-        key, columns = self._counts.table()
-        rest = key // PLACES
-        return {
-            **columns,
-            "place": key % PLACES,
-            "servo_id": rest % 512 - 1,
-            "bucket": rest // 512,
-        }
+        return self._counts.table()

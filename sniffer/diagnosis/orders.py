@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.diagnosis.buckets import Buckets
+from sniffer.diagnosis.buckets import TimedBuckets
 from sniffer.ground.codes import REQUEST
-from sniffer.ground.model import ECHO, NS, RESETS
+from sniffer.ground.model import ECHO, RESETS
 from sniffer.protocols.base import RESTARTS, TURNS_ELSEWHERE, ends_goal
 
 if TYPE_CHECKING:
@@ -16,11 +16,6 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
 
 KINDS: Final = TURNS_ELSEWHERE + 1
-
-SERVOS: Final = 512
-"""Keys of servos: ids are below 256, and nobody's is -1."""
-
-_BUCKET_NS: Final = NS // 4
 
 _COLUMNS: Final = {
     "n": "sum",
@@ -38,7 +33,7 @@ class Orders:
         known = ends_goal(protocol)
         self._ops = np.array(sorted(known), np.int64)
         self._kinds = np.array([known[op] for op in sorted(known)], np.int64)
-        self.counts = Buckets(_COLUMNS)
+        self.counts = TimedBuckets(_COLUMNS, kind=KINDS)
 
     def add(self, batch: Batch) -> None:
         """Take the commands of a batch."""
@@ -54,9 +49,10 @@ class Orders:
             place = np.minimum(np.searchsorted(self._ops, f.op[rows]), len(self._ops) - 1)
             kind = np.where(self._ops[place] == f.op[rows], self._kinds[place], kind)
         t_ns = f.t_end[rows]
-        servo = f.servo_id[rows].astype(np.int64) + 1
         self.counts.add(
-            (t_ns // _BUCKET_NS * SERVOS + servo) * KINDS + kind,
+            t_ns,
+            f.servo_id[rows],
+            kind,
             n=1,
             at=f.start[rows] + batch.base,
             length=f.length[rows],
@@ -66,11 +62,4 @@ class Orders:
 
     def counted(self) -> dict[str, I64]:
         """Return the counts as columns, with ``bucket``, ``servo_id`` and ``kind``."""
-        key, columns = self.counts.table()
-        rest = key // KINDS
-        return {
-            **columns,
-            "kind": key % KINDS,
-            "servo_id": rest % SERVOS - 1,
-            "bucket": rest // SERVOS,
-        }
+        return self.counts.table()
