@@ -35,7 +35,6 @@ from sniffer.diagnosis.rules import (
     symptoms,
     tap,
     timing,
-    twins,
     warmth,
 )
 
@@ -70,7 +69,6 @@ _AREAS: Final = (
     restarts,
     slowness,
     supply,
-    twins,
     warmth,
 )
 

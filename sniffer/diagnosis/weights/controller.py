@@ -72,8 +72,6 @@ WEIGHTS: Final = (
                 "last-bits",
                 "first-byte-torn",
                 "last-byte-torn",
-                "answers-in-shreds",
-                "answers-have-tails",
                 "line-break",
                 "malformed-body",
                 "value-out-of-range",

@@ -173,12 +173,11 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     ),
     *for_(
         "duplicate-id",
-        ("answers-in-shreds", 4.0, "answers that meet are torn each time in another way"),
-        ("answers-have-tails", 4.0, "a second answer goes on behind the first one"),
         ("answers-twice", 5.0, "two answers come to one request"),
         ("answers-mixed", 4.5, "two of its answers lie over each other"),
         ("answers-always-torn", 3.5, "each of its answers meets another one"),
         ("damage-one-servo", 1.5, "only its answers are hit"),
+        ("speaks-unasked", 0.6, "the second answer stands alone"),
         ("duplicate-response", 2.5, "a second answer of the same id"),
         ("comes-and-goes", 0.2, "two answers at once are none"),
         ("position-jumps", 0.5, "two joints stand at two places"),

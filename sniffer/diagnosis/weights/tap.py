@@ -60,8 +60,6 @@ WEIGHTS: Final = (
                 "last-bits",
                 "first-byte-torn",
                 "last-byte-torn",
-                "answers-in-shreds",
-                "answers-have-tails",
                 "line-error",
                 "value-out-of-range",
                 "doubtful-value",
