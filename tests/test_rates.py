@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from sniffer.decoding.pipeline import Options, Pipeline
-from sniffer.decoding.rates import RateSearch, SearchStep, emptied
+from sniffer.decoding.rates import Rate, RateSearch, SearchStep, emptied
 from sniffer.ground.model import NS, Chunk, Clock, InputError, Mark, MarkKind
 from sniffer.jobs.compare import compare
 from sniffer.jobs.files import Files, Flight
@@ -190,6 +190,17 @@ def test_what_was_heard_at_other_rates_is_left_out_and_the_rest_decoded_the_same
         assert (found[0], found.count("rate-found")) == ("rate-found", 1)
         assert not set(found) & {"noise", "bad-checksum", "no-response"}
     assert b"".join(c.data for c in emptied(both, told.begins)) == TALK
+
+
+def test_a_rate_is_told_once_also_where_the_first_frame_begins_with_it() -> None:
+    kept = Collected()
+    pipeline = Pipeline(Options(protocol="mightyzap"), [kept], live=True)
+    garbage = Chunk(bytes(40), START_NS, Clock.READ)
+    pipeline.record("bus0", [garbage])
+    pipeline.tune("bus0", Rate(57600, len(garbage.data), 1_000_000))
+    pipeline.feed([tuned(57600, START_NS), Chunk(TALK, START_NS + NS, Clock.READ)])
+    pipeline.close()
+    assert kept.anomalies().count("rate-found") == 1
 
 
 # --- in a recording ------------------------------------------------------------------------------

@@ -144,7 +144,9 @@ class Pipeline:
             self._tuned[bus] = self._options.bauds[bus]
         if bus in self._tuned and chunks:
             mark = Mark(MarkKind.TUNED, 0, count=self._tuned.pop(bus))
-            chunks = [replace(chunks[0], marks=(mark, *chunks[0].marks)), *chunks[1:]]
+            # Where the first frame begins with the rate, the tap's own mark stands there, too.
+            marks = (m for m in chunks[0].marks if m.kind != MarkKind.TUNED)
+            chunks = [replace(chunks[0], marks=(mark, *marks)), *chunks[1:]]
         if bus in self._decoders:
             self._decode(bus, chunks)
             return
