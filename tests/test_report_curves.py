@@ -88,6 +88,11 @@ def test_what_is_collected_does_not_depend_on_how_the_stream_was_cut(
     assert told(collected(protocol, chunks, cuts)) == told(collected(protocol, chunks, []))
 
 
+def test_frames_and_what_is_none_are_in_order_where_a_cut_is_between_them() -> None:
+    chunks = talk("rs30x", 0.3, 1)
+    assert told(collected("rs30x", chunks, [170_240])) == told(collected("rs30x", chunks, []))
+
+
 @given(times=TIMES, data=st.data())
 def test_a_grid_keeps_count_sum_and_extremes_in_few_buckets(
     times: list[int], data: st.DataObject

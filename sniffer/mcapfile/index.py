@@ -73,6 +73,9 @@ class ChunkNote:
     indexed: bool = True
 
 
+_U64: Final = (1 << 64) - 1
+
+
 class ChunkIndexes:
     """The index records of all chunks, kept small: as columns of differences, compressed."""
 
@@ -98,7 +101,7 @@ class ChunkIndexes:
         self._counts.append(n.counts[:shown])
         if len(self._rows) == PIECE:
             data = b"".join((
-                np.diff(np.array(self._rows), axis=0, prepend=0).T.astype("<i8").tobytes(),
+                np.diff(self._table(), axis=0, prepend=0).T.astype("<i8").tobytes(),
                 np.concatenate(self._channels).astype("<u2").tobytes(),
                 np.concatenate(self._counts).astype("<u4").tobytes(),
             ))  # fmt: skip
@@ -112,6 +115,11 @@ class ChunkIndexes:
         """How much memory the compressed ones take, in bytes."""
         return sum(len(packed) for _, packed in self._pieces)
 
+    def _table(self) -> I64:
+        """Return the rows that wait; times of harmed recordings go up to 2^64, and turn over."""
+        rows = [[number & _U64 for number in row] for row in self._rows]
+        return np.array(rows, np.uint64).view(np.int64)
+
     def __iter__(self) -> Iterator[bytes]:
         """Return the records in pieces."""
         for n, packed in self._pieces:
@@ -124,7 +132,7 @@ class ChunkIndexes:
             yield self._records(rows, channels, counts.astype(np.int64))
         if self._rows:
             channels, counts = np.concatenate(self._channels), np.concatenate(self._counts)
-            yield self._records(np.array(self._rows), channels, counts)
+            yield self._records(self._table(), channels, counts)
 
     def _records(self, rows: I64, channels: U16, counts: I64) -> bytes:
         """Return the records of some chunks, in their order."""

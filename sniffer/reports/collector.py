@@ -204,8 +204,9 @@ class Collector:
         wire.remarks.update(MarkKind(r.kind).name.lower() for r in batch.remarks)
         if len(f):
             wire.doubt_ns = max(wire.doubt_ns, int(f.uncertainty.max()))
-        grid.add(wire.curves[BYTES], f.t_end, f.length)
-        grid.add(wire.curves[BYTES], gaps.t_ns, gaps.length)
+        order = np.argsort(np.concatenate([f.start, gaps.start]), kind="stable")
+        at, length = np.concatenate([f.t_end, gaps.t_ns]), np.concatenate([f.length, gaps.length])
+        grid.add(wire.curves[BYTES], at[order], length[order])
         grid.add(wire.curves[UNCLAIMED], gaps.t_ns, gaps.length)
         t = batch.transactions
         lost = batch.asked(t.request[t.outcome == NO_RESPONSE]).t_end

@@ -157,7 +157,7 @@ def streams_apart(case: Case) -> Iterator[Finding]:
 
 def _apart(t: I64, kind: I64) -> tuple[float, int, int, float, int, int] | None:
     """Return the two kinds that go together least, if they do not, with the rhythm of one."""
-    count = np.bincount(kind)
+    count = np.bincount(kind[kind >= 0])  # what came when there were too many kinds has none
     often = [k for k in np.argsort(-count, kind="stable")[:KINDS].tolist() if count[k] >= LEAST]
     times = {k: t[kind == k] for k in often}
     best: tuple[float, int, int, float, int, int] | None = None

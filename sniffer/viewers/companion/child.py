@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 import os
 import select
+import subprocess
 import sys
 import time
 from typing import TYPE_CHECKING, Final, NoReturn
@@ -37,7 +38,6 @@ from sniffer.viewers.companion.parcels import (
 )
 
 if TYPE_CHECKING:
-    import subprocess
     from collections.abc import Callable, Iterable, Iterator
 
     from sniffer.ground.model import Chunk
@@ -74,6 +74,9 @@ FLUSH_S: Final = 1.0
 
 ARRIVAL_S: Final = 3.0
 """How long a viewer elsewhere may take to answer."""
+
+END_S: Final = 2.0
+"""How long a viewer whose connection is gone may take to end: its status says more."""
 
 PARTING_S: Final = 10.0
 """How long a viewer may hang after the recorder has gone."""
@@ -193,8 +196,9 @@ class Watcher:
             try:
                 self._recording.flush(timeout_sec=FLUSH_S)
             except RuntimeError as error:
-                self._look()
-                if "timed out" not in str(error):
+                is_gone = "timed out" not in str(error)
+                self._look(END_S if is_gone else 0.0)
+                if is_gone:
                     raise GoneError(self._lost()) from error
             else:
                 return
@@ -206,11 +210,14 @@ class Watcher:
             return "the Rerun viewer has gone"
         return f"what answers at {self._setup.address} is no Rerun viewer"
 
-    def _look(self) -> None:
-        """Raise GoneError once our own viewer has ended."""
-        if self._viewer is None or self._viewer.poll() is None:
+    def _look(self, patience_s: float = 0.0) -> None:
+        """Raise GoneError once our own viewer has ended, for which there is some patience."""
+        if self._viewer is None:
             return
-        status = self._viewer.returncode
+        try:
+            status = self._viewer.wait(patience_s)
+        except subprocess.TimeoutExpired:
+            return
         if status == 0 and self._setup.mode == WINDOW:
             raise GoneError("the Rerun window was closed")
         raise GoneError(f"the Rerun viewer stopped with status {status}")
