@@ -14,11 +14,20 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.weights.table import Weight
 
 
+LINES: Final = (
+    *tap.WEIGHTS,
+    *line.WEIGHTS,
+    *wire.WEIGHTS,
+    *device.WEIGHTS,
+    *controller.WEIGHTS,
+)
+"""All lines of all areas; none stands in two."""
+
+
 def _by_cause() -> Mapping[str, Mapping[str, Weight]]:
     out: dict[str, dict[str, Weight]] = {slug: {} for slug in CAUSES}
-    for table in (tap.WEIGHTS, line.WEIGHTS, wire.WEIGHTS, device.WEIGHTS, controller.WEIGHTS):
-        for weight in table:
-            out[weight.cause][weight.finding] = weight
+    for weight in LINES:
+        out[weight.cause][weight.finding] = weight
     return MappingProxyType({slug: MappingProxyType(rows) for slug, rows in out.items()})
 
 

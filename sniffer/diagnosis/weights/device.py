@@ -66,7 +66,6 @@ WEIGHTS: Final = (
         ("joint-not-following", 0.3, "its joint does not follow meanwhile"),
         ("damaged-response", 0.3, "it breaks off an answer"),
         ("truncated-frame", 0.2, "it breaks off an answer"),
-        ("goes-on-unanswered", 0.2, "the controller goes on without it"),
         ("supply-steady", 0.3, "its supply is in order"),
         ("device-recovered", 0.1, "it forgets what it complained of"),
         ("damage-one-servo", -1.5, "its answers are damaged, not only missing"),
@@ -276,10 +275,6 @@ WEIGHTS: Final = (
         ("joint-limp", 0.1, "goals do not reach it"),
         ("joint-stalled", 0.1, "goals do not reach it"),
         ("joint-not-following", 0.1, "goals do not reach it"),
-    ),
-    *for_(
-        "bus-noise",
-        ("doubtful-value", 0.4, "damage that passes for a value, without a checksum"),
     ),
 )
 """One line each."""

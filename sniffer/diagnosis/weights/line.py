@@ -32,13 +32,9 @@ _TORN: Final[tuple[_Row, ...]] = (
 _LOST: Final[tuple[_Row, ...]] = (
     ("misses-now-and-then", 0.2, "torn requests are not answered"),
     ("away-again-and-again", 0.1, "torn requests in a row are not answered"),
-    ("answered-though-torn", 0.2, "what is torn at the tap may be whole at the servo"),
-    ("goes-on-unanswered", 0.1, "what is torn at the tap may be whole at the controller"),
-    ("hasty-request", 0.1, "the controller goes on when it hears something torn"),
     ("request-in-answer", 0.1, "pieces of frames look alike"),
     ("answers-after-next", 0.1, "the answer to a torn request may be taken for a late one"),
     ("late-replies", 0.1, "the answer to a torn request may be taken for a late one"),
-    ("requests-torn-short", 0.1, "bytes without a start bit are lost"),
     ("retry-storm", 0.1, "what is torn is asked again"),
     ("loop-jitters", 0.1, "waiting for what is torn takes time"),
     ("loop-stalls", 0.1, "waiting for what is torn takes time"),
@@ -51,6 +47,14 @@ _LOST: Final[tuple[_Row, ...]] = (
     ("echo-mismatch", 0.1, "a torn answer may hold by chance"),
 )
 """What others make of it."""
+
+_HALF_HEARD: Final[tuple[_Row, ...]] = (
+    ("answered-though-torn", 0.2, "what is torn at the tap may be whole at the servo"),
+    ("goes-on-unanswered", 0.1, "what is torn at the tap may be whole at the controller"),
+    ("requests-torn-short", 0.1, "bytes without a start bit are lost"),
+)
+"""What looks like losses of the tap where levels are in doubt; causes that do not list it are those
+against which the table of the tap weighs it."""
 
 WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
@@ -116,6 +120,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("one-way-bits", 0.1, "what holds the line holds it at one level"),
         *(w for w in _TORN if w[0] != "idle-tail"),
         *(w for w in _LOST if w[0] != "loop-stalls"),
+        *_HALF_HEARD,
         ("loop-stalls", 0.5, "nobody can speak meanwhile"),
     ),
     *for_(
@@ -153,6 +158,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("clock-off", -3.0, "a clock that is off explains the torn answers"),
         *_TORN,
         *_LOST,
+        *_HALF_HEARD,
     ),
     *for_(
         "clock-drift",
@@ -170,6 +176,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("damage-everywhere", 0.1, "pieces of its answers look like frames"),
         *_TORN,
         *_LOST,
+        *_HALF_HEARD,
     ),
     *for_(
         "duplicate-id",
@@ -191,6 +198,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("device-alarm", 0.1, "what holds by chance says anything"),
         *_TORN,
         *(w for w in _LOST if w[0] not in ("doubtful-value", "refuses-command", "echo-mismatch")),
+        *_HALF_HEARD,
         ("refuses-command", 0.5, "two answers at once say anything"),
         ("echo-mismatch", 0.5, "two answers at once say anything"),
         ("joint-limp", 0.1, "two answers at once say anything"),
