@@ -184,7 +184,7 @@ def test_another_thing_while_a_file_is_written_is_noted_in_it(
 def test_a_signal_has_a_file_written_and_two_have_numbers(tmp_path: Path, line: Terminal) -> None:
     speaker = Speaker(line)
     (tmp_path / "incident-0001.mcap").write_bytes(b"dear to somebody")
-    with flying(tmp_path, line, "--trigger", "nack-is-none-but-any"[-3:], "--post", "50ms") as run:
+    with flying(tmp_path, line, "--trigger", "temperature > 200", "--post", "50ms") as run:
         speaker.go_on(0.2)
         for count in (1, 2):
             run.tell(signal.SIGHUP)
