@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
-from rerun.experimental import ViewerClient
 
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.pipeline import Options
 from sniffer.ground.model import Chunk, Clock
 from sniffer.viewers import viewer
 from tests.streams.mightyzap import packet
+from tests.viewer import connected
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -114,7 +114,7 @@ def viewer_of(live: LiveView) -> tuple[int, str]:
 def looks(live: LiveView) -> int:
     """Return the process id of the viewer once it shows something."""
     pid, address = viewer_of(live)
-    client = ViewerClient.connect(address)
+    client = connected(address)
     until_it_has(live, lambda: client.get_state().recordings)
     return pid
 

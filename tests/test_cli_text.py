@@ -20,6 +20,7 @@ from sniffer.sinks.text import WIDE, fit
 from tests.commands import COMMAND, damaged, environment, log, talk, within
 from tests.streams.mightyzap import packet
 from tests.streams.rs30x import long
+from tests.terminals import PATIENCE_S
 
 Capsys = pytest.CaptureFixture[str]
 Patch = pytest.MonkeyPatch
@@ -292,7 +293,7 @@ def on_a_terminal(*arguments: str | Path, **env: str) -> str:
             if not got:
                 break
             sent += got
-        assert process.wait(60) == 0
+        assert process.wait(PATIENCE_S) == 0
     finally:
         os.close(ours)
     return sent.decode().replace("\r\n", "\n")

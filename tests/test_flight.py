@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
+from sniffer.diagnosis.causes import CAUSES
 from sniffer.ground.model import NS, Chunk, Clock, MarkKind
 from sniffer.mcapfile.ring import MARGIN_NS, Ring
 from sniffer.mcapfile.ringfile import RingFile
@@ -56,11 +57,11 @@ class Speaker:
             self.say(data)
             time.sleep(0.02)
 
-    def until(self, is_so: Callable[[], bool]) -> None:
+    def until(self, is_so: Callable[[], bool], data: bytes = SOUND) -> None:
         """Go on talking until something is so."""
 
         def look() -> bool:
-            self.go_on(0.05)
+            self.go_on(0.05, data)
             return is_so()
 
         wait(look, "it has not become so")
@@ -129,19 +130,27 @@ def test_a_rule_triggers_and_what_the_wire_said_of_it_is_in_the_file(
     tmp_path: Path, line: Terminal
 ) -> None:
     speaker = Speaker(line)
-    told = ("--trigger", "1.voltage < 9", "--post", "200ms", "--trigger", "any")
+    told = ("--trigger", "1.voltage < 9", "--post", "200ms")
     with flying(tmp_path, line, *told) as run:
         speaker.go_on(0.3)
         speaker.say(SUPPLY + packet(1, 0, b"\x50"))  # 8 V
         speaker.until(lambda: is_finished(run))
         assert run.stop().status == 0
-    # A starved speaker is an incident of its own, and has a file: that is what any asks for.
-    (path,) = (p for p in files(tmp_path) if "voltage" in facts(p)["trigger.what"])
-    assert path == files(tmp_path)[0]
+    (path,) = files(tmp_path)
     assert facts(path)["trigger.what"] == "alarm on bus0: 1.voltage < 9: servo 1 has 8 V"
     assert facts(path)["alarm.1"] == "1.voltage < 9"
     assert codes(path).count("alarm") == 1
     assert_true_to_itself(path)
+
+
+def test_any_incident_triggers_where_any_is_asked_for(tmp_path: Path, line: Terminal) -> None:
+    speaker = Speaker(line)
+    with flying(tmp_path, line, "--trigger", "any", "--post", "50ms") as run:
+        speaker.until(lambda: is_finished(run), LOST + SOUND)
+        assert run.stop().status == 0
+    assert {facts(path)["trigger"] for path in files(tmp_path)} == {"any"}
+    what = facts(files(tmp_path)[0])["trigger.what"]
+    assert any(f"{cause} on bus0" in what for cause in CAUSES), what
 
 
 def test_what_goes_on_prolongs_the_file_to_a_bound_and_begins_no_other_one(

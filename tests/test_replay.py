@@ -16,6 +16,7 @@ from sniffer.ground.timing import byte_time_ns
 from sniffer.jobs.replay import STEP_NS, Window, paced, peek, steps, timed
 from sniffer.jobs.replay import within as window
 from tests.commands import COMMAND, Ran, environment, log, sniffer, talk, within
+from tests.terminals import PATIENCE_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -297,7 +298,7 @@ def test_a_loop_ends_when_nobody_listens(recording: Path) -> None:
         assert process.stdout is not None
         assert process.stdout.readline().startswith("time")
         process.stdout.close()
-        assert process.wait(30) == 0
+        assert process.wait(PATIENCE_S) == 0
 
 
 @Posix

@@ -330,7 +330,7 @@ def test_a_program_ends_whose_output_nobody_takes(kind: str, mode: str, end: str
             env=environment(TERM="xterm"),
         )
         try:
-            assert done.wait(30) == (3 if end == "failed" else 0)
+            assert done.wait(PATIENCE_S) == (3 if end == "failed" else 0)
         finally:
             if done.poll() is None:
                 done.send_signal(signal.SIGKILL)

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rerun.experimental import ViewerClient
 
 from sniffer.diagnosis.tracking import IncidentChange, Stage
 from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind, OutputError
@@ -47,6 +46,7 @@ from tests.live import (
     viewer_of,
 )
 from tests.terminals import PATIENCE_S
+from tests.viewer import connected
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -273,7 +273,7 @@ def test_a_window_stays_open_behind_the_recording_until_it_is_closed(view: Any, 
     live.close()
     assert said == ["the Rerun window stays open until it is closed"]
     assert {viewer, live.pid} <= group(live.pid).keys()
-    client = ViewerClient.connect(address)
+    client = connected(address)
 
     def shown() -> list[int | None]:
         """Return where the recordings end that the viewer has got so far."""

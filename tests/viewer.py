@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final, cast
 
 import pytest
 from rerun.experimental import ViewerClient
@@ -30,6 +30,34 @@ PATIENCE_S: Final = 180.0
 
 NO_GRAPHICS: Final = ("No graphics adapter was found", "Failed to get render context")
 """What viewer 0.41 panics with where no usable driver is: none at all, or GL without Vulkan."""
+
+
+class PatientClient:
+    """The SDK's client, which asks again where a busy viewer does not answer in the SDK's time."""
+
+    def __init__(self, client: ViewerClient) -> None:
+        self._client = client
+
+    def __getattr__(self, name: str) -> Any:
+        call = getattr(self._client, name)
+        if not callable(call):
+            return call
+
+        def patiently(*arguments: Any, **options: Any) -> Any:
+            deadline = time.monotonic() + PATIENCE_S
+            while True:
+                try:
+                    return call(*arguments, **options)
+                except TimeoutError:
+                    if time.monotonic() > deadline:
+                        raise
+
+        return patiently
+
+
+def connected(address: str) -> ViewerClient:
+    """Return a client of the viewer that listens there."""
+    return cast("ViewerClient", PatientClient(ViewerClient.connect(address)))
 
 
 class HeadlessViewer:
@@ -106,12 +134,13 @@ def headless(home: Path) -> Iterator[HeadlessViewer]:
         subprocess.run([executable, "analytics", "disable"], check=True, capture_output=True)
         try:
             with _stderr_into(log):
-                client = ViewerClient.spawn(
+                spawned = ViewerClient.spawn(
                     headless=True,
                     port=_free_port(),
                     hide_welcome_screen=True,
                     executable_path=executable,
                 )
+            client = cast("ViewerClient", PatientClient(spawned))
             client.take_screenshot(max_size=64)  # it answers before it has tried to draw
         except (ConnectionError, RuntimeError) as error:
             said = log.read_text(errors="replace")
