@@ -7,6 +7,7 @@ some time on is compared with what it said before.
 
 from __future__ import annotations
 
+import operator
 from collections import deque
 from typing import TYPE_CHECKING, Final
 
@@ -130,13 +131,15 @@ class Likes:
         for held, rows in self._backwards(batch, row):
             f = held.frames
             same = (f.kind[rows[:-1]] == REQUEST) & (f.kind[rows[1:]] == RESPONSE)
-            same &= (f.length[rows[:-1]] == len(asked)) & (f.end[rows[:-1]] == f.start[rows[1:]])
+            same &= f.length[rows[:-1]] == len(asked)
+            same &= f.start[rows[:-1]] + len(asked) == f.start[rows[1:]]
             # an answer that bears another id holds by chance, or is another's
             same &= (f.servo_id[rows[1:]] < 0) | (f.servo_id[rows[1:]] == f.servo_id[rows[:-1]])
             for k in rows[:-1][same][::-1].tolist():
                 at = int(f.start[k])
                 if held.data[at : at + len(asked)] == asked:
-                    out[held.data[int(f.start[k + 1]) : int(f.end[k + 1])]] = None
+                    at += len(asked)
+                    out[held.data[at : at + int(f.length[k + 1])]] = None
                     if len(out) >= MOST:
                         return tuple(out)
         return tuple(out)
@@ -146,15 +149,15 @@ class Likes:
 
         What differs in more than half of the bytes is not alike.
         """
+        n = len(got)
         alike: dict[bytes, int] = {}
         for held, rows in self._backwards(batch, row):
-            f = held.frames
-            mine = rows[(f.kind[rows] == REQUEST) & (f.length[rows] == len(got))]
-            for k in mine[::-1].tolist():
-                data = held.data[int(f.start[k]) : int(f.end[k])]
+            f, said = held.frames, held.data
+            mine = rows[(f.kind[rows] == REQUEST) & (f.length[rows] == n)]
+            for data in dict.fromkeys([said[at : at + n] for at in f.start[mine][::-1].tolist()]):
                 if data not in alike:
-                    alike[data] = sum(a != b for a, b in zip(data, got, strict=True))
-        near = [data for data, differ in alike.items() if differ <= len(got) // 2]
+                    alike[data] = sum(map(operator.ne, data, got))
+        near = [data for data, differ in alike.items() if differ <= n // 2]
         return tuple(sorted(near, key=lambda data: alike[data])[:MOST])
 
     def _backwards(
