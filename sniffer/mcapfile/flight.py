@@ -185,11 +185,6 @@ class FlightRecorder:
         """Tell whether the file that is being written is no more under its name."""
         return self._current is not None and is_lost(*self._files[-1])
 
-    @property
-    def is_writing(self) -> bool:
-        """Whether something has happened, and a file is written."""
-        return self._current is not None
-
     def happened(self, what: Happening) -> None:
         """Learn that something happened; ``flush`` begins a file, or the current one goes on.
 
