@@ -62,9 +62,9 @@ def _print(i: Incident, console: Console, *, clock: bool) -> None:
     left = len(i.findings) - FINDINGS_SHOWN
     if left > 0:
         console.print(Padding(Text(f"- and {left} more findings"), (0, 0, 0, 3)))
-    places = [p for f in i.findings for p in f.places][:3]
-    if places:
-        told = ", ".join(f"byte {p.offset}" for p in places)
+    offsets = dict.fromkeys(p.offset for f in i.findings for p in f.places)
+    if offsets:
+        told = ", ".join(f"byte {offset}" for offset in list(offsets)[:3])
         console.print(Padding(Text(f"see {told}"), (0, 0, 0, 3)))
     console.print(Padding(Text(f"next: {i.next}"), (0, 0, 0, 3)))
 

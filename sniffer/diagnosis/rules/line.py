@@ -14,6 +14,7 @@ from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.twins import of_twins
 from sniffer.ground.model import NS
+from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -132,8 +133,8 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
     rows = in_request | (in_reply & ~np.isin(d["servo_id"], few))
     share = answers / max(answers + requests, 1)
     what = (
-        f"{left} of {answers} answers of {len(torn)} servos and {asked_torn} of {requests} "
-        "requests are damaged"
+        f"{left} of {answers} answers of {counted(len(answered), 'servo')} and "
+        f"{asked_torn} of {requests} requests are damaged"
     )
     if left >= LEAST and at_least(left, left + asked_torn, share) < CHANCE:
         yield _damage(case, rows, "damage-in-answers", None, what, "answers damaged")

@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -86,7 +87,7 @@ def interleaved(case: Case) -> Iterator[Finding]:
         case,
         "interleaved-requests",
         sum(r.times for r in mixed),
-        f"requests to {len({r.servo_id for r in mixed})} servos come every "
+        f"requests to {counted(len({r.servo_id for r in mixed}), 'servo')} come every "
         f"{most.period_ns / 1e6:.1f} ms, and {100 * most.sooner:.0f} % of them at any time between",
         strength=min(0.6 + most.sooner, 1.0),
         brief="the same requests in two rhythms",

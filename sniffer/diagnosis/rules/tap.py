@@ -11,6 +11,7 @@ from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.losses import is_altered
 from sniffer.ground.codes import NO_RESPONSE
 from sniffer.ground.model import MarkKind
+from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -219,7 +220,7 @@ def nobody_asks(case: Case) -> Iterator[Finding]:
         case.first_ns,
         case.last_ns,
         frames,
-        f"{frames} answers of {len(case.servos)} servos, and not one request",
+        f"{frames} answers of {counted(len(case.servos), 'servo')}, and not one request",
         (Place(int(case.traffic["at"].min()), 1, case.first_ns, "the first answer"),),
         brief=f"{frames} answers without a request",
     )
