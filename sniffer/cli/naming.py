@@ -7,14 +7,22 @@ from typing import Final
 from sniffer.ground.wording import spelled
 
 _OPTIONS: Final = {
+    "around_ns": "--around",
+    "buses": "--bus",
+    "codes": "--code",
     "faults": "--fault",
+    "kinds": "--kind",
     "latency_ns": "--latency",
     "models": "--model",
+    "ops": "--op",
     "overwrite": "--force",
     "recording": "-o",
     "rate_hz": "--rate",
     "rotate_bytes": "--rotate",
     "rotate_ns": "--rotate",
+    "servos": "--servo",
+    "start": "--from",
+    "stop": "--to",
     "tables": "--registers",
     "tap=False": "--no-tap",
     "view=connect": "--rerun-connect URL",

@@ -9,6 +9,8 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
+import numpy as np
+
 from sniffer.decoding.fields import frame_fields, tidy, value_ranges
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import KINDS, OUTCOMES, PARTS, PROVENANCES, ROLES, WHOLE
@@ -210,6 +212,8 @@ def _transactions(
     batch: Batch, protocol: BusProtocol, bus: str
 ) -> Iterator[tuple[int, TransactionRow]]:
     f, t = batch.frames, batch.transactions
+    if batch.chosen is not None:
+        t = t.take(batch.chosen("transactions"))
     before = batch.asked(t.request[t.request < -1])  # told in earlier batches
     earlier = iter(range(len(before)))
     for q, r, outcome, took, spread in zip(
@@ -282,14 +286,23 @@ def _found(batch: Batch, protocol: BusProtocol, bus: str) -> Iterator[tuple[int,
     """Yield rows, each with its place in the stream and among those of the same place."""
     edges = value_ranges(batch.values, len(batch.frames))
     clock, beside = Clock(batch.clock).name.lower(), _beside(protocol, batch)
-    for i, start in enumerate((batch.frames.start + batch.base).tolist()):
-        yield start, 0, frame_row(batch, protocol, bus, i, range(edges[i], edges[i + 1]))
-    for g in batch.gaps:
+    starts = (batch.frames.start + batch.base).tolist()
+    for i in _shown(batch, "frames", len(starts)):
+        yield starts[i], 0, frame_row(batch, protocol, bus, i, range(edges[i], edges[i + 1]))
+    for g in (batch.gaps[i] for i in _shown(batch, "gaps", len(batch.gaps))):
         raw = batch.data[g.start : g.start + g.length].hex()
         at = batch.base + g.start
         detail = dict(g.detail)
         yield at, 0, GapRow(bus, g.t_ns, at, g.length, raw, g.reason, detail, clock, beside)
     yield from ((at, 1, s) for at, s in _samples(batch, protocol, bus))
     yield from ((at, 2, t) for at, t in _transactions(batch, protocol, bus))
-    for a in batch.anomalies:
+    for a in (batch.anomalies[i] for i in _shown(batch, "anomalies", len(batch.anomalies))):
         yield a.known_at, 3, anomaly_row(a, bus, beside)
+
+
+def _shown(batch: Batch, table: str, count: int) -> Iterable[int]:
+    """Return the rows of a table that are shown."""
+    if batch.chosen is None:
+        return range(count)
+    rows: list[int] = np.flatnonzero(batch.chosen(table)).tolist()
+    return rows

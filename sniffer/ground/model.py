@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
 I64 = npt.NDArray[np.int64]
 I16 = npt.NDArray[np.int16]
@@ -335,10 +335,19 @@ class Batch:
     (``PROFILE``: it was named, ``OBSERVED``: the wire showed it), as the batch ends."""
     is_shared: bool = False
     """Another protocol is on the wire: what else ``data`` holds is in its batch of this pass."""
+    chosen: Callable[[str], Mask] | None = None
+    """Which rows are shown, by the name of their table (``selection``); None: all. Samples are the
+    rows of ``values``. Whatever is counted, paired or judged takes all rows."""
+
+    def shows(self, table: str, count: int) -> Mask:
+        """Return which of the ``count`` rows of a table are shown."""
+        return np.ones(count, bool) if self.chosen is None else self.chosen(table)
 
     @property
     def samples(self) -> Samples:
-        """The values that became true."""
+        """The values that became true, of a selection those that are shown."""
+        if self.chosen is not None:
+            return self.values.take(self.chosen("samples"))
         if self.values.accepted.all():
             return self.values
         return self.values.take(self.values.accepted)

@@ -1,0 +1,303 @@
+"""The columns that an expression may name: those of the tables, taken from a batch when asked for.
+
+Numbers are arrays with a mask of what is missing. Texts are numbers, too, with a name for each: a
+text is tested once a name, not once a row. What is missing is NULL, never -1 or NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
+from sniffer.ground.codes import KINDS, OUTCOMES, PARTS, PROVENANCES, ROLES
+from sniffer.ground.distinct import FEW, distinct
+from sniffer.ground.gaps import REASONS, Gaps
+from sniffer.ground.model import Severity
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import I64, Batch, Frames, Mask
+    from sniffer.protocols.base import BusProtocol
+
+
+class Numbers(NamedTuple):
+    """A column of numbers; ``blank`` stands for what is missing: -1, NaN, or None for nothing."""
+
+    values: Any
+    blank: float | None = None
+
+
+class TextTest:
+    """A test of texts, ``holds``, whose outcome is kept by name."""
+
+    __slots__ = ("_known", "_ops", "_tables", "holds")
+
+    def __init__(self, holds: Callable[[str], bool]) -> None:
+        self.holds = holds
+        self._known: dict[str, bool] = {}
+        self._tables: dict[int, tuple[object, Mask]] = {}
+        self._ops: dict[int, tuple[BusProtocol, dict[int, bool]]] = {}
+
+    def of(self, name: str) -> bool:
+        """TextTest a name of which there are few."""
+        if name not in self._known:
+            self._known[name] = self.holds(name)
+        return self._known[name]
+
+    def table(self, names: tuple[Any, ...], called: Callable[[Any], str] | None = None) -> Mask:
+        """TextTest all names of a table; ``called`` says what an entry of it is called."""
+        # by the table itself: the names of registers are not to be asked for with each batch
+        found = self._tables.get(id(names))
+        if found is None or found[0] is not names:
+            told = names if called is None else map(called, names)
+            found = names, np.array([self.holds(name) for name in told], bool)
+            self._tables[id(names)] = found
+        return found[1]
+
+    def ops(self, protocol: BusProtocol, ops: I64) -> Mask:
+        """TextTest the names of commands."""
+        found = self._ops.get(id(protocol))
+        if found is None or found[0] is not protocol:
+            found = self._ops[id(protocol)] = protocol, {}
+        known = found[1]
+        if len(ops) > FEW:
+            numbers, which, _ = distinct(ops)
+            mask: Mask = self.ops_few(protocol, known, numbers.tolist())[which]
+            return mask
+        return self.ops_few(protocol, known, ops.tolist())
+
+    def ops_few(self, protocol: BusProtocol, known: dict[int, bool], ops: list[int]) -> Mask:
+        """TextTest the names of some commands, one by one."""
+        try:
+            return np.array([known[op] for op in ops], bool)
+        except KeyError:
+            known.update((op, self.holds(protocol.op_name(op))) for op in ops)
+            return np.array([known[op] for op in ops], bool)
+
+
+class Names(NamedTuple):
+    """A column of texts: ``test`` gives the rows whose text passes, or one answer for all."""
+
+    test: Callable[[TextTest], Mask | bool]
+
+
+class Rows:
+    """The rows of one batch, and what several of their columns need."""
+
+    __slots__ = ("_asked", "_found", "_gaps", "batch", "bus", "protocol")
+
+    def __init__(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        self.bus, self.protocol, self.batch = bus, protocol, batch
+        self._asked: tuple[Frames, I64, I64] | None = None
+        self._found: Anomalies | None = None
+        self._gaps: Gaps | None = None
+
+    @property
+    def asked(self) -> tuple[Frames, I64, I64]:
+        """What transactions are of: frames, the row of each in them, and of its last frame.
+
+        The first row is that of the request, or of a lone answer; the other one is the batch's.
+        """
+        if self._asked is None:
+            t = self.batch.transactions
+            frames, rows = self.batch.asking(np.where(t.request == -1, t.response, t.request))
+            self._asked = frames, rows, np.maximum(t.request, t.response)
+        return self._asked
+
+    @property
+    def found(self) -> Anomalies:
+        """The anomalies."""
+        if self._found is None:
+            self._found = Anomalies.of(self.batch.anomalies)
+        return self._found
+
+    @property
+    def gaps(self) -> Gaps:
+        """The gaps."""
+        if self._gaps is None:
+            self._gaps = Gaps.of(self.batch.gaps)
+        return self._gaps
+
+    def count(self, table: str) -> int:
+        """Return how many rows a table has; samples are counted with those that were refused."""
+        b = self.batch
+        many: Mapping[str, Any] = {
+            "frames": b.frames,
+            "gaps": b.gaps,
+            "transactions": b.transactions,
+            "samples": b.values,
+            "anomalies": b.anomalies,
+        }
+        return len(many[table])
+
+
+Column = Callable[[Rows], Numbers | Names]
+
+
+class ColumnKind(NamedTuple):
+    """What is known of a column before there are rows."""
+
+    is_text: bool
+    take: Column
+    names: tuple[str, ...] = ()
+    """All texts that it can have, where these are known."""
+
+
+def _number(take: Callable[[Rows], Any]) -> ColumnKind:
+    return ColumnKind(False, lambda rows: Numbers(take(rows)))
+
+
+def _known(take: Callable[[Rows], Any]) -> ColumnKind:
+    """Return a column in which -1 stands for what is missing, and nothing else is negative."""
+    return ColumnKind(False, lambda rows: Numbers(take(rows), -1))
+
+
+def _coded(names: tuple[str, ...], take: Callable[[Rows], Any]) -> ColumnKind:
+    return ColumnKind(True, lambda rows: Names(lambda test: test.table(names)[take(rows)]), names)
+
+
+def _register(called: Callable[[Any], str]) -> ColumnKind:
+    """Return a column of what registers are called in some way: each has a table of its own."""
+
+    def column(rows: Rows) -> Names:
+        registers = rows.protocol.registers
+        return Names(lambda test: test.table(registers, called)[rows.batch.values.register])
+
+    return ColumnKind(True, column)
+
+
+def _asked_id(rows: Rows) -> Any:
+    frames, at, last = rows.asked
+    who = frames.servo_id[at]
+    return np.where(who >= 0, who, rows.batch.frames.servo_id[last])
+
+
+def _asked_op(rows: Rows) -> Names:
+    frames, at, _ = rows.asked
+    return Names(lambda test: test.ops(rows.protocol, frames.op[at]))
+
+
+def _asked_at(rows: Rows) -> Any:
+    frames, at, _ = rows.asked
+    here = frames.start[at] + rows.batch.base
+    return np.where(rows.batch.transactions.request == -1, -1, here)
+
+
+def _answered_at(rows: Rows) -> Any:
+    answer, start = rows.batch.transactions.response, rows.batch.frames.start
+    return np.where(answer < 0, -1, start[answer] + rows.batch.base) if len(start) else answer
+
+
+def _spread(rows: Rows) -> Any:
+    t = rows.batch.transactions
+    return np.where(t.response_time_ns < 0, -1, t.uncertainty_ns)
+
+
+def _details(rows: Rows) -> Names:
+    return Names(lambda test: np.array([test.holds(a.detail) for a in rows.batch.anomalies], bool))
+
+
+_BUS: Final = ColumnKind(True, lambda rows: Names(lambda test: test.of(rows.bus)))
+_PROTOCOL: Final = ColumnKind(True, lambda rows: Names(lambda test: test.of(rows.protocol.name)))
+
+SEVERITIES: Final = tuple(level.name.lower() for level in Severity)
+_LEVELS: Final = tuple(level.name.lower() for level in SEVERITY)
+_GROUPS: Final = tuple(CATALOGUE[code].group for code in CODES)
+
+TABLES: Final[Mapping[str, Mapping[str, ColumnKind]]] = MappingProxyType(
+    {
+        "frames": {
+            "t_ns": _number(lambda r: r.batch.frames.t_end),
+            "t_start_ns": _number(lambda r: r.batch.frames.t_start),
+            "uncertainty_ns": _known(lambda r: r.batch.frames.uncertainty),
+            "bus": _BUS,
+            "offset": _number(lambda r: r.batch.frames.start + r.batch.base),
+            "length": _number(lambda r: r.batch.frames.length),
+            "kind": _coded(KINDS, lambda r: r.batch.frames.kind),
+            "servo_id": _known(lambda r: r.batch.frames.servo_id),
+            "op": ColumnKind(
+                True, lambda r: Names(lambda test: test.ops(r.protocol, r.batch.frames.op))
+            ),
+            "address": _known(lambda r: r.batch.frames.address),
+            "data_length": _number(lambda r: r.batch.frames.data_length),
+            "status": _known(lambda r: r.batch.frames.status),
+            "flags": _number(lambda r: r.batch.frames.flags),
+            "protocol": _PROTOCOL,
+        },
+        "gaps": {
+            "t_ns": _number(lambda r: r.gaps.t_ns),
+            "bus": _BUS,
+            "offset": _number(lambda r: r.gaps.start + r.batch.base),
+            "length": _number(lambda r: r.gaps.length),
+            "reason": _coded(REASONS, lambda r: r.gaps.kind),
+            "protocol": _PROTOCOL,
+        },
+        "transactions": {
+            "t_ns": _number(lambda r: r.batch.frames.t_end[r.asked[2]]),
+            "bus": _BUS,
+            "servo_id": _known(_asked_id),
+            "op": ColumnKind(True, _asked_op),
+            "outcome": _coded(OUTCOMES, lambda r: r.batch.transactions.outcome),
+            "response_time_ns": _known(lambda r: r.batch.transactions.response_time_ns),
+            "uncertainty_ns": _known(_spread),
+            "request_offset": _known(_asked_at),
+            "response_offset": _known(_answered_at),
+            "protocol": _PROTOCOL,
+        },
+        "samples": {
+            "t_ns": _number(lambda r: r.batch.values.t_ns),
+            "bus": _BUS,
+            "servo_id": _known(lambda r: r.batch.values.servo_id),
+            "register": _register(lambda register: str(register.name)),
+            "quantity": _register(lambda register: str(register.quantity)),
+            "role": _coded(ROLES, lambda r: r.batch.values.role),
+            "raw": _number(lambda r: r.batch.values.raw),
+            "value": ColumnKind(False, lambda r: Numbers(r.batch.values.value, math.nan)),
+            "unit": _register(lambda register: str(register.unit)),
+            "scale": _coded(PROVENANCES, lambda r: r.batch.values.provenance),
+            "part": _coded(PARTS, lambda r: r.batch.values.part),
+            "offset": _number(lambda r: r.batch.frames.start[r.batch.values.row] + r.batch.base),
+            "protocol": _PROTOCOL,
+        },
+        "anomalies": {
+            "t_ns": _number(lambda r: r.found.t_ns),
+            "bus": _BUS,
+            "servo_id": _known(lambda r: r.found.servo_id),
+            "severity": _coded(_LEVELS, lambda r: r.found.code)._replace(names=SEVERITIES),
+            "group": _coded(_GROUPS, lambda r: r.found.code),
+            "code": _coded(CODES, lambda r: r.found.code),
+            "detail": ColumnKind(True, _details),
+            "offset": _number(lambda r: r.found.at),
+            "length": _number(lambda r: r.found.length),
+            "protocol": _PROTOCOL,
+        },
+    }
+)
+"""The kinds of rows, each with its columns: what Parquet files and the JSON lines call them.
+
+Of a gap's reason, a frame's kind and the like all names are known; a command's or a register's are
+those of the protocol. A name means the same in every table that has it.
+"""
+
+IS_TEXT: Final[Mapping[str, bool]] = MappingProxyType(
+    {name: kind.is_text for columns in TABLES.values() for name, kind in columns.items()}
+)
+"""Whether a column holds texts, by name."""
+
+REALS: Final = frozenset({"value"})
+"""Columns of numbers that are not whole."""
+
+VALUES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        name: tuple(dict.fromkeys(kind.names))
+        for columns in TABLES.values()
+        for name, kind in columns.items()
+        if kind.names
+    }
+)
+"""All texts that a column can have, where these are known."""

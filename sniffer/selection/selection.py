@@ -1,0 +1,141 @@
+"""A selection: which records are shown, read from an expression or put together from shorthands."""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.ground.limits import IDS
+from sniffer.ground.model import InputError
+from sniffer.ground.wording import Sentence, and_
+from sniffer.selection.columns import TABLES, VALUES, Rows
+from sniffer.selection.expression import Expression, near, read
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from sniffer.ground.model import Batch, Mask
+    from sniffer.protocols.base import BusProtocol
+
+SHORTHANDS: Final = {
+    "servos": "servo_id",
+    "ops": "op",
+    "kinds": "kind",
+    "codes": "code",
+    "buses": "bus",
+}
+"""The column that each shorthand is about; several of them are joined with AND."""
+
+
+class Selection:
+    """Which rows are shown: those of the tables that have all columns of an expression.
+
+    ``text`` is the expression, valid SQL; ``tables`` are the tables it speaks of, names of
+    ``columns.TABLES``. Rows of other tables are not shown.
+    """
+
+    def __init__(self, expression: Expression) -> None:
+        named = set(expression.columns)
+        self.text = expression.text
+        self.tables = tuple(name for name, columns in TABLES.items() if named <= columns.keys())
+        self._expression = expression
+        if not self.tables:
+            raise InputError(Sentence("{where}: {why}", why=_apart(expression.columns)))
+
+    def __repr__(self) -> str:
+        return f"Selection({self.text!r})"
+
+    @classmethod
+    def parse(cls, text: str) -> Selection:
+        """Read an expression.
+
+        Raises:
+            InputError: it is none, or no table has all its columns; in one line, with the place.
+        """
+        return cls(read(text))
+
+    @classmethod
+    def of(
+        cls,
+        where: str | None = None,
+        *,
+        servos: Iterable[int] = (),
+        ops: Iterable[str] = (),
+        kinds: Iterable[str] = (),
+        codes: Iterable[str] = (),
+        buses: Iterable[str] = (),
+    ) -> Selection | None:
+        """Return what an expression and shorthands say together, None where nothing is said.
+
+        Raises:
+            InputError: as ``parse`` does; or a shorthand is no servo id, kind or code.
+        """
+        if where is not None:
+            cls.parse(where)  # what is wrong with it alone is told with its own places
+        asked: dict[str, list[str]] = {
+            "servos": [_servo(servo) for servo in servos],
+            "ops": [_text(op) for op in ops],
+            "kinds": [_text(_known("kinds", kind)) for kind in kinds],
+            "codes": [_text(_known("codes", code)) for code in codes],
+            "buses": [_text(bus) for bus in buses],
+        }
+        parts = [_one_of(SHORTHANDS[name], told) for name, told in asked.items() if told]
+        if where is not None:
+            parts.append(f"({where.strip()})" if parts else where)
+        return cls.parse(" AND ".join(parts)) if parts else None
+
+    def rows(self, bus: str, protocol: BusProtocol, batch: Batch) -> Callable[[str], Mask]:
+        """Return what gives, by the name of a table, which of a batch's rows are shown.
+
+        Samples are the rows of ``batch.values``: those that did not become true are in no table.
+        A mask is made when it is first asked for.
+        """
+        rows = Rows(bus, protocol, batch)
+        return functools.cache(lambda table: self.mask(table, rows))
+
+    def mask(self, table: str, rows: Rows) -> Mask:
+        """Return which rows of one table are shown."""
+        n = rows.count(table)
+        if not n or table not in self.tables:
+            return np.zeros(n, bool)
+        taken = TABLES[table]
+        found = self._expression.holds(lambda name: taken[name].take(rows))
+        mask = np.full(n, found) if isinstance(found, bool) else found
+        return mask & rows.batch.values.accepted if table == "samples" else mask
+
+
+def _apart(columns: Iterable[str]) -> str:
+    """Return why no table has all these columns."""
+    where: dict[tuple[str, ...], list[str]] = {}
+    for name in columns:
+        holders = tuple(table for table, known in TABLES.items() if name in known)
+        where.setdefault(holders, []).append(name)
+    told = [f"{and_(names)} {'is' if len(names) == 1 else 'are'} of {and_(list(tables))}"
+            for tables, names in where.items()]  # fmt: skip
+    return f"no table has all of its columns: {'; '.join(told)}"
+
+
+def _servo(servo: int) -> str:
+    if not 0 <= servo < IDS:
+        raise InputError(
+            Sentence("{servos}: ids are 0..{most}, not {servo}", most=IDS - 1, servo=servo)
+        )
+    return str(servo)
+
+
+def _known(shorthand: str, name: str) -> str:
+    names = VALUES[SHORTHANDS[shorthand]]
+    if name not in names:
+        told = f"{{{shorthand}}}: there is no {{name}}: {{near}}"
+        raise InputError(Sentence(told, name=repr(name[:40]), near=near(name, names)))
+    return name
+
+
+def _text(text: str) -> str:
+    return "'" + text.replace("'", "''") + "'"
+
+
+def _one_of(column: str, told: list[str]) -> str:
+    return f"{column} = {told[0]}" if len(told) == 1 else f"{column} IN ({', '.join(told)})"
