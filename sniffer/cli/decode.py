@@ -17,6 +17,7 @@ from sniffer.cli.options import (
     with_alarms,
     with_force,
 )
+from sniffer.cli.selecting import with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
@@ -26,6 +27,8 @@ from sniffer.ground.model import Severity
 from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.convert import convert
 from sniffer.jobs.telling import Teller
+from sniffer.selection.places import Window
+from sniffer.selection.selection import Selection
 from sniffer.sinks.standard import Standard
 
 
@@ -35,11 +38,15 @@ from sniffer.sinks.standard import Standard
         "sniffer decode dump.hex",
         "sniffer decode capture.bin --protocol wck --baud 115200 -o capture.mcap",
         "sniffer decode capture.bin --model 3=mightyzap-12lf -o samples.parquet --summary",
+        "sniffer decode run.mcap --servo 3,5 --from @first-error --around 200ms",
+        "sniffer decode run.mcap --where \"quantity = 'voltage' AND value < 9\"",
         "sniffer decode walk.mcap --alarm 'temperature > 70 for 2s' --fail-on warn",
         "candump-like-logger | sniffer decode - --format jsonl",
     ),
 )
 @click.argument("file")
+@with_part
+@with_rows
 @decoding
 @with_alarms
 @printed
@@ -79,6 +86,8 @@ def decode(
     summary: bool,
     verbose: bool,
     quiet: bool,
+    window: Window | None,
+    selection: Selection | None,
 ) -> int:
     """Decode FILE (- is standard input): raw bytes, a hex dump, a log, or a recording.
 
@@ -102,6 +111,8 @@ def decode(
             input_format=input_format,
             overwrite=force,
             sinks=printed,
+            selection=selection,
+            window=window,
             patience=patience,
             tell=Teller(say, quiet=quiet),
         )
@@ -111,10 +122,12 @@ def decode(
     elif diagnosis is not None:
         from rich.console import Console
 
-        from sniffer.sinks.report import print_summary
+        from sniffer.sinks.report import print_summary, selected
 
         incidents = () if verbose else diagnosis.incidents()
         print_summary(done.summary, Console(highlight=False), incidents)
+        if done.summary.narrowed:
+            click.echo(f"\n{selected(done.summary)}")
     worst = done.summary.worst()
     if not status and fail_on and worst is not None and worst >= Severity[fail_on.upper()]:
         return 1

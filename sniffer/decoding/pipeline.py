@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.mixed import MixedDecoder
     from sniffer.decoding.rates import Rate
     from sniffer.decoding.sink import Part, Sink
+    from sniffer.decoding.slicing import Narrowing
     from sniffer.protocols.base import BusProtocol
 
 FIRST_LOOK: Final = 512
@@ -80,6 +81,8 @@ class Pipeline:
         self.summary = Summary()
         self._options = options
         self._sinks = list(sinks)
+        self.narrowing: Narrowing | None = None
+        """What goes to summary and sinks, and which rows are shown; None: everything."""
         self._failure: OutputError | None = None
         self._on_detection = on_detection
         self._on_pace = on_pace
@@ -114,6 +117,8 @@ class Pipeline:
     def record(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Hand chunks to the sinks as they came, before they are decoded."""
         self._begin.setdefault(bus, 0)
+        if self.narrowing is not None:
+            self.narrowing.hear(bus, chunks)
         self._each(functools.partial(taken, bus=bus, chunks=chunks))
 
     def tune(self, bus: str, rate: Rate) -> None:
@@ -378,6 +383,8 @@ class Pipeline:
 
     def _deliver(self, bus: str, parts: Sequence[Part]) -> None:
         if not any(b.data or b.remarks or b.anomalies for _, b in parts):
+            return
+        if self.narrowing is not None and not (parts := self.narrowing.of(bus, parts)):
             return
         for protocol, batch in parts:
             self.summary.add(bus, protocol, batch)

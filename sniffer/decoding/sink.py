@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from sniffer.ground.model import Batch, OutputError
 from sniffer.protocols.base import BusProtocol
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from sniffer.decoding.pacing import Pace
     from sniffer.decoding.rates import Rate
@@ -67,6 +67,19 @@ class Tuned(Protocol):
 
     def tuned(self, bus: str, rate: Rate) -> None:
         """Take the rate of a bus; called once, before its first record."""
+        ...
+
+
+@runtime_checkable
+class Narrowed(Protocol):
+    """A sink that says of what it writes that it is not all there is."""
+
+    def narrow(self, told: Mapping[str, Any]) -> None:
+        """Take what was asked for.
+
+        Of a selection ``where``, its expression, and ``tables``, those it speaks of; of a part of a
+        capture ``part``, in words, with ``from_ns`` and ``to_ns``, None for the capture's own ends.
+        """
         ...
 
 

@@ -36,6 +36,10 @@ POINT: Final = 0.1
 """A figure is told as a point if its bounds are no further from it than this share of it."""
 
 
+ROWS: Final = ("frames", "gaps", "transactions", "samples", "anomalies")
+"""The kinds of rows, by the names of their tables."""
+
+
 class Bounds(NamedTuple):
     """A duration as far as the stamps tell it: at least and at most, in ns."""
 
@@ -236,6 +240,11 @@ class Summary:
         self.buses: dict[str, BusTotals] = {}
         self.paces: dict[str, Pace] = {}
         """By what each bus is timed, where that is known."""
+        self.narrowed: dict[str, Any] = {}
+        """What was asked for, where that is not all (``sink.Narrowed``)."""
+        self.shown: Counter[str] = Counter()
+        """How many rows of each kind were selected; all else is counted of all rows."""
+        self._worst_shown: Severity | None = None
 
     def add(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Count a batch in."""
@@ -246,9 +255,20 @@ class Summary:
             part = totals.parts.setdefault(protocol.name, BusTotals(protocol.name, usual))
             part.add(protocol, batch)
             totals.protocol = AND.join(sorted(totals.parts))
+        if batch.chosen is not None:
+            for table in ROWS:
+                self.shown[table] += int(batch.chosen(table).sum())
+            for code in set(Anomalies.of(batch.anomalies).code[batch.chosen("anomalies")].tolist()):
+                self._worst_shown = max(SEVERITY[code], self._worst_shown or Severity.NOTE)
+
+    def narrow(self, told: Mapping[str, Any]) -> None:
+        """Take what was asked for."""
+        self.narrowed.update(told)
 
     def worst(self) -> Severity | None:
-        """Return the highest severity met."""
+        """Return the highest severity met, of a selection the highest that is shown."""
+        if self.shown:
+            return self._worst_shown
         return max((s for b in self.buses.values() for s in b.severities), default=None)
 
     def as_dict(self) -> dict[str, Any]:
@@ -265,6 +285,11 @@ class Summary:
                 total.update(b[key])
             out[key] = dict(total)
         out["buses"] = each
+        if self.narrowed:
+            out["selection"] = {
+                **self.narrowed,
+                **({"shown": dict(self.shown)} if self.shown else {}),
+            }
         return out
 
 

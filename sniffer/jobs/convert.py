@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Options
+from sniffer.jobs.asked import Asked, refuse_part_of
 from sniffer.jobs.outputs import gone, open_outputs, session_facts
 from sniffer.jobs.session import run_source
 from sniffer.jobs.telling import Teller
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from sniffer.decoding.sink import Sink
     from sniffer.decoding.summary import Summary
     from sniffer.jobs.session import Ending, Patience
+    from sniffer.selection.places import Window
+    from sniffer.selection.selection import Selection
     from sniffer.sources import Source
 
 
@@ -38,6 +41,8 @@ def convert(
     input_format: str = "auto",
     overwrite: bool = False,
     sinks: Sequence[Sink] = (),
+    selection: Selection | None = None,
+    window: Window | None = None,
     patience: Patience | None = None,
     tell: Teller | None = None,
 ) -> Converted:
@@ -53,6 +58,8 @@ def convert(
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         overwrite: files that are there already are replaced.
         sinks: further outputs, open already.
+        selection: which records are written; totals are counted of all.
+        window: which part of the capture, all of it where None.
         patience: takes interruptions; KeyboardInterrupt is one without, too.
         tell: takes what should be told; nothing is told without.
 
@@ -63,7 +70,9 @@ def convert(
     """
     options = options or Options()
     options.check()
-    opened = open_source(source, input_format)
+    asked = Asked.of(selection, window)
+    refuse_part_of(asked, [path.suffix.lower() for path in outputs])
+    opened = open_source(source, input_format, again=asked is not None and asked.seeks)
     return convert_opened(
         opened,
         str(source),
@@ -71,6 +80,7 @@ def convert(
         options,
         overwrite=overwrite,
         sinks=sinks,
+        asked=asked,
         patience=patience,
         tell=tell or Teller(lambda line: None, quiet=True),
     )
@@ -84,14 +94,19 @@ def convert_opened(
     *,
     overwrite: bool,
     sinks: Sequence[Sink] = (),
+    asked: Asked | None = None,
     patience: Patience | None,
     tell: Teller,
 ) -> Converted:
     """Decode a source that is open already; else as ``convert``."""
     facts = opened.facts()
     options = options.with_facts(facts, opened.tables)
+    if asked is not None:
+        asked = asked.sought_in(opened, options)
     told = session_facts(source, options, facts)
     every = [*open_outputs(outputs, told, source, force=overwrite), *sinks]
     name = "standard input" if source == "-" else source
-    summary, ending = run_source(opened, options, every, name=name, tell=tell, patience=patience)
+    summary, ending = run_source(
+        opened, options, every, name=name, tell=tell, patience=patience, asked=asked
+    )
     return Converted(summary, ending, gone(outputs, tell))

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.sink import Sink
     from sniffer.decoding.summary import Summary
     from sniffer.ground.model import Chunk
+    from sniffer.jobs.asked import Asked
     from sniffer.jobs.telling import Teller
     from sniffer.sources import Source
 
@@ -103,13 +104,15 @@ def run_source(
     groups: Iterable[Sequence[Chunk]] | None = None,
     ahead: Iterable[Chunk] = (),
     on_break: Callable[[str], None] = lambda why: None,
+    asked: Asked | None = None,
 ) -> tuple[Summary, Ending]:
     """Decode everything into the sinks; return the totals, and how it ended.
 
     Damage further in, or an interruption, keeps what was decoded: the sinks are finished first.
     ``groups`` are the source's own where None, else what somebody made of them; then ``ahead`` are
     its first chunks, by which times are judged. A recording may break off: whoever records can be
-    killed. ``on_break`` is told why an input was not read to its end.
+    killed. ``on_break`` is told why an input was not read to its end. ``asked`` is what of it is
+    shown.
 
     Raises:
         InputError: there is nothing in it, or its protocol cannot be told.
@@ -125,6 +128,10 @@ def run_source(
             tell.talk(f"{bus}: {remark}")
 
     pipeline = Pipeline(options, sinks, on_detection=tell.found, on_pace=timed, ahead=ahead)
+    part = None
+    if asked is not None:
+        pipeline.narrowing = asked.narrowing([*sinks, pipeline.summary], tell)
+        part = pipeline.narrowing.part
     patience = patience or Patience()
     ending, told = Ending.DONE, ""
     with patience.decoding():
@@ -132,6 +139,8 @@ def run_source(
             try:
                 for group in heard(patience.groups(source if groups is None else groups)):
                     pipeline.feed(group)
+                    if part is not None and part.is_over:
+                        break
                 pipeline.close()
             except DamagedInputError as error:
                 pipeline.close()
@@ -143,6 +152,8 @@ def run_source(
                 ending, told = Ending.INTERRUPTED, _after_interruption(pipeline)
                 on_break("reading it was interrupted")
             if not pipeline.summary.buses and ending == Ending.DONE:
+                if part is not None and part.seconds is not None:
+                    raise InputError(f"nothing was said {part}: {name} has {part.seconds:.3f} s")
                 raise InputError(f"{name} is empty: nothing to decode")
         finally:
             pipeline.finish()

@@ -5,14 +5,14 @@ from __future__ import annotations
 import contextlib
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from sniffer.decoding.rows import as_dict, rows_of
 from sniffer.decoding.summary import Summary
 from sniffer.ground.files import open_text, writing
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from sniffer.decoding.pacing import Pace
     from sniffer.ground.model import Batch, Chunk
@@ -35,6 +35,10 @@ class JsonlSink:
     def pace(self, bus: str, told: Pace) -> None:
         """Take what a bus is timed by, for the summary."""
         self._summary.paces[bus] = told
+
+    def narrow(self, told: Mapping[str, Any]) -> None:
+        """Take what of it is written, for the summary."""
+        self._summary.narrow(told)
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Write the batch's records."""

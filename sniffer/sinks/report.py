@@ -41,6 +41,18 @@ _OUTCOMES: Final[Mapping[str, str]] = {"not_expected": "need no reply"}
 """Outcomes in other words than their own."""
 
 
+def selected(summary: Summary) -> str:
+    """Return what was asked for, and what a selection showed of how much."""
+    told = summary.narrowed
+    part = f"a part of the capture, {told['part']}" if "part" in told else ""
+    if "where" not in told:
+        return plain(part)
+    totals = summary.as_dict()
+    counts = [f"{summary.shown[table]} of {totals[table]} {table}" for table in told["tables"]]
+    of = f"; {part}" if part else ""
+    return plain(f"selection, {told['where']}: {', '.join(counts)}{of}")
+
+
 def print_summary(summary: Summary, console: Console, incidents: Sequence[Incident] = ()) -> None:
     """Print the totals of every bus; anomalies that incidents explain are told with these."""
     with console.capture() as printed:

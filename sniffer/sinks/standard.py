@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 from typing import TYPE_CHECKING
 
-from sniffer.decoding.sink import Paced, Part, Sink, written
+from sniffer.decoding.sink import Narrowed, Paced, Part, Sink, written
 from sniffer.ground.model import Batch, Chunk, OutputError
 from sniffer.ground.streams import silence
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from typing import TextIO
+    from collections.abc import Iterator, Mapping, Sequence
+    from typing import Any, TextIO
 
     from sniffer.decoding.pacing import Pace
     from sniffer.protocols.base import BusProtocol
@@ -42,6 +42,11 @@ class Standard:
         """Pass on what a bus is timed by."""
         if isinstance(self._sink, Paced):
             self._sink.pace(bus, told)
+
+    def narrow(self, told: Mapping[str, Any]) -> None:
+        """Pass on what of it is written."""
+        if isinstance(self._sink, Narrowed):
+            self._sink.narrow(told)
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Pass a batch on while somebody listens."""

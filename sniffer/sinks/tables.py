@@ -115,7 +115,7 @@ def samples_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
 
 def frames_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
     """Return a batch's frames as an arrow table with the columns of ``FRAMES``."""
-    f = batch.frames
+    f = batch.frames if batch.chosen is None else batch.frames.take(batch.chosen("frames"))
     ops, which, _ = distinct(f.op)
     return pa.Table.from_arrays(
         [

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import datetime
+import textwrap
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
+import numpy as np
 from rich.console import Console
 from rich.style import Style
 
@@ -12,12 +14,12 @@ from sniffer.decoding.fields import frame_fields, value_ranges
 from sniffer.decoding.summary import Summary
 from sniffer.diagnosis import Diagnosis
 from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE, WHOLE
-from sniffer.ground.model import NS, Batch, Chunk, Clock, Severity
+from sniffer.ground.model import NS, Anomaly, Batch, Chunk, Clock, Severity
 from sniffer.ground.wording import plain
-from sniffer.sinks.report import print_summary
+from sniffer.sinks.report import print_summary, selected
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.ground.registers import Register
     from sniffer.protocols.base import BusProtocol
@@ -93,6 +95,10 @@ class TextSink:
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
 
+    def narrow(self, told: Mapping[str, Any]) -> None:
+        """Take what of it is written: instead of a summary of all, that is told at the end."""
+        self._summary.narrow(told)
+
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Write a line for each frame and gap of the batch, in wire order."""
         self.write_together(bus, [(protocol, batch)])
@@ -120,17 +126,33 @@ class TextSink:
     def _lines(self, bus: str, protocol: BusProtocol, batch: Batch) -> Iterator[tuple[int, str]]:
         verdicts = _verdicts(batch)
         edges = value_ranges(batch.values, len(batch.frames))
-        for i, start in enumerate(batch.frames.start.tolist()):
-            yield start, self._frame(bus, protocol, batch, i, edges, verdicts[i])
-        for g in batch.gaps:
-            raw = batch.data[g.start : g.start + g.length]
-            yield g.start, self._gap(bus, batch, g.t_ns, g.reason, raw, g.detail)
+        starts = batch.frames.start.tolist()
+        rows = range(len(starts)) if batch.chosen is None else _meant(batch)
+        for i in rows:
+            yield starts[i], self._frame(bus, protocol, batch, i, edges, verdicts[i])
+        for g, is_shown in zip(
+            batch.gaps, batch.shows("gaps", len(batch.gaps)).tolist(), strict=True
+        ):
+            if is_shown:
+                raw = batch.data[g.start : g.start + g.length]
+                yield g.start, self._gap(bus, batch, g.t_ns, g.reason, raw, g.detail)
+        if batch.chosen is not None:
+            for i in np.flatnonzero(batch.chosen("anomalies")).tolist():
+                found = batch.anomalies[i]
+                yield found.known_at - batch.base, self._anomaly(bus, batch, found)
 
     def close(self) -> None:
         """Write the summary."""
         if self._headed:
             self._stream.write("\n")
-        print_summary(self._summary, self._console, self._diagnosis.incidents())
+        narrowed = self._summary.narrowed
+        if "where" not in narrowed:
+            print_summary(self._summary, self._console, self._diagnosis.incidents())
+            if narrowed:
+                self._stream.write("\n")
+        if narrowed:
+            told = selected(self._summary)
+            self._stream.write(textwrap.fill(told, self._width, subsequent_indent="  ") + "\n")
         self._stream.flush()
 
     def _frame(
@@ -175,6 +197,12 @@ class TextSink:
         values = ": ".join(told + shown)
         cells = (self._time(batch, t_ns), "", "!", "no frame", values, word)
         return self._paint(style, self._line(cells, bus=bus, raw=raw))
+
+    def _anomaly(self, bus: str, batch: Batch, found: Anomaly) -> str:
+        level = found.severity.name.lower()
+        who = "" if found.servo_id is None else str(found.servo_id)
+        cells = (self._time(batch, found.t_ns), who, "!", found.code, found.detail, level)
+        return self._paint(level, self._line(cells, bus=bus))
 
     def _values(self, protocol: BusProtocol, batch: Batch, i: int, values: range) -> str:
         f, v = batch.frames, batch.values
@@ -259,6 +287,21 @@ def _plainly(key: str, value: Any, op: str, servo_id: int) -> str:
     ):
         return ""
     return plain(f"{key} {value}")
+
+
+def _meant(batch: Batch) -> list[int]:
+    """Return the frames that a selection shows, and those of its transactions and samples.
+
+    Anomalies have lines of their own.
+    """
+    assert batch.chosen is not None
+    shown = batch.chosen("frames").copy()
+    of = batch.transactions.take(batch.chosen("transactions"))
+    for rows in (of.request, of.response):
+        shown[rows[rows >= 0]] = True
+    shown[batch.values.row[batch.chosen("samples")]] = True
+    told: list[int] = np.flatnonzero(shown).tolist()
+    return told
 
 
 def _verdicts(batch: Batch) -> list[tuple[str, str]]:

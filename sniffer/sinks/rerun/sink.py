@@ -125,7 +125,10 @@ class RerunSink:
                 self._logs[bus] = Log(
                     Track(rr.new_entity_path([bus, "anomalies"]), bus, EVERYONE, "")
                 )
-            self._logs[bus].add(batch.anomalies)
+            shown = batch.shows("anomalies", len(batch.anomalies)).tolist()
+            self._logs[bus].add(
+                [a for a, is_so in zip(batch.anomalies, shown, strict=True) if is_so]
+            )
         self._send(1 if self._live else ROWS)
         if self._live:
             self._style()
@@ -198,7 +201,8 @@ class RerunSink:
 
     def _alarms(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         f = batch.frames
-        told = np.flatnonzero((f.kind == RESPONSE) & (f.status >= 0) & (f.servo_id >= 0))
+        told = (f.kind == RESPONSE) & (f.status >= 0) & (f.servo_id >= 0)
+        told = np.flatnonzero(told & batch.shows("frames", len(f)))
         for servo, rows in _groups(f.servo_id[told].astype(np.int64)):
             at = told[rows]
             status = f.status[at].astype(np.int64)
@@ -206,7 +210,8 @@ class RerunSink:
 
     def _response_times(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         f, t = batch.frames, batch.transactions
-        timed = np.flatnonzero((t.outcome == OK) & (t.response_time_ns >= 0))
+        timed = (t.outcome == OK) & (t.response_time_ns >= 0)
+        timed = np.flatnonzero(timed & batch.shows("transactions", len(t)))
         response = t.response[timed]
         servo = f.servo_id[response].astype(np.int64)
         servo = np.where(servo >= 0, servo, f.servo_id[t.request[timed]])

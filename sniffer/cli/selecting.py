@@ -1,0 +1,150 @@
+"""``--where``, its shorthands, ``--from`` and ``--to``: the same on every command that reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from sniffer.cli.amounts import Duration
+from sniffer.cli.naming import worded
+from sniffer.cli.options import Whole
+from sniffer.ground.limits import IDS
+from sniffer.ground.model import InputError
+
+if TYPE_CHECKING:
+    from sniffer.selection.places import Window
+    from sniffer.selection.selection import Selection
+
+Command = Callable[..., Any]
+
+
+def _listed(
+    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Read values that are joined by commas or given one by one."""
+    return tuple(word.strip() for text in given for word in text.split(",") if word.strip())
+
+
+def _ids(
+    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
+) -> tuple[int, ...]:
+    """Read servo ids; ``3-6`` are four of them."""
+    out: list[int] = []
+    kind: Any = Whole(0, IDS - 1)
+    for word in _listed(context, parameter, given):
+        first, dash, last = word.partition("-")
+        low = kind.convert(first, parameter, context)
+        high = kind.convert(last, parameter, context) if dash else low
+        if high < low:
+            raise click.BadParameter(f"{word!r}: write the lower id first, as in 3-6")
+        out += range(low, high + 1)
+    return tuple(dict.fromkeys(out))
+
+
+def _place(context: click.Context, parameter: click.Parameter, given: str | None) -> str | None:
+    """Refuse what is no place, before anything is opened."""
+    if given is not None:
+        from sniffer.selection.places import place_in
+
+        try:
+            place_in(given)
+        except InputError as error:
+            raise click.BadParameter(worded(error)) from None
+    return given
+
+
+_PART = (
+    click.option(
+        "--from",
+        "start",
+        callback=_place,
+        metavar="PLACE",
+        help="Begin there: 10 (seconds), 10min, 20:35:20.5, an ISO time, @first-error, "
+        "@no-response (the first), @anomaly:7, @byte:12175.",
+    ),
+    click.option("--to", "stop", callback=_place, metavar="PLACE", help="End there."),
+    click.option(
+        "--around",
+        type=Duration(),
+        metavar="TIME",
+        help="Widen it on both sides: --from @first-error --around 200ms.",
+    ),
+)
+
+_ROWS = (
+    click.option(
+        "--where",
+        metavar="EXPR",
+        help="Show what an expression selects, as WHERE of SQL: \"servo_id = 3 AND value > 10\".",
+    ),
+    click.option(
+        "--servo", "servos", multiple=True, callback=_ids, metavar="ID,...",
+        help="Only these servos: 3,5 or 3-6.",
+    ),
+    click.option(
+        "--op", "ops", multiple=True, callback=_listed, metavar="NAME,...",
+        help="Only these commands, such as store_data.",
+    ),
+    click.option(
+        "--kind", "kinds", multiple=True, callback=_listed, metavar="KIND",
+        help="Only request or only response frames.",
+    ),
+    click.option(
+        "--code", "codes", multiple=True, callback=_listed, metavar="CODE,...",
+        help="Only anomalies of these codes, such as no-response.",
+    ),
+    click.option(
+        "--bus", "buses", multiple=True, callback=_listed, metavar="NAME,...",
+        help="Only these buses.",
+    ),
+)  # fmt: skip
+
+
+def with_part(command: Command) -> Command:
+    """Add the options that say which part of a capture is meant; ``part`` is the window."""
+    return _gathered(command, _PART, _window)
+
+
+def with_rows(command: Command) -> Command:
+    """Add the options that say which records are shown; ``selection`` is what they say."""
+    return _gathered(command, _ROWS, _selection)
+
+
+def _gathered(
+    command: Command, options: tuple[Callable[[Command], Command], ...], gather: Command
+) -> Command:
+    import functools
+
+    @functools.wraps(command)
+    def called(**given: Any) -> Any:
+        return command(**gather(given))
+
+    out: Command = called
+    for option in reversed(options):
+        out = option(out)
+    return out
+
+
+def _window(given: dict[str, Any]) -> dict[str, Any]:
+    start, stop, around = (given.pop(name) for name in ("start", "stop", "around"))
+    window: Window | None = None
+    if start is not None or stop is not None or around is not None:
+        from sniffer.selection.places import Window
+
+        window = Window(start or 0.0, stop, around or 0)
+        window.places()  # what is wrong with it is told before anything is opened
+    return {**given, "window": window}
+
+
+def _selection(given: dict[str, Any]) -> dict[str, Any]:
+    asked = {
+        name: given.pop(name) for name in ("where", "servos", "ops", "kinds", "codes", "buses")
+    }
+    selection: Selection | None = None
+    if any(value is not None and value != () for value in asked.values()):
+        from sniffer.selection.selection import Selection
+
+        selection = Selection.of(asked.pop("where"), **asked)
+    return {**given, "selection": selection}

@@ -1,0 +1,193 @@
+"""A part of what was decoded, cut between two records.
+
+All of a capture is decoded, and what lies outside is left out afterwards: so no frame is torn, no
+answer loses its request, and what servos were set to before is known. What is left out are whole
+frames and gaps from the beginning and from the end; each bus is cut for itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sniffer.diagnostics.found import Anomalies
+from sniffer.ground.gaps import Gaps
+from sniffer.ground.model import NS, Mask
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from sniffer.decoding.sink import Part
+    from sniffer.ground.model import I64, Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
+
+    Choose = Callable[[str, BusProtocol, Batch], Callable[[str], Mask]]
+
+QUIET_NS = 5_000_000_000
+"""So long after the end nothing more is told of what came before it: the longest a servo is waited
+for is a second."""
+
+
+class Slice:
+    """Passes on what was said in a part of a capture; ``ends`` gives it, once the first byte came.
+
+    ``ends`` takes the time of the first byte (None: no clock) and returns the first and the last
+    time, each None where the capture's own is meant.
+    """
+
+    def __init__(
+        self, ends: Callable[[int | None], tuple[int | None, int | None]], name: str = "in it"
+    ) -> None:
+        self._ends = ends
+        self._name = name
+        self._first: int | None = None
+        self.start: int | None = None
+        self.stop: int | None = None
+        self._is_known = False
+        self._begun: set[str] = set()
+        self._ended: set[str] = set()
+        self._heard: set[str] = set()
+        self._newest = 0
+
+    def hear(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take chunks before they are decoded."""
+        self._heard.add(bus)
+        for chunk in chunks:
+            if not self._is_known and chunk.data:
+                self._is_known = True
+                self._first = chunk.t_ns
+                self.start, self.stop = self._ends(chunk.t_ns)
+            if chunk.t_ns is not None:
+                self._newest = max(self._newest, chunk.t_ns)
+
+    def __str__(self) -> str:
+        return self._name
+
+    @property
+    def seconds(self) -> float | None:
+        """How long the capture is, as far as it was read; None: nothing was said in it."""
+        return (self._newest - (self._first or 0)) / NS if self._is_known else None
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more can belong to it."""
+        if self.stop is None:
+            return False
+        return self._newest > self.stop + QUIET_NS or (
+            bool(self._heard) and self._heard <= self._ended
+        )
+
+    def of(self, bus: str, parts: Sequence[Part]) -> list[Part]:
+        """Return what of a pass belongs to it, none where nothing does."""
+        for _, batch in parts:
+            if len(batch.frames):
+                self._newest = max(self._newest, int(batch.frames.t_end[-1]))
+        if bus in self._ended:
+            return []
+        begin, end = self._cut(bus, [batch for _, batch in parts])
+        kept = [
+            (
+                protocol,
+                batch if self._is_whole(batch, begin, end) else self._sliced(batch, begin, end),
+            )
+            for protocol, batch in parts
+        ]
+        return kept if any(b.data or b.remarks or b.anomalies for _, b in kept) else []
+
+    def _is_whole(self, batch: Batch, begin: int, end: int) -> bool:
+        found = Anomalies.of(batch.anomalies)
+        return end - begin == len(batch.data) and bool(self._has(found.t_ns).all())
+
+    def _sliced(self, batch: Batch, begin: int, end: int) -> Batch:
+        return sliced(batch, begin, end, self._has)
+
+    def _has(self, times: I64) -> Mask:
+        low = True if self.start is None else times >= self.start
+        high = True if self.stop is None else times <= self.stop
+        return np.full(len(times), True) & low & high
+
+    def _cut(self, bus: str, batches: Sequence[Batch]) -> tuple[int, int]:
+        """Return where in the bytes of a pass the part begins and ends."""
+        size = len(batches[0].data)
+        begin, end = 0 if bus in self._begun or self.start is None else size, size
+        gaps = [Gaps.of(batch.gaps) for batch in batches]
+        at = np.concatenate([b.frames.start for b in batches] + [g.start for g in gaps])
+        t_ns = np.concatenate([b.frames.t_end for b in batches] + [g.t_ns for g in gaps])
+        if begin and self.start is not None:
+            first = at[t_ns >= self.start]
+            begin = int(first.min()) if len(first) else size
+        if begin < size:
+            self._begun.add(bus)
+        if self.stop is not None:
+            later = at[t_ns > self.stop]
+            if len(later):
+                end = max(int(later.min()), begin)
+                self._ended.add(bus)
+        return begin, end
+
+
+class Narrowing:
+    """What of a capture goes to the sinks: a part of it, and of that the rows that are chosen."""
+
+    def __init__(self, part: Slice | None = None, choose: Choose | None = None) -> None:
+        self.part = part
+        self._choose = choose
+
+    def hear(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take chunks before they are decoded."""
+        if self.part is not None:
+            self.part.hear(bus, chunks)
+
+    def of(self, bus: str, parts: Sequence[Part]) -> list[Part]:
+        """Return what the sinks are given of a pass, empty where that is nothing."""
+        if self.part is not None:
+            parts = self.part.of(bus, parts)
+        if self._choose is None:
+            return list(parts)
+        return [(p, replace(b, chosen=self._choose(bus, p, b))) for p, b in parts]
+
+
+def sliced(batch: Batch, begin: int, end: int, has: Callable[[I64], Mask]) -> Batch:
+    """Return what a batch says of its bytes from ``begin`` on and before ``end``.
+
+    Both stand between two records. ``has`` tells by their times which anomalies and remarks stay.
+    """
+    f, t, v = batch.frames, batch.transactions, batch.values
+    low, high = np.searchsorted(f.start, (begin, end)).tolist()
+    frames = f.take(slice(low, high))
+    frames = replace(frames, start=frames.start - begin, data_start=frames.data_start - begin)
+    last = np.maximum(t.request, t.response)
+    t = t.take((last >= low) & (last < high))
+    asked, earlier = t.request, None
+    # requests that are left out, and those of earlier batches, stand before this one
+    left_out = (asked != -1) & (asked < low)
+    if left_out.any():
+        earlier = batch.asked(asked[left_out])
+        earlier = replace(
+            earlier, start=earlier.start - begin, data_start=earlier.data_start - begin
+        )
+    request = np.where(asked >= low, asked - low, -1)
+    request[left_out] = -2 - np.arange(int(left_out.sum()))
+    response = np.where(t.response >= 0, t.response - low, -1)
+    found = Anomalies.of(batch.anomalies)
+    times = np.array([remark.t_ns for remark in batch.remarks], np.int64)
+    values = v.take((v.row >= low) & (v.row < high))
+    return replace(
+        batch,
+        base=batch.base + begin,
+        data=batch.data[begin:end],
+        frames=frames,
+        gaps=tuple(
+            gap._replace(start=gap.start - begin) for gap in batch.gaps if begin <= gap.start < end
+        ),
+        transactions=replace(t, request=request, response=response),
+        values=replace(values, row=values.row - low),
+        anomalies=found.take(np.flatnonzero(has(found.t_ns))) if len(found) else (),
+        remarks=tuple(
+            r for r, stays in zip(batch.remarks, has(times).tolist(), strict=True) if stays
+        ),
+        cut=batch.cut if end == len(batch.data) else None,
+        before=earlier,
+    )

@@ -1,0 +1,204 @@
+"""What of a capture is asked for: a part of it, and which records of that are shown."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from sniffer.decoding.pipeline import Pipeline
+from sniffer.decoding.sink import Narrowed
+from sniffer.decoding.slicing import Narrowing, Slice
+from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
+from sniffer.ground.gaps import Gaps
+from sniffer.ground.model import DamagedInputError, InputError, SnifferError
+from sniffer.ground.wording import Sentence
+from sniffer.selection.places import FOUND, Place, Window
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.decoding.options import Options
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.jobs.telling import Teller
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.selection.selection import Selection
+    from sniffer.sources import Source
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is asked for; without anything it is all of a capture."""
+
+    selection: Selection | None = None
+    start: Place | None = None
+    stop: Place | None = None
+    around_ns: int = 0
+
+    @classmethod
+    def of(cls, selection: Selection | None, window: Window | None) -> Asked | None:
+        """Return what is asked for, None for all of a capture.
+
+        Raises:
+            InputError: an end of the window is no place.
+        """
+        start, stop = (window or Window()).places()
+        if selection is None and start is None and stop is None:
+            return None
+        return cls(selection, start, stop, 0 if window is None else window.around_ns)
+
+    @property
+    def is_part(self) -> bool:
+        """Whether it is a part of a capture."""
+        return self.start is not None or self.stop is not None
+
+    @property
+    def seeks(self) -> bool:
+        """Whether it begins or ends where something is found: the capture is read twice."""
+        return any(place is not None and place.kind == FOUND for place in (self.start, self.stop))
+
+    def __str__(self) -> str:
+        start = "its beginning" if self.start is None else _words(self.start)
+        stop = "its end" if self.stop is None else _words(self.stop)
+        if self.around_ns and self.start == self.stop:
+            return f"{self.around_ns / 1e9:g} s around {start}"
+        wider = f", {self.around_ns / 1e9:g} s wider" if self.around_ns else ""
+        return f"from {start} to {stop}{wider}"
+
+    def ends(self, first_ns: int | None) -> tuple[int | None, int | None]:
+        """Return the first and the last time, None where the capture's own is meant.
+
+        Raises:
+            InputError: it ends before it begins, or the input has no clock for what was written.
+        """
+        start = None if self.start is None else self.start.at(first_ns) - self.around_ns
+        stop = None if self.stop is None else self.stop.at(first_ns) + self.around_ns
+        if start is not None and stop is not None and stop < start:
+            raise InputError(Sentence("{stop} must lie behind {start}"))
+        return start, stop
+
+    def narrowing(self, sinks: Sequence[object], tell: Teller) -> Narrowing:
+        """Return what does it in a pipeline; the sinks are told, and so is who reads along."""
+        told = [sink for sink in sinks if isinstance(sink, Narrowed)]
+        if self.selection is not None:
+            for sink in told:
+                sink.narrow({"where": self.selection.text, "tables": list(self.selection.tables)})
+        choose = None if self.selection is None else self.selection.rows
+        if not self.is_part:
+            return Narrowing(None, choose)
+
+        def ends(first_ns: int | None) -> tuple[int | None, int | None]:
+            start, stop = self.ends(first_ns)
+            tell.talk(f"a part of it: {self}")
+            for sink in told:
+                sink.narrow({"part": str(self), "from_ns": start, "to_ns": stop})
+            return start, stop
+
+        return Narrowing(Slice(ends, str(self)), choose)
+
+    def sought_in(self, opened: Source, options: Options) -> Asked:
+        """Return it with all places found; the source is read once, as far as need be.
+
+        Raises:
+            InputError: something is not there.
+        """
+        if not self.seeks:
+            return self
+        finder = _Finder([p for p in (self.start, self.stop) if p is not None and p.kind == FOUND])
+        pipeline = Pipeline(options, [finder])
+        with contextlib.suppress(DamagedInputError):
+            for group in opened:
+                pipeline.feed(group)
+                if finder.is_done:
+                    break
+        if not finder.is_done:
+            pipeline.close()
+        return replace(self, start=finder.found(self.start), stop=finder.found(self.stop))
+
+
+def _words(place: Place) -> str:
+    return f"second {place.text}" if place.text.replace(".", "").isdigit() else place.text
+
+
+class _Finder:
+    """A sink that looks for places; the first one of each is meant, in the order of the output."""
+
+    def __init__(self, places: Sequence[Place]) -> None:
+        self._places = tuple(dict.fromkeys(places))
+        self._times: dict[Place, int] = {}
+        self._anomalies = 0
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all of them are found."""
+        return len(self._times) == len(self._places)
+
+    def found(self, place: Place | None) -> Place | None:
+        """Return a place with its time.
+
+        Raises:
+            InputError: it is not there.
+        """
+        if place is None or place.kind != FOUND:
+            return place
+        if place not in self._times:
+            raise InputError(f"{place.text}: {self._missing(place)}")
+        return place.found(self._times[place])
+
+    def _missing(self, place: Place) -> str:
+        if place.sought == "byte":
+            return "no record of the capture has this byte"
+        if place.sought == "anomaly":
+            return f"the capture has {self._anomalies} anomalies"
+        return "there is none in the capture"
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Look through a batch."""
+        found = Anomalies.of(batch.anomalies)
+        for place in self._places:
+            if place not in self._times:
+                t_ns = self._in(place, batch, found)
+                if t_ns is not None:
+                    self._times[place] = t_ns
+        self._anomalies += len(found)
+
+    def _in(self, place: Place, batch: Batch, found: Anomalies) -> int | None:
+        if place.sought == "byte":
+            return time_at(batch, place.number)
+        if place.sought == "anomaly":
+            nth = place.number - 1 - self._anomalies
+            return int(found.t_ns[nth]) if nth < len(found) else None
+        for nth, code in enumerate(found.code.tolist()):
+            if place.sought in (CODES[code], SEVERITY[code].name.lower()):
+                return int(found.t_ns[nth])
+        return None
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def time_at(batch: Batch, offset: int) -> int | None:
+    """Return the time of the frame or gap that has a byte of the stream; None: none here has."""
+    at = offset - batch.base
+    gaps = Gaps.of(batch.gaps)
+    f = batch.frames
+    for start, length, t_ns in ((f.start, f.length, f.t_end), (gaps.start, gaps.length, gaps.t_ns)):
+        rows = ((start <= at) & (at < start + length)).nonzero()[0]
+        if len(rows):
+            return int(t_ns[rows[0]])
+    return None
+
+
+def refuse_part_of(asked: Asked | None, suffixes: Sequence[str]) -> None:
+    """Refuse a recording of what is not all of a capture.
+
+    Raises:
+        SnifferError: there is one among these suffixes.
+    """
+    if asked is not None and ".mcap" in suffixes:
+        raise SnifferError(
+            "a recording has every byte of its buses: `sniffer cut` makes one of a part"
+        )

@@ -1,0 +1,178 @@
+"""Places in a capture, as people write them: ``10min``, ``20:35:20.5``, ``@first-error``.
+
+``--from`` and ``--to`` take them. A time counts from the first byte of the capture, a time of day
+is UTC, as the table prints it. What begins with ``@`` stands where something was found: somebody
+has to look for it first.
+"""
+
+from __future__ import annotations
+
+import datetime
+import re
+from dataclasses import dataclass, replace
+from typing import Final
+
+from sniffer.ground.amounts import time_in
+from sniffer.ground.limits import OFFSET_END, TIME_END_NS
+from sniffer.ground.model import NS, InputError
+from sniffer.ground.wording import Sentence
+from sniffer.selection.columns import SEVERITIES, VALUES
+from sniffer.selection.expression import near
+
+DAY_NS: Final = 86400 * NS
+
+_SECONDS: Final = re.compile(r"[0-9]{1,12}(\.[0-9]*)?|\.[0-9]+")
+_CLOCK: Final = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)(?::([0-5]\d)(?:\.(\d{1,9}))?)?")
+_ISO: Final = re.compile(
+    r"\d{4}-\d\d-\d\d"
+    r"(?:[T ]\d\d:\d\d(?::\d\d)?(?:[.,](?P<part>\d{1,9}))?(?:Z|[+-]\d\d:?\d\d)?)?"
+)
+_FORMS: Final = "10, 10min, 20:35:20.5, 2026-01-31T20:35:20Z, @first-error, @byte:12175, @anomaly:7"
+
+SINCE, OF_DAY, MOMENT, FOUND = "since", "of_day", "moment", "found"
+"""What the number of a place is: ns from the capture's first byte, from midnight, or from 1970;
+or none before it was looked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place in a capture; ``text`` is how it was written, ``kind`` what ``ns`` counts from.
+
+    What is to be looked for is ``sought``: ``byte``, ``anomaly``, a severity or a code; the first
+    two with a ``number``.
+    """
+
+    text: str
+    kind: str
+    ns: int = 0
+    sought: str = ""
+    number: int = 0
+
+    def at(self, first_ns: int | None) -> int:
+        """Return the time that is meant; ``first_ns`` is when the capture begins, None: no clock.
+
+        Raises:
+            InputError: it has no clock, and a time of day or a date is meant.
+        """
+        if self.kind == SINCE:
+            return (first_ns or 0) + self.ns
+        if first_ns is None:
+            told = "{place}: the input has no clock: count from its beginning, as in 2.5 or 10min"
+            raise InputError(Sentence(told, place=self.text))
+        if self.kind == OF_DAY:  # the first one that is not before the capture
+            passed = (first_ns - self.ns) % DAY_NS
+            return first_ns - passed if passed < DAY_NS // 2 else first_ns - passed + DAY_NS
+        return self.ns
+
+    def found(self, t_ns: int) -> Place:
+        """Return the place once it is found."""
+        return replace(self, kind=MOMENT, ns=t_ns)
+
+
+def place_in(text: str) -> Place:
+    """Read a place.
+
+    Raises:
+        InputError: it is none; in one line, with the forms that there are.
+    """
+    plain = text.strip()
+    if plain.startswith("@"):
+        return _sought(plain)
+    if _SECONDS.fullmatch(plain):
+        whole, _, part = plain.partition(".")
+        return Place(plain, SINCE, int(whole or "0") * NS + _ns(part))
+    if (ns := time_in(plain, bare=True)) is not None:
+        return Place(plain, SINCE, ns)
+    if (match := _CLOCK.fullmatch(plain)) is not None:
+        hours, minutes, seconds = (int(part or "0") for part in match.groups()[:3])
+        ns = (hours * 3600 + minutes * 60 + seconds) * NS + _ns(match[4] or "")
+        return Place(plain, OF_DAY, ns)
+    if (match := _ISO.fullmatch(plain)) is not None:
+        return Place(plain, MOMENT, _moment(plain, match))
+    raise InputError(f"{_cut(text)} is no place in a capture: write it like {_FORMS}")
+
+
+def _sought(text: str) -> Place:
+    word, colon, number = text[1:].partition(":")
+    if word in ("byte", "anomaly"):
+        least = word == "anomaly"
+        if not re.fullmatch("[0-9]{1,17}", number) or not least <= int(number) < OFFSET_END:
+            raise InputError(f"{_cut(text)}: write the number of a {word}, as in @{word}:7")
+        return Place(text, FOUND, sought=word, number=int(number))
+    severity = word.removeprefix("first-")
+    known = [f"first-{level}" for level in SEVERITIES]
+    if colon or not (word in VALUES["code"] or (severity in SEVERITIES and word in known)):
+        names = ["byte:12175", "anomaly:7", *known]
+        close = near(word, [*known, *VALUES["code"]])
+        hint = close if close.startswith("did") else f"one of @{', @'.join(names)} or @CODE"
+        raise InputError(f"{_cut(text)}: there is no such place: {hint}")
+    return Place(text, FOUND, sought=severity if word in known else word)
+
+
+def _moment(text: str, match: re.Match[str]) -> int:
+    part = match["part"] or ""
+    plain = re.sub(r"[.,]\d+", "", text)
+    try:
+        moment = datetime.datetime.fromisoformat(plain)
+    except ValueError:
+        raise InputError(f"{_cut(text)}: there is no such day or time") from None
+    if moment.tzinfo is None:
+        moment = moment.replace(tzinfo=datetime.UTC)
+    ns = int(moment.timestamp()) * NS + _ns(part)
+    if not 0 <= ns < TIME_END_NS:
+        raise InputError(f"{_cut(text)}: times lie between 1970 and 2257")
+    return ns
+
+
+def _ns(digits: str) -> int:
+    """Return the ns of what stands behind a decimal point."""
+    return int(digits[:9].ljust(9, "0")) if digits else 0
+
+
+def _cut(text: str) -> str:
+    return repr(text if len(text) <= 40 else f"{text[:39]}…")
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A part of a capture: from a place to a place, each in words (``place_in``) or in seconds.
+
+    ``around_ns`` widens it on both sides; where only one place is given, it is the part around it.
+    Without any place it is all of the capture.
+    """
+
+    start: float | str = 0.0
+    stop: float | str | None = None
+    around_ns: int = 0
+
+    @property
+    def is_part(self) -> bool:
+        """Whether something is left out."""
+        return bool(self.start) or self.stop is not None
+
+    def places(self) -> tuple[Place | None, Place | None]:
+        """Return where it begins and ends; None: with the capture.
+
+        Raises:
+            InputError: what is written is no place, or it ends before it begins.
+        """
+        start = _place(self.start) if self.start else None
+        stop = None if self.stop is None else _place(self.stop)
+        if self.around_ns:
+            if start is None and stop is None:
+                raise InputError(Sentence("{around_ns} goes with {start} or {stop}"))
+            start, stop = start or stop, stop or start
+        elif stop is not None and stop.kind == SINCE and stop.ns <= _since(start):
+            raise InputError(Sentence("{stop} must lie behind {start}"))
+        return start, stop
+
+
+def _since(start: Place | None) -> int:
+    """Return how long behind the first byte a place is at least, -1 where nobody knows yet."""
+    if start is None:
+        return 0
+    return start.ns if start.kind == SINCE else -1
+
+
+def _place(given: float | str) -> Place:
+    return place_in(given if isinstance(given, str) else f"{given:.9f}")
