@@ -36,10 +36,12 @@ if TYPE_CHECKING:
     from sniffer.jobs.diagnose import Diagnosed, diagnose
     from sniffer.jobs.files import Files, Flight
     from sniffer.jobs.record import Recorded, Shown, record
-    from sniffer.jobs.replay import Window, replay
+    from sniffer.jobs.replay import replay
     from sniffer.jobs.report import Reported, report
     from sniffer.jobs.session import Ending
     from sniffer.protocols import PROTOCOLS
+    from sniffer.selection.places import Window
+    from sniffer.selection.selection import Selection
     from sniffer.simulation.play.run import Played, play
     from sniffer.simulation.play.scenario import Scenario
     from sniffer.tap.listen import Listening
@@ -86,6 +88,7 @@ __all__ = [
     "SampleRow",
     "Samples",
     "Scenario",
+    "Selection",
     "Severity",
     "Shown",
     "SnifferError",
@@ -113,7 +116,9 @@ _ROOMS: Final = {
     "jobs.check": ("Checked", "check"),
     "jobs.convert": ("Converted", "convert"),
     "jobs.diagnose": ("Diagnosed", "diagnose"),
-    "jobs.replay": ("Window", "replay"),
+    "jobs.replay": ("replay",),
+    "selection.places": ("Window",),
+    "selection.selection": ("Selection",),
     "jobs.report": ("Reported", "report"),
     "jobs.session": ("Ending",),
     "jobs.files": ("Files", "Flight"),

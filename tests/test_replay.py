@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError, InputError
+from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError
 from sniffer.ground.timing import byte_time_ns
-from sniffer.jobs.replay import STEP_NS, Window, paced, peek, steps, timed
-from sniffer.jobs.replay import within as window
+from sniffer.jobs.replay import STEP_NS, paced, peek, steps, timed
 from tests.commands import COMMAND, Ran, environment, log, sniffer, talk, within
 from tests.terminals import PATIENCE_S
 
@@ -124,27 +123,12 @@ def test_chunks_with_a_time_keep_it() -> None:
 # --- the window --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("start", "stop", "expected"),
-    [
-        (0, None, [0, 400, 800, 1200]),
-        (0.4, None, [400, 800, 1200]),
-        (0.5, 1.0, [800]),
-        (0, 0.4, [0, 400]),
-    ],
-)
-def test_a_window_counts_from_the_first_chunk(
-    start: float, stop: float | None, expected: list[int]
-) -> None:
-    chunks = [c for group in groups(0, 400, 800, 1200) for c in group]
-    played = [(c.t_ns or 0) - T0 for c in window(chunks, Window(start, stop))]
-    assert played == [at * MS for at in expected]
-
-
-def test_a_window_behind_the_end_says_how_long_the_recording_is() -> None:
-    chunks = [c for group in groups(0, 400) for c in group]
-    with pytest.raises(InputError, match=r"from second 5: the recording has 0\.400 s"):
-        list(window(chunks, Window(5)))
+def test_what_lies_outside_of_a_window_is_not_waited_for() -> None:
+    clock = Clockwork()
+    ends = (T0 + 1000 * MS, T0 + 2000 * MS)
+    told = groups(0, 900, 1000, 1500, 2000, 9000)
+    played = paced(iter(told), 1.0, ends=ends, now=clock.now, sleep=clock.sleep)
+    assert moments(clock, played) == [0, 0, 0, 500, 1000, 1000]
 
 
 def test_a_peek_gives_everything_again_and_the_damage_in_its_place() -> None:
@@ -222,7 +206,7 @@ def test_a_window_is_played(
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (["--from", "9"], "nothing was said from second 9: the recording has 0.4"),
+        (["--from", "9"], "nothing was said from second 9 to its end: "),
         (["--from", "2", "--to", "1"], "--to must lie behind --from"),
         (["--speed", "-1"], "-1.0 is not in the range"),
         (["--speed", "nan"], "'nan' is no number"),

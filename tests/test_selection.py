@@ -203,10 +203,8 @@ COMPLAINTS: Final = {
     ),
     "op = 'read": ', at "\'read" (character 6): a quote that is opened here is not closed',
     "  ": " is empty: write it like servo_id = 3 AND op = 'read'",
-    "(" * 60
-    + "TRUE"
-    + ")"
-    * 60: ", at '((((((((((((((((((((' (character 51): more than 50 parentheses inside each other",
+    "("
+    * 90: ", at '((((((((((((((((((((' (character 51): more than 50 parentheses inside each other",
 }
 """What is said of an expression, behind the name of the option."""
 

@@ -9,6 +9,7 @@ import click
 
 from sniffer.cli.naming import worded
 from sniffer.cli.options import decoding, examples, pipeline_options, with_force
+from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, INTERRUPTED, MISTAKE, status_of
 from sniffer.cli.streams import say
@@ -24,6 +25,7 @@ from sniffer.jobs.telling import Teller
 from sniffer.reports.judging import tally
 from sniffer.reports.junit import Suite, junit
 from sniffer.reports.rules import example, read_rules
+from sniffer.selection.places import Window
 
 BROKEN: Final = 1
 """Exit status: a rule is not kept."""
@@ -53,6 +55,7 @@ def _example(context: click.Context, parameter: click.Parameter, asked: bool) ->
     metavar="RULES.toml",
     help="What is asked of a capture.",
 )
+@with_part
 @decoding
 @click.option(
     "--junit",
@@ -81,6 +84,7 @@ def check(
     latency: float | None,
     junit_file: Path | None,
     force: bool,
+    window: Window | None,
 ) -> int:
     """Hold each FILE to the rules of a TOML file: no incident of a cause, answers in time, ...
 
@@ -106,6 +110,7 @@ def check(
                     rules,
                     options,
                     input_format=input_format,
+                    window=window,
                     patience=patience,
                     tell=Teller(say),
                 )

@@ -6,6 +6,7 @@ import io
 import json
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -27,9 +28,11 @@ from sniffer.ground.model import Severity
 from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.convert import convert
 from sniffer.jobs.telling import Teller
-from sniffer.selection.places import Window
-from sniffer.selection.selection import Selection
 from sniffer.sinks.standard import Standard
+
+if TYPE_CHECKING:
+    from sniffer.selection.places import Window
+    from sniffer.selection.selection import Selection
 
 
 @click.command(

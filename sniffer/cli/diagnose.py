@@ -6,15 +6,16 @@ import json
 
 import click
 
-from sniffer.cli.options import Finite, decoding, examples, pipeline_options, with_alarms
+from sniffer.cli.options import decoding, examples, pipeline_options, with_alarms
+from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
 from sniffer.cli.streams import say
 from sniffer.diagnostics.alarms import Alarm
 from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.diagnose import diagnose as diagnose_file
-from sniffer.jobs.replay import Window
 from sniffer.jobs.telling import Teller
+from sniffer.selection.places import Window
 
 
 @click.command(
@@ -27,6 +28,7 @@ from sniffer.jobs.telling import Teller
     ),
 )
 @click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@with_part
 @decoding
 @with_alarms
 @click.option(
@@ -37,15 +39,6 @@ from sniffer.jobs.telling import Teller
     show_default=True,
     help="What is printed.",
 )
-@click.option(
-    "--from",
-    "start",
-    type=Finite(0),
-    default=0.0,
-    metavar="S",
-    help="Judge what was said from second S on.",
-)
-@click.option("--to", "stop", type=Finite(0), metavar="S", help="... and until second S.")
 @click.option("--why", metavar="ID", help="Show how the causes of an incident were weighed.")
 def diagnose(
     files: tuple[str, ...],
@@ -57,16 +50,13 @@ def diagnose(
     latency: float | None,
     alarms: tuple[Alarm, ...],
     output_format: str,
-    start: float,
-    stop: float | None,
     why: str | None,
+    window: Window | None,
 ) -> int:
     """Say what is wrong on the bus in each FILE: incidents, their causes, what to do next.
 
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is judged).
     """
-    if stop is not None and stop <= start:
-        raise click.UsageError("--to must lie behind --from")
     options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms)
     status = DONE
     for file in files:
@@ -75,7 +65,7 @@ def diagnose(
                 file,
                 options,
                 input_format=input_format,
-                window=Window(start, stop),
+                window=window,
                 patience=patience,
                 tell=Teller(say),
             )

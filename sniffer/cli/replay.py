@@ -9,15 +9,17 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import Finite, decoding, examples, pipeline_options
+from sniffer.cli.selecting import with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
 from sniffer.decoding.sink import Sink
 from sniffer.ground.needs import need_rerun
 from sniffer.ground.registers import RegisterMap
-from sniffer.jobs.replay import Window
 from sniffer.jobs.replay import replay as played
 from sniffer.jobs.telling import Teller
+from sniffer.selection.places import Window
+from sniffer.selection.selection import Selection
 from sniffer.sinks.standard import Standard
 
 
@@ -30,6 +32,8 @@ from sniffer.sinks.standard import Standard
     ),
 )
 @click.argument("file")
+@with_part
+@with_rows
 @decoding
 @click.option(
     "--speed",
@@ -38,15 +42,6 @@ from sniffer.sinks.standard import Standard
     show_default=True,
     help="Times real time; 0: as fast as it goes.",
 )
-@click.option(
-    "--from",
-    "start",
-    type=Finite(0),
-    default=0.0,
-    metavar="S",
-    help="Begin S seconds into the recording.",
-)
-@click.option("--to", "stop", type=Finite(0), metavar="S", help="Stop S seconds into it.")
 @click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C.")
 @click.option("--rerun", "in_rerun", is_flag=True, help="Show it in the Rerun viewer, not here.")
 @click.option(
@@ -63,21 +58,21 @@ def replay(
     tables: tuple[RegisterMap, ...],
     latency: float | None,
     speed: float,
-    start: float,
-    stop: float | None,
     loop: bool,
     in_rerun: bool,
     redecode: bool,
+    window: Window | None,
+    selection: Selection | None,
 ) -> int:
     """Play FILE (a recording, or any capture) again through the console or Rerun.
 
     An input without times is played at the pace of its baud rate.
     """
     options = pipeline_options(protocol, baud, models, latency, tables)
-    if stop is not None and stop <= start:
-        raise click.UsageError("--to must lie behind --from")
     if redecode and in_rerun:
         raise click.UsageError("--redecode compares, --rerun shows: choose one")
+    if redecode and (window is not None or selection is not None):
+        raise click.UsageError("--redecode compares all that was recorded: take no part of it")
     if redecode:
         from sniffer.jobs.compare import compare
 
@@ -92,7 +87,8 @@ def replay(
             functools.partial(_rerun, Path(file).stem) if in_rerun else _console,
             options,
             input_format=input_format,
-            window=Window(start, stop),
+            window=window,
+            selection=selection,
             speed=speed,
             loop=loop,
             patience=patience,

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import decoding, examples, pipeline_options, with_force
+from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import MISTAKE, status_of
 from sniffer.cli.streams import say
@@ -14,6 +15,7 @@ from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import counted
 from sniffer.jobs.report import report as write_report
 from sniffer.jobs.telling import Teller
+from sniffer.selection.places import Window
 
 
 @click.command(
@@ -25,6 +27,7 @@ from sniffer.jobs.telling import Teller
     ),
 )
 @click.argument("file")
+@with_part
 @decoding
 @click.option(
     "-o",
@@ -43,6 +46,7 @@ def report(
     latency: float | None,
     output: Path | None,
     force: bool,
+    window: Window | None,
 ) -> int:
     """Write a report on FILE (- is standard input): one page, to attach to a bug report.
 
@@ -58,6 +62,7 @@ def report(
             options,
             input_format=input_format,
             overwrite=force,
+            window=window,
             patience=patience,
             tell=Teller(say),
         )

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sniffer.cli.amounts import Duration
 from sniffer.cli.naming import worded
 from sniffer.cli.options import Whole
+from sniffer.ground.amounts import time_in
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import InputError
 
@@ -55,6 +55,14 @@ def _place(context: click.Context, parameter: click.Parameter, given: str | None
     return given
 
 
+def _around(context: click.Context, parameter: click.Parameter, given: str | None) -> int | None:
+    """Read a time."""
+    ns = None if given is None else time_in(given, bare=True)
+    if given is not None and ns is None:
+        raise click.BadParameter(f"{given!r} is no time: write it like 200ms, 2s or 1min")
+    return ns
+
+
 _PART = (
     click.option(
         "--from",
@@ -67,7 +75,7 @@ _PART = (
     click.option("--to", "stop", callback=_place, metavar="PLACE", help="End there."),
     click.option(
         "--around",
-        type=Duration(),
+        callback=_around,
         metavar="TIME",
         help="Widen it on both sides: --from @first-error --around 200ms.",
     ),

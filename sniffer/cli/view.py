@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import Whole, decoding, examples, pipeline_options, with_force
+from sniffer.cli.selecting import with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
@@ -15,17 +16,22 @@ from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.convert import convert
 from sniffer.jobs.telling import Teller
 from sniffer.jobs.view import view as shown
+from sniffer.selection.places import Window
+from sniffer.selection.selection import Selection
 
 
 @click.command(
     short_help="Show a recording or a capture in Rerun.",
     epilog=examples(
         "sniffer view recording.mcap",
+        "sniffer view recording.mcap --servo 3-6 --from @first-error --around 10s",
         "sniffer view dump.hex --protocol rs30x --web",
         "sniffer view capture.bin -o capture.rrd",
     ),
 )
 @click.argument("file")
+@with_part
+@with_rows
 @decoding
 @click.option(
     "-o",
@@ -48,6 +54,8 @@ def view(
     force: bool,
     web: bool,
     port: int | None,
+    window: Window | None,
+    selection: Selection | None,
 ) -> int:
     """Open FILE (a recording, or any capture) in Rerun: position, load, voltage, alarms."""
     if output is not None and web:
@@ -65,6 +73,8 @@ def view(
                 input_format=input_format,
                 web=web,
                 port=port,
+                selection=selection,
+                window=window,
                 patience=patience,
                 tell=tell,
             )
@@ -77,6 +87,8 @@ def view(
             options,
             input_format=input_format,
             overwrite=force,
+            selection=selection,
+            window=window,
             patience=patience,
             tell=tell,
         )

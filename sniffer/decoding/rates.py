@@ -9,7 +9,6 @@ changes is how the tap listens.
 from __future__ import annotations
 
 import enum
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.decoding.detect import Scores
@@ -20,7 +19,7 @@ from sniffer.ground.model import NS, MarkKind
 from sniffer.ground.remarks import LINE_ERRORS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
 
     from sniffer.ground.model import Chunk
     from sniffer.protocols.base import BusProtocol
@@ -231,11 +230,3 @@ class Late:
             elif size > left:
                 out.append(cut(chunk, left, None)[1])
         return out
-
-
-def emptied(chunks: Iterable[Chunk], begins: Mapping[str, int]) -> Iterator[Chunk]:
-    """Yield chunks, those that are left out without their bytes: time goes on there, too."""
-    late = {bus: Late(size) for bus, size in begins.items()}
-    for chunk in chunks:
-        mine = late[chunk.bus].of([chunk]) if chunk.bus in late else [chunk]
-        yield mine[0] if mine else replace(chunk, data=b"", marks=())

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from sniffer.jobs.session import Ending, Patience
     from sniffer.reports.judging import Judged
     from sniffer.reports.rules import Rule
+    from sniffer.selection.places import Window
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +45,7 @@ def check(
     options: Options | None = None,
     *,
     input_format: str = "auto",
+    window: Window | None = None,
     patience: Patience | None = None,
     tell: Teller | None = None,
 ) -> Checked:
@@ -54,6 +56,7 @@ def check(
         rules: a file of rules (``docs/checking.md``), or rules that were read.
         options: how it is decoded; what a recording says of itself fills what is not said.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        window: which part of the capture; all of it where None.
         patience: takes interruptions; what was read until then is judged.
         tell: takes what should be told; nothing is told without.
 
@@ -65,9 +68,9 @@ def check(
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
-    with open_source(source, input_format) as opened:
+    with open_source(source, input_format, again=window is not None) as opened:
         options = options.with_facts(opened.facts(), opened.tables)
         name = "standard input" if str(source) == "-" else str(source)
-        found = hear(opened, options, name=name, tell=tell, patience=patience)
+        found = hear(opened, options, name=name, tell=tell, patience=patience, window=window)
     heard = Subject(found.summary, found.collector, found.diagnosis.incidents())
     return Checked(tuple(judge(asked, heard)), found.ending, found.damage)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Options
-from sniffer.jobs.asked import Asked, refuse_part_of
 from sniffer.jobs.outputs import gone, open_outputs, session_facts
 from sniffer.jobs.session import run_source
 from sniffer.jobs.telling import Teller
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.sink import Sink
     from sniffer.decoding.summary import Summary
+    from sniffer.jobs.asked import Asked
     from sniffer.jobs.session import Ending, Patience
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
@@ -70,8 +70,12 @@ def convert(
     """
     options = options or Options()
     options.check()
-    asked = Asked.of(selection, window)
-    refuse_part_of(asked, [path.suffix.lower() for path in outputs])
+    asked = None
+    if selection is not None or window is not None:
+        from sniffer.jobs.asked import Asked, refuse_part_of
+
+        asked = Asked.of(selection, window)
+        refuse_part_of(asked, [path.suffix.lower() for path in outputs])
     opened = open_source(source, input_format, again=asked is not None and asked.seeks)
     return convert_opened(
         opened,

@@ -9,16 +9,15 @@ from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.options import Options
 from sniffer.diagnosis import Diagnosis
 from sniffer.jobs.convert import convert
-from sniffer.jobs.replay import replay as played
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.diagnosis import Incident
-    from sniffer.jobs.replay import Window
     from sniffer.jobs.session import Ending, Patience
     from sniffer.jobs.telling import Teller
+    from sniffer.selection.places import Window
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,25 +91,14 @@ def _diagnosed(
 ) -> tuple[Diagnosis, Ending]:
     """Decode a capture into a diagnosis."""
     diagnosis = Diagnosis()
-    if window is not None and window.is_part:
-        ending = played(
-            source,
-            lambda: diagnosis,
-            options,
-            input_format=input_format,
-            window=window,
-            speed=0,
-            patience=patience,
-            tell=tell,
-        )
-    else:
-        ending = convert(
-            source,
-            (),
-            options,
-            input_format=input_format,
-            sinks=[diagnosis],
-            patience=patience,
-            tell=tell,
-        ).ending
+    ending = convert(
+        source,
+        (),
+        options,
+        input_format=input_format,
+        sinks=[diagnosis],
+        window=window,
+        patience=patience,
+        tell=tell,
+    ).ending
     return diagnosis, ending

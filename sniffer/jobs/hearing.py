@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sniffer.diagnosis import Diagnosis
+from sniffer.jobs.asked import Asked
 from sniffer.jobs.session import run_source
 from sniffer.reports.collector import Collector
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.summary import Summary
     from sniffer.jobs.session import Ending, Patience
     from sniffer.jobs.telling import Teller
+    from sniffer.selection.places import Window
     from sniffer.sources import Source
 
 
@@ -29,15 +31,24 @@ class HeardCapture:
 
 
 def hear(
-    opened: Source, options: Options, *, name: str, tell: Teller, patience: Patience | None = None
+    opened: Source,
+    options: Options,
+    *,
+    name: str,
+    tell: Teller,
+    patience: Patience | None = None,
+    window: Window | None = None,
 ) -> HeardCapture:
-    """Decode a source and keep what reports and checks ask for.
+    """Decode a source, or a part of it, and keep what reports and checks ask for.
 
     Raises:
         InputError: there is nothing in it, or its protocol cannot be told.
     """
     collector, diagnosis = Collector(), Diagnosis()
     damage: list[str] = []
+    asked = Asked.of(None, window)
+    if asked is not None:
+        asked = asked.sought_in(opened, options)
     summary, ending = run_source(
         opened,
         options,
@@ -46,5 +57,6 @@ def hear(
         tell=tell,
         patience=patience,
         on_break=damage.append,
+        asked=asked,
     )
     return HeardCapture(summary, collector, diagnosis, ending, "; ".join(damage))

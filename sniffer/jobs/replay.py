@@ -4,53 +4,39 @@ from __future__ import annotations
 
 import contextlib
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.detect import ENOUGH, UndecidedError, detect
 from sniffer.decoding.pipeline import AUTO, Options
-from sniffer.decoding.rates import emptied
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import (
     NS,
     Chunk,
     Clock,
     DamagedInputError,
-    InputError,
-    Mark,
-    MarkKind,
     SnifferError,
 )
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
+from sniffer.jobs.asked import Asked
 from sniffer.jobs.session import Ending, merged, run_source
 from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
     from sniffer.decoding.sink import Sink
     from sniffer.jobs.session import Patience
     from sniffer.protocols.base import BusProtocol
+    from sniffer.selection.places import Window
+    from sniffer.selection.selection import Selection
 
 STEP_NS: Final = 50_000_000
 """Chunks within 50 ms of the recording go out together: a decoder pass costs about the same for
 one chunk as for all of them, and eyes see no more."""
-
-
-@dataclass(frozen=True, slots=True)
-class Window:
-    """Which part of a recording is played, in seconds from its start; ``stop`` None: to its end."""
-
-    start: float = 0.0
-    stop: float | None = None
-
-    @property
-    def is_part(self) -> bool:
-        """Whether something is left out."""
-        return bool(self.start) or self.stop is not None
 
 
 def peek(chunks: Iterable[Chunk], size: int) -> tuple[list[Chunk], Iterator[Chunk]]:
@@ -92,37 +78,6 @@ def timed(chunks: Iterable[Chunk], baud: int) -> Iterator[Chunk]:
             yield replace(chunk, data=data, t_ns=last)
 
 
-def within(chunks: Iterable[Chunk], window: Window, *, ends: bool = False) -> Iterator[Chunk]:
-    """Yield the chunks of a window; ``ends``: also, where it ends before them all, that it does.
-
-    Raises:
-        InputError: there are none in it.
-    """
-    first: int | None = None
-    at = 0.0
-    heard: dict[str, Chunk] = {}
-    for chunk in chunks:
-        t = chunk.t_ns or 0
-        first = t if first is None else first
-        at = (t - first) / NS
-        if window.stop is not None and at > window.stop:
-            # nothing else was said until then: who had time enough to answer is silent, not cut
-            end = first + int(window.stop * NS)
-            yield from (
-                replace(last, data=b"", t_ns=end, marks=(Mark(MarkKind.ENDED, 0, count=0),))
-                for last in (heard.values() if ends else ())
-            )
-            break
-        if at >= window.start:
-            heard[chunk.bus] = chunk
-            yield chunk
-    if first is not None and not heard:
-        until = "" if window.stop is None else f" to {window.stop:g}"
-        raise InputError(
-            f"nothing was said from second {window.start:g}{until}: the recording has {at:.3f} s"
-        )
-
-
 def steps(chunks: Iterable[Chunk]) -> Iterator[list[Chunk]]:
     """Group chunks into steps of the recording's time; what came before damage is not lost."""
     group: list[Chunk] = []
@@ -144,10 +99,13 @@ def paced(
     groups: Iterable[list[Chunk]],
     speed: float,
     *,
+    ends: tuple[int | None, int | None] = (None, None),
     now: Callable[[], int] = time.monotonic_ns,
     sleep: Callable[[float], None] = time.sleep,
 ) -> Iterator[list[Chunk]]:
     """Yield each group at its own moment; ``speed`` 0 does not wait at all.
+
+    What lies outside ``ends``, the first and the last time that is shown, is not waited for.
 
     Deadlines are absolute, counted from the first group: what one step is late does not delay the
     next, so a replay does not drift.
@@ -156,7 +114,9 @@ def paced(
     first = 0
     for group in groups:
         t = group[-1].t_ns or 0
-        if began is None:
+        if (ends[0] is not None and t < ends[0]) or (ends[1] is not None and t > ends[1]):
+            pass
+        elif began is None:
             began, first = now(), t
         elif speed > 0:
             wait = began + (t - first) / speed - now()
@@ -173,6 +133,7 @@ def replay(
     *,
     input_format: str = "auto",
     window: Window | None = None,
+    selection: Selection | None = None,
     speed: float = 1.0,
     loop: bool = False,
     patience: Patience | None = None,
@@ -186,6 +147,7 @@ def replay(
         options: how it is decoded.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         window: which part of it; all of it where None.
+        selection: which records are shown.
         speed: times real time; 0 does not wait at all.
         loop: begin again at the end, until it is interrupted.
         patience: takes interruptions.
@@ -197,16 +159,19 @@ def replay(
     """
     if loop and str(source) == "-":
         raise SnifferError(Sentence("{loop} needs a file: standard input can be read only once"))
-    options, window = options or Options(), window or Window()
+    options = options or Options()
     options.check()
+    asked = Asked.of(selection, window)
     tell = tell or Teller(lambda line: None, quiet=True)
     again = tell.quieter()
     name = "standard input" if str(source) == "-" else str(source)
     ending, played = Ending.DONE, False
     while ending == Ending.DONE and (loop or not played):
         now = again if played else tell
-        opened = open_source(source, input_format)
+        opened = open_source(source, input_format, again=asked is not None and asked.seeks)
         options = options.with_facts(opened.facts(), opened.tables)
+        if asked is not None:
+            asked = asked.sought_in(opened, options)
         heard = merged(opened, opened, options, now)
         chunks: Iterable[Chunk] = (chunk for group in heard for chunk in group)
         # looked at beforehand: what is to be played in real time cannot wait for it
@@ -214,12 +179,8 @@ def replay(
         if options.protocol == AUTO and not played:
             told = {**_told(head, options, now), **options.protocols}
             options = replace(options, protocols=told)
-        if window.is_part:
-            chunks, options = emptied(chunks, options.begins), replace(options, begins={})
-        part = within(timed(chunks, _baud(options)), window, ends=True)
-        groups: Iterable[Sequence[Chunk]] = paced(steps(part), speed)
-        if window.is_part:
-            groups = _as_part(groups, window, now)
+        ends = (None, None) if asked is None else asked.ends(_first(head))
+        groups = paced(steps(timed(chunks, _baud(options))), speed, ends=ends)
         _, ending = run_source(
             opened,
             options,
@@ -229,23 +190,15 @@ def replay(
             patience=patience,
             groups=groups,
             ahead=head,
+            asked=asked,
         )
         played = True
     return ending
 
 
-def _as_part(
-    groups: Iterable[Sequence[Chunk]], window: Window, tell: Teller
-) -> Iterator[Sequence[Chunk]]:
-    """Pass groups on; that they are a part is said once there is one."""
-    start = window.start
-    until = "its end" if window.stop is None else f"second {window.stop:g}"
-    for number, group in enumerate(groups):
-        if not number:
-            tell.talk(
-                f"a part of it: from second {start:g} to {until}; what is open at its edges is cut"
-            )
-        yield group
+def _first(head: Iterable[Chunk]) -> int | None:
+    """Return the time of the first byte, None where there is no clock."""
+    return next((chunk.t_ns for chunk in head if chunk.data), None)
 
 
 def _told(head: Iterable[Chunk], options: Options, tell: Teller) -> dict[str, str | BusProtocol]:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from sniffer.diagnosis import Incident
     from sniffer.jobs.hearing import HeardCapture
     from sniffer.jobs.session import Patience
+    from sniffer.selection.places import Window
     from sniffer.sources import Source
 
 HTML: Final = ".html"
@@ -63,6 +64,7 @@ def report(
     *,
     input_format: str = "auto",
     overwrite: bool = False,
+    window: Window | None = None,
     patience: Patience | None = None,
     tell: Teller | None = None,
 ) -> Reported:
@@ -77,6 +79,7 @@ def report(
         options: how it is decoded; what a recording says of itself fills what is not said.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         overwrite: a file that is there already is replaced.
+        window: which part of the capture it is on; all of it where None.
         patience: takes interruptions.
         tell: takes what should be told; nothing is told without.
 
@@ -95,8 +98,10 @@ def report(
     with open_source(source, input_format, again=True) as opened:
         options = options.with_facts(opened.facts(), opened.tables)
         name = "standard input" if str(source) == "-" else str(source)
-        hearing = hear(opened, options, name=name, tell=tell, patience=patience)
+        hearing = hear(opened, options, name=name, tell=tell, patience=patience, window=window)
         notes = tuple(opened.notes)
+        if (part := hearing.summary.narrowed.get("part")) is not None:
+            notes = (f"a part of the capture, {part}", *notes)
         incidents = sorted(hearing.diagnosis.incidents(), key=_rank)
         evidence = Exhibits(incidents)
         if not evidence.is_done:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Options
 from sniffer.ground.needs import need_rerun
+from sniffer.jobs.asked import Asked
 from sniffer.jobs.convert import Converted, convert_opened
 from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
@@ -15,6 +16,8 @@ from sniffer.viewers import viewer
 
 if TYPE_CHECKING:
     from sniffer.jobs.session import Patience
+    from sniffer.selection.places import Window
+    from sniffer.selection.selection import Selection
 
 
 def view(
@@ -24,6 +27,8 @@ def view(
     input_format: str = "auto",
     web: bool = False,
     port: int | None = None,
+    selection: Selection | None = None,
+    window: Window | None = None,
     patience: Patience | None = None,
     tell: Teller | None = None,
 ) -> Converted:
@@ -35,6 +40,8 @@ def view(
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         web: serve it for a browser on this machine, until Ctrl-C, instead of opening a window.
         port: of the web page.
+        selection: which records are shown.
+        window: which part of the capture, all of it where None.
         patience: takes interruptions while it is decoded.
         tell: takes what should be told, the page's address among it.
 
@@ -46,7 +53,9 @@ def view(
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
-    with open_source(source, input_format) as opened:
+    asked = Asked.of(selection, window)
+    again = asked is not None and asked.seeks
+    with open_source(source, input_format, again=again) as opened:
         if not web:
             viewer.need_display(source)
         with tempfile.TemporaryDirectory(prefix="sniffer-") as folder:
@@ -57,6 +66,7 @@ def view(
                 [path],
                 options,
                 overwrite=True,
+                asked=asked,
                 patience=patience,
                 tell=tell,
             )
