@@ -145,7 +145,7 @@ class TextSink:
         """Write the summary."""
         if self._headed:
             self._stream.write("\n")
-        narrowed = self._summary.narrowed
+        narrowed = self._summary.narrowed if self._summary.buses else {}
         if "where" not in narrowed:
             print_summary(self._summary, self._console, self._diagnosis.incidents())
             if narrowed:

@@ -23,6 +23,7 @@ from sniffer.sources.candump import read_candump
 from sniffer.sources.hexdump import read_hexdump, read_od, read_xxd
 from sniffer.sources.jsonl import read_jsonl
 from sniffer.sources.opening import Origin, Spooled, find
+from sniffer.sources.packed import unpacked
 from sniffer.sources.plain import read_decimal, read_hex
 from sniffer.sources.recognise import HEAD, recognise
 from sniffer.sources.refusals import refuse_utf16
@@ -229,6 +230,8 @@ def open_source(
         raise InputError(f"there is no radix {radix!r}: choose hex or decimal")
     origin = find(path)
     try:
+        if input_format != "bin":  # raw bytes are what somebody says they are
+            origin = unpacked(origin)
         chosen = _chosen(origin, input_format, decimal=radix == "decimal")
         if (again and origin.live) or (chosen == "mcap" and origin.path is None):
             origin = Spooled(origin)  # a recording is read by its index, here and there
@@ -246,8 +249,7 @@ def _chosen(origin: Origin, input_format: str, *, decimal: bool) -> str:
         return "bin"
     try:
         if input_format == "auto":
-            suffix = origin.path.suffix.lower() if origin.path else ""
-            return recognise(origin.head, suffix, decimal=decimal)
+            return recognise(origin.head, origin.suffix.lower(), decimal=decimal)
         if input_format not in ("bin", "mcap"):
             refuse_utf16(origin.head)
     except InputError as error:

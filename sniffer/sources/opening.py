@@ -41,6 +41,7 @@ class Origin(Protocol):
 
     name: str
     path: Path | None
+    suffix: str  # of its name, with the dot
     head: bytes
     live: bool  # its bytes come when they come
 
@@ -79,6 +80,7 @@ class File:
 
     def __init__(self, path: Path | None, data: bytes = b"") -> None:
         self.path = path
+        self.suffix = path.suffix if path else ""
         self.name = _shown(path) if path else "the given bytes"
         self._data = data
         with self._binary() as file:
@@ -107,6 +109,7 @@ class Pipe:
 
     def __init__(self, stream: BinaryIO, name: str, *, owned: bool) -> None:
         self.path: Path | None = None
+        self.suffix = ""
         self.name = name
         self._stream = stream
         self._owned = owned

@@ -36,8 +36,16 @@ _MAGICS: Final = (
     (b"\x7fELF", "a program", _CAPTURE),
     (b"RRF", "a Rerun recording (.rrd)", "decode the .mcap or the capture it was made from"),
     (b"PAR1", "a Parquet table", "decode the .mcap or the capture it was made from"),
-    (b"\x1f\x8b\x08", "a gzip file", "unpack it: `gunzip -c FILE | sniffer decode -`"),
-    (b"\x28\xb5\x2f\xfd", "a zstd file", "unpack it: `zstd -dc FILE | sniffer decode -`"),
+    (
+        b"\x1f\x8b\x08",
+        "a gzip file in a packed one",
+        "unpack it: `gunzip -c FILE | sniffer decode -`",
+    ),
+    (
+        b"\x28\xb5\x2f\xfd",
+        "a zstd file in a packed one",
+        "unpack it: `zstd -dc FILE | sniffer decode -`",
+    ),
     (b"\xfd7zXZ\x00", "an xz file", "unpack it: `xz -dc FILE | sniffer decode -`"),
     (b"BZh", "a bzip2 file", "unpack it: `bzip2 -dc FILE | sniffer decode -`"),
 )

@@ -1,0 +1,120 @@
+"""What stands at a byte of a capture: ``sniffer explain FILE@12175``."""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.decoding.drawing import Drawn, draw_frame, draw_gap
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.model import NS, DamagedInputError, InputError
+from sniffer.ground.wording import and_
+from sniffer.sources import open_source
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
+
+DATED_NS: Final = 366 * 86400 * NS
+"""Times before this one, in 1971, count from something else than 1970."""
+
+_PLACE: Final = re.compile(r"(?P<path>.+)@(?:(?P<bus>[^@:/]+):)?(?P<offset>[0-9]{1,17})", re.DOTALL)
+
+
+def place_of(text: str) -> tuple[Path, str | None, int]:
+    """Return file, bus (None: not named) and byte of ``FILE@12175`` or ``FILE@arm:12175``.
+
+    Raises:
+        InputError: it is nothing of the kind.
+    """
+    match = _PLACE.fullmatch(text)
+    if match is None:
+        raise InputError(f"{text[:60]!r}: write a place in a capture as FILE@12175")
+    return Path(match["path"]), match["bus"], int(match["offset"])
+
+
+def explain_at(
+    source: Path,
+    bus: str | None,
+    offset: int,
+    options: Options | None = None,
+    *,
+    input_format: str = "auto",
+) -> tuple[bool, list[str]]:
+    """Return whether a byte of a capture belongs to a frame that holds, and the drawing.
+
+    An answer is drawn behind the request that it answers.
+
+    Raises:
+        InputError: the capture cannot be read or has no such byte, or several buses have it.
+    """
+    options = options or Options()
+    options.check()
+    with open_source(source, input_format) as opened:
+        finder = _AtByte(bus, offset)
+        pipeline = Pipeline(options.with_facts(opened.facts(), opened.tables), [finder])
+        with contextlib.suppress(DamagedInputError):
+            for group in opened:
+                pipeline.feed(group)
+                if bus is not None and finder.found:
+                    break
+        if not (bus is not None and finder.found):
+            pipeline.close()
+    if bus is None and len(finder.found) > 1:
+        names = and_(list(finder.found))
+        raise InputError(f"{source}: {names} have a byte {offset}: write FILE@BUS:{offset}")
+    if not finder.found:
+        ends = ", ".join(f"{name} {end}" for name, end in finder.ends.items())
+        raise InputError(f"{source}: there is no byte {offset}: it has {ends or 'none'}")
+    ((name, pieces),) = finder.found.items()
+    out = [f"{source}, byte {offset} of {name}"]
+    for piece in pieces:
+        out += ["", f"at byte {piece.offset}, {_moment(piece.t_ns)}", *piece.lines]
+    return pieces[-1].holds, out
+
+
+def _moment(t_ns: int) -> str:
+    """Return a time as the table prints it: of day where it is one."""
+    if t_ns < DATED_NS:
+        return f"{t_ns / NS:.6f} s"
+    moment = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC)
+    return f"{moment:%H:%M:%S}.{t_ns % NS // 1000:06d}"
+
+
+class _AtByte:
+    """A sink that draws what has a byte of a bus: by name or, where it has none, of each."""
+
+    def __init__(self, bus: str | None, offset: int) -> None:
+        self._bus, self._offset = bus, offset
+        self.found: dict[str, list[Drawn]] = {}
+        self.ends: dict[str, int] = {}
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Look for the byte."""
+        self.ends[bus] = batch.base + len(batch.data)
+        at = self._offset - batch.base
+        if self._bus not in (None, bus) or not 0 <= at < len(batch.data):
+            return
+        f = batch.frames
+        rows = np.flatnonzero((f.start <= at) & (at < f.end)).tolist()
+        if rows:
+            asked = batch.transactions.request[batch.transactions.response == rows[0]]
+            before = [row for row in asked.tolist() if row >= 0]
+            self.found[bus] = [draw_frame(batch, protocol, i) for i in (*before, rows[0])]
+            return
+        for gap in batch.gaps:
+            if gap.start <= at < gap.start + gap.length:
+                self.found[bus] = [draw_gap(batch, protocol, gap)]
+
+    def close(self) -> None:
+        """Do nothing."""

@@ -1,0 +1,77 @@
+"""Packed inputs: read as what is in them, in memory that does not depend on what they unpack to."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import pytest
+import zstandard
+
+from sniffer.ground.model import DamagedInputError
+from sniffer.sources import open_source
+from sniffer.sources.packed import RATIO_MOST, SMALL
+from tests.commands import sniffer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from sniffer.ground.model import Chunk
+
+CAPTURE: Final = Path(__file__).parents[1] / "sample_captures" / "wck_damaged.log"
+
+PACKINGS: Final[Mapping[str, Callable[[bytes], bytes]]] = {
+    ".gz": gzip.compress,
+    ".zst": zstandard.compress,
+}
+
+
+@pytest.mark.parametrize("suffix", PACKINGS)
+def test_a_packed_log_is_read_as_the_log(suffix: str, tmp_path: Path) -> None:
+    plain = CAPTURE.read_bytes()
+    path = tmp_path / f"walk.log{suffix}"
+    half = plain.index(b"\n", len(plain) // 2) + 1
+    pack = PACKINGS[suffix]
+    path.write_bytes(pack(plain[:half]) + pack(plain[half:]))  # as two parts joined by `cat`
+    whole = sniffer("decode", CAPTURE, "--summary", "--format", "jsonl").out
+    assert sniffer("decode", path, "--summary", "--format", "jsonl").out == whole
+    piped = sniffer("decode", "-", "--summary", "--format", "jsonl", data=path.read_bytes())
+    assert piped.out == whole
+
+
+@pytest.mark.parametrize("suffix", PACKINGS)
+def test_the_suffix_inside_counts_where_the_content_leaves_it_open(
+    suffix: str, tmp_path: Path
+) -> None:
+    path = tmp_path / f"x.bin{suffix}"
+    path.write_bytes(PACKINGS[suffix](b"0123"))
+    assert open_source(path).format == "bin"
+    assert open_source(path.rename(tmp_path / f"x.txt{suffix}")).format == "hex"
+
+
+@pytest.mark.parametrize("suffix", PACKINGS)
+def test_a_packed_file_that_is_cut_off_is_read_as_far_as_it_goes(
+    suffix: str, tmp_path: Path
+) -> None:
+    path = tmp_path / f"walk.log{suffix}"
+    path.write_bytes(PACKINGS[suffix](CAPTURE.read_bytes() * 9)[:-9])
+    ran = sniffer("decode", path, "--summary")
+    assert ran.status == 3
+    assert "is cut off" in ran.err
+    assert "in 0 frames" not in ran.out
+    assert "frames" in ran.out
+
+
+@pytest.mark.parametrize("pack", PACKINGS.values(), ids=PACKINGS)
+def test_a_bomb_is_given_up_before_it_goes_off(pack: Callable[[bytes], bytes]) -> None:
+    packed = pack(bytes(2 * SMALL))
+    assert RATIO_MOST * len(packed) < 2 * SMALL
+    read: list[int] = []
+
+    def take(groups: Iterable[list[Chunk]]) -> None:
+        read.extend(len(chunk.data) for group in groups for chunk in group)
+
+    with pytest.raises(DamagedInputError, match="no capture does"):
+        take(open_source(packed))
+    assert sum(read) <= SMALL + (1 << 24)
