@@ -51,6 +51,7 @@ _DOCS: Final = (
     "conformance",
     "reports",
     "checking",
+    "asking",
 )
 PAGES: Final = ("README.md", *(f"docs/{name}.md" for name in _DOCS))
 LEFT_OUT: Final = "..."

@@ -13,7 +13,7 @@ from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import DamagedInputError, InputError, SnifferError
 from sniffer.ground.wording import Sentence
-from sniffer.selection.places import FOUND, Place, Window
+from sniffer.selection.places import FOUND, CapturePlace, Window
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class Extract:
     """What is asked for; without anything it is all of a capture."""
 
     selection: Selection | None = None
-    start: Place | None = None
-    stop: Place | None = None
+    start: CapturePlace | None = None
+    stop: CapturePlace | None = None
     around_ns: int = 0
 
     @classmethod
-    def of(cls, selection: Selection | None, window: Window | None) -> Asked | None:
+    def of(cls, selection: Selection | None, window: Window | None) -> Extract | None:
         """Return what is asked for, None for all of a capture.
 
         Raises:
@@ -96,7 +96,7 @@ class Asked:
 
         return Narrowing(Slice(ends, str(self)), choose)
 
-    def sought_in(self, opened: Source, options: Options) -> Asked:
+    def sought_in(self, opened: Source, options: Options) -> Extract:
         """Return it with all places found; the source is read once, as far as need be.
 
         Raises:
@@ -116,16 +116,16 @@ class Asked:
         return replace(self, start=finder.found(self.start), stop=finder.found(self.stop))
 
 
-def _words(place: Place) -> str:
+def _words(place: CapturePlace) -> str:
     return f"second {place.text}" if place.text.replace(".", "").isdigit() else place.text
 
 
 class _Finder:
     """A sink that looks for places; the first one of each is meant, in the order of the output."""
 
-    def __init__(self, places: Sequence[Place]) -> None:
+    def __init__(self, places: Sequence[CapturePlace]) -> None:
         self._places = tuple(dict.fromkeys(places))
-        self._times: dict[Place, int] = {}
+        self._times: dict[CapturePlace, int] = {}
         self._anomalies = 0
 
     @property
@@ -133,7 +133,7 @@ class _Finder:
         """Whether all of them are found."""
         return len(self._times) == len(self._places)
 
-    def found(self, place: Place | None) -> Place | None:
+    def found(self, place: CapturePlace | None) -> CapturePlace | None:
         """Return a place with its time.
 
         Raises:
@@ -145,7 +145,7 @@ class _Finder:
             raise InputError(f"{place.text}: {self._missing(place)}")
         return place.found(self._times[place])
 
-    def _missing(self, place: Place) -> str:
+    def _missing(self, place: CapturePlace) -> str:
         if place.sought == "byte":
             return "no record of the capture has this byte"
         if place.sought == "anomaly":
@@ -165,7 +165,7 @@ class _Finder:
                     self._times[place] = t_ns
         self._anomalies += len(found)
 
-    def _in(self, place: Place, batch: Batch, found: Anomalies) -> int | None:
+    def _in(self, place: CapturePlace, batch: Batch, found: Anomalies) -> int | None:
         if place.sought == "byte":
             return time_at(batch, place.number)
         if place.sought == "anomaly":
@@ -192,7 +192,7 @@ def time_at(batch: Batch, offset: int) -> int | None:
     return None
 
 
-def refuse_part_of(asked: Asked | None, suffixes: Sequence[str]) -> None:
+def refuse_part_of(asked: Extract | None, suffixes: Sequence[str]) -> None:
     """Refuse a recording of what is not all of a capture.
 
     Raises:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.sink import Sink
     from sniffer.decoding.summary import Summary
-    from sniffer.jobs.asked import Asked
+    from sniffer.jobs.asked import Extract
     from sniffer.jobs.session import Ending, Patience
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
@@ -72,9 +72,9 @@ def convert(
     options.check()
     asked = None
     if selection is not None or window is not None:
-        from sniffer.jobs.asked import Asked, refuse_part_of
+        from sniffer.jobs.asked import Extract, refuse_part_of
 
-        asked = Asked.of(selection, window)
+        asked = Extract.of(selection, window)
         refuse_part_of(asked, [path.suffix.lower() for path in outputs])
     opened = open_source(source, input_format, again=asked is not None and asked.seeks)
     return convert_opened(
@@ -98,7 +98,7 @@ def convert_opened(
     *,
     overwrite: bool,
     sinks: Sequence[Sink] = (),
-    asked: Asked | None = None,
+    asked: Extract | None = None,
     patience: Patience | None,
     tell: Teller,
 ) -> Converted:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sniffer.diagnosis import Diagnosis
-from sniffer.jobs.asked import Asked
+from sniffer.jobs.asked import Extract
 from sniffer.jobs.session import run_source
 from sniffer.reports.collector import Collector
 
@@ -46,7 +46,7 @@ def hear(
     """
     collector, diagnosis = Collector(), Diagnosis()
     damage: list[str] = []
-    asked = Asked.of(None, window)
+    asked = Extract.of(None, window)
     if asked is not None:
         asked = asked.sought_in(opened, options)
     summary, ending = run_source(

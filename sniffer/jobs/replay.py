@@ -19,7 +19,7 @@ from sniffer.ground.model import (
 )
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
-from sniffer.jobs.asked import Asked
+from sniffer.jobs.asked import Extract
 from sniffer.jobs.session import Ending, merged, run_source
 from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
@@ -161,7 +161,7 @@ def replay(
         raise SnifferError(Sentence("{loop} needs a file: standard input can be read only once"))
     options = options or Options()
     options.check()
-    asked = Asked.of(selection, window)
+    asked = Extract.of(selection, window)
     tell = tell or Teller(lambda line: None, quiet=True)
     again = tell.quieter()
     name = "standard input" if str(source) == "-" else str(source)

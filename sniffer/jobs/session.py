@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.sink import Sink
     from sniffer.decoding.summary import Summary
     from sniffer.ground.model import Chunk
-    from sniffer.jobs.asked import Asked
+    from sniffer.jobs.asked import Extract
     from sniffer.jobs.telling import Teller
     from sniffer.sources import Source
 
@@ -104,7 +104,7 @@ def run_source(
     groups: Iterable[Sequence[Chunk]] | None = None,
     ahead: Iterable[Chunk] = (),
     on_break: Callable[[str], None] = lambda why: None,
-    asked: Asked | None = None,
+    asked: Extract | None = None,
 ) -> tuple[Summary, Ending]:
     """Decode everything into the sinks; return the totals, and how it ended.
 

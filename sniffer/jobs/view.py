@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Options
 from sniffer.ground.needs import need_rerun
-from sniffer.jobs.asked import Asked
+from sniffer.jobs.asked import Extract
 from sniffer.jobs.convert import Converted, convert_opened
 from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
@@ -53,7 +53,7 @@ def view(
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
-    asked = Asked.of(selection, window)
+    asked = Extract.of(selection, window)
     again = asked is not None and asked.seeks
     with open_source(source, input_format, again=again) as opened:
         if not web:

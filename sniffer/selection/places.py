@@ -35,7 +35,7 @@ or none before it was looked for."""
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class CapturePlace:
     """A place in a capture; ``text`` is how it was written, ``kind`` what ``ns`` counts from.
 
     What is to be looked for is ``sought``: ``byte``, ``anomaly``, a severity or a code; the first
@@ -64,12 +64,12 @@ class Place:
             return first_ns - passed if passed < DAY_NS // 2 else first_ns - passed + DAY_NS
         return self.ns
 
-    def found(self, t_ns: int) -> Place:
+    def found(self, t_ns: int) -> CapturePlace:
         """Return the place once it is found."""
         return replace(self, kind=MOMENT, ns=t_ns)
 
 
-def place_in(text: str) -> Place:
+def place_in(text: str) -> CapturePlace:
     """Read a place.
 
     Raises:
@@ -80,25 +80,25 @@ def place_in(text: str) -> Place:
         return _sought(plain)
     if _SECONDS.fullmatch(plain):
         whole, _, part = plain.partition(".")
-        return Place(plain, SINCE, int(whole or "0") * NS + _ns(part))
+        return CapturePlace(plain, SINCE, int(whole or "0") * NS + _ns(part))
     if (ns := time_in(plain, bare=True)) is not None:
-        return Place(plain, SINCE, ns)
+        return CapturePlace(plain, SINCE, ns)
     if (match := _CLOCK.fullmatch(plain)) is not None:
         hours, minutes, seconds = (int(part or "0") for part in match.groups()[:3])
         ns = (hours * 3600 + minutes * 60 + seconds) * NS + _ns(match[4] or "")
-        return Place(plain, OF_DAY, ns)
+        return CapturePlace(plain, OF_DAY, ns)
     if (match := _ISO.fullmatch(plain)) is not None:
-        return Place(plain, MOMENT, _moment(plain, match))
+        return CapturePlace(plain, MOMENT, _moment(plain, match))
     raise InputError(f"{_cut(text)} is no place in a capture: write it like {_FORMS}")
 
 
-def _sought(text: str) -> Place:
+def _sought(text: str) -> CapturePlace:
     word, colon, number = text[1:].partition(":")
     if word in ("byte", "anomaly"):
         least = word == "anomaly"
         if not re.fullmatch("[0-9]{1,17}", number) or not least <= int(number) < OFFSET_END:
             raise InputError(f"{_cut(text)}: write the number of a {word}, as in @{word}:7")
-        return Place(text, FOUND, sought=word, number=int(number))
+        return CapturePlace(text, FOUND, sought=word, number=int(number))
     severity = word.removeprefix("first-")
     known = [f"first-{level}" for level in SEVERITIES]
     if colon or not (word in VALUES["code"] or (severity in SEVERITIES and word in known)):
@@ -106,7 +106,7 @@ def _sought(text: str) -> Place:
         close = near(word, [*known, *VALUES["code"]])
         hint = close if close.startswith("did") else f"one of @{', @'.join(names)} or @CODE"
         raise InputError(f"{_cut(text)}: there is no such place: {hint}")
-    return Place(text, FOUND, sought=severity if word in known else word)
+    return CapturePlace(text, FOUND, sought=severity if word in known else word)
 
 
 def _moment(text: str, match: re.Match[str]) -> int:
@@ -150,7 +150,7 @@ class Window:
         """Whether something is left out."""
         return bool(self.start) or self.stop is not None
 
-    def places(self) -> tuple[Place | None, Place | None]:
+    def places(self) -> tuple[CapturePlace | None, CapturePlace | None]:
         """Return where it begins and ends; None: with the capture.
 
         Raises:
@@ -167,12 +167,12 @@ class Window:
         return start, stop
 
 
-def _since(start: Place | None) -> int:
+def _since(start: CapturePlace | None) -> int:
     """Return how long behind the first byte a place is at least, -1 where nobody knows yet."""
     if start is None:
         return 0
     return start.ns if start.kind == SINCE else -1
 
 
-def _place(given: float | str) -> Place:
+def _place(given: float | str) -> CapturePlace:
     return place_in(given if isinstance(given, str) else f"{given:.9f}")

@@ -1,0 +1,189 @@
+"""What of a capture is asked for: rows and parts, as a user of the command line meets them."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import pyarrow.parquet
+import pytest
+
+from tests.commands import within
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+Capsys = pytest.CaptureFixture[str]
+
+CAPTURE: Final = Path(__file__).parents[1] / "sample_captures" / "mightyzap_damaged.log"
+BEGINS_NS: Final = 1795215306_000000000
+"""A whole second; the first byte is a millisecond and a half behind it."""
+
+
+def told(capsys: Capsys, *options: object, file: Path = CAPTURE) -> list[dict[str, Any]]:
+    """Return the JSON lines."""
+    ran = within(capsys, "decode", file, "--format", "jsonl", *options)
+    assert ran.status == 0, ran.err
+    return [json.loads(line) for line in ran.out.splitlines()]
+
+
+@pytest.fixture
+def whole(capsys: Capsys) -> list[dict[str, Any]]:
+    return told(capsys)
+
+
+@pytest.mark.parametrize(
+    ("options", "keys", "types"),
+    [
+        (["--servo", "3,1", "--op", "store_data"], ("servo_id", "op"), {"frame", "transaction"}),
+        (["--kind", "request", "--servo", "1-3"], ("kind", "servo_id"), {"frame"}),
+        (["--code", "no-response", "--code", "bad-checksum"], ("code",), {"anomaly"}),
+    ],
+)
+def test_a_selection_is_the_rows_of_the_whole_that_it_names(
+    options: list[str],
+    keys: Sequence[str],
+    types: set[str],
+    whole: list[dict[str, Any]],
+    capsys: Capsys,
+) -> None:
+    *rows, summary = told(capsys, *options)
+    values = {key: {row[key] for row in rows} for key in keys}
+    expected = [
+        row
+        for row in whole[:-1]
+        if row["type"] in types and all(row[key] in values[key] for key in keys)
+    ]
+    assert rows == expected
+    assert {row["type"] for row in rows} == types
+    asked = summary.pop("selection")
+    assert summary == whole[-1], "everything is still counted"
+    shown = Counter(f"{row['type']}s".replace("anomalys", "anomalies") for row in rows)
+    assert {name: n for name, n in asked["shown"].items() if n} == shown
+
+
+def test_a_part_says_what_the_whole_says_of_that_time_and_accounts_for_its_bytes(
+    whole: list[dict[str, Any]], capsys: Capsys
+) -> None:
+    *rows, summary = told(capsys, "--from", "2.003", "--to", "4.4444")
+    low, high = summary["selection"]["from_ns"], summary["selection"]["to_ns"]
+    timed = [row for row in whole[:-1] if "t_ns" in row and low <= row["t_ns"] <= high]
+    assert [row for row in rows if "t_ns" in row] == timed
+    assert [row for row in rows if row not in whole] == [], "no edge is seen in any of them"
+    bytes_in = sum(row["length"] for row in rows if row["type"] in ("frame", "gap"))
+    assert summary["bytes"] == bytes_in == summary["bytes_in_frames"] + summary["bytes_in_gaps"]
+    assert summary["frames"] == sum(row["type"] == "frame" for row in rows) > 100
+
+
+def test_a_part_of_parts_is_as_large_as_the_whole(
+    whole: list[dict[str, Any]], capsys: Capsys
+) -> None:
+    first, second = (told(capsys, *cut)[:-1] for cut in (["--to", "3.1"], ["--from", "3.1"]))
+    of = [Counter(json.dumps(row) for row in rows) for rows in (first, second, whole[:-1])]
+    assert of[0] + of[1] == of[2]
+
+
+@pytest.mark.parametrize(
+    ("place", "at_ns"),
+    [
+        ("2", 2_000000000),
+        ("2s", 2_000000000),
+        ("2000ms", 2_000000000),
+        ("22:55:08", None),
+        ("22:55:08.5", None),
+        ("2026-11-20T22:55:08.25Z", None),
+    ],
+)
+def test_a_place_is_a_time_in_any_form(place: str, at_ns: int | None, capsys: Capsys) -> None:
+    first, *_, summary = told(capsys, "--from", place, "--kind", "request")
+    asked = summary["selection"]["from_ns"]
+    assert 0 <= first["t_ns"] - asked < 50_000_000
+    if at_ns is not None:
+        assert abs(asked - BEGINS_NS - at_ns) < 2_000_000
+
+
+def test_a_place_is_where_something_was_found(whole: list[dict[str, Any]], capsys: Capsys) -> None:
+    anomalies = [row for row in whole if row["type"] == "anomaly"]
+    error = next(row for row in anomalies if row["severity"] == "error")
+    for place, row in (
+        ("@first-error", error),
+        (f"@{error['code']}", error),
+        ("@anomaly:7", anomalies[6]),
+        ("@byte:12175", next(r for r in whole if r.get("offset") == 12173)),
+    ):
+        asked = told(capsys, "--from", place, "--around", "200ms")[-1]["selection"]
+        middle = row["t_ns"]
+        assert (asked["from_ns"], asked["to_ns"]) == (middle - 200_000_000, middle + 200_000_000)
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (["--servo", "300"], "300 is not in the range"),
+        (["--kind", "reqest"], "--kind: there is no 'reqest': did you mean request?"),
+        (["--code", "no-respons"], "did you mean no-response?"),
+        (["--where", "servo_di = 3"], "did you mean servo_id?"),
+        (["--servo", "3", "--where", "length >"], "--where, at its end: expected a column"),
+        (
+            ["--op", "read", "--code", "noise"],
+            "op is of frames and transactions; code is of anomal",
+        ),
+        (["--from", "@first-eror"], "did you mean first-error?"),
+        (["--from", "@anomaly:700"], "@anomaly:700: the capture has 69 anomalies"),
+        (["--from", "@byte:99999"], "no record of the capture has this byte"),
+        (["--from", "25:00"], "is no place in a capture: write it like 10, 10min, 20:35:20.5"),
+        (["--from", "2026-13-01"], "there is no such day or time"),
+        (["--to", "1", "--from", "3"], "--to must lie behind --from"),
+        (["--from", "90"], "nothing was said from second 90 to its end: "),
+        (["--around", "1s"], "--around goes with --from or --to"),
+        (["--servo", "3", "-o", "x.mcap"], "a recording has every byte of its buses"),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_asked_is_told_in_one_line(
+    options: list[str], complaint: str, capsys: Capsys
+) -> None:
+    ran = within(capsys, "decode", CAPTURE, *options)
+    assert (ran.status, ran.out) == (2, "")
+    assert complaint in ran.err.splitlines()[-1]
+
+
+def test_a_time_of_day_needs_a_clock(capsys: Capsys) -> None:
+    hex_dump = CAPTURE.with_name("mightyzap_manual.hex")
+    ran = within(capsys, "decode", hex_dump, "--from", "22:55")
+    assert ran.status == 2
+    assert "the input has no clock" in ran.err
+    assert told(capsys, "--from", "0.02", file=hex_dump)[-1]["bytes"] < 340
+
+
+def test_tables_have_the_selected_rows_only(tmp_path: Path, capsys: Capsys) -> None:
+    path = tmp_path / "x.parquet"
+    asked = ("--where", "servo_id = 3 AND t_ns > 0", "--quiet", "-o", path)
+    assert within(capsys, "decode", CAPTURE, *asked).status == 0
+    for file in (path, path.with_name("x.frames.parquet")):
+        table = pyarrow.parquet.read_table(file)
+        assert len(table) > 100
+        assert set(table.column("servo_id").to_pylist()) == {3}
+
+
+def test_only_what_is_shown_fails_a_build(capsys: Capsys) -> None:
+    asked = ("decode", CAPTURE, "--quiet", "--fail-on", "note")
+    assert within(capsys, *asked).status == 1
+    assert within(capsys, *asked, "--servo", "77").status == 0
+    assert within(capsys, *asked, "--code", "no-response").status == 1
+
+
+def test_the_byte_that_a_message_names_is_explained(capsys: Capsys) -> None:
+    ran = within(capsys, "explain", f"{CAPTURE}@12175")
+    assert ran.status == 0
+    assert "request: load_data, servo 1" in ran.out
+    assert "response: load_data, servo 1" in ran.out
+    assert ran.out.index("at byte 12164") < ran.out.index("at byte 12173")
+    gap = within(capsys, "explain", f"{CAPTURE}@99999")
+    assert (gap.status, gap.complaint) == (
+        2,
+        f"{CAPTURE}: there is no byte 99999: it has bus0 18442",
+    )
+    assert within(capsys, "explain", "run@x").complaint.endswith("as FILE@12175")
