@@ -22,7 +22,7 @@ BEGINS_NS: Final = 1795215306_000000000
 """A whole second; the first byte is a millisecond and a half behind it."""
 
 
-def told(capsys: Capsys, *options: object, file: Path = CAPTURE) -> list[dict[str, Any]]:
+def told(capsys: Capsys, *options: str | Path, file: Path = CAPTURE) -> list[dict[str, Any]]:
     """Return the JSON lines."""
     ran = within(capsys, "decode", file, "--format", "jsonl", *options)
     assert ran.status == 0, ran.err
@@ -128,7 +128,7 @@ def test_a_place_is_where_something_was_found(whole: list[dict[str, Any]], capsy
         (["--servo", "3", "--where", "length >"], "--where, at its end: expected a column"),
         (
             ["--op", "read", "--code", "noise"],
-            "op is of frames and transactions; code is of anomal",
+            "op is of frames and transactions; code is of",
         ),
         (["--from", "@first-eror"], "did you mean first-error?"),
         (["--from", "@anomaly:700"], "@anomaly:700: the capture has 69 anomalies"),
