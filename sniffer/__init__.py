@@ -33,8 +33,12 @@ if TYPE_CHECKING:
     from sniffer.jobs.api import Capture, decode, frames_table, records, samples_table
     from sniffer.jobs.check import Checked, check
     from sniffer.jobs.convert import Converted, convert
+    from sniffer.jobs.cut import cut
     from sniffer.jobs.diagnose import Diagnosed, diagnose
+    from sniffer.jobs.diff import Compared, diff
     from sniffer.jobs.files import Files, Flight
+    from sniffer.jobs.merge import merge
+    from sniffer.jobs.outputs import Wide
     from sniffer.jobs.record import Recorded, Shown, record
     from sniffer.jobs.replay import replay
     from sniffer.jobs.report import Reported, report
@@ -57,6 +61,7 @@ __all__ = [
     "Checked",
     "Chunk",
     "Clock",
+    "Compared",
     "Converted",
     "DamagedInputError",
     "Decoder",
@@ -95,14 +100,18 @@ __all__ = [
     "Stops",
     "TransactionRow",
     "Transactions",
+    "Wide",
     "Window",
     "__version__",
     "check",
     "convert",
+    "cut",
     "decode",
     "diagnose",
+    "diff",
     "examine",
     "frames_table",
+    "merge",
     "play",
     "record",
     "records",
@@ -115,6 +124,10 @@ _ROOMS: Final = {
     "ground.codes": ("Kind", "Outcome", "Provenance", "Reply", "Role"),
     "jobs.check": ("Checked", "check"),
     "jobs.convert": ("Converted", "convert"),
+    "jobs.cut": ("cut",),
+    "jobs.diff": ("Compared", "diff"),
+    "jobs.merge": ("merge",),
+    "jobs.outputs": ("Wide",),
     "jobs.diagnose": ("Diagnosed", "diagnose"),
     "jobs.replay": ("replay",),
     "selection.places": ("Window",),

@@ -44,7 +44,7 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     "mcap_protobuf": ("mcapfile/",),
     "google": ("mcapfile/", "messages/"),
     "rerun": ("sinks/rerun/", "viewers/viewer.py"),
-    "pyarrow": ("sinks/tables.py", "sinks/rerun/", "jobs/api.py"),
+    "pyarrow": ("sinks/tables.py", "sinks/wide.py", "sinks/rerun/", "jobs/api.py"),
     "pandas": (),
     "click": ("cli/",),
     "rich": ("cli/", "sinks/text.py", "sinks/report.py", "sinks/story.py", "viewers/"),

@@ -52,6 +52,7 @@ _DOCS: Final = (
     "reports",
     "checking",
     "asking",
+    "editing",
 )
 PAGES: Final = ("README.md", *(f"docs/{name}.md" for name in _DOCS))
 LEFT_OUT: Final = "..."

@@ -14,6 +14,7 @@ _OPTIONS: Final = {
     "kinds": "--kind",
     "latency_ns": "--latency",
     "models": "--model",
+    "offsets": "--offset",
     "ops": "--op",
     "overwrite": "--force",
     "recording": "-o",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -38,6 +39,19 @@ printed = click.option(
 
 with_force = click.option("--force", is_flag=True, help="Replace files that are there.")
 """Of every command that writes a file."""
+
+
+def with_outputs(about: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return ``-o``, of commands whose files are what is asked for."""
+    return click.option(
+        "-o",
+        "--output",
+        "outputs",
+        required=True,
+        multiple=True,
+        type=click.Path(path_type=Path),
+        help=f"{about}; the suffix says what (see sniffer convert). May be repeated.",
+    )
 
 
 class Whole(click.IntRange):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import Finite, decoding, examples, pipeline_options
+from sniffer.cli.options import Finite, decoding, examples, pipeline_options, with_force
 from sniffer.cli.selecting import with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
@@ -49,6 +49,15 @@ from sniffer.sinks.standard import Standard
     is_flag=True,
     help="Decode the raw bytes with today's decoder and compare with what was recorded.",
 )
+@click.option(
+    "-o",
+    "--output",
+    "outputs",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Also write what is played; the suffix says what (see sniffer convert). May be repeated.",
+)
+@with_force
 def replay(
     file: str,
     protocol: str,
@@ -61,6 +70,8 @@ def replay(
     loop: bool,
     in_rerun: bool,
     redecode: bool,
+    outputs: tuple[Path, ...],
+    force: bool,
     window: Window | None,
     selection: Selection | None,
 ) -> int:
@@ -73,6 +84,8 @@ def replay(
         raise click.UsageError("--redecode compares, --rerun shows: choose one")
     if redecode and (window is not None or selection is not None):
         raise click.UsageError("--redecode compares all that was recorded: take no part of it")
+    if redecode and outputs:
+        raise click.UsageError("--redecode compares, -o writes: choose one")
     if redecode:
         from sniffer.jobs.compare import compare
 
@@ -91,6 +104,8 @@ def replay(
             selection=selection,
             speed=speed,
             loop=loop,
+            outputs=outputs,
+            overwrite=force,
             patience=patience,
             tell=Teller(say),
         )

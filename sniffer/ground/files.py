@@ -47,9 +47,9 @@ def beside(path: Path) -> Path:
     return path.with_suffix(f".frames{path.suffix}")
 
 
-def files_of(path: Path) -> tuple[Path, ...]:
-    """Return all files that an output writes."""
-    return (path, beside(path)) if path.suffix.lower() in TABLES else (path,)
+def files_of(path: Path, *, wide: bool = False) -> tuple[Path, ...]:
+    """Return all files that an output writes; a ``wide`` table is one."""
+    return (path, beside(path)) if path.suffix.lower() in TABLES and not wide else (path,)
 
 
 def occupied(path: Path) -> bool:

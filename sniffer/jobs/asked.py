@@ -14,6 +14,7 @@ from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import DamagedInputError, InputError, SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.selection.places import FOUND, CapturePlace, Window
+from sniffer.sinks import BYTES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -193,12 +194,16 @@ def time_at(batch: Batch, offset: int) -> int | None:
 
 
 def refuse_part_of(asked: Extract | None, suffixes: Sequence[str]) -> None:
-    """Refuse a recording of what is not all of a capture.
+    """Refuse a recording, or a file of bytes, of what is not all of a capture.
 
     Raises:
         SnifferError: there is one among these suffixes.
     """
-    if asked is not None and ".mcap" in suffixes:
+    if asked is None:
+        return
+    if ".mcap" in suffixes:
         raise SnifferError(
             "a recording has every byte of its buses: `sniffer cut` makes one of a part"
         )
+    if suffix := next((s for s in suffixes if s in BYTES), None):
+        raise SnifferError(f"a {suffix} has every byte: `sniffer cut` makes one of a part")

@@ -1,4 +1,4 @@
-"""``sniffer.convert``: a capture decoded into files; what ``sniffer decode`` and ``view`` call."""
+"""``sniffer.convert``: files made of a capture; ``convert``, ``decode`` and ``view`` call it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Options
-from sniffer.jobs.outputs import gone, open_outputs, session_facts
+from sniffer.decoding.summary import Summary
+from sniffer.jobs.anonymous import anonymous
+from sniffer.jobs.copying import Copies, copy_source
+from sniffer.jobs.derived import Derived
+from sniffer.jobs.outputs import gone, open_all, session_facts, told_part
 from sniffer.jobs.session import run_source
 from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
@@ -16,8 +20,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.decoding.sink import Sink
-    from sniffer.decoding.summary import Summary
     from sniffer.jobs.asked import Extract
+    from sniffer.jobs.outputs import Wide
     from sniffer.jobs.session import Ending, Patience
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
@@ -43,23 +47,29 @@ def convert(
     sinks: Sequence[Sink] = (),
     selection: Selection | None = None,
     window: Window | None = None,
+    wide: Wide | None = None,
+    anonymise: bool = False,
     patience: Patience | None = None,
     tell: Teller | None = None,
 ) -> Converted:
-    """Decode a capture, a dump, a log or a recording into files.
+    """Make files of a capture, a dump, a log or a recording.
 
     What goes wrong on the bus is part of the outputs. Where the input breaks off, or somebody
-    interrupts, what could be read is written; ``ending`` says so.
+    interrupts, what could be read is written; ``ending`` says so. For the bytes alone (.log .bin
+    .hex) nothing is decoded: ``summary`` is empty then.
 
     Args:
         source: a path, or ``"-"`` for standard input.
-        outputs: the files; their suffixes say what (.jsonl .csv .parquet .mcap .rrd).
+        outputs: the files; their suffixes say what (.jsonl .csv .parquet .mcap .rrd, and .log .bin
+            .hex).
         options: how it is decoded; what a recording says of itself fills what is not said.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         overwrite: files that are there already are replaced.
         sinks: further outputs, open already.
         selection: which records are written; totals are counted of all.
         window: which part of the capture, all of it where None.
+        wide: tables have a column for each quantity of a servo; a row a register where None.
+        anonymise: times count from zero; names, ports and serial numbers are left out.
         patience: takes interruptions; KeyboardInterrupt is one without, too.
         tell: takes what should be told; nothing is told without.
 
@@ -76,7 +86,13 @@ def convert(
 
         asked = Extract.of(selection, window)
         refuse_part_of(asked, [path.suffix.lower() for path in outputs])
-    opened = open_source(source, input_format, again=asked is not None and asked.seeks)
+    tell = tell or Teller(lambda line: None, quiet=True)
+    again = anonymise or (asked is not None and asked.seeks)
+    opened = open_source(source, input_format, again=again)
+    if (part := told_part(opened.facts())) is not None:
+        tell.talk(part)
+    if anonymise:
+        opened = anonymous(opened, options, tell)
     return convert_opened(
         opened,
         str(source),
@@ -85,8 +101,9 @@ def convert(
         overwrite=overwrite,
         sinks=sinks,
         asked=asked,
+        wide=wide,
         patience=patience,
-        tell=tell or Teller(lambda line: None, quiet=True),
+        tell=tell,
     )
 
 
@@ -99,18 +116,31 @@ def convert_opened(
     overwrite: bool,
     sinks: Sequence[Sink] = (),
     asked: Extract | None = None,
+    wide: Wide | None = None,
+    others: Sequence[str] = (),
     patience: Patience | None,
     tell: Teller,
 ) -> Converted:
-    """Decode a source that is open already; else as ``convert``."""
+    """Make files of a source that is open already; else as ``convert``.
+
+    ``others`` are further files that it is read from.
+    """
     facts = opened.facts()
     options = options.with_facts(facts, opened.tables)
     if asked is not None:
         asked = asked.sought_in(opened, options)
-    told = session_facts(source, options, facts)
-    every = [*open_outputs(outputs, told, source, force=overwrite), *sinks]
+    told = session_facts(opened.origin(source), options, facts)
+    decoded, raw = open_all(outputs, told, [source, *others], force=overwrite, wide=wide)
     name = "standard input" if source == "-" else source
-    summary, ending = run_source(
-        opened, options, every, name=name, tell=tell, patience=patience, asked=asked
-    )
-    return Converted(summary, ending, gone(outputs, tell))
+    copies, every = Copies(raw), [*decoded, *sinks]
+    if raw and not every:
+        ending = copy_source(opened, copies, name=name, tell=tell, patience=patience)
+        return Converted(Summary(), ending, gone(outputs, tell, wide=wide is not None))
+    heard = Derived(opened, copies.of, facts) if raw else opened
+    try:
+        summary, ending = run_source(
+            heard, options, every, name=name, tell=tell, patience=patience, asked=asked
+        )
+    finally:
+        copies.finish(tell)
+    return Converted(summary, ending, gone(outputs, tell, wide=wide is not None))

@@ -6,16 +6,27 @@ import contextlib
 import datetime
 import os
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer import __version__
 from sniffer.decoding.options import SINCE, alarm_facts
 from sniffer.decoding.pacing import ASSUMED
-from sniffer.ground.files import files_of, is_lost, occupied, open_binary, probe, refuse_occupied
+from sniffer.ground.files import (
+    TABLES,
+    files_of,
+    is_lost,
+    occupied,
+    open_binary,
+    probe,
+    refuse_occupied,
+)
 from sniffer.ground.model import OutputError
-from sniffer.messages import TOOL
-from sniffer.sinks import open_sink, suffix_known
+from sniffer.ground.wording import and_
+from sniffer.messages import OFFSET, TOOL
+from sniffer.sinks import BYTES, open_sink, suffix_known
+from sniffer.sinks.raw import RAW_FILES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,9 +34,25 @@ if TYPE_CHECKING:
     from sniffer.decoding.pipeline import Options
     from sniffer.decoding.sink import Sink
     from sniffer.jobs.telling import Teller
+    from sniffer.sinks.raw import RawFile
 
 GONE: Final = "{} is gone: it was deleted or renamed while it was written"
 """What is told of an output that is no more where it was."""
+
+ORIGIN: Final = "origin"
+"""Facts ``origin.tool``, ``.source``, ``.written`` of the recording that it was made from."""
+
+CUT: Final = "cut"
+"""Facts of a part of a capture: ``cut.source`` (of what), ``cut.from_ns`` and ``cut.to_ns`` (what
+was asked for), ``cut.offset.<bus>`` (where its first byte stood there)."""
+
+_MADE: Final = ("tool", "source", "written")
+
+_ANEW: Final = frozenset(
+    {*_MADE, "protocol", "plugin", "baud", "rate", SINCE, "latency_ns", "model", "alarm"}
+    | {"offset", "topics"}
+)
+"""Facts of a recording that are said anew of what is made of it, or are not true of it."""
 
 
 def session_facts(
@@ -58,35 +85,90 @@ def session_facts(
         facts |= {k: v for k, v in told.items() if k.startswith("latency_ns.")}
     for servo, model in options.models.items():
         facts["model" if servo is None else f"model.{servo}"] = model
-    return facts | alarm_facts(options.alarms)
+    return _handed_on(known) | facts | alarm_facts(options.alarms)
+
+
+def told_part(facts: Mapping[str, str]) -> str | None:
+    """Return a sentence on a recording that is a part of a capture, None where it is a whole."""
+    if f"{CUT}.source" not in facts:
+        return None
+    begin = f"{CUT}.{OFFSET}."
+    places = {key.removeprefix(begin): at for key, at in facts.items() if key.startswith(begin)}
+    where = and_([f"byte {at} of {bus}" for bus, at in places.items()])
+    return f"a part of {facts[f'{CUT}.source']}, from {where or 'its begin'} on"
+
+
+def _handed_on(known: Mapping[str, str]) -> dict[str, str]:
+    """Return what a recording says of itself that stays true of what is made of it.
+
+    Who made it, when, and of what, becomes its origin; the first one's, where that had one, too.
+    """
+    kept = {k: v for k, v in known.items() if k.partition(".")[0] not in _ANEW}
+    first = {f"{ORIGIN}.{key}": known[key] for key in _MADE if key in known}
+    return first | kept
+
+
+@dataclass(frozen=True, slots=True)
+class Wide:
+    """Tables have a column for each quantity of a servo; ``hold``: blanks repeat the last value."""
+
+    hold: bool = False
 
 
 def open_outputs(
     paths: Sequence[Path], facts: Mapping[str, str], source: str, *, force: bool
 ) -> list[Sink]:
-    """Open the outputs; none may be the input itself, and none is named twice.
+    """Open outputs of what is decoded; none may be the input itself, and none is named twice."""
+    for path in paths:
+        suffix_known(path)
+    return open_all(paths, facts, [source], force=force)[0]
+
+
+def open_all(
+    paths: Sequence[Path],
+    facts: Mapping[str, str],
+    sources: Sequence[str],
+    *,
+    force: bool,
+    wide: Wide | None = None,
+) -> tuple[list[Sink], list[RawFile]]:
+    """Open the outputs; return those of what is decoded, and those of the bytes themselves.
 
     All is checked before anything is opened, and what is to be replaced (``force``) is opened last:
     a mistake leaves no file behind and empties none.
     """
-    files = [file for path in paths for file in files_of(path)]
-    for path in paths:
-        suffix_known(path)
-    check_outputs(files, [source], force=force)
+
+    def written(path: Path) -> tuple[Path, ...]:
+        return files_of(path, wide=wide is not None)
+
+    suffixes = [suffix_known(path, raw=True) for path in paths]
+    files = [file for path in paths for file in written(path)]
+    check_outputs(files, sources, force=force)
     new = [file for file in files if not file.exists()]
     out: dict[int, Sink] = {}
+    raw: dict[int, RawFile] = {}
     try:
-        for nth in sorted(range(len(paths)), key=lambda n: any(map(occupied, files_of(paths[n])))):
-            out[nth] = open_sink(paths[nth], facts)
+        for nth in sorted(range(len(paths)), key=lambda n: any(map(occupied, written(paths[n])))):
+            if suffixes[nth] in BYTES:
+                raw[nth] = RAW_FILES[suffixes[nth]](paths[nth])
+            elif wide is not None and suffixes[nth] in TABLES:
+                from sniffer.sinks.wide import WideSink
+
+                out[nth] = WideSink(paths[nth], hold=wide.hold)
+            else:
+                out[nth] = open_sink(paths[nth], facts)
     except BaseException:
+        for file in raw.values():
+            with contextlib.suppress(OutputError):
+                file.close()
         for sink in out.values():
             with contextlib.suppress(OutputError):
                 sink.close()
-        for file in new:
+        for path in new:
             with contextlib.suppress(OSError):
-                file.unlink()
+                path.unlink()
         raise
-    return [out[nth] for nth in range(len(paths))]
+    return [out[nth] for nth in sorted(out)], [raw[nth] for nth in sorted(raw)]
 
 
 def check_outputs(
@@ -130,9 +212,9 @@ def _is_input(file: Path, source: str) -> bool:
         return False
 
 
-def gone(paths: Sequence[Path], tell: Teller) -> tuple[Path, ...]:
+def gone(paths: Sequence[Path], tell: Teller, *, wide: bool = False) -> tuple[Path, ...]:
     """Tell which files are gone although they were written: deleted, or renamed; return them."""
-    files = tuple(file for path in paths for file in files_of(path) if is_lost(file))
+    files = tuple(file for path in paths for file in files_of(path, wide=wide) if is_lost(file))
     for file in files:
         tell.warn(GONE.format(file))
     return files

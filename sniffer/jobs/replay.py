@@ -19,13 +19,15 @@ from sniffer.ground.model import (
 )
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
-from sniffer.jobs.asked import Extract
+from sniffer.jobs.asked import Extract, refuse_part_of
+from sniffer.jobs.copying import Copies
+from sniffer.jobs.outputs import open_all, session_facts, told_part
 from sniffer.jobs.session import Ending, merged, run_source
 from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
     from sniffer.decoding.sink import Sink
@@ -136,6 +138,8 @@ def replay(
     selection: Selection | None = None,
     speed: float = 1.0,
     loop: bool = False,
+    outputs: Sequence[Path] = (),
+    overwrite: bool = False,
     patience: Patience | None = None,
     tell: Teller | None = None,
 ) -> Ending:
@@ -150,18 +154,24 @@ def replay(
         selection: which records are shown.
         speed: times real time; 0 does not wait at all.
         loop: begin again at the end, until it is interrupted.
+        outputs: files that what is played is written to, too, as for ``convert``.
+        overwrite: files that are there already are replaced.
         patience: takes interruptions.
         tell: takes what should be told.
 
     Raises:
         InputError: the input cannot be read, its protocol cannot be told, or the window is empty.
+        OutputError: a file cannot be written.
         SnifferError: standard input can be read only once.
     """
+    if loop and outputs:
+        raise SnifferError(Sentence("{loop} plays the same again: it is written once, without"))
     if loop and str(source) == "-":
         raise SnifferError(Sentence("{loop} needs a file: standard input can be read only once"))
     options = options or Options()
     options.check()
     asked = Extract.of(selection, window)
+    refuse_part_of(asked, [path.suffix.lower() for path in outputs])
     tell = tell or Teller(lambda line: None, quiet=True)
     again = tell.quieter()
     name = "standard input" if str(source) == "-" else str(source)
@@ -169,7 +179,10 @@ def replay(
     while ending == Ending.DONE and (loop or not played):
         now = again if played else tell
         opened = open_source(source, input_format, again=asked is not None and asked.seeks)
-        options = options.with_facts(opened.facts(), opened.tables)
+        facts = opened.facts()
+        if (about := told_part(facts)) is not None:
+            now.talk(about)
+        options = options.with_facts(facts, opened.tables)
         if asked is not None:
             asked = asked.sought_in(opened, options)
         heard = merged(opened, opened, options, now)
@@ -181,17 +194,23 @@ def replay(
             options = replace(options, protocols=told)
         ends = (None, None) if asked is None else asked.ends(_first(head))
         groups = paced(steps(timed(chunks, _baud(options))), speed, ends=ends)
-        _, ending = run_source(
-            opened,
-            options,
-            [show()],
-            name=name,
-            tell=now,
-            patience=patience,
-            groups=groups,
-            ahead=head,
-            asked=asked,
-        )
+        session = session_facts(opened.origin(str(source)), options, facts)
+        decoded, raw = open_all(outputs, session, [str(source)], force=overwrite)
+        copies = Copies(raw)
+        try:
+            _, ending = run_source(
+                opened,
+                options,
+                [show(), *decoded],
+                name=name,
+                tell=now,
+                patience=patience,
+                groups=copies.of(groups) if raw else groups,
+                ahead=head,
+                asked=asked,
+            )
+        finally:
+            copies.finish(now)
         played = True
     return ending
 

@@ -10,7 +10,6 @@ from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.ground.wording import Sentence
-from sniffer.sources import MIXED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -86,7 +85,7 @@ def merged(
     source: Source, groups: Iterable[Sequence[Chunk]], options: Options, tell: Teller
 ) -> Iterable[Sequence[Chunk]]:
     """Return the groups of a source; lines of two taps that their host mixed are merged."""
-    if source.format not in MIXED:
+    if not source.is_mixed:
         return groups
     from sniffer.merge.wires import in_order
 

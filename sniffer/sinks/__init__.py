@@ -45,7 +45,10 @@ def _rerun(path: Path, session: Session) -> Sink:
 SINKS: Final[Mapping[str, Callable[[Path, Session], Sink]]] = MappingProxyType(
     {".jsonl": _jsonl, ".csv": _table, ".parquet": _table, ".mcap": _mcap, ".rrd": _rerun}
 )
-"""Makers of outputs by suffix."""
+"""Makers of outputs by suffix, of what was decoded."""
+
+BYTES: Final = (".log", ".bin", ".hex")
+"""Suffixes of files that hold the bytes themselves (``raw``)."""
 
 _NEEDS: Final = MappingProxyType(
     {".csv": need_pyarrow, ".parquet": need_pyarrow, ".rrd": need_rerun}
@@ -53,15 +56,16 @@ _NEEDS: Final = MappingProxyType(
 """What refuses an output whose library is not there."""
 
 
-def suffix_known(path: Path) -> str:
-    """Return the path's suffix as ``SINKS`` has it.
+def suffix_known(path: Path, *, raw: bool = False) -> str:
+    """Return the path's suffix as ``SINKS`` has it, or, where it may be ``raw``, ``BYTES``.
 
     Raises:
         OutputError: it has none of these, or the library that writes it is not installed.
     """
     suffix = path.suffix.lower()
-    if suffix not in SINKS:
-        raise OutputError(f"{path}: the suffix must be one of {', '.join(SINKS)}")
+    known = (*SINKS, *BYTES) if raw else tuple(SINKS)
+    if suffix not in known:
+        raise OutputError(f"{path}: the suffix must be one of {', '.join(known)}")
     if suffix in _NEEDS:
         _NEEDS[suffix]()
     return suffix

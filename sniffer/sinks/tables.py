@@ -213,14 +213,14 @@ def _in_text(table: Any, schema: Any) -> Any:
             column = table.column(i).combine_chunks()
             for part in column.chunks if isinstance(column, pa.ChunkedArray) else [column]:
                 names = part.dictionary.to_pylist()
-                harmless = [_harmless(name) for name in names]
-                if harmless != names:
-                    told = pa.DictionaryArray.from_arrays(part.indices, pa.array(harmless))
+                safe = [harmless(name) for name in names]
+                if safe != names:
+                    told = pa.DictionaryArray.from_arrays(part.indices, pa.array(safe))
                     table = table.set_column(i, field, told)
     return table.cast(schema)
 
 
-def _harmless(name: str) -> str:
+def harmless(name: str) -> str:
     """Return a text that no spreadsheet takes for a formula."""
     return f"'{name}" if name.startswith(FORMULA) else name
 

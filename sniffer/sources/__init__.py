@@ -109,10 +109,19 @@ class Source:
         self._origin = origin
         self._bus = bus
 
+    def origin(self, path: str) -> str:
+        """Return what a recording of it is to name as its source: the path it was opened by."""
+        return path
+
     @property
     def label(self) -> str:
         """What kind of input it is, in words."""
         return _LABELS[self.format]
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether lines of two taps may be mixed in it, by their host."""
+        return self.format in MIXED
 
     @property
     def size(self) -> int | None:

@@ -1,0 +1,93 @@
+"""``sniffer convert``: a capture as other files, by their suffixes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from sniffer.cli.options import decoding, examples, pipeline_options, with_alarms, with_force
+from sniffer.cli.signals import patient
+from sniffer.cli.statuses import status_of
+from sniffer.cli.streams import say
+from sniffer.diagnostics.alarms import Alarm
+from sniffer.ground.registers import RegisterMap
+from sniffer.ground.wording import and_
+from sniffer.jobs.convert import convert as made
+from sniffer.jobs.outputs import Wide
+from sniffer.jobs.telling import Teller
+
+
+@click.command(
+    short_help="Make other files of a capture, by their suffixes.",
+    epilog=examples(
+        "sniffer convert run.mcap run.log",
+        "sniffer convert capture.log capture.mcap capture.rrd",
+        "sniffer convert run.mcap wide.csv --wide --hold",
+        "sniffer convert run.mcap shared.mcap --anonymise",
+    ),
+)
+@click.argument("file")
+@click.argument(
+    "outputs", metavar="OUT...", nargs=-1, required=True, type=click.Path(path_type=Path)
+)
+@decoding
+@with_alarms
+@click.option(
+    "--wide",
+    is_flag=True,
+    help="Tables (.csv .parquet) have a column for each quantity of a servo, blank where nothing "
+    "was said.",
+)
+@click.option("--hold", is_flag=True, help="With --wide: a blank repeats the last value.")
+@click.option(
+    "--anonymise",
+    is_flag=True,
+    help="Times count from zero; names, ports and serial numbers are left out.",
+)
+@with_force
+@click.option("--quiet", is_flag=True, help="Say only what goes wrong.")
+def convert(
+    file: str,
+    outputs: tuple[Path, ...],
+    protocol: str,
+    input_format: str,
+    baud: int | None,
+    models: dict[int | None, str],
+    tables: tuple[RegisterMap, ...],
+    latency: float | None,
+    alarms: tuple[Alarm, ...],
+    wide: bool,
+    hold: bool,
+    anonymise: bool,
+    force: bool,
+    quiet: bool,
+) -> int:
+    """Make each OUT of FILE (- is standard input); its suffix says what.
+
+    The bytes alone: .log (lines as candump -L writes them), .bin, .hex. What they mean: .jsonl
+    .csv .parquet. Both: .mcap. Plots: .rrd. Exit status: 0 done; 2 a mistake of yours; 3 the input
+    breaks off (what could be read is written).
+    """
+    if hold and not wide:
+        raise click.UsageError("--hold goes with --wide")
+    if wide and not any(out.suffix.lower() in (".csv", ".parquet") for out in outputs):
+        raise click.UsageError("--wide is about tables: name a .csv or a .parquet")
+    options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms)
+    tell = Teller(say, quiet=quiet)
+    with patient() as patience:
+        done = made(
+            file,
+            outputs,
+            options,
+            input_format=input_format,
+            overwrite=force,
+            wide=Wide(hold) if wide else None,
+            anonymise=anonymise,
+            patience=patience,
+            tell=tell,
+        )
+    status = status_of(done.ending, is_lost=bool(done.gone))
+    if not status:
+        tell.talk(f"wrote {and_([str(out) for out in outputs])}")
+    return status

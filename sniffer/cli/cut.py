@@ -1,0 +1,74 @@
+"""``sniffer cut``: a part of a capture as a capture of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from sniffer.cli.options import (
+    decoding,
+    examples,
+    pipeline_options,
+    with_force,
+    with_outputs,
+)
+from sniffer.cli.selecting import with_part
+from sniffer.cli.signals import patient
+from sniffer.cli.statuses import status_of
+from sniffer.cli.streams import say
+from sniffer.ground.registers import RegisterMap
+from sniffer.ground.wording import and_
+from sniffer.jobs.cut import cut as cut_out
+from sniffer.jobs.telling import Teller
+from sniffer.selection.places import Window
+
+
+@click.command(
+    short_help="Cut a part out of a capture.",
+    epilog=examples(
+        "sniffer cut run.mcap --from 10 --to 20 -o part.mcap",
+        "sniffer cut run.mcap --from @first-error --around 200ms -o error.mcap",
+        "sniffer cut capture.log --to 1.5 -o begin.log",
+    ),
+)
+@click.argument("file")
+@decoding
+@with_part
+@with_outputs("The part")
+@with_force
+def cut(
+    file: str,
+    protocol: str,
+    input_format: str,
+    baud: int | None,
+    models: dict[int | None, str],
+    tables: tuple[RegisterMap, ...],
+    latency: float | None,
+    window: Window | None,
+    outputs: tuple[Path, ...],
+    force: bool,
+) -> int:
+    """Cut a part out of FILE (- is standard input).
+
+    It is cut between frames and tears no exchange, so it says what the whole says there; it may
+    begin and end a little outside of what was asked for.
+    """
+    if window is None or not window.is_part:
+        raise click.UsageError("say which part: --from, --to or both")
+    options = pipeline_options(protocol, baud, models, latency, tables)
+    with patient() as patience:
+        done = cut_out(
+            file,
+            outputs,
+            window,
+            options,
+            input_format=input_format,
+            overwrite=force,
+            patience=patience,
+            tell=Teller(say),
+        )
+    status = status_of(done.ending, is_lost=bool(done.gone))
+    if not status:
+        say(f"wrote {and_([str(out) for out in outputs])}")
+    return status

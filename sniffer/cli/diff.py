@@ -1,0 +1,82 @@
+"""``sniffer diff``: in what two runs differ."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from sniffer.cli.options import decoding, examples, pipeline_options, with_force
+from sniffer.cli.signals import patient
+from sniffer.cli.statuses import status_of
+from sniffer.cli.streams import say
+from sniffer.ground.registers import RegisterMap
+from sniffer.jobs.diff import diff as compared
+from sniffer.jobs.telling import Teller
+
+
+@click.command(
+    short_help="Compare two runs, servo by servo.",
+    epilog=examples(
+        "sniffer diff before.mcap after.mcap",
+        "sniffer diff before.mcap after.mcap --format json",
+        "sniffer diff before.mcap after.mcap -o both.rrd",
+    ),
+)
+@click.argument("a", metavar="A")
+@click.argument("b", metavar="B")
+@decoding
+@click.option(
+    "--format",
+    "output_format",
+    type=click.Choice(["text", "json"]),
+    default="text",
+    show_default=True,
+    help="What is printed.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    help="Also plot both, one over the other, in a .rrd.",
+)
+@with_force
+def diff(
+    a: str,
+    b: str,
+    protocol: str,
+    input_format: str,
+    baud: int | None,
+    models: dict[int | None, str],
+    tables: tuple[RegisterMap, ...],
+    latency: float | None,
+    output_format: str,
+    output: Path | None,
+    force: bool,
+) -> int:
+    """Say in what the runs A and B differ: answers, values, goals, errors, settings, commands.
+
+    Each difference has its test and its n, the surest comes first; chances are corrected for all
+    that was compared. Exit status: 0 the same as far as can be told; 1 they differ; 2 a mistake of
+    yours; 3 an input breaks off (what could be read is compared).
+    """
+    options = pipeline_options(protocol, baud, models, latency, tables)
+    with patient() as patience:
+        done = compared(
+            a,
+            b,
+            output,
+            options,
+            input_format=input_format,
+            overwrite=force,
+            patience=patience,
+            tell=Teller(say),
+        )
+    if output_format == "json":
+        click.echo(json.dumps(done.as_dict()))
+    else:
+        click.echo("\n".join(done.lines()))
+    if status := status_of(done.ending, is_lost=bool(done.gone)):
+        return status
+    return 0 if done.equal else 1

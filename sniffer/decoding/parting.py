@@ -1,0 +1,243 @@
+"""Where a capture can be cut so that what lies between reads as it does in the whole.
+
+Between two frames, neither within an exchange nor beside bytes that no frame claims: what becomes
+of those depends on what stands around them. A place like that is looked for outwards from the
+moment that was asked for, up to ``NEAR`` bytes; on a line that has none the cut is between two
+records.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from sniffer.ground.codes import OUTCOMES
+from sniffer.ground.cutting import cut
+from sniffer.ground.gaps import Gaps
+from sniffer.ground.model import Mark, MarkKind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from sniffer.decoding.sink import Part
+    from sniffer.ground.model import I64, Batch, Chunk, Mask
+    from sniffer.protocols.base import BusProtocol
+
+NEAR: Final = 4096
+"""How far a clear place is looked for, in bytes: as far as the decoder looks for one."""
+
+_DAMAGED: Final = OUTCOMES.index("damaged")
+
+
+class Span(NamedTuple):
+    """A part of a bus: offsets of its first byte and behind its last one.
+
+    ``next_ns`` is when the next byte was on the wire, None where there is none.
+    """
+
+    begin: int
+    end: int
+    next_ns: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Records:
+    """Frames and gaps of a pass in order, and its exchanges as (begin, end)."""
+
+    start: I64
+    end: I64
+    t_start: I64
+    t_end: I64
+    is_frame: Mask
+    exchanges: I64
+
+    @classmethod
+    def of(cls, parts: Sequence[Part]) -> _Records:
+        starts, ends, begins, times, frames, exchanges = [], [], [], [], [], []
+        for _, batch in parts:
+            f, g = batch.frames, Gaps.of(batch.gaps)
+            starts += [f.start + batch.base, g.start + batch.base]
+            ends += [f.end + batch.base, g.start + g.length + batch.base]
+            begins += [f.t_start, g.t_ns]
+            times += [f.t_end, g.t_ns]
+            frames += [np.ones(len(f), bool), np.zeros(len(g), bool)]
+            exchanges.append(_exchanges(batch, g))
+        start = np.concatenate(starts)
+        order = np.argsort(start, kind="stable")
+        end, t_start, t_end = (np.concatenate(c)[order] for c in (ends, begins, times))
+        is_frame = np.concatenate(frames)[order]
+        return cls(start[order], end, t_start, t_end, is_frame, np.concatenate(exchanges))
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Records]) -> _Records:
+        names = ("start", "end", "t_start", "t_end", "is_frame", "exchanges")
+        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
+
+    def clear(self) -> I64:
+        """Return the places between two frames across which no exchange leads."""
+        between = (self.end[:-1] == self.start[1:]) & self.is_frame[:-1] & self.is_frame[1:]
+        places = self.start[1:][between]
+        begin, end = np.sort(self.exchanges[:, 0]), np.sort(self.exchanges[:, 1])
+        begun = np.searchsorted(begin, places, "left")
+        over = np.searchsorted(end, places, "right")
+        clear: I64 = places[begun == over]
+        return clear
+
+
+def _exchanges(batch: Batch, gaps: Gaps) -> I64:
+    """Return where exchanges begin and end; a torn answer is the unclaimed bytes behind it."""
+    t, base = batch.transactions, batch.base
+    whole = np.flatnonzero((t.request != -1) & (t.response >= 0))
+    asked = batch.asked(t.request[whole])
+    pairs = [np.stack([asked.start, batch.frames.end[t.response[whole]]], 1)]
+    torn = np.flatnonzero((t.request != -1) & (t.response < 0) & (t.outcome == _DAMAGED))
+    if len(torn) and len(gaps):
+        asked = batch.asked(t.request[torn])
+        after = np.searchsorted(gaps.start, asked.end)
+        there = after < len(gaps)
+        after = after[there]
+        ends = gaps.start[after] + gaps.length[after]
+        pairs.append(np.stack([asked.start[there], ends], 1))
+    return np.concatenate(pairs).astype(np.int64) + base
+
+
+@dataclass(slots=True)
+class _Edge:
+    """The records around a place that moves on until it is known."""
+
+    kept: list[_Records] = field(default_factory=list)
+
+    def add(self, records: _Records, place: int | None, *, known: bool) -> None:
+        """Take a pass; let go of what is too far away to matter."""
+        if known and place is not None and int(records.start[0]) > place + 2 * NEAR:
+            return
+        self.kept.append(records)
+        here = int(records.end[-1]) if place is None else place
+        while len(self.kept) > 1 and int(self.kept[1].start[0]) < here - 2 * NEAR:
+            del self.kept[0]
+
+
+class _Bus:
+    def __init__(self) -> None:
+        self.begin: int | None = None
+        self.end: int | None = None
+        self.first = self.last = -1
+        self._lower, self._upper = _Edge(), _Edge()
+
+    def add(self, records: _Records, from_ns: int | None, to_ns: int | None) -> None:
+        if self.first < 0:
+            self.first = int(records.start[0])
+        self.last = max(self.last, int(records.end.max()))
+        known = self.begin is not None
+        if not known:
+            after = records.t_end >= from_ns if from_ns is not None else records.end > 0
+            if after.any():
+                self.begin = int(records.start[int(np.argmax(after))])
+        self._lower.add(records, self.begin, known=known)
+        before = records.t_end <= to_ns if to_ns is not None else records.end > 0
+        if before.any():
+            self.end = int(records.end[len(before) - 1 - int(np.argmax(before[::-1]))])
+        self._upper.add(records, self.end, known=not before.any() and self.end is not None)
+
+    def span(self) -> Span | None:
+        """Return what is cut out, None where there is nothing."""
+        if self.begin is None or self.end is None or self.begin >= self.end:
+            return None
+        lower = _Records.joined(self._lower.kept).clear()
+        upper = _Records.joined(self._upper.kept)
+        below = lower[(lower <= self.begin) & (lower >= self.begin - NEAR)]
+        begin = int(below[-1]) if len(below) else self.begin
+        if not len(below) and self.begin - NEAR <= self.first:
+            begin = self.first
+        places = upper.clear()
+        above = places[(places >= self.end) & (places <= self.end + NEAR)]
+        end = int(above[0]) if len(above) else self.end
+        if not len(above) and self.end + NEAR >= self.last:
+            end = self.last
+        then = np.flatnonzero(upper.start == end)
+        return Span(begin, end, int(upper.t_start[then[0]]) if len(then) else None)
+
+
+class Slicer:
+    """A sink that finds what lies between two moments; None is the capture's own edge.
+
+    A record belongs to it that ends there: its last byte is when its content was known.
+    """
+
+    def __init__(self) -> None:
+        self.from_ns: int | None = None
+        self.to_ns: int | None = None
+        self._buses: dict[str, _Bus] = {}
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Take what a pass decided."""
+        self.write_together(bus, [(protocol, batch)])
+
+    def write_together(self, bus: str, parts: Sequence[Part]) -> None:
+        """Take what several protocols said in one pass."""
+        records = _Records.of(parts)
+        if len(records.start):
+            self._buses.setdefault(bus, _Bus()).add(records, self.from_ns, self.to_ns)
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def spans(self) -> dict[str, Span]:
+        """Return what is cut out of each bus that says anything there."""
+        found = {name: bus.span() for name, bus in self._buses.items()}
+        return {name: span for name, span in found.items() if span is not None}
+
+
+def sliced(
+    groups: Iterable[Sequence[Chunk]], spans: Mapping[str, Span], byte_ns: Mapping[str, int]
+) -> Iterator[list[Chunk]]:
+    """Yield the chunks of some spans, those at the edges cut; behind them, that they end.
+
+    ``byte_ns`` is how long a byte takes, by bus: it dates the end of a chunk that is cut.
+    """
+    at = dict.fromkeys(spans, 0)
+    last: dict[str, Chunk] = {}
+    for group in groups:
+        out = []
+        for chunk in group:
+            span = spans.get(chunk.bus)
+            if span is None:
+                continue
+            start, end = at[chunk.bus], at[chunk.bus] + len(chunk.data)
+            at[chunk.bus] = end
+            piece = _within(chunk, start, span, byte_ns[chunk.bus])
+            if piece is not None:
+                out.append(piece)
+                last[chunk.bus] = piece
+        if out:
+            yield out
+        if all(at[bus] > span.end for bus, span in spans.items()):
+            break
+    ended = (Mark(MarkKind.ENDED, 0, count=0),)
+    # nothing else was said until then: who had time enough to answer is silent, not cut
+    over = [
+        replace(chunk, data=b"", t_ns=max(told, chunk.t_ns), marks=ended)
+        for bus, chunk in last.items()
+        if (told := spans[bus].next_ns) is not None and chunk.t_ns is not None
+    ]
+    if over:
+        yield over
+
+
+def _within(chunk: Chunk, start: int, span: Span, byte_ns: int) -> Chunk | None:
+    """Return what of a chunk lies in a span, None where nothing does."""
+    end = start + len(chunk.data)
+    if not chunk.data:
+        return chunk if span.begin < start <= span.end else None
+    low, high = max(start, span.begin), min(end, span.end)
+    if low >= high:
+        return None
+    if high < end:
+        t_ns = None if chunk.t_ns is None else chunk.t_ns - (end - high) * byte_ns
+        chunk = cut(chunk, high - start, t_ns)[0]
+    return cut(chunk, low - start, None)[1] if low > start else chunk

@@ -1,0 +1,165 @@
+"""A capture to hand on: without the day it was made, names, ports and serial numbers."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+from sniffer.decoding.detect import UndecidedError
+from sniffer.decoding.options import ALARM, SINCE
+from sniffer.decoding.pipeline import Pipeline
+from sniffer.ground.model import DamagedInputError
+from sniffer.jobs.derived import Derived
+from sniffer.jobs.session import merged
+from sniffer.messages import OFFSET
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from sniffer.decoding.pipeline import Options
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.jobs.telling import Teller
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.sources import Source
+
+SERIAL: Final = "serial_number"
+"""What registers and commands are called, or end in, that say which one of many a device is."""
+
+NOBODY: Final = "a capture without names"
+"""What stands in place of the file that it was made from."""
+
+_BY_BUS: Final = frozenset({"baud", "latency_ns", "protocol", OFFSET, SINCE})
+"""Facts that are kept, those of a bus under its new name."""
+
+_KEPT: Final = frozenset({"rate", "model", ALARM.removesuffix("."), "clock"})
+"""Facts that are kept as they are."""
+
+
+class _Serials:
+    """A sink that finds the bytes of serial numbers, and what to write in their place."""
+
+    def __init__(self) -> None:
+        self.found: dict[str, list[tuple[int, bytes]]] = {}
+        """By bus: offset of a frame in the stream, and the frame without the number."""
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Look for frames that state a serial number."""
+        f, v = batch.frames, batch.values
+        named = {k for k, r in enumerate(protocol.registers) if r.name.endswith(SERIAL)}
+        rows = {int(row) for row, k in zip(v.row, v.register, strict=True) if int(k) in named}
+        ops = {op for op in set(f.op.tolist()) if protocol.op_name(op).endswith(SERIAL)}
+        rows |= {row for row, op in enumerate(f.op.tolist()) if op in ops}
+        for row in sorted(rows):
+            start, length = int(f.start[row]), int(f.length[row])
+            at, size = int(f.data_start[row]) - start, int(f.data_length[row])
+            frame = batch.data[start : start + length]
+            if size > 0:
+                told = without(frame, at, size, protocol)
+                self.found.setdefault(bus, []).append((batch.base + start, told))
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def without(frame: bytes, at: int, size: int, protocol: BusProtocol) -> bytes:
+    """Return a frame whose data are zeros, with a checksum that holds if it had one.
+
+    Text keeps its length: each digit becomes a ``0``.
+    """
+    data = frame[at : at + size]
+    is_text = all(32 <= byte < 127 for byte in data)
+    zeros = bytes(0x30 if 0x30 <= b < 0x3A else b for b in data) if is_text else bytes(size)
+    blank = frame[:at] + zeros + frame[at + size :]
+    sums = protocol.checksum_of(blank)
+    if sums is None:
+        return blank
+    checksum, body, _ = sums
+    end = blank.rindex(body) + len(body)
+    return blank[:end] + checksum(body).to_bytes(len(blank) - end, "little")
+
+
+def anonymous(opened: Source, options: Options, tell: Teller) -> Derived:
+    """Return a source that is read from zero on and names nobody; it is read twice.
+
+    Buses become ``bus0``, ``bus1`` in the order in which they speak. Of what a recording says of
+    itself rates, latencies, protocols, models and rules stay.
+    """
+    options = options.with_facts(opened.facts(), opened.tables)
+    serials = _Serials()
+    names: dict[str, str] = {}
+    first: list[int] = []
+
+    def heard(groups: Iterable[Sequence[Chunk]]) -> Iterator[Sequence[Chunk]]:
+        for group in groups:
+            for chunk in group:
+                names.setdefault(chunk.bus, f"bus{len(names)}")
+                if chunk.t_ns is not None:
+                    first[:] = [min(chunk.t_ns, *first)] if first else [chunk.t_ns]
+            yield group
+
+    pipeline = Pipeline(options, [serials])
+    with contextlib.suppress(DamagedInputError):  # it comes again when it is read to be written
+        for group in merged(opened, heard(opened), options, tell.quieter()):
+            with contextlib.suppress(UndecidedError):
+                pipeline.feed(group)
+    try:
+        pipeline.close()
+    except UndecidedError:
+        tell.warn("serial numbers on the bus are not looked for: its protocol cannot be told")
+    began = first[0] if first else 0
+
+    def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
+        blanks = {bus: Blanks(found) for bus, found in serials.found.items()}
+        for group in groups:
+            out = []
+            for chunk in group:
+                data = blanks[chunk.bus].of(chunk.data) if chunk.bus in blanks else chunk.data
+                t_ns = None if chunk.t_ns is None else chunk.t_ns - began
+                bus = names.setdefault(chunk.bus, f"bus{len(names)}")
+                out.append(replace(chunk, data=data, t_ns=t_ns, bus=bus))
+            yield out
+
+    return Derived(opened, made, nameless(opened.facts(), names), origin=NOBODY)
+
+
+def nameless(facts: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
+    """Return what a recording may say of itself without telling whose it is."""
+    out: dict[str, str] = {}
+    for key, value in facts.items():
+        what, dot, bus = key.partition(".")
+        if what in _KEPT or (what in _BY_BUS and not dot):
+            out[key] = value
+        elif what in _BY_BUS and bus in names:
+            out[f"{what}.{names[bus]}"] = value
+    return out
+
+
+class Blanks:
+    """Writes frames over those of a stream that is handed through in pieces.
+
+    Args:
+        found: (offset, bytes), in order of the stream.
+    """
+
+    def __init__(self, found: Sequence[tuple[int, bytes]]) -> None:
+        self._found = list(found)
+        self._at = 0
+        self._next = 0
+
+    def of(self, data: bytes) -> bytes:
+        """Return the next bytes of the stream, with what stands over them."""
+        begin, end = self._at, self._at + len(data)
+        self._at = end
+        out = bytearray(data)
+        for start, told in self._found[self._next :]:
+            if start >= end:
+                break
+            low, high = max(start, begin), min(start + len(told), end)
+            if low < high:
+                out[low - begin : high - begin] = told[low - start : high - start]
+            self._next += start + len(told) <= end
+        return bytes(out)

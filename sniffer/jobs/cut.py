@@ -1,0 +1,160 @@
+"""``sniffer.cut``: a part of a capture, as files of its own."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from sniffer.decoding.detect import UndecidedError
+from sniffer.decoding.options import SINCE
+from sniffer.decoding.parting import Slicer, sliced
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.limits import OFFSET_END, number_in
+from sniffer.ground.model import NS, DamagedInputError, InputError
+from sniffer.ground.timing import byte_time_ns
+from sniffer.ground.wording import Sentence, and_
+from sniffer.jobs.asked import Extract
+from sniffer.jobs.convert import Converted, convert_opened
+from sniffer.jobs.derived import Derived
+from sniffer.jobs.outputs import CUT
+from sniffer.jobs.session import merged
+from sniffer.jobs.telling import Teller
+from sniffer.messages import OFFSET
+from sniffer.sources import open_source
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from sniffer.decoding.parting import Span
+    from sniffer.ground.model import Chunk
+    from sniffer.jobs.session import Patience
+    from sniffer.selection.places import Window
+    from sniffer.sources import Source
+
+
+def cut(
+    source: str | Path,
+    outputs: Sequence[Path],
+    window: Window,
+    options: Options | None = None,
+    *,
+    input_format: str = "auto",
+    overwrite: bool = False,
+    patience: Patience | None = None,
+    tell: Teller | None = None,
+) -> Converted:
+    """Cut a part out of a capture; what is written is what the whole says there.
+
+    It is cut between frames, so that no exchange is torn: it may begin and end a little outside of
+    the window. A recording says what it was cut from, and where its first byte stood there.
+
+    Args:
+        source: a path, or ``"-"`` for standard input.
+        outputs: the files, as for ``convert``.
+        window: which part of it.
+        options: how it is decoded: by that it is known where frames begin.
+        input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        overwrite: files that are there already are replaced.
+        patience: takes interruptions while it is written.
+        tell: takes what should be told; nothing is told without.
+
+    Raises:
+        InputError: the input cannot be read, its protocol cannot be told, or the window is empty.
+        OutputError: a file cannot be written; the others are whole.
+        SnifferError: unknown protocol or model, or a number that cannot be.
+    """
+    options = options or Options()
+    options.check()
+    tell = tell or Teller(lambda line: None, quiet=True)
+    with open_source(source, input_format, again=True) as opened:
+        options = options.with_facts(opened.facts(), opened.tables)
+        asked = (Extract.of(None, window) or Extract()).sought_in(opened, options)
+        part = _found(opened, options, asked, tell)
+
+        def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
+            heard = merged(opened, groups, options, tell.quieter())
+            yield from sliced(heard, part.spans, part.byte_ns)
+
+        facts = part.facts(opened.facts(), str(source))
+        derived = Derived(opened, made, facts, is_mixed=False)
+        return convert_opened(
+            derived,
+            str(source),
+            outputs,
+            part.options,
+            overwrite=overwrite,
+            patience=patience,
+            tell=tell,
+        )
+
+
+class _Part:
+    """What is cut out of a capture."""
+
+    def __init__(self, slicer: Slicer, pipeline: Pipeline, options: Options) -> None:
+        self.spans: Mapping[str, Span] = slicer.spans()
+        bauds = {bus: pipeline.paces[bus].baud for bus in self.spans}
+        self.byte_ns = {bus: byte_time_ns(baud) for bus, baud in bauds.items()}
+        self._ends = slicer.from_ns, slicer.to_ns
+        found = {bus: name for bus in self.spans if (name := pipeline.speaks(bus)) is not None}
+        # what is left out of the whole, as it was heard at other rates, is not in a part of it
+        self.options = replace(options, protocols={**found, **options.protocols}, begins={})
+
+    def facts(self, known: Mapping[str, str], source: str) -> dict[str, str]:
+        """Return what the part says of itself, from what the whole says: ``cut.`` and so on."""
+        first = known.get(f"{CUT}.source")
+        told = {k: v for k, v in known.items() if k.partition(".")[0] != OFFSET}
+        told |= {key: "0" for key in known if key.startswith(f"{SINCE}.")}
+        told[f"{CUT}.source"] = source if first is None else first
+        for name, end in zip(("from_ns", "to_ns"), self._ends, strict=True):
+            told.pop(f"{CUT}.{name}", None)
+            if end is not None:
+                told[f"{CUT}.{name}"] = str(end)
+        for bus, span in self.spans.items():
+            key = f"{CUT}.{OFFSET}.{bus}"
+            before = number_in(known.get(key, ""), 0, OFFSET_END) or 0
+            before += number_in(known.get(f"{OFFSET}.{bus}", ""), 0, OFFSET_END) or 0
+            told[key] = str(before + span.begin)
+        return told
+
+
+def _found(opened: Source, options: Options, asked: Extract, tell: Teller) -> _Part:
+    """Find where the part begins and ends on each bus.
+
+    Raises:
+        InputError: nothing was said there.
+    """
+    slicer = Slicer()
+    began: list[int] = []
+    heard: dict[str, None] = {}
+
+    def timed(groups: Iterable[Sequence[Chunk]]) -> Iterator[Sequence[Chunk]]:
+        for group in groups:
+            if group and not began:
+                began.append(group[0].t_ns or 0)
+                slicer.from_ns, slicer.to_ns = asked.ends(group[0].t_ns)
+            heard.update((chunk.bus, None) for chunk in group)
+            yield group
+
+    pipeline = Pipeline(options, [slicer], on_detection=tell.found)
+    undecided: UndecidedError | None = None
+    with contextlib.suppress(DamagedInputError):  # it comes again when it is read to be written
+        for group in timed(merged(opened, opened, options, tell)):
+            pipeline.feed(group)
+    try:
+        pipeline.close()
+    except UndecidedError as error:
+        undecided = error
+    part = _Part(slicer, pipeline, options)
+    if part.spans and undecided is not None:
+        lost = and_([bus for bus in heard if pipeline.speaks(bus) is None])
+        tell.warn(Sentence("{lost}: {error}; left out", lost=lost, error=undecided))
+    if not part.spans:
+        if undecided is not None:
+            raise undecided
+        ends = [b.t_last_ns for b in pipeline.summary.buses.values() if b.t_last_ns is not None]
+        length = (max(ends) - began[0]) / NS if ends and began else 0.0
+        raise InputError(f"nothing was said {asked}: the capture has {length:.3f} s")
+    return part

@@ -1,0 +1,208 @@
+"""``sniffer.diff``: two runs compared by servo, and their plots one over the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final
+
+from sniffer.decoding.options import Options
+from sniffer.ground.model import InputError, OutputError
+from sniffer.ground.needs import need_rerun
+from sniffer.ground.wording import counted
+from sniffer.jobs.derived import Derived
+from sniffer.jobs.outputs import check_outputs, gone
+from sniffer.jobs.session import Ending, merged, run_source
+from sniffer.jobs.telling import Teller
+from sniffer.reports.differing import RunDifference, differences
+from sniffer.reports.runs import Run
+from sniffer.reports.significance import ALPHA
+from sniffer.sources import open_source
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from sniffer.decoding.sink import Sink
+    from sniffer.ground.model import Chunk
+    from sniffer.jobs.session import Patience
+    from sniffer.sources import Source
+
+A_B: Final = ("A", "B")
+"""What the two runs are called."""
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """In what two runs differ, the surest first; ``tests`` is how much was compared.
+
+    ``runs`` are the figures of both, ``ending`` the worse of how the two were read.
+    """
+
+    sources: tuple[str, str]
+    runs: tuple[Run, Run]
+    differences: tuple[RunDifference, ...]
+    tests: int
+    ending: Ending
+    gone: tuple[Path, ...] = ()
+
+    @property
+    def equal(self) -> bool:
+        """Whether they do not differ."""
+        return not self.differences
+
+    def lines(self) -> list[str]:
+        """Return it for people."""
+        out = []
+        for name, source, run in zip(A_B, self.sources, self.runs, strict=True):
+            expected, missing = sum(run.expected.values()), sum(run.missing.values())
+            out.append(
+                f"{name}: {source}: {run.seconds:.1f} s, {counted(expected, 'answer')} expected, "
+                f"{missing} missing"
+            )
+        if self.equal:
+            return [*out, f"the same, as far as {self.tests} comparisons can tell"]
+        n = len(self.differences)
+        told = f"{counted(n, 'difference')} ({self.tests} comparisons; {ALPHA:.0%} of pairs of"
+        out.append(f"{told} equal runs would have one by chance)")
+        for one in self.differences:
+            out += one.lines()
+        return out
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as ``schemas/diff.schema.json`` has it."""
+        both = zip(A_B, self.sources, self.runs, strict=True)
+        return {
+            **{
+                name.lower(): {
+                    "source": source,
+                    "seconds": round(run.seconds, 6),
+                    "frames": sum(run.frames.values()),
+                    "expected": sum(run.expected.values()),
+                    "missing": sum(run.missing.values()),
+                }
+                for name, source, run in both
+            },
+            "alpha": ALPHA,
+            "correction": "Holm",
+            "tests": self.tests,
+            "differences": [d.as_dict() for d in self.differences],
+        }
+
+
+def diff(
+    a: str | Path,
+    b: str | Path,
+    output: Path | None = None,
+    options: Options | None = None,
+    *,
+    input_format: str = "auto",
+    overwrite: bool = False,
+    patience: Patience | None = None,
+    tell: Teller | None = None,
+) -> Compared:
+    """Compare two runs: response times, missing answers, errors, values, settings, commands.
+
+    Buses are compared that have one name; where each run has one bus, these.
+
+    Args:
+        a: the first run, a path.
+        b: the second one.
+        output: a .rrd in which both stand one over the other, each from its own beginning.
+        options: how both are decoded.
+        input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``, of both.
+        overwrite: a file that is there already is replaced.
+        patience: takes interruptions.
+        tell: takes what should be told; nothing is told without.
+
+    Raises:
+        InputError: one cannot be read, or its protocol cannot be told, or they share no bus.
+        OutputError: the file cannot be written.
+        SnifferError: unknown protocol or model, or a number that cannot be.
+    """
+    options = options or Options()
+    options.check()
+    tell = tell or Teller(lambda line: None, quiet=True)
+    overlay: Sink | None = None
+    if output is not None:
+        if output.suffix.lower() != ".rrd":
+            raise OutputError(f"{output}: plots of both end in .rrd")
+        need_rerun()
+        check_outputs([output], [str(a), str(b)], force=overwrite)
+        from sniffer.sinks.rerun.overlay import OverlaidSink
+
+        overlay = OverlaidSink(output)
+    runs, endings = [], []
+    try:
+        for name, path in zip(A_B, (a, b), strict=True):
+            run = Run()
+            with open_source(path, input_format) as opened:
+                own = options.with_facts(opened.facts(), opened.tables)
+                begun = Derived(
+                    opened, _from_zero(opened, own, tell), opened.facts(), is_mixed=False
+                )
+                sinks: list[Sink] = [run]
+                if overlay is not None:
+                    sinks.append(_Named(overlay, name))
+                _, ending = run_source(
+                    begun, own, sinks, name=str(path), tell=tell, patience=patience
+                )
+            runs.append(run)
+            endings.append(ending)
+    finally:
+        if overlay is not None:
+            overlay.close()
+    first, second = runs
+    _match(first, second, str(a), str(b))
+    found, tests = differences(first, second)
+    lost = () if output is None else gone([output], tell)
+    worst = max(endings, key=list(Ending).index)
+    return Compared((str(a), str(b)), (first, second), tuple(found), tests, worst, lost)
+
+
+class _Named:
+    """A sink that gets the batches of a run under the run's name; it is closed elsewhere."""
+
+    def __init__(self, sink: Sink, name: str) -> None:
+        self._sink = sink
+        self._name = name
+        self._buses: list[str] = []
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: Any, batch: Any) -> None:
+        """Hand a batch on."""
+        if bus not in self._buses:
+            self._buses.append(bus)
+        several = self._buses.index(bus)
+        self._sink.write(f"{self._name} {bus}" if several else self._name, protocol, batch)
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def _from_zero(opened: Source, options: Options, tell: Teller) -> Any:
+    """Return what reads a source with times that count from its first byte."""
+
+    def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
+        began: int | None = None
+        for group in merged(opened, groups, options, tell):
+            if began is None:
+                began = next((c.t_ns for c in group if c.t_ns is not None), None)
+            yield [c if c.t_ns is None else replace(c, t_ns=c.t_ns - (began or 0)) for c in group]
+
+    return made
+
+
+def _match(a: Run, b: Run, name_a: str, name_b: str) -> None:
+    """Give the only bus of each run one name.
+
+    Raises:
+        InputError: they have none in common.
+    """
+    if len(a.frames) == 1 and len(b.frames) == 1:
+        b.rename(next(iter(b.frames)), next(iter(a.frames)))
+    if not a.frames.keys() & b.frames.keys():
+        told = "{} has {}, {} has {}: no bus in common"
+        buses = [" and ".join(run.frames) for run in (a, b)]
+        raise InputError(told.format(name_a, buses[0], name_b, buses[1]))

@@ -1,0 +1,317 @@
+"""``sniffer.merge``: several captures as one, by time."""
+
+from __future__ import annotations
+
+import contextlib
+import heapq
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from sniffer.decoding.detect import UndecidedError, detect
+from sniffer.decoding.names import protocols_named
+from sniffer.decoding.options import AUTO, SINCE, Options
+from sniffer.decoding.pacing import ASSUMED
+from sniffer.ground.model import NS, Chunk, Clock, Direction, InputError, SnifferError
+from sniffer.ground.timing import LATENCY_NS, byte_time_ns
+from sniffer.ground.wording import Sentence
+from sniffer.jobs.convert import Converted, convert_opened
+from sniffer.jobs.derived import Derived
+from sniffer.jobs.session import merged
+from sniffer.jobs.telling import Teller
+from sniffer.merge.aligning import MOST, aligned
+from sniffer.merge.merger import Merger
+from sniffer.messages import OFFSET
+from sniffer.sources import GROUP_CHUNKS, open_source
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from sniffer.jobs.session import Patience
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.sources import Source
+
+MERGED: Final = "merged"
+"""Facts of a merged capture: ``merged.1.source``, ``merged.1.shift_ns`` and so on."""
+
+_OF_A_BUS: Final = ("baud", "latency_ns", "protocol", "plugin", "port", "pair", SINCE)
+"""Facts that belong to a bus and get its new name."""
+
+
+@dataclass(slots=True)
+class _Input:
+    """A capture that is merged: ``shift_ns`` is added to its times, ``names`` are its buses'."""
+
+    path: str
+    source: Source
+    options: Options
+    facts: Mapping[str, str]
+    buses: dict[str, tuple[int, int]]
+    names: dict[str, str]
+    shift_ns: int = 0
+    wire: Direction | None = None
+
+    def chunks(self, tell: Teller) -> Iterator[tuple[int, Chunk]]:
+        """Yield chunks on the common clock, under the common names, each with its place in time."""
+        t = 0
+        for group in merged(self.source, self.source, self.options, tell.quieter()):
+            for chunk in group:
+                at = None if chunk.t_ns is None else chunk.t_ns + self.shift_ns
+                t = t if at is None else max(t, at)
+                wire = chunk.direction if self.wire is None else self.wire
+                yield t, replace(chunk, t_ns=at, bus=self.names[chunk.bus], direction=wire)
+
+
+def merge(
+    sources: Sequence[str | Path],
+    outputs: Sequence[Path],
+    options: Options | None = None,
+    *,
+    offsets: Mapping[str, int] | None = None,
+    align: bool = False,
+    pair: bool = False,
+    input_format: str = "auto",
+    overwrite: bool = False,
+    patience: Patience | None = None,
+    tell: Teller | None = None,
+) -> Converted:
+    """Make one capture of several, in the order of time.
+
+    A bus keeps its name; where several captures have a bus of one name, each is called after its
+    file. The files of one recording (``rotate_bytes``, ``rotate_ns``) are one bus again.
+
+    Args:
+        sources: paths.
+        outputs: the files, as for ``convert``.
+        options: how it is decoded.
+        offsets: what is added to the times of a source, in ns, by its path.
+        align: find that from the traffic that two taps of one bus both heard, against the first.
+        pair: of two sources the first heard the controller's wire, the second the servos': they
+            become one bus, in the order of cause and effect.
+        input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``, of all.
+        overwrite: files that are there already are replaced.
+        patience: takes interruptions while it is written.
+        tell: takes what should be told; nothing is told without.
+
+    Raises:
+        InputError: an input cannot be read or has no times, or no traffic tells the clocks.
+        OutputError: a file cannot be written; the others are whole.
+        SnifferError: unknown protocol or model, or arguments that do not fit.
+    """
+    options = options or Options()
+    options.check()
+    tell = tell or Teller(lambda line: None, quiet=True)
+    if pair and len(sources) != 2:
+        raise SnifferError(Sentence("{pair} is about two captures, one of each wire"))
+    if pair and align:
+        told = "{align} is about what both heard: of two wires say {offsets}"
+        raise SnifferError(Sentence(told))
+    with contextlib.ExitStack() as stack:
+        inputs = []
+        for path in sources:
+            opened = stack.enter_context(open_source(path, input_format, again=True))
+            own = options.with_facts(opened.facts(), opened.tables)
+            inputs.append(_Input(str(path), opened, own, opened.facts(), _times(opened), {}))
+        for path, shift in (offsets or {}).items():
+            _named(inputs, path).shift_ns = shift
+        if align:
+            _align(inputs, {str(_named(inputs, p).path) for p in offsets or {}}, tell)
+        _name(inputs, pair=pair)
+        facts, both = _facts(inputs), replace(options, protocols=_protocols(inputs, options))
+
+        def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
+            del groups  # the first one is read with the others
+            stream = heapq.merge(*(one.chunks(tell) for one in inputs), key=lambda e: e[0])
+            paired = _paired(inputs, options, tell) if pair else None
+            yield from _grouped((chunk for _, chunk in stream), paired)
+
+        derived = Derived(
+            inputs[0].source,
+            made,
+            facts,
+            is_mixed=False,
+            origin=" + ".join(one.path for one in inputs),
+            tables=lambda: [table for one in inputs for table in one.source.tables()],
+        )
+        return convert_opened(
+            derived,
+            inputs[0].path,
+            outputs,
+            both,
+            overwrite=overwrite,
+            others=[one.path for one in inputs[1:]],
+            patience=patience,
+            tell=tell,
+        )
+
+
+def _named(inputs: Sequence[_Input], name: str) -> _Input:
+    """Return the input of a path, of a file's name or of that without its suffix."""
+    for told in (lambda p: str(p), lambda p: p.name, lambda p: p.stem):
+        found = [one for one in inputs if told(Path(one.path)) == name]
+        if len(found) == 1:
+            return found[0]
+    known = ", ".join(one.path for one in inputs)
+    raise SnifferError(f"{name!r} is none of the captures: {known}")
+
+
+def _times(source: Source) -> dict[str, tuple[int, int]]:
+    """Return when each bus of a capture is first and last heard.
+
+    Raises:
+        InputError: it has no times.
+    """
+    out: dict[str, tuple[int, int]] = {}
+    for group in source:
+        for chunk in group:
+            if chunk.t_ns is None or chunk.clock == Clock.NONE:
+                raise InputError(f"{source.name} has no times: it cannot be merged by them")
+            first, last = out.get(chunk.bus, (chunk.t_ns, chunk.t_ns))
+            out[chunk.bus] = min(first, chunk.t_ns), max(last, chunk.t_ns)
+    if not out:
+        raise InputError(f"{source.name} is empty: nothing to merge")
+    return out
+
+
+def _align(inputs: Sequence[_Input], given: set[str], tell: Teller) -> None:
+    """Find what is to be added to the times of each to be on the clock of the first.
+
+    Raises:
+        InputError: no traffic tells.
+    """
+    base = inputs[0]
+    for one in inputs[1:]:
+        if one.path in given:
+            continue
+        found = aligned(_head(base), _head(one), byte_ns=(_byte_ns(base), _byte_ns(one)))
+        if found is None:
+            told = (
+                "{one} and {base} have no traffic in common that tells their clocks apart: give "
+                "{offsets}"
+            )
+            raise InputError(Sentence(told, one=one.path, base=base.path))
+        one.shift_ns = base.shift_ns - found.offset_ns
+        tell.talk(
+            f"{one.path}: {one.shift_ns / NS:+.6f} s to its times, by {found.runs} runs of bytes "
+            f"that both heard, half of them within {found.spread_ns / 1e6:.3f} ms"
+        )
+
+
+def _byte_ns(one: _Input) -> int:
+    """Return how long a byte takes on the bus that speaks first; 0 where nobody said its rate."""
+    baud = one.options.bauds.get(next(iter(one.buses)), one.options.baud)
+    return 0 if baud is None else byte_time_ns(baud)
+
+
+def _head(one: _Input) -> Iterator[Chunk]:
+    """Yield the chunks of the bus that speaks first, as many as are compared."""
+    bus = next(iter(one.buses))
+    size = 0
+    for group in one.source:
+        for chunk in group:
+            if chunk.bus == bus:
+                yield chunk
+                size += len(chunk.data)
+        if size >= MOST:
+            return
+
+
+def _name(inputs: Sequence[_Input], *, pair: bool) -> None:
+    """Name the buses: apart, but for the two wires of one bus, and the files of one recording."""
+    taken: dict[str, _Input] = {}
+    clashes = {
+        bus
+        for nth, one in enumerate(inputs)
+        for other in inputs[:nth]
+        for bus in one.buses.keys() & other.buses.keys()
+        if not _continues(one, other, bus) and not _continues(other, one, bus)
+    }
+    for nth, one in enumerate(inputs):
+        if pair:
+            if len(one.buses) > 1:
+                raise SnifferError(f"{one.path} has several buses: a pair is two taps of one")
+            one.names = dict.fromkeys(one.buses, next(iter(inputs[0].buses)))
+            one.wire = Direction.RX if nth else Direction.TX
+            continue
+        for bus in one.buses:
+            name = bus
+            if bus in clashes:
+                stem = Path(one.path).name.partition(".")[0] or f"bus{nth}"
+                name = stem if len(one.buses) == 1 else f"{stem}-{bus}"
+            while name in taken and not (bus not in clashes and name == bus):
+                name += "_"
+            taken[name] = one
+            one.names[bus] = name
+
+
+def _continues(later: _Input, earlier: _Input, bus: str) -> bool:
+    """Tell whether a file goes on where another one of its recording ended."""
+    is_next = later.facts.get(f"{OFFSET}.{bus}", "0") != "0"
+    return is_next and later.buses[bus][0] >= earlier.buses[bus][0]
+
+
+def _facts(inputs: Sequence[_Input]) -> dict[str, str]:
+    """Return what the merged capture says of itself."""
+    out: dict[str, str] = {}
+    for nth, one in enumerate(inputs, 1):
+        out[f"{MERGED}.{nth}.source"] = one.path
+        out[f"{MERGED}.{nth}.shift_ns"] = str(one.shift_ns)
+        for key, value in one.facts.items():
+            what, _, rest = key.partition(".")
+            bus = max((b for b in one.names if f"{rest}.".startswith(f"{b}.")), key=len, default="")
+            if what not in _OF_A_BUS or not bus:
+                continue
+            if what == "baud" and one.facts.get("rate") == ASSUMED:
+                continue
+            name = f"{what}.{one.names[bus]}{rest.removeprefix(bus)}"
+            out.setdefault(name, "0" if what == SINCE else value)
+    shared = set.intersection(*(set(one.facts.items()) for one in inputs))
+    out |= {k: v for k, v in shared if k.partition(".")[0] not in (*_OF_A_BUS, OFFSET, "rate")}
+    return out
+
+
+def _protocols(inputs: Sequence[_Input], options: Options) -> dict[str, str | BusProtocol]:
+    """Return what each bus was said to speak."""
+    told: dict[str, str | BusProtocol] = {}
+    for one in inputs:
+        for bus, name in one.options.protocols.items():
+            if bus in one.names:
+                told.setdefault(one.names[bus], name)
+    return {**told, **options.protocols}
+
+
+def _paired(inputs: Sequence[_Input], options: Options, tell: Teller) -> Merger:
+    """Return what puts the chunks of two wires in order."""
+    asks = inputs[0]
+    bus = asks.names[next(iter(asks.buses))]
+    named = next(iter(asks.options.protocols.values()), options.protocol)
+    if named == AUTO:
+        try:
+            named = detect(list(_head(asks)), options.baud).protocol
+        except UndecidedError:
+            named = detect(list(_head(inputs[1])), options.baud).protocol
+    spoken = protocols_named(named)
+    if len(spoken) > 1:
+        raise SnifferError("two wires on which two protocols are spoken cannot be put in order")
+    bauds = [baud for one in inputs for baud in one.options.bauds.values()]
+    baud = options.baud or next(iter(bauds), spoken[0].baud)
+    known = [v for one in inputs for v in one.options.latencies.values()]
+    latency = options.latency_ns
+    if latency is None:
+        latency = max(known, default=LATENCY_NS[Clock.READ])
+    tell.talk(f"{bus}: two wires, put in order by cause and effect, times ± {latency / 1e6:g} ms")
+    return Merger(bus, latency_ns=latency, baud=baud, protocol=spoken[0])
+
+
+def _grouped(stream: Iterable[Chunk], paired: Merger | None) -> Iterator[list[Chunk]]:
+    """Yield chunks in groups; of two wires, put in order."""
+    group: list[Chunk] = []
+    for chunk in stream:
+        group.append(chunk)
+        if len(group) >= GROUP_CHUNKS:
+            yield group if paired is None else paired.feed(group)
+            group = []
+    if paired is not None:
+        group = [*paired.feed(group), *paired.close()]
+    if group:
+        yield group

@@ -1,0 +1,277 @@
+"""Two runs compared: by servo, each difference with its test, the surest first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from sniffer.reports.runs import Who
+from sniffer.reports.significance import (
+    ALPHA,
+    NEGLIGIBLE,
+    Verdict,
+    holm,
+    mann_whitney,
+    rates,
+    shares,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from sniffer.reports.runs import Run, Series
+
+_EFFECTS: Final = {"missing": "share", "command": "share", "error": "log2 of the ratio"}
+
+EXACT: Final = "exact"
+"""In place of a test: there is nothing by chance in it."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunDifference:
+    """One thing in which two runs differ.
+
+    ``about`` is ``response_time``, ``period``, ``value``, ``goal``, ``missing``, ``error``,
+    ``command``, ``setting`` or ``servo``; ``name`` the command, quantity, code or register. ``a``
+    and ``b`` hold the numbers of each run, ``p`` the chance corrected for all that was compared.
+    """
+
+    about: str
+    bus: str
+    servo_id: int | None
+    name: str
+    a: Mapping[str, Any]
+    b: Mapping[str, Any]
+    test: str
+    p: float
+    effect: float | None
+    sentence: str
+
+    def lines(self) -> list[str]:
+        """Return it for people: what differs, then by which test."""
+        who = "all servos" if self.servo_id is None else f"servo {self.servo_id}"
+        sure = "certain" if self.test == EXACT else f"p {_chance(self.p)}, {self.test}"
+        if "n" in self.a and self.test != EXACT:
+            sure += f", n {self.a['n']} and {self.b['n']}"
+        if self.effect is not None:
+            sure += f", {_EFFECTS.get(self.about, 'delta')} {self.effect:+g}"
+        return [f"{self.bus} {who}: {self.sentence}", f"    {sure}"]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as ``schemas/diff.schema.json`` has it."""
+        return {
+            "about": self.about,
+            "bus": self.bus,
+            "servo_id": self.servo_id,
+            "name": self.name,
+            "a": dict(self.a),
+            "b": dict(self.b),
+            "test": self.test,
+            "p": self.p,
+            "effect": self.effect,
+            "sentence": self.sentence,
+        }
+
+
+def _chance(p: float) -> str:
+    return "< 1e-12" if p < 1e-12 else f"{p:.2g}"
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What may be a difference, before it is known how much was compared."""
+
+    about: str
+    who: Who
+    name: str
+    a: Mapping[str, Any]
+    b: Mapping[str, Any]
+    verdict: Verdict | None
+    sentence: str
+    is_enough: bool = True
+
+
+def differences(a: Run, b: Run) -> tuple[list[RunDifference], int]:
+    """Return in what two runs differ, the surest first, and how much was compared by a test.
+
+    Runs that differ by chance only are told to differ in ``ALPHA`` of all cases.
+    """
+    found = [*_series(a, b), *_shares(a, b), *_rates(a, b), *_settings(a, b), *_servos(a, b)]
+    tested = [one for one in found if one.verdict is not None]
+    chances = holm([one.verdict.p for one in tested if one.verdict is not None])
+    corrected = dict(zip(map(id, tested), chances, strict=True))
+    out = []
+    for one in found:
+        v, p = one.verdict, corrected.get(id(one), 0.0)
+        if p <= ALPHA and one.is_enough:
+            test, effect = (EXACT, None) if v is None else (v.test, round(v.effect, 4))
+            out.append(
+                RunDifference(
+                    one.about,
+                    one.who.bus,
+                    one.who.servo_id,
+                    one.name,
+                    one.a,
+                    one.b,
+                    test,
+                    p,
+                    effect,
+                    one.sentence,
+                )
+            )
+    out.sort(key=lambda d: (d.p, -abs(d.effect or 0.0), d.about, d.bus, d.servo_id or -1, d.name))
+    return out, len(tested)
+
+
+def _series(a: Run, b: Run) -> Iterator[_Found]:
+    kinds: tuple[tuple[str, dict[tuple[Who, str], Series], dict[tuple[Who, str], Series]], ...] = (
+        ("response_time", a.response_ms, b.response_ms),
+        ("period", a.period_ms, b.period_ms),
+        ("value", a.measured, b.measured),
+        ("goal", a.commanded, b.commanded),
+    )
+    for about, of_a, of_b in kinds:
+        for key in sorted(of_a.keys() & of_b.keys(), key=_order):
+            x, y = of_a[key].values(), of_b[key].values()
+            verdict = mann_whitney(x, y, lasts=about == "value")
+            if verdict is None:
+                continue
+            verdict = verdict._replace(n_a=of_a[key].count, n_b=of_b[key].count)
+            who, name = key
+            within = False
+            if about == "response_time":
+                doubt = max(float(np.median(run.doubt_ms[key].values())) for run in (a, b))
+                within = abs(float(np.median(y)) - float(np.median(x))) <= doubt
+            unit = " ms" if about in ("response_time", "period") else ""
+            words = {
+                "response_time": f"answers to {name} take",
+                "period": f"{name} comes every",
+                "value": f"{name} is",
+                "goal": f"{name} is told",
+            }[about]
+            told_a, told_b = _figures(x, verdict.n_a), _figures(y, verdict.n_b)
+            sentence = (
+                f"{words} {told_a['median']:g}{unit} in A, {told_b['median']:g}{unit} in B "
+                f"(medians)"
+            )
+            # what the stamps cannot carry is no difference of the servo's: two taps may do that
+            enough = abs(verdict.effect) >= NEGLIGIBLE and not within
+            yield _Found(about, who, name, told_a, told_b, verdict, sentence, enough)
+
+
+def _figures(values: np.ndarray[Any, Any], n: int) -> dict[str, Any]:
+    low, median, high = (float(f"{q:.4g}") for q in np.quantile(values, (0.05, 0.5, 0.95)))
+    return {"n": n, "p5": low, "median": median, "p95": high}
+
+
+def _shares(a: Run, b: Run) -> Iterator[_Found]:
+    both = [(_of_all(run.expected), _of_all(run.missing)) for run in (a, b)]
+    for who in sorted(both[0][0].keys() & both[1][0].keys(), key=_servo):
+        hits = both[0][1][who], both[1][1][who]
+        n = both[0][0][who], both[1][0][who]
+        verdict = shares(hits[0], n[0], hits[1], n[1])
+        if sum(hits):
+            told = [
+                {"n": m, "missing": k, "share": round(k / m, 6)}
+                for k, m in zip(hits, n, strict=True)
+            ]
+            sentence = (
+                f"{_percent(hits[0], n[0])} of the answers are missing in A, "
+                f"{_percent(hits[1], n[1])} in B"
+            )
+            yield _Found("missing", who, "", told[0], told[1], verdict, sentence)
+    # how often a command is sent among all that is sent on its bus
+    for key in sorted(a.commands.keys() | b.commands.keys(), key=_order):
+        who, name = key
+        n = _asked(a, who.bus), _asked(b, who.bus)
+        hits = a.commands[key], b.commands[key]
+        verdict = shares(hits[0], n[0], hits[1], n[1])
+        told = [
+            {"n": m, "count": k, "share": round(k / m, 6) if m else 0.0}
+            for k, m in zip(hits, n, strict=True)
+        ]
+        sentence = (
+            f"{name} is {_percent(hits[0], n[0])} of all requests in A, "
+            f"{_percent(hits[1], n[1])} in B"
+        )
+        if verdict is not None:
+            yield _Found("command", who, name, told[0], told[1], verdict, sentence)
+
+
+def _of_all(counts: Counter[Who]) -> Counter[Who]:
+    """Return counts by servo, with those of all servos of a bus where it has several."""
+    out = Counter(counts)
+    for bus in {who.bus for who in counts}:
+        mine = [n for who, n in counts.items() if who.bus == bus]
+        if len(mine) > 1:
+            out[Who(bus, None)] = sum(mine)
+    return out
+
+
+def _asked(run: Run, bus: str) -> int:
+    return sum(n for who, n in run.requests.items() if who.bus == bus)
+
+
+def _percent(k: int, n: int) -> str:
+    return f"{100 * k / n:.2f} %" if n else "none"
+
+
+def _rates(a: Run, b: Run) -> Iterator[_Found]:
+    told_of: dict[str, tuple[Counter[Who], Counter[Who]]] = {}
+    for k, run in enumerate((a, b)):
+        for (who, code), n in run.errors.items():
+            told_of.setdefault(code, (Counter(), Counter()))[k][who] += n
+    for code, both in sorted(told_of.items()):
+        for who in both[0].keys() | both[1].keys():  # of whom none is told has a count, too
+            both[0][who] += 0
+            both[1][who] += 0
+        yield from _errors(a, b, code, _of_all(both[0]), _of_all(both[1]))
+
+
+def _errors(a: Run, b: Run, code: str, of_a: Counter[Who], of_b: Counter[Who]) -> Iterator[_Found]:
+    for who in sorted(of_a, key=_servo):
+        times = float(a.frames[who.bus]), float(b.frames[who.bus])
+        counts = of_a[who], of_b[who]
+        verdict = rates(counts[0], times[0], counts[1], times[1])
+        told = [{"n": int(m), "count": k} for k, m in zip(counts, times, strict=True)]
+        sentence = (
+            f"{code} is told {counts[0]} times in {times[0]:.0f} frames of A, {counts[1]} times in "
+            f"{times[1]:.0f} of B"
+        )
+        if verdict is not None:
+            yield _Found("error", who, code, told[0], told[1], verdict, sentence)
+
+
+def _settings(a: Run, b: Run) -> Iterator[_Found]:
+    for key in sorted(a.settings.keys() & b.settings.keys(), key=_order):
+        who, name = key
+        x, y = a.settings[key], b.settings[key]
+        if x != y:
+            told = [{"raw": sorted(values)} for values in (x, y)]
+            sentence = f"{name} is {_listed(x)} in A, {_listed(y)} in B (raw)"
+            yield _Found("setting", who, name, told[0], told[1], None, sentence)
+
+
+def _listed(values: set[int]) -> str:
+    return " or ".join(map(str, sorted(values)))
+
+
+def _servos(a: Run, b: Run) -> Iterator[_Found]:
+    """Tell of servos that are asked in one run only."""
+    in_a, in_b = ({w for w in run.expected if w.servo_id is not None} for run in (a, b))
+    for who in sorted(in_a ^ in_b, key=_servo):
+        told = [{"n": run.expected[who]} for run in (a, b)]
+        only = "A" if who in in_a else "B"
+        sentence = f"it is asked in {only} only"
+        yield _Found("servo", who, "", told[0], told[1], None, sentence)
+
+
+def _servo(who: Who) -> tuple[str, int]:
+    return who.bus, -1 if who.servo_id is None else who.servo_id
+
+
+def _order(key: tuple[Who, str]) -> tuple[str, int, str]:
+    return (*_servo(key[0]), key[1])

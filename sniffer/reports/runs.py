@@ -1,0 +1,201 @@
+"""What a run is compared by: times, values, counts by servo and command, in bounded memory."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from sniffer.decoding.sink import bus_of
+from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
+from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED, OK, OUTCOMES, REQUEST
+from sniffer.ground.model import NS, Severity
+from sniffer.mcapfile.fields import state_field
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from sniffer.ground.model import F64, I16, I64, Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
+
+KEPT: Final = 1 << 14
+"""Numbers that are kept of a series: beyond, every second, fourth ... one."""
+
+SETTINGS: Final = 8
+"""Values of a setting that are told apart."""
+
+_EXPECTED: Final = [OUTCOMES.index(o) for o in ("ok", "no_response", "damaged", "mismatched")]
+
+_TOLD_ELSEWHERE: Final = frozenset({"no-response", "damaged-response"})
+"""Codes that say the same as the share of missing answers."""
+
+
+class Who(NamedTuple):
+    """Whose a number is: a servo of a bus, None for the bus itself."""
+
+    bus: str
+    servo_id: int | None
+
+
+class Series:
+    """A series of numbers, thinned evenly where it is long; ``count`` is how many there were."""
+
+    def __init__(self) -> None:
+        self._parts: list[F64] = []
+        self._step = 1
+        self._size = 0
+        self.count = 0
+
+    def add(self, numbers: F64) -> None:
+        """Take numbers, in order."""
+        kept = numbers[-self.count % self._step :: self._step]
+        self.count += len(numbers)
+        self._parts.append(kept)
+        self._size += len(kept)
+        while self._size > KEPT:
+            self._step *= 2
+            self._parts = [np.concatenate(self._parts)[::2]]
+            self._size = len(self._parts[0])
+
+    def values(self) -> F64:
+        """Return what is kept."""
+        return np.concatenate(self._parts) if self._parts else np.empty(0)
+
+
+class Run:
+    """A sink that keeps what a run is compared by."""
+
+    def __init__(self) -> None:
+        self.frames: Counter[str] = Counter()
+        self.requests: Counter[Who] = Counter()
+        self.commands: Counter[tuple[Who, str]] = Counter()
+        self.expected: Counter[Who] = Counter()
+        self.missing: Counter[Who] = Counter()
+        self.errors: Counter[tuple[Who, str]] = Counter()
+        self.response_ms: dict[tuple[Who, str], Series] = {}
+        self.doubt_ms: dict[tuple[Who, str], Series] = {}
+        self.period_ms: dict[tuple[Who, str], Series] = {}
+        self.measured: dict[tuple[Who, str], Series] = {}
+        self.commanded: dict[tuple[Who, str], Series] = {}
+        self.settings: dict[tuple[Who, str], set[int]] = {}
+        self.span: dict[str, tuple[int, int]] = {}
+        self._last: dict[tuple[Who, str], int] = {}
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Take what a pass decided."""
+        bus = bus_of(bus, protocol, batch)
+        f = batch.frames
+        self.frames[bus] += len(f)
+        if len(batch.anomalies):
+            self._errors(bus, Anomalies.of(batch.anomalies))
+        if not len(f):
+            return
+        begin, _ = self.span.get(bus, (int(f.t_start[0]), 0))
+        self.span[bus] = begin, int(f.t_end[-1])
+        self._commands(bus, protocol, batch)
+        self._answers(bus, protocol, batch)
+        self._values(bus, protocol, batch)
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    @property
+    def seconds(self) -> float:
+        """How long the run was."""
+        if not self.span:
+            return 0.0
+        return (max(e for _, e in self.span.values()) - min(b for b, _ in self.span.values())) / NS
+
+    def rename(self, bus: str, name: str) -> None:
+        """Give the only bus another name."""
+
+        def own(who: Who) -> Who:
+            return who._replace(bus=name)
+
+        self.frames = Counter({name: self.frames[bus]})
+        self.span = dict(zip([name], self.span.values(), strict=False))
+        self.requests = Counter({own(w): n for w, n in self.requests.items()})
+        self.expected = Counter({own(w): n for w, n in self.expected.items()})
+        self.missing = Counter({own(w): n for w, n in self.missing.items()})
+        self.commands = Counter({(own(w), c): n for (w, c), n in self.commands.items()})
+        self.errors = Counter({(own(w), c): n for (w, c), n in self.errors.items()})
+        self.settings = {(own(w), c): n for (w, c), n in self.settings.items()}
+        for of in ("response_ms", "doubt_ms", "period_ms", "measured", "commanded"):
+            series: dict[tuple[Who, str], Series] = getattr(self, of)
+            setattr(self, of, {(own(w), c): s for (w, c), s in series.items()})
+
+    def _errors(self, bus: str, found: Anomalies) -> None:
+        for code, servo in zip(found.code.tolist(), found.servo_id.tolist(), strict=True):
+            if SEVERITY[code] > Severity.NOTE and CODES[code] not in _TOLD_ELSEWHERE:
+                self.errors[Who(bus, servo if servo >= 0 else None), CODES[code]] += 1
+
+    def _commands(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        f = batch.frames
+        asks = np.flatnonzero(f.kind == REQUEST)
+        timed = batch.clock != 0
+        for who, op, rows in _by(bus, f.servo_id[asks], f.op[asks], asks):
+            name = protocol.op_name(op)
+            self.requests[who] += len(rows)
+            self.commands[who, name] += len(rows)
+            if timed:
+                times = f.t_end[rows]
+                last = self._last.get((who, name))
+                steps = np.diff(times) if last is None else np.diff(times, prepend=last)
+                self.period_ms.setdefault((who, name), Series()).add(steps / 1e6)
+                self._last[who, name] = int(times[-1])
+
+    def _answers(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        t = batch.transactions
+        asked = np.flatnonzero((t.request != -1) & np.isin(t.outcome, _EXPECTED))
+        if not len(asked):
+            return
+        frames, rows = batch.asking(t.request[asked])
+        for who, op, mine in _by(bus, frames.servo_id[rows], frames.op[rows], asked):
+            name = protocol.op_name(op)
+            ok = t.outcome[mine] == OK
+            self.expected[who] += len(mine)
+            self.missing[who] += int((~ok).sum())
+            known = mine[ok & (t.response_time_ns[mine] >= 0)]
+            took = t.response_time_ns[known] / 1e6
+            self.response_ms.setdefault((who, name), Series()).add(took)
+            doubt = np.maximum(t.uncertainty_ns[known], 0) / 1e6
+            self.doubt_ms.setdefault((who, name), Series()).add(doubt)
+
+    def _values(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        v = batch.samples
+        for who, number, rows in _by(bus, v.servo_id, v.register.astype(np.int64), None):
+            register = protocol.registers[number]
+            for role in np.unique(v.role[rows]).tolist():
+                mine = rows[v.role[rows] == role]
+                if role == CONFIG:
+                    known = self.settings.setdefault((who, register.name), set())
+                    for raw in np.unique(v.raw[mine]).tolist():
+                        if len(known) < SETTINGS:
+                            known.add(raw)
+                    continue
+                field = state_field(register)
+                value = v.value[mine]
+                value = value[~np.isnan(value)]
+                if field is None or not len(value) or register.values or register.bits:
+                    continue
+                series = {MEASURED: self.measured, COMMANDED: self.commanded}.get(role)
+                if series is not None:
+                    series.setdefault((who, field), Series()).add(value)
+
+
+def _by(
+    bus: str, servo: I64 | I16, number: I64, rows: I64 | None
+) -> Iterator[tuple[Who, int, I64]]:
+    """Yield each servo and number with its rows, in order."""
+    keys = np.stack([servo.astype(np.int64), number.astype(np.int64)], 1)
+    found, which = np.unique(keys, axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    order = np.argsort(which, kind="stable")
+    edges = np.searchsorted(which[order], np.arange(len(found) + 1))
+    for k, (who, what) in enumerate(found.tolist()):
+        mine = order[edges[k] : edges[k + 1]]
+        yield Who(bus, who if who >= 0 else None), what, mine if rows is None else rows[mine]

@@ -1,0 +1,413 @@
+"""``sniffer convert``: bytes as other files hold them, wide tables, captures without names."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import sniffer
+from sniffer.decoding.fields import tidy
+from sniffer.decoding.rows import SampleRow
+from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind
+from sniffer.mcapfile.fields import state_field
+from sniffer.mcapfile.sink import McapSink
+from sniffer.mcapfile.source import session
+from sniffer.sinks.raw import RAW_FILES
+from sniffer.sources import open_source
+from tests.commands import log, talk, within
+from tests.inputs import chunks, read
+from tests.streams.mightyzap import packet
+
+Capsys = pytest.CaptureFixture[str]
+
+CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
+LOG: Final = CAPTURES / "mightyzap_damaged.log"
+T0: Final = 1_700_000_000_123_456_789
+
+TIMED = st.builds(
+    Chunk,
+    st.binary(min_size=1, max_size=40),
+    st.integers(0, 1 << 62),
+    st.just(Clock.FILE),
+    st.sampled_from(["bus0", "can0", "left-arm", "é", "0"]),
+    st.sampled_from(Direction),
+)
+"""Chunks as a log has them."""
+
+
+def written(suffix: str, told: list[Chunk], format_: str) -> tuple[list[Chunk], str]:
+    """Write chunks into a file of bytes and read it back; return what it had no room for, too."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"x{suffix}"
+        file = RAW_FILES[suffix](path)
+        file.take(told)
+        file.close()
+        return chunks(path, format_), file.lost()
+
+
+@given(told=st.lists(TIMED, min_size=1, max_size=20))
+def test_a_log_read_back_is_the_same_chunks(told: list[Chunk]) -> None:
+    again, lost = written(".log", told, "candump")
+    assert again == told
+    assert not lost
+    assert written(".log", told, "auto")[0] == told
+
+
+@given(told=st.lists(st.binary(min_size=1, max_size=40).map(Chunk), min_size=1, max_size=9))
+def test_chunks_without_times_come_back_from_a_log_without_times(told: list[Chunk]) -> None:
+    assert written(".log", told, "auto") == (told, "")
+
+
+@given(told=st.lists(st.binary(min_size=1, max_size=40), min_size=1, max_size=9))
+def test_bytes_come_back_from_raw_bytes_and_from_hex(told: list[bytes]) -> None:
+    for suffix, form in ((".bin", "bin"), (".hex", "auto")):
+        again, lost = written(suffix, [Chunk(data) for data in told], form)
+        assert b"".join(chunk.data for chunk in again) == b"".join(told)
+        assert not lost
+
+
+def test_what_a_log_has_no_room_for_is_said_in_a_line() -> None:
+    mark = Mark(MarkKind.BREAK, 0, 1)
+    told = [
+        Chunk(b"a", T0, Clock.READ, "my (left) arm", marks=(mark, mark)),
+        Chunk(b"b", T0, Clock.READ, "my_(left)_arm"),
+    ]
+    again, lost = written(".log", told, "auto")
+    assert [(c.data, c.t_ns, c.bus) for c in again] == [
+        (b"a", T0, "my__left__arm"),
+        (b"b", T0, "my__left__arm_"),
+    ]
+    assert lost.partition("log lines have no room for ")[2] == (
+        "2 tap marks, who stamped the times (they are read as a log's), the name "
+        "'my (left) arm' (there it is my__left__arm) and the name 'my_(left)_arm' (there it is "
+        "my__left__arm_)"
+    )
+
+
+def test_a_line_of_a_bus_whose_name_looks_like_bytes_is_no_list_of_bytes() -> None:
+    again, lost = written(".log", [Chunk(b"\x01\x02", bus="beef")], "auto")
+    assert again == [Chunk(b"\x01\x02", bus="bus_beef")]
+    assert "the name 'beef'" in lost
+
+
+def test_converting_there_and_back_gives_the_same_file(tmp_path: Path, capsys: Capsys) -> None:
+    names = ["one.mcap", "two.log", "three.jsonl", "four.log"]
+    at: Path = LOG
+    for name in names:
+        ran = within(capsys, "convert", at, tmp_path / name, "--quiet")
+        assert (ran.status, ran.out, ran.err) == (0, "", "")
+        at = tmp_path / name
+    assert chunks(tmp_path / "two.log") == chunks(LOG)
+    assert read(tmp_path / "four.log") == read(LOG)
+
+
+def test_several_files_are_made_of_one_reading_of_standard_input(tmp_path: Path) -> None:
+    from tests.commands import sniffer as called
+
+    outs = [tmp_path / name for name in ("a.log", "b.hex", "c.jsonl")]
+    ran = called("convert", "-", *outs, data=LOG.read_bytes())
+    assert ran.status == 0
+    assert read(outs[1]) == read(outs[0]) == read(LOG) == read(outs[2])
+    assert f"{outs[1]}: bytes in hex have no room for times" in ran.err
+
+
+def test_bytes_are_converted_whose_protocol_nobody_can_tell(tmp_path: Path, capsys: Capsys) -> None:
+    source = tmp_path / "x.bin"
+    source.write_bytes(bytes(range(7)))
+    ran = within(capsys, "convert", source, tmp_path / "x.hex")
+    assert ran.status == 0
+    assert (tmp_path / "x.hex").read_text() == "00 01 02 03 04 05 06\n"
+
+
+def test_decode_writes_the_bytes_beside_what_it_prints(tmp_path: Path, capsys: Capsys) -> None:
+    ran = within(capsys, "decode", LOG, "--summary", "-o", tmp_path / "x.log")
+    assert ran.status == 0
+    assert "18442 bytes" in ran.out
+    assert chunks(tmp_path / "x.log") == chunks(LOG)
+
+
+@pytest.mark.parametrize("suffix", [".log", ".hex", ".csv", ".mcap"])
+def test_nothing_is_replaced_that_nobody_asked_to_be(
+    suffix: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    out = tmp_path / f"x{suffix}"
+    out.write_text("mine")
+    ran = within(capsys, "convert", LOG, out)
+    assert (ran.status, out.read_text()) == (2, "mine")
+    assert ran.complaint == f"{out} is there already: choose another name, or --force"
+    assert within(capsys, "convert", LOG, out, "--force").status == 0
+    assert out.stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("x.txt",), "x.txt: the suffix must be one of .jsonl, .csv, .parquet, .mcap, .rrd, .log"),
+        (("x.csv", "--hold"), "--hold goes with --wide"),
+        (("x.log", "--wide"), "--wide is about tables: name a .csv or a .parquet"),
+    ],
+)
+def test_what_cannot_be_converted_says_what_to_do(
+    arguments: tuple[str, ...], told: str, capsys: Capsys
+) -> None:
+    ran = within(capsys, "convert", LOG, *arguments)
+    assert ran.status == 2
+    assert ran.complaint.startswith(told)
+
+
+def test_several_buses_do_not_fit_into_raw_bytes_and_spoil_no_other_output(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    source = tmp_path / "two.log"
+    source.write_text("(1.0) a #FF\n(2.0) b #FE\n")
+    ran = within(capsys, "convert", source, tmp_path / "x.bin", tmp_path / "x.log")
+    assert ran.status == 2
+    assert "several buses (a, b)" in ran.complaint
+    assert "a .log holds them all" in ran.complaint
+    assert chunks(tmp_path / "x.log") == chunks(source)
+
+
+def test_an_input_that_breaks_off_is_converted_up_to_there(tmp_path: Path, capsys: Capsys) -> None:
+    good = [f"({n}.5) bus0 #FFFF\n" for n in range(20)]
+    source = tmp_path / "broken.log"
+    source.write_text("".join([*good, "(20.5) what is this?\n", *good]))
+    ran = within(capsys, "convert", source, tmp_path / "x.log")
+    assert ran.status == 3
+    assert "line 21" in ran.complaint
+    assert (tmp_path / "x.log").read_text() == "".join(
+        line.replace(".5)", ".500000000)") for line in good
+    )
+
+
+# --- wide tables -------------------------------------------------------------------------------
+
+
+def rows_of(path: Path) -> list[dict[str, float | str | None]]:
+    """Return a wide table's rows, whatever its suffix."""
+    if path.suffix == ".parquet":
+        return [
+            {name: tidy(v) if isinstance(v, float) else v for name, v in row.items()}
+            for row in pq.read_table(path).to_pylist()
+        ]
+    with path.open(newline="") as file:
+        return [
+            {name: text if name == "bus" else _number(name, text) for name, text in row.items()}
+            for row in csv.DictReader(file)
+        ]
+
+
+def _number(name: str, text: str) -> float | None:
+    if not text:
+        return None
+    return int(text) if name == "t_ns" else tidy(float(text))
+
+
+def expected(source: Path, *, hold: bool) -> list[dict[str, float | str | None]]:
+    """Return the rows of a wide table, made of the samples one by one."""
+    capture = sniffer.decode(source)
+    fields = {
+        (protocol.name, r.name, r.unit): state_field(r)
+        for _, protocol, _ in capture.batches
+        for r in protocol.registers
+    }
+    protocols = {bus: protocol.name for bus, protocol, _ in capture.batches}
+    rows: dict[tuple[str, int], dict[str, float | str | None]] = {}
+    for s in capture:
+        if isinstance(s, SampleRow) and s.value is not None and s.servo_id is not None:
+            field = fields[protocols[s.bus], s.register, s.unit]
+            if field is not None:
+                row = rows.setdefault((s.bus, s.offset), {"t_ns": s.t_ns, "bus": s.bus})
+                row[f"{s.servo_id}.{field}"] = s.value
+    names = {name for row in rows.values() for name in row}
+    last: dict[tuple[str, str], float | str | None] = {}
+    out = []
+    for (bus, _), row in rows.items():
+        if hold:
+            last |= {(bus, name): value for name, value in row.items()}
+            row = {name: last.get((bus, name)) for name in names}
+        out.append(dict.fromkeys(names) | row)
+    return out
+
+
+@pytest.mark.parametrize("hold", [False, True])
+@pytest.mark.parametrize(
+    ("name", "suffix"), [("mightyzap_damaged.log", ".csv"), ("lss_damaged.log", ".parquet")]
+)
+def test_a_wide_table_has_a_column_for_each_quantity_of_a_servo(
+    name: str, suffix: str, hold: bool, tmp_path: Path, capsys: Capsys
+) -> None:
+    out = tmp_path / f"x{suffix}"
+    ran = within(capsys, "convert", CAPTURES / name, out, "--wide", *(["--hold"] if hold else []))
+    assert ran.status == 0
+    assert [p.name for p in tmp_path.iterdir()] == [out.name]
+    want = expected(CAPTURES / name, hold=hold)
+    assert len(want) > 100
+    assert rows_of(out) == want
+
+
+def test_a_wide_table_of_two_buses_holds_the_values_of_each(tmp_path: Path, capsys: Capsys) -> None:
+    source = tmp_path / "two.log"
+    lines = log(talk(6)).splitlines(keepends=True)
+    other = [line.replace("bus0", "arm") for line in log(talk(6, seed=2)).splitlines(keepends=True)]
+    source.write_text("".join(line for pair in zip(lines, other, strict=False) for line in pair))
+    assert within(capsys, "convert", source, tmp_path / "x.csv", "--wide", "--hold").status == 0
+    want = expected(source, hold=True)
+    assert {row["bus"] for row in want} == {"bus0", "arm"}
+    for bus in ("bus0", "arm"):
+        got = [row for row in rows_of(tmp_path / "x.csv") if row["bus"] == bus]
+        assert got == [row for row in want if row["bus"] == bus]
+
+
+def test_a_wide_table_larger_than_a_piece_is_the_same(
+    tmp_path: Path, capsys: Capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sniffer.sinks.wide.CELLS", 200)
+    assert within(capsys, "convert", LOG, tmp_path / "x.csv", "--wide", "--hold").status == 0
+    assert rows_of(tmp_path / "x.csv") == expected(LOG, hold=True)
+
+
+# --- without names -----------------------------------------------------------------------------
+
+SERIAL = b"*5QN87654321\r"
+
+
+def recording(path: Path, told: list[Chunk], **facts: str) -> Path:
+    sink = McapSink(path, {"tool": "servo-sniffer 0", "source": "/dev/ttyUSB7", **facts})
+    for chunk in told:
+        sink.raw(chunk.bus, [chunk])
+    sink.close()
+    return path
+
+
+def test_a_capture_without_names_tells_nobody_whose_it_is(tmp_path: Path, capsys: Capsys) -> None:
+    said = [b"#5QN\r", SERIAL, b"#5QD\r", b"*5QD900\r"] * 8
+    told = [
+        Chunk(data, T0 + n * 2_000_000, Clock.READ, "left-leg-of-anna")
+        for n, data in enumerate(said)
+    ]
+    marked = replace(told[3], marks=(Mark(MarkKind.OVERRUN, 0),))
+    source = recording(
+        tmp_path / "in.mcap",
+        [*told[:3], marked, *told[4:]],
+        **{
+            "port.left-leg-of-anna": "/dev/ttyUSB7",
+            "port.left-leg-of-anna.serial_number": "FT1234",
+            "baud.left-leg-of-anna": "115200",
+            "host": "anna-pc",
+        },
+    )
+    outs = [tmp_path / name for name in ("x.mcap", "x.log", "x.jsonl")]
+    assert within(capsys, "convert", source, *outs, "--anonymise").status == 0
+    again = chunks(outs[0])
+    assert [c.t_ns for c in again] == [n * 2_000_000 for n in range(len(said))]
+    assert {c.bus for c in again} == {"bus0"}
+    assert again[3].marks == marked.marks
+    assert b"".join(c.data for c in again) == b"".join(said).replace(b"87654321", b"00000000")
+    facts = session(outs[0])
+    assert facts["baud.bus0"] == "115200"
+    for out in outs:
+        content = out.read_bytes() + "".join(f"{k}={v}" for k, v in facts.items()).encode()
+        for name in (
+            b"anna",
+            b"ttyUSB7",
+            b"FT1234",
+            b"8765",
+            SERIAL[3:].hex().encode(),
+            b"in.mcap",
+        ):
+            assert name not in content, (out, name)
+
+
+def test_a_serial_number_under_a_checksum_is_left_out_and_the_frame_holds() -> None:
+    from sniffer.jobs.anonymous import without
+
+    zap = sniffer.PROTOCOLS["mightyzap"]
+    frame = packet(1, 0, bytes.fromhex("12345678"))
+    told = without(frame, frame.index(b"\x12"), 4, zap)
+    assert told == packet(1, 0, bytes(4))
+
+
+@given(data=st.binary(max_size=60), cuts=st.lists(st.integers(0, 60), max_size=6))
+def test_what_stands_over_a_stream_does_so_however_it_is_cut(data: bytes, cuts: list[int]) -> None:
+    from sniffer.jobs.anonymous import Blanks
+
+    found = [(3, b"abc"), (10, b"de"), (30, b"fghijkl"), (58, b"mnopq")]
+    want = bytearray(data)
+    for at, text in found:
+        want[at : at + len(text)] = text[: max(len(data) - at, 0)]
+    edges = [0, *sorted(min(cut, len(data)) for cut in cuts), len(data)]
+    blanks = Blanks(found)
+    got = [blanks.of(data[a:b]) for a, b in itertools.pairwise(edges)]
+    assert b"".join(got) == want[: len(data)]
+
+
+# --- what a recording says of itself -----------------------------------------------------------
+
+
+def test_a_recording_made_of_a_recording_keeps_what_that_said_of_itself(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    told = chunks(LOG)
+    source = recording(tmp_path / "in.mcap", told, **{"port.bus0": "/dev/ttyUSB7", "baud": "57600"})
+    second, third = tmp_path / "second.mcap", tmp_path / "third.mcap"
+    assert within(capsys, "convert", source, second).status == 0
+    assert within(capsys, "convert", second, third).status == 0
+    facts = session(third)
+    assert facts["source"] == str(second)
+    assert facts["port.bus0"] == "/dev/ttyUSB7"
+    assert facts["origin.source"] == "/dev/ttyUSB7"
+    assert facts["origin.tool"] == "servo-sniffer 0"
+
+
+def test_reading_a_source_again_gives_the_same(tmp_path: Path) -> None:
+    with open_source(LOG) as source:
+        assert list(source) == list(source)
+
+
+# --- what is played again ------------------------------------------------------------------------
+
+
+def test_what_is_played_again_is_written_too(tmp_path: Path, capsys: Capsys) -> None:
+    outs = [tmp_path / "x.mcap", tmp_path / "x.log"]
+    told = ("--speed", "0", "-o", outs[0], "-o", outs[1])
+    ran = within(capsys, "replay", LOG, *told)
+    assert ran.status == 0
+    assert "no frame" in ran.out
+    assert read(outs[0]) == read(outs[1]) == read(LOG)
+    again = within(capsys, "replay", LOG, *told)
+    assert again.status == 2
+    assert again.complaint.endswith("is there already: choose another name, or --force")
+
+
+@pytest.mark.parametrize(
+    ("option", "told"),
+    [
+        ("--loop", "--loop plays the same again: it is written once, without"),
+        ("--redecode", "--redecode compares, -o writes: choose one"),
+    ],
+)
+def test_what_is_played_in_another_way_is_not_written(
+    option: str, told: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    ran = within(capsys, "replay", LOG, option, "-o", tmp_path / "x.mcap")
+    assert (ran.status, ran.complaint) == (2, told)
+
+
+@pytest.mark.parametrize("command", ["decode", "replay"])
+@pytest.mark.parametrize("suffix", [".log", ".bin", ".hex"])
+def test_a_file_of_bytes_has_them_all(
+    command: str, suffix: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    ran = within(capsys, command, LOG, "--to", "1", "-o", tmp_path / f"x{suffix}")
+    assert ran.status == 2
+    assert ran.complaint == f"a {suffix} has every byte: `sniffer cut` makes one of a part"
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,208 @@
+"""``sniffer merge``: several captures as one, by time, by offset, by what taps both heard."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import sniffer
+from sniffer.decoding.rows import FrameRow
+from sniffer.ground.model import NS, Chunk, Clock, Direction
+from sniffer.mcapfile.source import session
+from sniffer.merge.aligning import aligned
+from sniffer.sinks.raw import LogFile
+from tests.commands import log, talk, within
+from tests.inputs import chunks
+from tests.recordings import START_NS
+from tests.recordings import talk as simulated
+
+Capsys = pytest.CaptureFixture[str]
+
+CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
+TALK: Final = simulated("mightyzap", 2.0)
+
+
+def lines(path: Path, told: list[Chunk]) -> Path:
+    file = LogFile(path)
+    file.take(told)
+    file.close()
+    return path
+
+
+def moved(told: list[Chunk], ns: int) -> list[Chunk]:
+    return [replace(c, t_ns=(c.t_ns or 0) + ns, clock=Clock.FILE) for c in told]
+
+
+def test_captures_of_several_buses_become_one_in_the_order_of_time(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    left = lines(tmp_path / "left.log", moved(TALK[:200], 0))
+    right = lines(tmp_path / "right.log", moved(TALK[:200], 3_000_000))
+    out, text = tmp_path / "both.mcap", tmp_path / "both.log"
+    assert within(capsys, "merge", left, right, "-o", out, "-o", text).status == 0
+    times = [c.t_ns or 0 for c in chunks(text)]
+    assert len(times) == 400
+    assert times == sorted(times)
+    got = chunks(out)
+    for bus, path in (("left", left), ("right", right)):
+        assert [(c.data, c.t_ns) for c in got if c.bus == bus] == [
+            (c.data, c.t_ns) for c in chunks(path)
+        ]
+    facts = session(out)
+    assert facts["merged.1.source"] == str(left)
+    assert facts["merged.2.shift_ns"] == "0"
+
+
+def test_buses_of_different_names_keep_them(tmp_path: Path, capsys: Capsys) -> None:
+    one = lines(tmp_path / "one.log", [replace(c, bus="leg") for c in moved(TALK[:50], 0)])
+    two = lines(tmp_path / "two.log", [replace(c, bus="arm") for c in moved(TALK[:50], 0)])
+    out = tmp_path / "x.log"
+    assert within(capsys, "merge", one, two, "-o", out).status == 0
+    assert {c.bus for c in chunks(out)} == {"leg", "arm"}
+
+
+@pytest.mark.parametrize("name", ["b.log", "b", "path"])
+def test_a_clock_offset_that_is_given_is_added(name: str, tmp_path: Path, capsys: Capsys) -> None:
+    a = lines(tmp_path / "a.log", moved(TALK[:50], 0))
+    b = lines(tmp_path / "b.log", moved(TALK[:50], -NS))
+    told = f"{b if name == 'path' else name}=+1.25s"
+    out = tmp_path / "x.log"
+    assert within(capsys, "merge", a, b, "--offset", told, "-o", out).status == 0
+    first = {c.bus: c.t_ns or 0 for c in reversed(chunks(out))}
+    assert first["b"] - first["a"] == NS // 4
+
+
+def test_clocks_are_told_from_what_two_taps_of_one_bus_heard(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    a = lines(tmp_path / "a.log", moved(TALK, 0))
+    b = lines(tmp_path / "b.log", moved(TALK[100:], -3_725_000_000_000))
+    out = tmp_path / "x.mcap"
+    ran = within(capsys, "merge", a, b, "--align", "-o", out)
+    assert ran.status == 0
+    assert f"sniffer: {b}: +3725.000000 s to its times, by " in ran.err
+    assert session(out)["merged.2.shift_ns"] == "3725000000000"
+    got = chunks(out)
+    heard = [c.t_ns for c in got if c.bus == "a"][100:]
+    assert heard == [c.t_ns for c in got if c.bus == "b"]
+
+
+@settings(max_examples=15)
+@given(
+    shift=st.integers(-(10**15), 10**15),
+    start=st.integers(0, len(TALK) // 3),
+    late=st.lists(st.integers(0, 16), min_size=len(TALK), max_size=len(TALK)),
+    lost=st.sets(st.integers(0, len(TALK)), max_size=20),
+)
+def test_the_difference_of_two_clocks_is_found_to_what_adapters_hold_back(
+    shift: int, start: int, late: list[int], lost: set[int]
+) -> None:
+    second = [
+        replace(c, t_ns=(c.t_ns or 0) + shift + ms * 1_000_000)
+        for k, (c, ms) in enumerate(zip(TALK, late, strict=True))
+        if k >= start and k not in lost
+    ]
+    found = aligned(TALK, second)
+    assert found is not None
+    assert -1_000_000 <= found.offset_ns - shift <= 17_000_000
+
+
+def test_traffic_that_only_repeats_itself_tells_no_clock(tmp_path: Path, capsys: Capsys) -> None:
+    """Polling that always says the same: any whole number of rounds would do."""
+    ask, answer = bytes.fromhex("FFFFFF0102F10B"), bytes.fromhex("FFFFFF010200FC")
+    same = [Chunk((ask, answer)[k % 2], START_NS + k * 2_000_000, Clock.FILE) for k in range(400)]
+    assert aligned(same, moved(same, 12_345_000_000)) is None
+    a, b = (lines(tmp_path / f"{n}.log", same) for n in "ab")
+    ran = within(capsys, "merge", a, b, "--align", "-o", tmp_path / "x.log")
+    assert ran.status == 2
+    assert ran.complaint == (
+        f"{b} and {a} have no traffic in common that tells their clocks apart: give --offset"
+    )
+
+
+def test_a_few_lines_tell_no_clock() -> None:
+    assert aligned(TALK[:1], TALK[:1]) is None
+    assert aligned([], TALK) is None
+
+
+def test_two_wires_become_one_bus_in_the_order_of_cause_and_effect(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    """Both hosts fetch what came every 16 ms: by time alone half of the exchanges are torn."""
+    both = []
+    source = log(talk(40)).encode()
+    for row in sniffer.decode(source):
+        if isinstance(row, FrameRow):
+            late = -(-row.t_ns // 16_000_000) * 16_000_000
+            wire = Direction.TX if row.kind == "request" else Direction.RX
+            both.append(Chunk(bytes.fromhex(row.hex), late, Clock.FILE, "bus0", wire))
+    whole = sniffer.decode(source).summary.buses["bus0"]
+    by_wire = {
+        wire: lines(
+            tmp_path / f"{wire.name}.log",
+            [replace(c, direction=Direction.UNKNOWN) for c in both if c.direction == wire],
+        )
+        for wire in (Direction.TX, Direction.RX)
+    }
+    out = tmp_path / "x.mcap"
+    ran = within(
+        capsys, "merge", by_wire[Direction.TX], by_wire[Direction.RX], "--pair", "-o", out,
+        "--latency", "16",
+    )  # fmt: skip
+    assert ran.status == 0, ran.err
+    assert "two wires, put in order by cause and effect" in ran.err
+    got = sniffer.decode(out).summary.buses["bus0"]
+    assert got.outcomes["ok"] > 0.95 * whole.outcomes["ok"] > 50
+
+
+def test_files_of_one_recording_are_one_bus_again(tmp_path: Path, capsys: Capsys) -> None:
+    from sniffer.mcapfile.sink import McapSink
+
+    half = len(TALK) // 2
+    at = sum(len(c.data) for c in TALK[:half])
+    parts = []
+    for nth, (told, start) in enumerate(((TALK[:half], 0), (TALK[half:], at))):
+        sink = McapSink(tmp_path / f"run.{nth}.mcap", {}, starts={"bus0": start})
+        sink.raw("bus0", told)
+        sink.close()
+        parts.append(tmp_path / f"run.{nth}.mcap")
+    out = tmp_path / "x.mcap"
+    assert within(capsys, "merge", *parts, "-o", out).status == 0
+    assert chunks(out) == TALK
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("{a}",), "merge takes two files or more"),
+        (("{a}", "{b}", "--offset", "b.log"), "Invalid value for '--offset': 'b.log': write FILE="),
+        (("{a}", "{b}", "--offset", "c=1s"), "'c' is none of the captures: "),
+        (("{a}", "{b}", "--pair", "--align"), "--align is about what both heard: of two wires say"),
+        (("{a}", "{b}", "{a}", "--pair"), "--pair is about two captures, one of each wire"),
+        (("{a}", "{hex}"), "{hex} has no times: it cannot be merged by them"),
+    ],
+)
+def test_what_cannot_be_merged_says_what_to_do(
+    arguments: tuple[str, ...], told: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    names = {n: str(lines(tmp_path / f"{n}.log", moved(TALK[:9], 0))) for n in "ab"}
+    names["hex"] = str(CAPTURES / "mightyzap_manual.hex")
+    out = tmp_path / "out" / "x.mcap"
+    out.parent.mkdir()
+    ran = within(capsys, "merge", *(a.format(**names) for a in arguments), "-o", out)
+    assert ran.status == 2
+    assert ran.complaint.startswith(told.format(**names))
+    assert not list(out.parent.iterdir())
+
+
+def test_no_input_is_written_over(tmp_path: Path, capsys: Capsys) -> None:
+    a, b = (lines(tmp_path / f"{n}.log", moved(TALK[:9], 0)) for n in "ab")
+    before = b.read_bytes()
+    ran = within(capsys, "merge", a, b, "-o", b, "--force")
+    assert ran.complaint == f"{b} is the input: choose another output"
+    assert b.read_bytes() == before
