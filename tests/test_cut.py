@@ -144,7 +144,7 @@ def test_two_buses_are_cut_at_one_time(tmp_path: Path, capsys: Capsys) -> None:
     source = tmp_path / "two.log"
     lines = LOG.read_text().splitlines(keepends=True)[:1500]
     source.write_text("".join(line + line.replace("bus0", "arm") for line in lines))
-    out = tmp_path / "x.mcap"
+    out = tmp_path / "x.log"
     ran = within(capsys, "cut", source, "--from", "0.5", "--to", "1", "-o", out)
     assert ran.status == 0
     parts = {bus: [c for c in chunks(out) if c.bus == bus] for bus in ("bus0", "arm")}

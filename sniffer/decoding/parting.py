@@ -104,7 +104,7 @@ def _exchanges(batch: Batch, gaps: Gaps) -> I64:
 
 
 @dataclass(slots=True)
-class _Edge:
+class _PartEdge:
     """The records around a place that moves on until it is known."""
 
     kept: list[_Records] = field(default_factory=list)
@@ -119,12 +119,12 @@ class _Edge:
             del self.kept[0]
 
 
-class _Bus:
+class _PartOfBus:
     def __init__(self) -> None:
         self.begin: int | None = None
         self.end: int | None = None
         self.first = self.last = -1
-        self._lower, self._upper = _Edge(), _Edge()
+        self._lower, self._upper = _PartEdge(), _PartEdge()
 
     def add(self, records: _Records, from_ns: int | None, to_ns: int | None) -> None:
         if self.first < 0:
@@ -169,7 +169,7 @@ class Slicer:
     def __init__(self) -> None:
         self.from_ns: int | None = None
         self.to_ns: int | None = None
-        self._buses: dict[str, _Bus] = {}
+        self._buses: dict[str, _PartOfBus] = {}
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -182,7 +182,7 @@ class Slicer:
         """Take what several protocols said in one pass."""
         records = _Records.of(parts)
         if len(records.start):
-            self._buses.setdefault(bus, _Bus()).add(records, self.from_ns, self.to_ns)
+            self._buses.setdefault(bus, _PartOfBus()).add(records, self.from_ns, self.to_ns)
 
     def close(self) -> None:
         """Do nothing."""

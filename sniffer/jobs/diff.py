@@ -14,7 +14,7 @@ from sniffer.jobs.outputs import check_outputs, gone
 from sniffer.jobs.session import Ending, merged, run_source
 from sniffer.jobs.telling import Teller
 from sniffer.reports.differing import RunDifference, differences
-from sniffer.reports.runs import Run
+from sniffer.reports.runs import RunFigures
 from sniffer.reports.significance import ALPHA
 from sniffer.sources import open_source
 
@@ -39,7 +39,7 @@ class Compared:
     """
 
     sources: tuple[str, str]
-    runs: tuple[Run, Run]
+    runs: tuple[RunFigures, RunFigures]
     differences: tuple[RunDifference, ...]
     tests: int
     ending: Ending
@@ -134,7 +134,7 @@ def diff(
     runs, endings = [], []
     try:
         for name, path in zip(A_B, (a, b), strict=True):
-            run = Run()
+            run = RunFigures()
             with open_source(path, input_format) as opened:
                 own = options.with_facts(opened.facts(), opened.tables)
                 begun = Derived(
@@ -194,7 +194,7 @@ def _from_zero(opened: Source, options: Options, tell: Teller) -> Any:
     return made
 
 
-def _match(a: Run, b: Run, name_a: str, name_b: str) -> None:
+def _match(a: RunFigures, b: RunFigures, name_a: str, name_b: str) -> None:
     """Give the only bus of each run one name.
 
     Raises:

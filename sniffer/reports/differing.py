@@ -12,7 +12,7 @@ from sniffer.reports.runs import Who
 from sniffer.reports.significance import (
     ALPHA,
     NEGLIGIBLE,
-    Verdict,
+    TestVerdict,
     holm,
     mann_whitney,
     rates,
@@ -22,7 +22,7 @@ from sniffer.reports.significance import (
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from sniffer.reports.runs import Run, Series
+    from sniffer.reports.runs import RunFigures, Thinned
 
 _EFFECTS: Final = {"missing": "share", "command": "share", "error": "log2 of the ratio"}
 
@@ -89,12 +89,12 @@ class _Found:
     name: str
     a: Mapping[str, Any]
     b: Mapping[str, Any]
-    verdict: Verdict | None
+    verdict: TestVerdict | None
     sentence: str
     is_enough: bool = True
 
 
-def differences(a: Run, b: Run) -> tuple[list[RunDifference], int]:
+def differences(a: RunFigures, b: RunFigures) -> tuple[list[RunDifference], int]:
     """Return in what two runs differ, the surest first, and how much was compared by a test.
 
     Runs that differ by chance only are told to differ in ``ALPHA`` of all cases.
@@ -126,8 +126,10 @@ def differences(a: Run, b: Run) -> tuple[list[RunDifference], int]:
     return out, len(tested)
 
 
-def _series(a: Run, b: Run) -> Iterator[_Found]:
-    kinds: tuple[tuple[str, dict[tuple[Who, str], Series], dict[tuple[Who, str], Series]], ...] = (
+def _series(a: RunFigures, b: RunFigures) -> Iterator[_Found]:
+    kinds: tuple[
+        tuple[str, dict[tuple[Who, str], Thinned], dict[tuple[Who, str], Thinned]], ...
+    ] = (
         ("response_time", a.response_ms, b.response_ms),
         ("period", a.period_ms, b.period_ms),
         ("value", a.measured, b.measured),
@@ -167,7 +169,7 @@ def _figures(values: np.ndarray[Any, Any], n: int) -> dict[str, Any]:
     return {"n": n, "p5": low, "median": median, "p95": high}
 
 
-def _shares(a: Run, b: Run) -> Iterator[_Found]:
+def _shares(a: RunFigures, b: RunFigures) -> Iterator[_Found]:
     both = [(_of_all(run.expected), _of_all(run.missing)) for run in (a, b)]
     for who in sorted(both[0][0].keys() & both[1][0].keys(), key=_servo):
         hits = both[0][1][who], both[1][1][who]
@@ -211,7 +213,7 @@ def _of_all(counts: Counter[Who]) -> Counter[Who]:
     return out
 
 
-def _asked(run: Run, bus: str) -> int:
+def _asked(run: RunFigures, bus: str) -> int:
     return sum(n for who, n in run.requests.items() if who.bus == bus)
 
 
@@ -219,7 +221,7 @@ def _percent(k: int, n: int) -> str:
     return f"{100 * k / n:.2f} %" if n else "none"
 
 
-def _rates(a: Run, b: Run) -> Iterator[_Found]:
+def _rates(a: RunFigures, b: RunFigures) -> Iterator[_Found]:
     told_of: dict[str, tuple[Counter[Who], Counter[Who]]] = {}
     for k, run in enumerate((a, b)):
         for (who, code), n in run.errors.items():
@@ -231,7 +233,9 @@ def _rates(a: Run, b: Run) -> Iterator[_Found]:
         yield from _errors(a, b, code, _of_all(both[0]), _of_all(both[1]))
 
 
-def _errors(a: Run, b: Run, code: str, of_a: Counter[Who], of_b: Counter[Who]) -> Iterator[_Found]:
+def _errors(
+    a: RunFigures, b: RunFigures, code: str, of_a: Counter[Who], of_b: Counter[Who]
+) -> Iterator[_Found]:
     for who in sorted(of_a, key=_servo):
         times = float(a.frames[who.bus]), float(b.frames[who.bus])
         counts = of_a[who], of_b[who]
@@ -245,7 +249,7 @@ def _errors(a: Run, b: Run, code: str, of_a: Counter[Who], of_b: Counter[Who]) -
             yield _Found("error", who, code, told[0], told[1], verdict, sentence)
 
 
-def _settings(a: Run, b: Run) -> Iterator[_Found]:
+def _settings(a: RunFigures, b: RunFigures) -> Iterator[_Found]:
     for key in sorted(a.settings.keys() & b.settings.keys(), key=_order):
         who, name = key
         x, y = a.settings[key], b.settings[key]
@@ -259,7 +263,7 @@ def _listed(values: set[int]) -> str:
     return " or ".join(map(str, sorted(values)))
 
 
-def _servos(a: Run, b: Run) -> Iterator[_Found]:
+def _servos(a: RunFigures, b: RunFigures) -> Iterator[_Found]:
     """Tell of servos that are asked in one run only."""
     in_a, in_b = ({w for w in run.expected if w.servo_id is not None} for run in (a, b))
     for who in sorted(in_a ^ in_b, key=_servo):

@@ -38,7 +38,7 @@ class Who(NamedTuple):
     servo_id: int | None
 
 
-class Series:
+class Thinned:
     """A series of numbers, thinned evenly where it is long; ``count`` is how many there were."""
 
     def __init__(self) -> None:
@@ -63,7 +63,7 @@ class Series:
         return np.concatenate(self._parts) if self._parts else np.empty(0)
 
 
-class Run:
+class RunFigures:
     """A sink that keeps what a run is compared by."""
 
     def __init__(self) -> None:
@@ -73,11 +73,11 @@ class Run:
         self.expected: Counter[Who] = Counter()
         self.missing: Counter[Who] = Counter()
         self.errors: Counter[tuple[Who, str]] = Counter()
-        self.response_ms: dict[tuple[Who, str], Series] = {}
-        self.doubt_ms: dict[tuple[Who, str], Series] = {}
-        self.period_ms: dict[tuple[Who, str], Series] = {}
-        self.measured: dict[tuple[Who, str], Series] = {}
-        self.commanded: dict[tuple[Who, str], Series] = {}
+        self.response_ms: dict[tuple[Who, str], Thinned] = {}
+        self.doubt_ms: dict[tuple[Who, str], Thinned] = {}
+        self.period_ms: dict[tuple[Who, str], Thinned] = {}
+        self.measured: dict[tuple[Who, str], Thinned] = {}
+        self.commanded: dict[tuple[Who, str], Thinned] = {}
         self.settings: dict[tuple[Who, str], set[int]] = {}
         self.span: dict[str, tuple[int, int]] = {}
         self._last: dict[tuple[Who, str], int] = {}
@@ -125,7 +125,7 @@ class Run:
         self.errors = Counter({(own(w), c): n for (w, c), n in self.errors.items()})
         self.settings = {(own(w), c): n for (w, c), n in self.settings.items()}
         for of in ("response_ms", "doubt_ms", "period_ms", "measured", "commanded"):
-            series: dict[tuple[Who, str], Series] = getattr(self, of)
+            series: dict[tuple[Who, str], Thinned] = getattr(self, of)
             setattr(self, of, {(own(w), c): s for (w, c), s in series.items()})
 
     def _errors(self, bus: str, found: Anomalies) -> None:
@@ -145,7 +145,7 @@ class Run:
                 times = f.t_end[rows]
                 last = self._last.get((who, name))
                 steps = np.diff(times) if last is None else np.diff(times, prepend=last)
-                self.period_ms.setdefault((who, name), Series()).add(steps / 1e6)
+                self.period_ms.setdefault((who, name), Thinned()).add(steps / 1e6)
                 self._last[who, name] = int(times[-1])
 
     def _answers(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
@@ -161,9 +161,9 @@ class Run:
             self.missing[who] += int((~ok).sum())
             known = mine[ok & (t.response_time_ns[mine] >= 0)]
             took = t.response_time_ns[known] / 1e6
-            self.response_ms.setdefault((who, name), Series()).add(took)
+            self.response_ms.setdefault((who, name), Thinned()).add(took)
             doubt = np.maximum(t.uncertainty_ns[known], 0) / 1e6
-            self.doubt_ms.setdefault((who, name), Series()).add(doubt)
+            self.doubt_ms.setdefault((who, name), Thinned()).add(doubt)
 
     def _values(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         v = batch.samples
@@ -184,7 +184,7 @@ class Run:
                     continue
                 series = {MEASURED: self.measured, COMMANDED: self.commanded}.get(role)
                 if series is not None:
-                    series.setdefault((who, field), Series()).add(value)
+                    series.setdefault((who, field), Thinned()).add(value)
 
 
 def _by(

@@ -32,7 +32,7 @@ LEAST_P: Final = 1e-300
 """Anything less likely is as unlikely as this."""
 
 
-class Verdict(NamedTuple):
+class TestVerdict(NamedTuple):
     """What a test says: its name, the numbers on each side, how likely it is by chance, how much.
 
     ``effect`` is Cliff's delta (how much likelier B is larger than smaller), the difference of two
@@ -46,7 +46,7 @@ class Verdict(NamedTuple):
     effect: float
 
 
-def mann_whitney(a: F64, b: F64, *, lasts: bool = False) -> Verdict | None:
+def mann_whitney(a: F64, b: F64, *, lasts: bool = False) -> TestVerdict | None:
     """Test whether numbers of B tend to be larger or smaller; None where they are too few.
 
     ``lasts``: they are of a state that lasts, such as a temperature: one that never changes was
@@ -65,10 +65,10 @@ def mann_whitney(a: F64, b: F64, *, lasts: bool = False) -> Verdict | None:
     ties = float((times.astype(float) ** 3 - times).sum())
     variance = n_a * n_b / 12 * (n + 1 - ties / (n * (n - 1)))
     if variance <= 0:
-        return Verdict("Mann-Whitney", n_a, n_b, 1.0, 0.0)
+        return TestVerdict("Mann-Whitney", n_a, n_b, 1.0, 0.0)
     share = min(fewer(rank[:n_a], lasts=lasts), fewer(rank[n_a:], lasts=lasts))
     z = max(abs(u - n_a * n_b / 2) - 0.5, 0.0) / math.sqrt(variance) * math.sqrt(share)
-    return Verdict("Mann-Whitney", n_a, n_b, both_sides(z), delta)
+    return TestVerdict("Mann-Whitney", n_a, n_b, both_sides(z), delta)
 
 
 def fewer(ranks: F64, *, lasts: bool) -> float:
@@ -91,7 +91,7 @@ def both_sides(z: float) -> float:
     return max(math.erfc(z / math.sqrt(2)), LEAST_P)
 
 
-def shares(hits_a: int, n_a: int, hits_b: int, n_b: int) -> Verdict | None:
+def shares(hits_a: int, n_a: int, hits_b: int, n_b: int) -> TestVerdict | None:
     """Test whether two shares differ: Fisher's exact test, of very many two proportions."""
     if not n_a or not n_b:
         return None
@@ -100,13 +100,13 @@ def shares(hits_a: int, n_a: int, hits_b: int, n_b: int) -> Verdict | None:
     if min(hits, n - hits, n_a, n_b) > EXACT:
         share = hits / n
         z = abs(effect) / math.sqrt(share * (1 - share) * (1 / n_a + 1 / n_b))
-        return Verdict("two proportions", n_a, n_b, both_sides(z), effect)
+        return TestVerdict("two proportions", n_a, n_b, both_sides(z), effect)
     low, high = max(0, hits - n_b), min(hits, n_a)
     logs = [_choose(n_a, k) + _choose(n_b, hits - k) for k in range(low, high + 1)]
-    return Verdict("Fisher", n_a, n_b, _as_rare(logs, hits_a - low), effect)
+    return TestVerdict("Fisher", n_a, n_b, _as_rare(logs, hits_a - low), effect)
 
 
-def rates(count_a: int, time_a: float, count_b: int, time_b: float) -> Verdict | None:
+def rates(count_a: int, time_a: float, count_b: int, time_b: float) -> TestVerdict | None:
     """Test whether something happens more often in one run, in proportion to ``time_a, time_b``.
 
     Given how often it happened in all, each time is A's with the chance of A's share of the time.
@@ -118,9 +118,9 @@ def rates(count_a: int, time_a: float, count_b: int, time_b: float) -> Verdict |
     effect = math.log2(((count_b + 0.5) / time_b) / ((count_a + 0.5) / time_a))
     if n > EXACT:
         z = max(abs(count_a - n * p) - 0.5, 0.0) / math.sqrt(n * p * (1 - p))
-        return Verdict("two rates", count_a, count_b, both_sides(z), effect)
+        return TestVerdict("two rates", count_a, count_b, both_sides(z), effect)
     logs = [_choose(n, k) + k * math.log(p) + (n - k) * math.log1p(-p) for k in range(n + 1)]
-    return Verdict("two rates, exact", count_a, count_b, _as_rare(logs, count_a), effect)
+    return TestVerdict("two rates, exact", count_a, count_b, _as_rare(logs, count_a), effect)
 
 
 def _choose(n: int, k: int) -> float:
