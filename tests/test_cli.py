@@ -56,7 +56,8 @@ def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
     assert within(capsys).status == 2
     assert "No such command" in within(capsys, "nix").complaint
     assert (
-        within(capsys, "decode").complaint == "Missing argument 'FILE': see `sniffer decode --help`"
+        within(capsys, "decode").complaint
+        == "Missing argument 'FILE...': see `sniffer decode --help`"
     )
 
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Options
-from sniffer.jobs.outputs import gone, open_outputs, session_facts
+from sniffer.ground.files import files_of
+from sniffer.jobs.outputs import check_outputs, gone, open_outputs, session_facts
 from sniffer.jobs.session import run_source
 from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from sniffer.decoding.sink import Sink
     from sniffer.decoding.summary import Summary
@@ -34,7 +35,7 @@ class Converted:
 
 
 def convert(
-    source: str | Path,
+    source: str | Path | Sequence[str | Path],
     outputs: Sequence[Path],
     options: Options | None = None,
     *,
@@ -52,7 +53,8 @@ def convert(
     interrupts, what could be read is written; ``ending`` says so.
 
     Args:
-        source: a path, or ``"-"`` for standard input.
+        source: a path, or ``"-"`` for standard input; of several, such as the files of a rotation,
+            each is read behind the other, as one capture.
         outputs: the files; their suffixes say what (.jsonl .csv .parquet .mcap .rrd).
         options: how it is decoded; what a recording says of itself fills what is not said.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
@@ -76,10 +78,18 @@ def convert(
 
         asked = Extract.of(selection, window)
         refuse_part_of(asked, [path.suffix.lower() for path in outputs])
-    opened = open_source(source, input_format, again=asked is not None and asked.seeks)
+    inputs = [source] if isinstance(source, str | Path) else [*source]
+    again = asked is not None and asked.seeks
+    if len(inputs) == 1:
+        opened = open_source(inputs[0], input_format, again=again)
+    else:
+        from sniffer.sources.several import open_sources
+
+        check_outputs([f for p in outputs for f in files_of(p)], [*map(str, inputs)], force=True)
+        opened = open_sources(inputs, input_format)
     return convert_opened(
         opened,
-        str(source),
+        " ".join(map(str, inputs)),
         outputs,
         options,
         overwrite=overwrite,
