@@ -41,7 +41,7 @@ Capsys = pytest.CaptureFixture[str]
         (["--fail-on", "all"], "'all' is not one of 'note', 'warn', 'error'"),
         (["--input-format", "pcap"], "'pcap' is not one of 'auto', 'bin'"),
         (["--nix"], "No such option '--nix': see `sniffer decode --help`"),
-        (["and-another"], "unexpected extra argument (and-another): see `sniffer decode --help`"),
+        (["and-another"], "and-another: there is no such file"),
     ],
 )
 def test_a_wrong_option_says_what_is_right(
