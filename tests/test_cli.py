@@ -41,7 +41,7 @@ Capsys = pytest.CaptureFixture[str]
         (["--fail-on", "all"], "'all' is not one of 'note', 'warn', 'error'"),
         (["--input-format", "pcap"], "'pcap' is not one of 'auto', 'bin'"),
         (["--nix"], "No such option '--nix': see `sniffer decode --help`"),
-        (["and-another"], "unexpected extra argument (and-another): see `sniffer decode --help`"),
+        (["and-another"], "and-another: there is no such file"),
     ],
 )
 def test_a_wrong_option_says_what_is_right(
@@ -56,7 +56,8 @@ def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
     assert within(capsys).status == 2
     assert "No such command" in within(capsys, "nix").complaint
     assert (
-        within(capsys, "decode").complaint == "Missing argument 'FILE': see `sniffer decode --help`"
+        within(capsys, "decode").complaint
+        == "Missing argument 'FILE...': see `sniffer decode --help`"
     )
 
 

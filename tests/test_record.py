@@ -195,6 +195,21 @@ def test_the_log_has_a_line_for_each_frame_on_standard_output(
     assert raw(run.path) == {"bus0": TALK}
 
 
+def test_a_log_shows_what_is_selected_and_all_of_it_is_recorded(
+    tmp_path: Path, line: Terminal
+) -> None:
+    asked = ("--log", "--kind", "request")
+    with Recorder(tmp_path, "{}=mightyzap", *asked, lines=[line]) as run:
+        line.say(TALK)
+        run.wait_for(len(TALK))
+        ran = run.stop()
+    requests = len(re.findall(r"(?m)^\d\d:\S+ +\d+ > ", ran.out))
+    assert f"\nselection, kind = 'request': {requests} of 420 frames\n" in ran.out
+    assert 0 < requests < 420
+    assert not re.search(r"(?m)^\d\d:\S+ +\d+ < ", ran.out)
+    assert raw(run.path) == {"bus0": TALK}
+
+
 @pytest.mark.parametrize("mode", ["--quiet", "--log", None])
 def test_statistics_are_printed_when_a_signal_asks_and_the_recording_goes_on(
     tmp_path: Path, line: Terminal, mode: str | None

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     short_help="Decode a capture, a dump, a log or a recording.",
     epilog=examples(
         "sniffer decode dump.hex",
+        "sniffer decode run-001.mcap run-002.mcap --summary",
         "sniffer decode capture.bin --protocol wck --baud 115200 -o capture.mcap",
         "sniffer decode capture.bin --model 3=mightyzap-12lf -o samples.parquet --summary",
         "sniffer decode run.mcap --servo 3,5 --from @first-error --around 200ms",
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
         "candump-like-logger | sniffer decode - --format jsonl",
     ),
 )
-@click.argument("file")
+@click.argument("files", metavar="FILE...", nargs=-1, required=True)
 @with_part
 @with_rows
 @decoding
@@ -74,7 +75,7 @@ if TYPE_CHECKING:
 )
 @click.option("--quiet", is_flag=True, help="Print nothing; the files and the exit status speak.")
 def decode(
-    file: str,
+    files: tuple[str, ...],
     protocol: str,
     input_format: str,
     baud: int | None,
@@ -94,6 +95,8 @@ def decode(
 ) -> int:
     """Decode FILE (- is standard input): raw bytes, a hex dump, a log, or a recording.
 
+    Several are one capture, read in the order of their times: such as the files of a rotation.
+
     What goes wrong on the bus is part of the output. Exit status: 0 done; 1 anomalies at or above
     --fail-on; 2 a mistake of yours; 3 the input breaks off (what could be read is written).
     """
@@ -108,7 +111,7 @@ def decode(
         printed.append(Standard(_printer(output_format), sys.stdout, alone=not outputs))
     with patient() as patience:
         done = convert(
-            file,
+            files,
             outputs,
             options,
             input_format=input_format,

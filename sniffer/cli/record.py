@@ -23,6 +23,7 @@ from sniffer.cli.options import (
     with_force,
     with_registers,
 )
+from sniffer.cli.selecting import with_rows
 from sniffer.cli.signals import signals
 from sniffer.cli.statuses import DONE, INTERRUPTED, MISTAKE
 from sniffer.cli.waits import commands_on, waited_for
@@ -32,6 +33,7 @@ from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import one_line
+from sniffer.selection.selection import Selection
 from sniffer.tap.stops import Stops
 from sniffer.tap.tap import PortSpec
 from sniffer.tap.watching import Awaited
@@ -137,6 +139,7 @@ WORD_S: Final = 0.5
     help="With --ring: keep it in this file, too, for a recorder that is killed.",
 )  # fmt: skip
 @click.option("--log", is_flag=True, help="Print each frame on standard output.")
+@with_rows
 @click.option("--quiet", is_flag=True, help="Say nothing but what went wrong.")
 @click.option("--rerun", "in_rerun", is_flag=True, help="Show it live in the Rerun viewer.")
 @click.option("--rerun-web", is_flag=True, help="Show it live in a browser.")
@@ -178,6 +181,7 @@ def record(
     rerun_web: bool,
     rerun_connect: str | None,
     window: float,
+    selection: Selection | None,
 ) -> int:
     """Listen to PORTs and record every byte, with all that can be made of it.
 
@@ -200,6 +204,8 @@ def record(
 
     if log and quiet:
         raise click.UsageError("--log prints, --quiet does not: choose one")
+    if selection is not None and not log:
+        raise click.UsageError("a selection is what --log prints: a recording has everything")
     views = {"window": in_rerun, "web": rerun_web, "connect": rerun_connect is not None}
     if sum(views.values()) > 1:
         raise click.UsageError("choose one of --rerun, --rerun-web, --rerun-connect")
@@ -244,6 +250,7 @@ def record(
                 next((mode for mode, wanted in views.items() if wanted), None),
                 rerun_connect,
                 window,
+                selection,
             ),
             commands=[(str(what), command) for what, command in commands],
             wishes=wishes,

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Options
 from sniffer.decoding.summary import Summary
+from sniffer.ground.files import files_of
 from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.copying import Copies, copy_source
 from sniffer.jobs.derived import Derived
-from sniffer.jobs.outputs import gone, open_all, session_facts, told_part
+from sniffer.jobs.outputs import check_outputs, gone, open_all, session_facts, told_part
 from sniffer.jobs.session import run_source
 from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from sniffer.decoding.sink import Sink
     from sniffer.jobs.asked import Extract
@@ -38,7 +39,7 @@ class Converted:
 
 
 def convert(
-    source: str | Path,
+    source: str | Path | Sequence[str | Path],
     outputs: Sequence[Path],
     options: Options | None = None,
     *,
@@ -59,7 +60,8 @@ def convert(
     .hex) nothing is decoded: ``summary`` is empty then.
 
     Args:
-        source: a path, or ``"-"`` for standard input.
+        source: a path, or ``"-"`` for standard input; of several, such as the files of a rotation,
+            each is read behind the other, as one capture.
         outputs: the files; their suffixes say what (.jsonl .csv .parquet .mcap .rrd, and .log .bin
             .hex).
         options: how it is decoded; what a recording says of itself fills what is not said.
@@ -87,15 +89,22 @@ def convert(
         asked = Extract.of(selection, window)
         refuse_part_of(asked, [path.suffix.lower() for path in outputs])
     tell = tell or Teller(lambda line: None, quiet=True)
+    inputs = [source] if isinstance(source, str | Path) else [*source]
     again = anonymise or (asked is not None and asked.seeks)
-    opened = open_source(source, input_format, again=again)
+    if len(inputs) == 1:
+        opened = open_source(inputs[0], input_format, again=again)
+    else:
+        from sniffer.sources.several import open_sources
+
+        check_outputs([f for p in outputs for f in files_of(p)], [*map(str, inputs)], force=True)
+        opened = open_sources(inputs, input_format)
     if (part := told_part(opened.facts())) is not None:
         tell.talk(part)
     if anonymise:
         opened = anonymous(opened, options, tell)
     return convert_opened(
         opened,
-        str(source),
+        " ".join(map(str, inputs)),
         outputs,
         options,
         overwrite=overwrite,

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.sink import Sink
     from sniffer.decoding.summary import Summary
     from sniffer.jobs.files import Files, RecordingFiles
+    from sniffer.selection.selection import Selection
     from sniffer.tap.reader import Anchor
     from sniffer.tap.tap import PortSpec
     from sniffer.viewers.companion.parent import LiveView
@@ -50,13 +51,14 @@ class Shown:
 
     ``mode`` is the terminal's (board, line or log, as ``sniffer.viewers.screen`` names them),
     ``view`` Rerun's (window, web, or connect with the ``url`` of a viewer); its plots show the last
-    ``window_s`` seconds.
+    ``window_s`` seconds. ``selection`` is which records a log shows.
     """
 
     mode: str | None = None
     view: str | None = None
     url: str | None = None
     window_s: float = 20.0
+    selection: Selection | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +165,7 @@ def record(
         stops,
         tell=tell,
         mode=shown.mode,
+        selection=shown.selection,
         wishes=wishes,
         view=view,
         waits=waits,
@@ -183,10 +186,12 @@ def run_recording(
     view: LiveView | None = None,
     waits: Waits | None = None,
     diagnoses: bool = True,
+    selection: Selection | None = None,
 ) -> Recorded:
     """Record from ports that are listened to until something ends it; tell what became of it.
 
     ``diagnoses``: the recording has incidents; else there are some only where somebody looks on.
+    ``selection`` is which records a log shows.
 
     Raises:
         DamagedInputError: the ports could not be read any more; what was read is recorded.
@@ -240,7 +245,9 @@ def run_recording(
     try:
         if mode is not None:
             stream = sys.stdout if mode == LOG else sys.stderr
-            screen = tell.screen = Screen(mode, recorder.status, stream=stream, board=board)
+            screen = tell.screen = Screen(
+                mode, recorder.status, stream=stream, board=board, selection=selection
+            )
             pipeline.add(screen)
         beside.append(functools.partial(_statistics, screen, tell))
         sys.setswitchinterval(SWITCH_S)

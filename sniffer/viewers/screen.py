@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 from collections import deque
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final, Self, TextIO, cast
 
 from sniffer.decoding.sink import written
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.sink import Part
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
+    from sniffer.selection.selection import Selection
     from sniffer.tap.status import Status
 
 BOARD: Final = "board"
@@ -76,6 +78,7 @@ class Screen:
         stream: where to; the board and lines belong on standard error, the log on standard output.
         board: what the board and the lines show; ``LOG`` needs it for statistics alone.
         notes: where ``say`` and statistics go: ``stream``, but for a log standard error.
+        selection: which records a log shows.
     """
 
     def __init__(
@@ -86,6 +89,7 @@ class Screen:
         stream: TextIO,
         board: Board | None = None,
         notes: TextIO | None = None,
+        selection: Selection | None = None,
     ) -> None:
         self.dropped = self.dropped_batches = 0
         """Frames, and batches, that were left out: nobody took what was written in time."""
@@ -99,6 +103,9 @@ class Screen:
         other = sys.stderr if notes is None and mode == LOG else notes
         self._notes = self._out if other is None else Outlet(other)
         self._log = TextSink(cast("TextIO", self._out)) if mode == LOG else None
+        self._selection = selection
+        if self._log is not None and selection is not None:
+            self._log.narrow({"where": selection.text, "tables": list(selection.tables)})
         self._picture = TerminalPicture(self._out) if mode == BOARD else None
         self._queue: deque[tuple[Any, ...]] = deque()
         self._lock = threading.Lock()
@@ -246,11 +253,19 @@ class Screen:
             for sink in (self._board, self._log):
                 if sink is not None:
                     if len(item) == 3:
-                        written(sink, bus=item[0], parts=item[2])
+                        parts = self._selected(*item) if sink is self._log else item[2]
+                        written(sink, bus=item[0], parts=parts)
                     else:
                         sink.raw(*item)
             if self._log is not None:
                 self._out.flush()
+
+    def _selected(self, bus: str, _: object, parts: Sequence[Part]) -> Sequence[Part]:
+        """Return what a log is given: which rows of it are shown, too."""
+        selection = self._selection
+        if selection is None:
+            return parts
+        return [(p, replace(b, chosen=selection.rows(bus, p, b))) for p, b in parts]
 
     def _refresh(self) -> None:
         """Draw the board or write the line; nothing in a log."""

@@ -1,0 +1,129 @@
+"""Several inputs as one capture: the files of a rotation, or captures one after the other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sniffer.ground.model import DamagedInputError, InputError
+from sniffer.sources import Source, open_source
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from sniffer.ground.model import Chunk
+    from sniffer.ground.registers import RegisterMap
+
+_AGREED = ("protocol.", "baud.", "model")
+"""Facts that must be the same in all of them, or be said in one only."""
+
+
+class SeveralSources(Source):
+    """Inputs read one behind the other, in the order of their first times.
+
+    Where one is damaged, what comes of the others is read all the same; it is told at the end.
+    """
+
+    def __init__(self, parts: Sequence[Source]) -> None:
+        self._parts = sorted(parts, key=_first) if all(map(_has_times, parts)) else list(parts)
+        formats = {part.format for part in parts}
+        self.format = formats.pop() if len(formats) == 1 else "several"
+        self.name = f"{self._parts[0].name} and {len(parts) - 1} more"
+        self.notes = []
+
+    @property
+    def label(self) -> str:
+        """What kind of input it is, in words."""
+        return f"{len(self._parts)} inputs, one behind the other"
+
+    @property
+    def size(self) -> int | None:
+        """Bytes of all files; None where one is none."""
+        sizes = [part.size for part in self._parts]
+        return sum(size or 0 for size in sizes) if None not in sizes else None
+
+    def __iter__(self) -> Iterator[list[Chunk]]:
+        self.notes.clear()
+        damage: list[str] = []
+        ended: dict[str, int] = {}
+        for part in self._parts:
+            newest: dict[str, int] = {}
+            try:
+                for group in part:
+                    _follow(group, newest, ended, part.name)
+                    yield group
+            except DamagedInputError as error:
+                damage.append(str(error))
+            ended.update(newest)
+            self.notes += [f"{part.name}: {note}" for note in part.notes]
+        if damage:
+            raise DamagedInputError("; ".join(damage))
+
+    def facts(self) -> Mapping[str, str]:
+        """Return what the recordings among them know about themselves.
+
+        Raises:
+            InputError: they contradict each other.
+        """
+        out: dict[str, str] = {}
+        for part in self._parts:
+            for key, value in part.facts().items():
+                if out.setdefault(key, value) != value and key.startswith(_AGREED):
+                    told = f"{part.name} says {key} {value}, another {out[key]}"
+                    raise InputError(f"{told}: decode them one by one")
+        return out
+
+    def tables(self) -> list[RegisterMap]:
+        """Return the register tables that are attached to recordings."""
+        found = {table.model: table for part in self._parts for table in part.tables()}
+        return list(found.values())
+
+    def close(self) -> None:
+        """Release them."""
+        for part in self._parts:
+            part.close()
+
+
+def open_sources(paths: Sequence[str | Path], input_format: str = "auto") -> Source:
+    """Open several inputs as one.
+
+    Raises:
+        InputError: there is none, one cannot be read, or is named twice.
+    """
+    if not paths:
+        raise InputError("there is no input: name a file")
+    named = [str(path) for path in paths]
+    for name in named:
+        if named.count(name) > 1:
+            raise InputError(f"{name} is named twice")
+    parts: list[Source] = []
+    try:
+        # their beginnings are looked at before they are read: a pipe is kept
+        parts += (open_source(path, input_format, again=True) for path in paths)
+        return SeveralSources(parts)
+    except BaseException:
+        for part in parts:
+            part.close()
+        raise
+
+
+def _follow(
+    group: Sequence[Chunk], newest: dict[str, int], ended: Mapping[str, int], name: str
+) -> None:
+    """Note the latest times of an input; it may not begin before what is read before it ends."""
+    for chunk in group:
+        t_ns, bus = chunk.t_ns, chunk.bus
+        if t_ns is None:
+            continue
+        if bus not in newest and t_ns < ended.get(bus, t_ns):
+            why = "begins before the one in front of it has ended"
+            raise InputError(f"{name} {why}: decode them one by one")
+        newest[bus] = max(newest.get(bus, t_ns), t_ns)
+
+
+def _first(part: Source) -> int:
+    return next((c.t_ns for g in part for c in g if c.data and c.t_ns is not None), 0)
+
+
+def _has_times(part: Source) -> bool:
+    return next((c.t_ns is not None for g in part for c in g if c.data), False)
