@@ -248,7 +248,8 @@ def clocks(case: Case) -> Iterator[Finding]:
         rest = (len(case.damages) - len(torn) + 1) / max(case.ledger.frames, 1)
         if len(torn) < SAME or share < APART / 2 * rest:
             continue
-        found = clock_of(tuple((d.got, alike_of(d, known)) for d in torn[:LOOKED]))
+        spread = torn[:: -(-len(torn) // LOOKED)]  # it wanders while it warms up
+        found = clock_of(tuple((d.got, alike_of(d, known)) for d in spread))
         if found is None or found.explained < SAME:
             continue
         slow = "slower" if found.off > 0 else "faster"
