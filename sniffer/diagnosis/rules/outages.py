@@ -50,6 +50,10 @@ AHEAD: Final = 5.0
 SAME: Final = 0.75
 """Part of a servo's bad moments that must be another's, too, for the two to fail together."""
 
+TORN_ONLY: Final = 0.25
+"""How much it counts where every lost answer is torn and none is missing: what is away for longer
+than an answer takes misses requests, too."""
+
 IN_A_ROW: Final = 2.5
 """Losses of a servo that are no further apart than so many of its turns are of one moment."""
 
@@ -73,6 +77,7 @@ class _Lost:
         self.servo = servo
         self.ok = int(a["ok"][mine].sum())
         self.torn = int(a["damaged"][mine].sum())
+        self.missing = int(a["missing"][mine].sum())
         self.bad = min(int((a["missing"] + a["damaged"])[mine].sum()), len(events))
         order = np.argsort(events.t_ns, kind="stable")
         self.times: I64 = events.t_ns[order]
@@ -136,7 +141,7 @@ def losses(case: Case) -> Iterator[Finding]:
             f"servo {one.servo} lost {one.bad} of {one.bad + one.ok} answers "
             f"({one.torn} of them torn) in {one.moments} moments; {others}",
             places,
-            strength=max(sureness(chance), 0.4),
+            strength=max(sureness(chance), 0.4) * min(TORN_ONLY + 1.5 * one.missing / one.bad, 1.0),
             brief=f"servo {one.servo} loses answers in {one.moments} moments",
             episodes=episodes(one.times, one.times, BUCKET_NS),
         )
