@@ -42,6 +42,8 @@ LOOKED: Final = 100
 STEADY: Final = 0.3
 """A delay is another servo's if it varies no more than so much of what one's own would."""
 
+STEADILY: Final = 1.0
+
 JITTER_NS: Final = 300_000
 """By how much a servo's time to answer varies at most, between nine tenths of its answers."""
 
@@ -106,6 +108,7 @@ def twins(case: Case) -> Mapping[int, Twin]:
     one = _behind_one(case, requests, SOME)
     if one in found:
         found[one].crossed += requests
+    _spare(case, found)
     for servo, twin in found.items():
         events = case.anomalies("duplicate-response", servo_id=servo)
         rows = case.alarm_rows("duplicate-response", servo_id=servo)
@@ -124,6 +127,20 @@ def twins(case: Case) -> Mapping[int, Twin]:
         twin.tried = len(tried)
         twin.mixed = [(d, mix) for d, b in tried if (mix := mix_of(d.got, b)) is not None]
     return {s: t for s, t in found.items() if _is_twin(case, t)}
+
+
+def _spare(case: Case, found: Mapping[int, Twin]) -> None:
+    """Forget torn answers before whole ones where others have them, too, or requests are torn."""
+    total = sum(len(t.torn) for t in found.values())
+    exchanges = max(sum(case.total("ok", s) for s in case.servos), 1)
+    rest = sum(d.turn == IN_REQUEST and d.behind != RESPONSE for d in case.damages)
+    asked = max(int(case.traffic["requests"].sum()), 1)
+    for servo, twin in found.items():
+        usual = case.total("ok", servo) / exchanges
+        mine, n = len(twin.torn), case.total("ok", servo)
+        alone = usual >= 1.0 or at_least(mine, total, usual) < CHANCE or mine == total
+        if not alone or at_least(mine, n, (rest + 1) / asked) > CHANCE:
+            twin.torn = []
 
 
 def _is_twin(case: Case, t: Twin) -> bool:
@@ -175,7 +192,15 @@ def _behind_one(case: Case, places: Sequence[Damage], least: int) -> int:
     """Return the servo behind whose exchanges such places stand, and behind nobody else's; -1."""
     if len(places) < least:
         return -1
-    # what stands behind a request that nobody answers is behind the exchange before
+    # what stands behind a request that nobody answers is behind the exchange before, if it comes
+    # steadily behind that one; else it is that request's
+    others = [d for d in places if d.behind != RESPONSE]
+    if others and not _steady(
+        [d.earlier_ns for d in others], [d.asked_ns for d in others], STEADILY
+    ):
+        places = [d for d in places if d.behind == RESPONSE]
+        if len(places) < max(least, ALONE * (len(places) + len(others))):
+            return -1
     whose = [d.asked_id if d.behind == RESPONSE else d.earlier_id for d in places]
     near = [s for s, d in zip(whose, places, strict=True) if 0 <= d.since_ns <= NEAR_NS]
     if not near:
@@ -197,8 +222,14 @@ def _late_twins(case: Case) -> Mapping[int, int]:
     for (servo, earlier), delays in by_pair.items():
         if len(delays) < SOME or earlier not in case.servos or servo == earlier:
             continue
-        low, high = np.quantile(np.array(delays), (0.05, 0.95), axis=0)
-        own, theirs = (high - low).tolist()
-        if theirs <= min(STEADY * own, JITTER_NS):
+        own, theirs = zip(*delays, strict=True)
+        if _steady(theirs, own, STEADY):
             out[servo] = earlier
     return out
+
+
+def _steady(theirs: Sequence[int], own: Sequence[int], than: float) -> bool:
+    """Tell whether delays vary as little as a servo's, and so much less than others."""
+    low, high = np.quantile(np.array([theirs, own]), (0.05, 0.95), axis=1)
+    varies, other = (high - low).tolist()
+    return bool(min(theirs) >= 0 and varies <= min(than * other, JITTER_NS))
