@@ -67,7 +67,8 @@ HARMONICS: Final = 6
 APART: Final = 0.36
 """What goes together less than that is apart: of 24 at any place the greatest of six is below."""
 
-OFTENER: Final = 1.2
+OFTENER: Final = 2.5
+"""What comes so many times as often as the rhythm has wandered too far when that comes again."""
 
 PART: Final = 400
 PARTS: Final = 4
