@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import functools
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.diagnosis.uart import MIDDLE, heard, sent
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 OFF: Final = tuple(k / 200 for k in (*range(-20, -4), *range(5, 21)))
 """By how much a clock may be off, 2.5 to 10 %: less is no trouble, more is another rate."""
@@ -38,6 +41,9 @@ LEAST: Final = 3
 FEW: Final = 2
 """Wrong bits from which on an answer is worth a look."""
 
+WANDERS: Final = 0.0101
+"""By how much a clock may wander meanwhile: it warms up, and where a bit is sampled varies."""
+
 LOOKED: Final = 16
 """Torn answers of a servo that are looked at."""
 
@@ -67,22 +73,32 @@ def clock_of(torn: tuple[tuple[bytes, tuple[bytes, ...]], ...]) -> ClockOff | No
             continue
         size = min(max(_common(one, alike[0]) for one in alike[1:] or alike), BEGINNING)
         begun = {one[: BEGINNING + 2] for one in alike}
-        exact = [_Exact(one, size, _wrong(got, one, size), _common(got, one)) for one in begun]
+        exact = [_exact(got, one, size) for one in begun]
         if exact and size >= LEAST and min(one.wrong for one in exact) >= FEW:
             tried.append((got, exact))
     if not tried:
         return None
+    by_each = [_offs(got, exact) for got, exact in tried]
     best = ClockOff(0.0, 0, len(tried))
     for off in sorted(OFF, key=abs):
-        for rise in RISES if off > 0 else RISES[:1]:
-            for middle in MIDDLES:
-                count = sum(
-                    any(_explains(got, one, off, rise, middle) for one in exact)
-                    for got, exact in tried
-                )
-                if count > best.explained:
-                    best = ClockOff(off, count, len(tried))
+        count = sum(any(abs(other - off) <= WANDERS for other in offs) for offs in by_each)
+        if count > best.explained:
+            best = ClockOff(off, count, len(tried))
     return best if best.explained >= MOST * len(tried) else None
+
+
+def _offs(got: bytes, exact: Sequence[_Exact]) -> list[float]:
+    """Return by how much a clock may be off that explains one torn answer."""
+    return [
+        off
+        for off in OFF
+        if any(
+            _explains(got, one, off, rise, middle)
+            for rise in (RISES if off > 0 else RISES[:1])
+            for middle in MIDDLES
+            for one in exact
+        )
+    ]
 
 
 class _Exact(NamedTuple):
@@ -94,9 +110,18 @@ class _Exact(NamedTuple):
     common: int
 
 
+def _exact(got: bytes, one: bytes, size: int) -> _Exact:
+    # one that only lacks its first byte is no clock's doing
+    common = max(_common(got, one), _common(got, one[1:]))
+    return _Exact(one, size, _wrong(got, one, size), common)
+
+
 def _explains(got: bytes, one: _Exact, off: float, rise: float, middle: float) -> bool:
     told = _as_heard(one.data, off, rise, middle)
     if _common(got, told) >= one.common + GAIN:
+        return True
+    # a first byte that became a blank, or none, is nothing that a tear begins with
+    if told[:1] != one.data[:1] and _common(got, told[1:]) >= one.common + GAIN:
         return True
     return one.wrong >= WRONG and _wrong(got, told, one.size) <= LEFT * one.wrong
 

@@ -65,6 +65,8 @@ class Misread:
     flips: tuple[Flip, ...]
     meant: bytes
     """The frame it was, as far as that is known; empty where it is not."""
+    bit: int = -1
+    """Which bit of a byte it was, where it was one, of whatever byte; -1: nobody knows."""
 
     @property
     def servo_id(self) -> int:
@@ -212,13 +214,16 @@ def _one(d: Damage, alike: Sequence[bytes], repaired: Sequence[bytes]) -> Misrea
         best = min(_distance(r, same) for r in repaired)
         near = [r for r in repaired if _distance(r, same) == best]
         flips = {_flip(d.got, r) for r in near}
+        bits = {_flip(d.got, r).bit for r in repaired}
+        which = bits.pop() if len(bits) == 1 else -1
         if len(flips) == 1:
-            return Misread(d, BITS_FEW, tuple(flips), near[0])
+            return Misread(d, BITS_FEW, tuple(flips), near[0], which)
         ways = {(f.bit, f.up) for f in flips}
         if len(ways) == 1:
             bit, up = ways.pop()
-            return Misread(d, BITS_FEW, (Flip(-1, bit, up, lags=False, leads=False),), b"")
-        return Misread(d, BITS_FEW, (), b"")
+            flip = Flip(-1, bit, up, lags=False, leads=False)
+            return Misread(d, BITS_FEW, (flip,), b"", which)
+        return Misread(d, BITS_FEW, (), b"", which)
     return _compared(d, same) or Misread(d, _shape(d, alike), (), b"")
 
 
@@ -227,7 +232,8 @@ def _compared(d: Damage, same: Sequence[bytes]) -> Misread | None:
     near = [(a, k) for a in same if len(k := _differ(a, d.got)) == 1]
     if near:
         meant, wrong = near[0]
-        return Misread(d, BITS_FEW, _turned_all(meant, d.got, wrong), meant)
+        flips = _turned_all(meant, d.got, wrong)
+        return Misread(d, BITS_FEW, flips, meant, flips[0].bit if len(flips) == 1 else -1)
     if not same:
         return None
     fixed = _fixed(same)

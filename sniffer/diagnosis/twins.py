@@ -42,6 +42,8 @@ LOOKED: Final = 100
 STEADY: Final = 0.3
 """A delay is another servo's if it varies no more than so much of what one's own would."""
 
+STEADILY: Final = 1.0
+
 JITTER_NS: Final = 300_000
 """By how much a servo's time to answer varies at most, between nine tenths of its answers."""
 
@@ -50,6 +52,9 @@ NEAR_NS: Final = 3_000_000
 
 ALONE: Final = 0.75
 """Part of the places that must stand behind one servo's exchanges to be its."""
+
+USUAL: Final = 0.55
+"""Part of the exchanges that may be a servo's for what stands behind them to be its alone."""
 
 CHANCE: Final = 1e-6
 
@@ -88,24 +93,29 @@ def twins(case: Case) -> Mapping[int, Twin]:
     found = {servo: Twin(servo) for servo in case.servos}
     known = case.ledger.damages.likes.known
     begins = _beginnings(case)
+    requests = tuple(dict.fromkeys(case.ledger.exchanges.kinds.example))
     for d in case.damages:
         mine = found.get(d.servo_id)
         if d.turn == IN_REPLY and d.is_answered and mine is not None:
-            mine.torn.append(d)
+            asks = max((_common(d.got, one) for one in requests), default=0)
+            if asks <= _common(d.got, begins.get(d.servo_id, b"")):  # else a request was torn
+                mine.torn.append(d)
         earlier = found.get(d.earlier_id)
         if earlier is not None and d.earlier_id != d.servo_id and d.turn not in (AT_TURN, IN_IDLE):
             theirs = begins.get(d.earlier_id, b"")
-            if _begins_like(d.got, theirs, [b for s, b in begins.items() if s != d.earlier_id]):
+            others = [b for s, b in begins.items() if s != d.earlier_id]
+            if _begins_like(d.got, theirs, [*others, *requests]):
                 earlier.foreign.append(d)
     late = _late_twins(case)
     strays = [d for d in case.damages if d.turn == AT_TURN]
-    requests = [d for d in case.damages if d.turn == IN_REQUEST]
+    torn = [d for d in case.damages if d.turn == IN_REQUEST]
     one = _behind_one(case, strays, SOME)
     if one in found and one not in late:
         found[one].stray += strays
-    one = _behind_one(case, requests, SOME)
+    one = _behind_one(case, torn, SOME)
     if one in found:
-        found[one].crossed += requests
+        found[one].crossed += torn
+    _spare(case, found)
     for servo, twin in found.items():
         events = case.anomalies("duplicate-response", servo_id=servo)
         rows = case.alarm_rows("duplicate-response", servo_id=servo)
@@ -118,12 +128,33 @@ def twins(case: Case) -> Mapping[int, Twin]:
             whose.stray += [
                 d for d in case.damages if d.turn in (AT_TURN, IN_IDLE) and d.earlier_id == other
             ]
-    for servo, torn in torn_answers(case).items():
+    for servo, answers in torn_answers(case).items():
         twin = found.setdefault(servo, Twin(servo))
-        tried = [(d, b) for d in torn if len(b := beginning(alike_of(d, known))) >= SURE_BYTES]
+        tried = [(d, b) for d in answers if len(b := beginning(alike_of(d, known))) >= SURE_BYTES]
         twin.tried = len(tried)
         twin.mixed = [(d, mix) for d, b in tried if (mix := mix_of(d.got, b)) is not None]
+    surest = max(found.values(), key=lambda t: t.twice + len(t.mixed), default=None)
+    for twin in found.values():
+        if twin is not surest:  # what stands at others' places is one twin's, not several's
+            twin.stray, twin.foreign, twin.crossed = [], [], []
     return {s: t for s, t in found.items() if _is_twin(case, t)}
+
+
+def _spare(case: Case, found: Mapping[int, Twin]) -> None:
+    """Forget torn answers, and pieces of them, where others have them or requests are torn."""
+    total = sum(len(t.torn) for t in found.values())
+    pieces = sum(len(t.foreign) for t in found.values())
+    exchanges = max(sum(case.total("ok", s) for s in case.servos), 1)
+    rest = sum(d.turn == IN_REQUEST and d.behind != RESPONSE for d in case.damages)
+    asked = max(int(case.traffic["requests"].sum()), 1)
+    for servo, twin in found.items():
+        usual = case.total("ok", servo) / exchanges
+        mine, n = len(twin.torn), case.total("ok", servo)
+        alone = usual >= 1.0 or at_least(mine, total, usual) < CHANCE or mine == total
+        if not alone or at_least(mine, n, (rest + 1) / asked) > CHANCE:
+            twin.torn = []
+        if usual < 1.0 and at_least(len(twin.foreign), pieces, usual) > CHANCE:
+            twin.foreign = []
 
 
 def _is_twin(case: Case, t: Twin) -> bool:
@@ -161,6 +192,12 @@ def _beginnings(case: Case) -> Mapping[int, bytes]:
     return {servo: beginning(some) for servo, some in answers.items()}
 
 
+def _common(a: bytes, b: bytes) -> int:
+    """Return how many bytes two have in common at their beginning."""
+    n = min(len(a), len(b))
+    return next((k for k in range(n) if a[k] != b[k]), n)
+
+
 def _begins_like(got: bytes, theirs: bytes, others: Sequence[bytes]) -> bool:
     """Tell whether bytes begin as one servo's answers up to where others' differ, and behind."""
     differ = [
@@ -175,7 +212,15 @@ def _behind_one(case: Case, places: Sequence[Damage], least: int) -> int:
     """Return the servo behind whose exchanges such places stand, and behind nobody else's; -1."""
     if len(places) < least:
         return -1
-    # what stands behind a request that nobody answers is behind the exchange before
+    # what stands behind a request that nobody answers is behind the exchange before, if it comes
+    # steadily behind that one; else it is that request's
+    others = [d for d in places if d.behind != RESPONSE]
+    if others and not _steady(
+        [d.earlier_ns for d in others], [d.asked_ns for d in others], STEADILY
+    ):
+        places = [d for d in places if d.behind == RESPONSE]
+        if len(places) < max(least, ALONE * (len(places) + len(others))):
+            return -1
     whose = [d.asked_id if d.behind == RESPONSE else d.earlier_id for d in places]
     near = [s for s, d in zip(whose, places, strict=True) if 0 <= d.since_ns <= NEAR_NS]
     if not near:
@@ -183,7 +228,7 @@ def _behind_one(case: Case, places: Sequence[Damage], least: int) -> int:
     one, count = Counter(near).most_common(1)[0]
     exchanges = sum(case.total("ok", s) for s in case.servos)
     usual = case.total("ok", one) / max(exchanges, 1) if one >= 0 else 1.0
-    alone = count >= ALONE * len(places) and usual <= ALONE / 2
+    alone = count >= ALONE * len(places) and usual <= USUAL
     return one if alone and at_least(count, len(places), usual) < CHANCE else -1
 
 
@@ -197,8 +242,14 @@ def _late_twins(case: Case) -> Mapping[int, int]:
     for (servo, earlier), delays in by_pair.items():
         if len(delays) < SOME or earlier not in case.servos or servo == earlier:
             continue
-        low, high = np.quantile(np.array(delays), (0.05, 0.95), axis=0)
-        own, theirs = (high - low).tolist()
-        if theirs <= min(STEADY * own, JITTER_NS):
+        own, theirs = zip(*delays, strict=True)
+        if _steady(theirs, own, STEADY):
             out[servo] = earlier
     return out
+
+
+def _steady(theirs: Sequence[int], own: Sequence[int], than: float) -> bool:
+    """Tell whether delays vary as little as a servo's, and so much less than others."""
+    low, high = np.quantile(np.array([theirs, own]), (0.05, 0.95), axis=1)
+    varies, other = (high - low).tolist()
+    return bool(min(theirs) >= 0 and varies <= min(than * other, JITTER_NS))

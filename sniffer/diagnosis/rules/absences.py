@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -57,6 +58,9 @@ ALSO: Final = 0.3
 LESS: Final = 0.7
 """How much it counts if they are not away at once."""
 
+FEW: Final = 0.05
+"""Part of the time for which a servo speaks, where no clock tells it."""
+
 NEAR_NS: Final = NS // 10
 """Servos are asked one after the other: silences so close to each other are of one moment."""
 
@@ -74,8 +78,21 @@ def tears(case: Case) -> Iterator[Finding]:
             runs,
             f"servo {servo} was away {len(runs)} times, and {torn or 'not one'} of its answers "
             f"{'are' if torn > 1 else 'is'} torn",
-            min(len(runs) / PLENTY, 1.0),
+            min(len(runs) / PLENTY, 1.0) if torn else _would_tear(case, servo, len(runs)),
         )
+
+
+def _would_tear(case: Case, servo: int, times: int) -> float:
+    """Return how likely a contact that opens so often would have torn an answer of a servo.
+
+    An answer takes so much of the time, and a contact opens at any moment of it.
+    """
+    rows = case.traffic["servo_id"] == servo
+    frames = max(int(case.traffic["frames"][rows].sum()), 1)
+    mean_bytes = case.ledger.bytes / max(case.ledger.frames, 1)
+    said_ns = frames / 2 * mean_bytes * case.ledger.byte_ns
+    share = said_ns / max(case.seconds * NS, 1.0) if case.has_clock else FEW
+    return min(1.0 - math.exp(-times * share), 1.0)
 
 
 def together(case: Case) -> Iterator[Finding]:

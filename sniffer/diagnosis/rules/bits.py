@@ -9,9 +9,9 @@ from sniffer.diagnosis.case import sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.clocks import LOOKED, clock_of
-from sniffer.diagnosis.damage import IN_IDLE, IN_REPLY
+from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.lineerrors import IN_ANSWERS, IN_REQUESTS
-from sniffer.diagnosis.misread import BACK, BITS, BITS_FEW, FRONT, alike_of
+from sniffer.diagnosis.misread import BITS, BITS_FEW, alike_of
 from sniffer.diagnosis.model import Finding, Place
 
 if TYPE_CHECKING:
@@ -41,6 +41,12 @@ FINDINGS: Final = (
         "At least five misread bits, nine tenths of them equal to the bit sent before, and one way.",
     ),
     FindingCode(
+        "late-bits",
+        "line",
+        "The bits that are misread, of several senders, are the last ones of their bytes.",
+        "Torn frames that one bit explains, of two senders or more: nine tenths of them have it at bit 5 to 7 of a byte, which chance does not do.",
+    ),
+    FindingCode(
         "last-bits",
         "line",
         "Of this servo's bytes the last bits are read wrong, or their stop bits are missed, and nobody else's.",
@@ -51,18 +57,6 @@ FINDINGS: Final = (
         "line",
         "The torn answers of a servo are what a tap hears of a clock that is so much off.",
         "Its sound answers, played at bits 2.5 to 10 % longer or shorter into a UART, give what was heard, in three of five torn ones.",
-    ),
-    FindingCode(
-        "first-byte-torn",
-        "line",
-        "It is the first byte of answers that is torn or missing.",
-        "At least three torn answers, three quarters of them with nothing wrong but the first byte or two.",
-    ),
-    FindingCode(
-        "last-byte-torn",
-        "line",
-        "It is the last byte of requests that is torn or missing.",
-        "At least three torn requests, three quarters of them with nothing wrong but the last byte.",
     ),
 )
 
@@ -83,15 +77,6 @@ LEANING: Final = 0.75
 
 CHANCE: Final = 1e-3
 
-MOST: Final = 0.75
-"""Part of the torn frames that must be torn at one end."""
-
-KNOWN: Final = 0.25
-"""Part of the torn frames at least of which one must know where they are torn."""
-
-PROMPT: Final = 0.25
-"""Part of a byte time by which times must be sure, and an answer late, to lack its first byte."""
-
 ENDING: Final = 5
 """From this bit of a byte on a clock that is off by a twentieth, and edges that are late beside,
 show."""
@@ -99,11 +84,8 @@ show."""
 OFTEN: Final = 0.05
 """Part of a servo's answers that must have a line error: noise hits one now and then."""
 
-EDGES: Final = frozenset(0xFF << k & 0xFF for k in range(9))
-"""Bytes of one rising edge: what a UART makes of a line that falls low for a moment."""
-
-BARE: Final = 2
-"""Bytes of an answer without a header."""
+OTHERS: Final = 0.75
+"""Part of a servo's packets with line errors that may hold another's answer as well."""
 
 WIDE: Final = 12
 """Packets with line errors that tell whose they are."""
@@ -125,7 +107,7 @@ def bits(case: Case) -> Iterator[Finding]:
     way = "0 as 1" if ups == most else "1 as 0"
     chance = at_least(most, n, LEANING)
     if n >= ONE_WAY and most >= PURE_WAY * n:
-        yield _finding(
+        yield bits_finding(
             "one-way-bits",
             read,
             f"{most} of {n} misread bits are {way}",
@@ -135,7 +117,7 @@ def bits(case: Case) -> Iterator[Finding]:
     known = [f for f in every if f.byte >= 0]
     lags = sum(f.lags for f in known)
     if len(known) >= LATE and lags >= PURE * len(known) and most >= PURE * n:
-        yield _finding(
+        yield bits_finding(
             "late-edges",
             read,
             f"{lags} of {len(known)} misread bits are read as the bit before them, {way}",
@@ -149,14 +131,40 @@ def _same_bit(read: Sequence[Misread], singles: Sequence[Flip]) -> Iterator[Find
         return
     bit, count = Counter(f.bit for f in singles).most_common(1)[0]
     chance = BITS * at_least(count, len(singles), 1 / BITS)
+    # the same way, and behind the same level: chance has that more seldom
+    (*_, lags), alike = (
+        Counter((f.bit, f.up, f.lags) for f in singles if f.byte >= 0).most_common(1)[0]
+        if any(f.byte >= 0 for f in singles)
+        else ((False,), 0)
+    )
+    if lags and alike == len(singles):
+        chance = min(chance, 4 * BITS * (LEANING / 2 / BITS) ** alike)
     if count >= PURE * len(singles) and chance < CHANCE:
-        yield _finding(
+        yield bits_finding(
             "same-bit",
             read,
             f"{count} of {len(singles)} frames with one wrong bit have it at bit {bit} of a byte",
             f"always bit {bit}",
             sureness(chance),
         )
+
+
+def late_bits(case: Case) -> Iterator[Finding]:
+    """Tell whether the bits that are misread, of whomever, are the last ones of their bytes."""
+    read = [m for m in case.misreads if m.bit >= 0]
+    late = [m for m in read if m.bit >= ENDING]
+    chance = at_least(len(late), len(read), 1 - ENDING / BITS)
+    senders = {m.servo_id for m in late}
+    if len(late) < PURE * len(read) or len(senders) < 2 or chance > CHANCE:
+        return
+    yield bits_finding(
+        "late-bits",
+        late,
+        f"of {len(read)} frames with one wrong bit {len(late)}, of {len(senders)} senders, have it "
+        f"at bit {ENDING} to 7 of a byte",
+        "the last bits of bytes are misread",
+        sureness(chance),
+    )
 
 
 def last_bits(case: Case) -> Iterator[Finding]:
@@ -167,8 +175,11 @@ def last_bits(case: Case) -> Iterator[Finding]:
     errors = sums({k: v[e["place"] == IN_ANSWERS] for k, v in e.items()}, "servo_id", "n")
     elsewhere = int(e["n"][e["place"] == IN_REQUESTS].sum())
     answered = {s: case.total("ok", s) + case.total("damaged", s) for s in case.servos}
-    everyone = [(m.servo_id, f) for m in case.misreads if m.shape == BITS_FEW for f in m.flips]
-    ending = sum(f.bit >= ENDING for _, f in everyone)
+    ending = sum(
+        sum(f.bit >= ENDING for f in m.flips) or m.bit >= ENDING
+        for m in case.misreads
+        if m.shape == BITS_FEW
+    )
     for servo in case.servos:
         read = [m for m in case.misreads if m.servo_id == servo]
         flips = [f for m in read if m.shape == BITS_FEW for f in m.flips]
@@ -221,7 +232,7 @@ def wide_errors(case: Case) -> Iterator[Finding]:
     one, other = ahead[:2]
     n, first, last = within[one]
     answered = case.total("ok", one) + case.total("damaged", one)
-    if n < PURE_WAY * errors.wide or within[other][0] > MOST * n or n < OFTEN * answered:
+    if n < PURE_WAY * errors.wide or within[other][0] > OTHERS * n or n < OFTEN * answered:
         return
     torn = sum(d.turn == IN_REPLY and d.servo_id == one for d in case.damages)
     if torn > n / 2:
@@ -248,7 +259,8 @@ def clocks(case: Case) -> Iterator[Finding]:
         rest = (len(case.damages) - len(torn) + 1) / max(case.ledger.frames, 1)
         if len(torn) < SAME or share < APART / 2 * rest:
             continue
-        found = clock_of(tuple((d.got, alike_of(d, known)) for d in torn[:LOOKED]))
+        spread = torn[:: -(-len(torn) // LOOKED)]  # it wanders while it warms up
+        found = clock_of(tuple((d.got, alike_of(d, known)) for d in spread))
         if found is None or found.explained < SAME:
             continue
         slow = "slower" if found.off > 0 else "faster"
@@ -267,90 +279,10 @@ def clocks(case: Case) -> Iterator[Finding]:
         )
 
 
-def ends(case: Case) -> Iterator[Finding]:
-    """Tell whether frames are torn at one end only."""
-    answers = [m for m in case.misreads if m.damage.turn == IN_REPLY]
-    requests = [m for m in case.misreads if m.damage.turn != IN_REPLY]
-    late = _late(case, answers)
-    first = [
-        m
-        for m in answers
-        if m.shape == FRONT or (_hit(m) and max(m.bytes_hit) <= 1) or m.damage.at in late
-    ]
-    if _mostly(first, answers):
-        yield _finding(
-            "first-byte-torn",
-            first,
-            f"{len(first)} of {len(answers)} torn answers lack their first byte, or it is wrong",
-            "the first byte of answers is torn",
-            min(0.4 + 0.1 * len(first), 1.0),
-        )
-    last = [m for m in requests if _cut(m) or (_hit(m) and min(m.bytes_hit) == m.damage.length - 1)]
-    if _mostly(last, requests):
-        yield _finding(
-            "last-byte-torn",
-            last,
-            f"{len(last)} of {len(requests)} torn requests lack their last byte, or it is wrong",
-            "the last byte of requests is torn",
-            min(0.4 + 0.1 * len(last), 1.0),
-        )
-
-
-def strays_before(case: Case) -> Iterator[Finding]:
-    """Find bare answers with a stray byte before them: there is no header that tells the two apart."""
-    answers = [m for m in case.misreads if m.damage.turn == IN_REPLY and m.damage.alike]
-    before = [
-        m
-        for m in answers
-        if 1 <= m.damage.length - len(m.damage.expected) <= 2
-        and m.damage.got[0] in EDGES
-        and len(m.damage.expected) <= BARE
-    ]
-    alone = len({m.servo_id for m in before}) == 1 and len(case.answering) > 1
-    alone = alone or len(before) < LEAST * sum(d.turn == IN_IDLE for d in case.damages)
-    if len(before) >= 2 * LEAST and len(before) >= MOST * len(answers) and not alone:
-        yield _finding(
-            "strays-at-turn",
-            before,
-            f"{len(before)} of {len(answers)} torn answers have a stray byte more at their beginning",
-            "stray bytes before answers",
-            min(0.4 + 0.1 * len(before), 1.0),
-        )
-
-
-def _late(case: Case, answers: Sequence[Misread]) -> set[int]:
-    """Return the places of torn answers that begin later than any sound one: they lack a byte."""
-    byte_ns = case.ledger.byte_ns
-    a = case.answers
-    if not len(a["spread_max"]) or a["spread_max"].max() > PROMPT * byte_ns:
-        return set()
-    latest = {
-        servo: int(a["took_max"][(a["servo_id"] == servo) & (a["took_n"] > 0)].max(initial=0))
-        for servo in case.answering
-    }
-    return {
-        m.damage.at
-        for m in answers
-        if m.shape != BITS_FEW
-        and m.damage.since_ns > latest.get(m.servo_id, 1 << 62) + PROMPT * byte_ns
-    }
-
-
-def _mostly(some: Sequence[Misread], torn: Sequence[Misread]) -> bool:
-    """Tell whether most of the torn frames of which one knows where they are torn are these."""
-    known = sum(m in some or m.shape in (FRONT, BACK) or _hit(m) for m in torn)
-    return len(some) >= max(LEAST, MOST * known, KNOWN * len(torn))
-
-
-def _hit(m: Misread) -> bool:
-    return m.shape == BITS_FEW and bool(m.bytes_hit)
-
-
-def _cut(m: Misread) -> bool:
-    return m.shape == BACK and len(m.damage.expected) - m.damage.length == 1
-
-
-def _finding(code: str, read: Sequence[Misread], what: str, brief: str, strength: float) -> Finding:
+def bits_finding(
+    code: str, read: Sequence[Misread], what: str, brief: str, strength: float
+) -> Finding:
+    """Return a finding about torn frames, of their one sender where it is a servo."""
     servos = {m.servo_id for m in read}
     servo = servos.pop() if len(servos) == 1 else -1
     return Finding(
@@ -372,5 +304,5 @@ def _places(read: Iterable[Misread]) -> tuple[Place, ...]:
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (bits, last_bits, wide_errors, clocks, ends, strays_before)
+RULES: Final[tuple[Rule, ...]] = (bits, late_bits, last_bits, wide_errors, clocks)
 """The rules of this area."""

@@ -46,6 +46,11 @@ SHORT: Final = 6
 
 PLENTY: Final = 8
 
+SELDOM: Final = 0.02
+MANY: Final = 0.08
+"""Parts of the torn frames: what tears many frames makes one of them look like two now and then,
+and what two controllers tear is two requests in one of ten cases at least, the rest answers."""
+
 KINDS: Final = 12
 """Kinds of requests that are compared, the most frequent ones."""
 
@@ -61,6 +66,9 @@ HARMONICS: Final = 6
 
 APART: Final = 0.36
 """What goes together less than that is apart: of 24 at any place the greatest of six is below."""
+
+OFTENER: Final = 2.5
+"""What comes so many times as often as the rhythm has wandered too far when that comes again."""
 
 PART: Final = 400
 PARTS: Final = 4
@@ -86,10 +94,10 @@ def requests_run_together(case: Case) -> Iterator[Finding]:
     answers = [
         d for d in torn if d.turn == IN_REPLY and d.alike and _is_two(d, d.alike, known, shared)
     ]
-    if not into:
-        return
     every = sorted((*into, *answers), key=lambda d: d.at)
     requests = sum(d.turn == IN_REQUEST for d in torn)
+    if not into or len(every) < SELDOM * len(torn):
+        return
     yield Finding(
         "requests-run-together",
         None,
@@ -99,7 +107,7 @@ def requests_run_together(case: Case) -> Iterator[Finding]:
         f"{len(into)} of {requests} torn requests begin as one request and end as another, "
         f"{len(answers)} torn answers end as a request",
         tuple(Place(d.at, d.length, d.t_ns, "two requests at once") for d in into[:3]),
-        strength=min(0.35 + len(into) / PLENTY, 1.0),
+        strength=min(0.35 + len(into) / PLENTY, len(every) / (MANY * len(torn)), 1.0),
         brief=f"{len(into)} requests run into each other",
     )
 
@@ -127,16 +135,7 @@ def _shared(known: Sequence[bytes]) -> int:
 
 def streams_apart(case: Case) -> Iterator[Finding]:
     """Find two kinds of requests whose rhythms do not go together."""
-    if not case.has_clock or case.latency_ns > EXACT_NS:
-        return
-    best: tuple[float, int, int, float, int, int] | None = None
-    for t, kind in case.ledger.exchanges.moments.stretches():
-        parts = max(min(len(t) // PART, PARTS), 1)
-        for part in range(parts):
-            rows = slice(len(t) * part // parts, len(t) * (part + 1) // parts)
-            found = _apart(t[rows], kind[rows])
-            if found is not None and (best is None or found[0] < best[0]):
-                best = found
+    best = least_together(case) if case.has_clock and case.latency_ns <= EXACT_NS else None
     if best is None:
         return
     together, one, other, period, first, last = best
@@ -155,6 +154,17 @@ def streams_apart(case: Case) -> Iterator[Finding]:
     )
 
 
+def least_together(case: Case) -> tuple[float, int, int, float, int, int] | None:
+    """Return the two kinds of requests that go together least, with the rhythm of one; None: all do."""
+    found = []
+    for t, kind in case.ledger.exchanges.moments.stretches():
+        parts = max(min(len(t) // PART, PARTS), 1)
+        for part in range(parts):
+            rows = slice(len(t) * part // parts, len(t) * (part + 1) // parts)
+            found.append(_apart(t[rows], kind[rows]))
+    return min((one for one in found if one is not None), default=None)
+
+
 def _apart(t: I64, kind: I64) -> tuple[float, int, int, float, int, int] | None:
     """Return the two kinds that go together least, if they do not, with the rhythm of one."""
     count = np.bincount(kind[kind >= 0])  # what came when there were too many kinds has none
@@ -167,7 +177,8 @@ def _apart(t: I64, kind: I64) -> tuple[float, int, int, float, int, int] | None:
         if period <= 0 or (np.abs(between / period - 1) < STEADY).mean() < REGULAR:
             continue
         for other in often:
-            if other == one:
+            # of what comes oftener than the rhythm nobody knows how far it has wandered meanwhile
+            if other == one or count[other] > OFTENER * count[one]:
                 continue
             row = np.searchsorted(times[one], times[other], "right") - 1
             since = (times[other] - times[one][np.maximum(row, 0)])[row >= 0] / period

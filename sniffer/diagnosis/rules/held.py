@@ -10,6 +10,7 @@ from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import HELD, IN_IDLE
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -35,7 +36,7 @@ FINDINGS: Final = (
         "line-babbles",
         "line",
         "The line falls all the time, for moments, and no frame gets by meanwhile.",
-        "Rows of sixteen bytes and more, nearly all ones: short falls of an idle line, and no sender.",
+        "Quarters of a second with 120 bytes and more that are short falls of an idle line, which hold nearly all of them, and in which few frames get by; without a clock: rows of sixteen bytes and more, nearly all ones.",
     ),
 )
 
@@ -56,17 +57,21 @@ BYTES: Final = 16
 MANY: Final = 64
 """Bytes of FF that are too many for short falls of the line."""
 
-STOPS: Final = 0.25
+STOPS: Final = 0.75
 """Part of the usual frames that may get by in a quarter second in which the line babbles."""
 
-FULL: Final = 24
-"""Unclaimed bytes in a quarter second of a babbling line."""
+DENSE: Final = 120
+"""Falls in a quarter second of a line that babbles: noise and sparks have tens."""
 
-DENSE: Final = 300
-"""Unclaimed bytes in a quarter second that no sparks make, whatever gets by between them."""
+FULL: Final = 60
+SOME: Final = 25
+"""Falls in a quarter second that it begins or ends in."""
 
-THERE: Final = 0.4
-"""Part of all unclaimed bytes that must be there."""
+NEARLY_ALL: Final = 0.95
+"""Part of all falls that must be in such moments: it babbles, or it is well."""
+
+FALLS: Final = frozenset(0xFF << k & 0xFF for k in range(9))
+"""Bytes of one rising edge: what a UART makes of a line that falls low for a moment."""
 
 ONES: Final = 0.8
 """Part of the bits that are ones: in frames half of them are."""
@@ -124,37 +129,54 @@ def held_value(case: Case) -> Iterator[Finding]:
 
 def babbles(case: Case) -> Iterator[Finding]:
     """Find moments in which the line falls all the time."""
-    rows = [d for d in case.damages if d.length >= BYTES and d.turn != HELD and _ones(d) >= ONES]
-    if len(rows) < TWICE or not _stopped(case):
+    if case.has_clock:
+        rows, shown = _falls(case)
+    else:
+        rows = [d for d in case.damages if d.length >= BYTES and d.turn != HELD]
+        rows = [d for d in rows if _ones(d) >= ONES]
+        shown = f"{len(rows)} rows of {BYTES} bytes and more, and no frame in them"
+    if len(rows) < TWICE:
         return
     size = sum(d.length for d in rows)
     yield _finding(
         "line-babbles",
         rows,
-        f"{len(rows)} rows of {size} bytes that are nearly all ones, and no frame in them",
+        f"{size} bytes that are short falls of the line: {shown}",
         f"the line babbles {len(rows)} times",
         min(0.5 + size / 400, 1.0),
     )
 
 
-def _stopped(case: Case) -> bool:
-    """Tell whether there are quarters of a second full of such bytes, or with hardly a frame."""
-    if not case.has_clock:
-        return True
+def _falls(case: Case) -> tuple[Sequence[Damage], str]:
+    """Return what nobody said in quarters of a second that are full of it, where those hold all.
+
+    What falls that often leaves no frame alone; sparks and noise let most of them by, and come in
+    quieter moments, too.
+    """
     line, traffic = case.line, case.traffic
-    frames = np.zeros(len(line["bucket"]))
+    count = len(line["bucket"])
+    frames, falls = np.zeros(count), np.zeros(count)
     where = np.searchsorted(line["bucket"], traffic["bucket"])
-    known = where < len(frames)
+    known = where < count
     np.add.at(frames, where[known], traffic["frames"][known])
-    usual = float(np.median(frames[frames > 0])) if (frames > 0).any() else 0.0
-    babble = np.zeros(len(line["bucket"]))
-    ones = [d for d in case.damages if d.got and _ones(d) >= ONES]
-    at = np.searchsorted(line["bucket"], np.array([d.t_ns // BUCKET_NS for d in ones], np.int64))
-    np.add.at(babble, np.minimum(at, len(babble) - 1), [d.length for d in ones])
-    stopped = (line["gap_bytes"] >= FULL) & (frames <= STOPS * usual)
-    stopped |= babble >= DENSE
-    there = int(line["gap_bytes"][stopped].sum())
-    return bool(stopped.sum() >= TWICE and there >= THERE * int(line["gap_bytes"].sum()))
+    torn = [d for d in case.damages if d.got and d.turn != HELD]
+    at = np.searchsorted(line["bucket"], np.array([d.t_ns // BUCKET_NS for d in torn], np.int64))
+    at = np.minimum(at, count - 1)
+    short = [sum(byte in FALLS for byte in d.got) * d.length / len(d.got) for d in torn]
+    np.add.at(falls, at, short)
+    if not (frames > 0).any():
+        return (), ""
+    usual = float(np.median(frames[frames > 0]))
+    dense = falls >= DENSE
+    full = falls >= max(FULL, float(np.median(falls[dense])) / 2 if dense.any() else FULL)
+    if dense.sum() < TWICE or falls[falls >= SOME].sum() < NEARLY_ALL * falls.sum():
+        return (), ""
+    let_by = float(frames[full].mean())
+    if let_by > STOPS * usual:
+        return (), ""
+    rows = [d for d, k in zip(torn, at.tolist(), strict=True) if full[k]]
+    per_s = falls[full].mean() * NS / BUCKET_NS
+    return rows, f"{per_s:.0f} a second in {full.sum()} quarters of a second, and few frames there"
 
 
 def _ones(d: Damage) -> float:

@@ -8,6 +8,8 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.crossings import EXACT_NS, least_together
+from sniffer.ground.model import NS
 from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
@@ -38,8 +40,13 @@ SOONER: Final = 0.25
 LATER: Final = 0.2
 """Parts of all periods."""
 
-EVEN: Final = 0.4
-"""What comes sooner is spread: no twentieth of an octave holds more than this part of it."""
+EVEN: Final = 0.24
+"""What comes sooner is spread: no twentieth of an octave holds more than this part of it. A loop
+that waits for what is missing has a few periods, each of which holds a third or so."""
+
+MEET: Final = 0.1
+"""Part of the meetings that chance would have of two who do not listen: fewer, and one of them does
+or there is only one."""
 
 TIGHT: Final = 0.6
 """Part of the periods that are the usual one, where one program keeps the time."""
@@ -82,6 +89,9 @@ def interleaved(case: Case) -> Iterator[Finding]:
     ]
     if len({r.servo_id for r in mixed}) < 2:
         return
+    busy = case.ledger.bytes * case.ledger.byte_ns / max(case.seconds * NS, 1.0)
+    if int(case.damage["n"].sum()) < MEET * busy * sum(r.sooner * r.times for r in mixed):
+        return
     most = max(mixed, key=lambda r: r.times)
     yield _finding(
         case,
@@ -101,6 +111,8 @@ def unrelated(case: Case) -> Iterator[Finding]:
     even = sorted((r for r in _rhythms(case) if r.tight >= TIGHT), key=lambda r: r.period_ns)
     if len(even) < 2:
         return
+    if case.latency_ns <= EXACT_NS and least_together(case) is None:
+        return  # one loop whose cycles differ has such periods, too, but its requests keep step
     for slow in reversed(even):
         fast = even[0]
         ratio = slow.period_ns / fast.period_ns

@@ -35,6 +35,18 @@ FINDINGS: Final = (
         "Several servos lose answers in the same moments, and others do not.",
         "Moments in which two servos or more lost answers, or answers of one that always fall into those of another.",
     ),
+    FindingCode(
+        "away-unevenly",
+        "pairing",
+        "The silences of a servo are of all lengths, from a moment on.",
+        "At least four silences, of which two and a fifth are shorter than a quarter of the longest.",
+    ),
+    FindingCode(
+        "away-alike",
+        "pairing",
+        "A servo is away for about as long each time.",
+        "At least four silences of several requests, none shorter than a quarter of the longest.",
+    ),
 )
 
 LEAST: Final = 3
@@ -49,6 +61,16 @@ AHEAD: Final = 5.0
 
 SAME: Final = 0.75
 """Part of a servo's bad moments that must be another's, too, for the two to fail together."""
+
+RUNS: Final = 4
+SHORTER: Final = 4
+MANY_SHORT: Final = 0.2
+"""Silences that tell, how many times shorter than the longest a short one is, and which part of
+them is short where they are of all lengths: who starts anew takes about as long each time."""
+
+TORN_ONLY: Final = 0.25
+"""How much it counts where every lost answer is torn and none is missing: what is away for longer
+than an answer takes misses requests, too."""
 
 IN_A_ROW: Final = 2.5
 """Losses of a servo that are no further apart than so many of its turns are of one moment."""
@@ -73,6 +95,7 @@ class _Lost:
         self.servo = servo
         self.ok = int(a["ok"][mine].sum())
         self.torn = int(a["damaged"][mine].sum())
+        self.missing = int(a["missing"][mine].sum())
         self.bad = min(int((a["missing"] + a["damaged"])[mine].sum()), len(events))
         order = np.argsort(events.t_ns, kind="stable")
         self.times: I64 = events.t_ns[order]
@@ -136,7 +159,7 @@ def losses(case: Case) -> Iterator[Finding]:
             f"servo {one.servo} lost {one.bad} of {one.bad + one.ok} answers "
             f"({one.torn} of them torn) in {one.moments} moments; {others}",
             places,
-            strength=max(sureness(chance), 0.4),
+            strength=max(sureness(chance), 0.4) * min(TORN_ONLY + 1.5 * one.missing / one.bad, 1.0),
             brief=f"servo {one.servo} loses answers in {one.moments} moments",
             episodes=episodes(one.times, one.times, BUCKET_NS),
         )
@@ -152,6 +175,30 @@ def losses(case: Case) -> Iterator[Finding]:
                 places,
                 brief=f"servo {one.servo} together with {with_it}",
             )
+
+
+def lengths(case: Case) -> Iterator[Finding]:
+    """Tell whether the silences of a servo are of all lengths, as a contact has them, or alike."""
+    for servo in case.answering:
+        runs = case.ledger.silences.runs(servo)
+        if len(runs) < RUNS:
+            continue
+        spans = np.array([(run.back_ns or 0) - run.first_ns for run in runs])
+        longest = int(spans.max())
+        short = int((spans * SHORTER < longest).sum())
+        uneven = short >= max(MOMENTS, MANY_SHORT * len(runs))
+        if not uneven and (short or np.median([run.missed for run in runs]) < LEAST):
+            continue
+        yield Finding(
+            "away-unevenly" if uneven else "away-alike",
+            servo,
+            runs[0].first_ns,
+            runs[-1].back_ns or 0,
+            len(runs),
+            f"of {len(runs)} silences of servo {servo} {short} are shorter than a quarter of the "
+            f"longest ({spans.min() / 1e6:.0f} to {longest / 1e6:.0f} ms)",
+            strength=min(0.5 + (short if uneven else len(runs)) / 10, 1.0),
+        )
 
 
 def _group(case: Case, bad: list[_Lost], lost: list[_Lost]) -> tuple[list[_Lost], list[_Lost]]:
@@ -204,5 +251,5 @@ def _shared(group: list[_Lost]) -> list[int]:
     return sorted(out) if len(out) > 1 else []
 
 
-RULES: Final[tuple[Rule, ...]] = (losses,)
+RULES: Final[tuple[Rule, ...]] = (losses, lengths)
 """The rules of this area."""

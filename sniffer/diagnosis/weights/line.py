@@ -29,6 +29,21 @@ _TORN: Final[tuple[_Row, ...]] = (
 )
 """What torn frames bring with them, whatever tears them."""
 
+_SAID: Final[tuple[_Row, ...]] = tuple(
+    (code, 0.1, "what is misread and holds says anything")
+    for code in (
+        "joint-stalled",
+        "joint-limp",
+        "joint-not-following",
+        "position-jumps",
+        "load-high",
+        "load-high-and-still",
+        "voltage-sag",
+        "speaks-unasked",
+    )
+)
+"""What misread answers of one servo state of it."""
+
 _LOST: Final[tuple[_Row, ...]] = (
     ("misses-now-and-then", 0.2, "torn requests are not answered"),
     ("away-again-and-again", 0.1, "torn requests in a row are not answered"),
@@ -67,12 +82,13 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("same-bit", -3.0, "noise does not choose a bit"),
         ("one-way-bits", -2.5, "noise goes both ways"),
         ("late-edges", -3.0, "noise does not look at the bit before"),
+        ("late-bits", -3.0, "noise does not choose the last bits"),
         ("first-byte-torn", -2.5, "noise does not choose a byte"),
         ("last-byte-torn", -2.5, "noise does not choose a byte"),
         ("strays-at-turn", -2.0, "noise comes at any time"),
         ("held-low", -2.5, "noise is short"),
         ("held-value", -1.5, "noise is short"),
-        ("line-babbles", -2.5, "noise lets frames by now and then"),
+        ("line-babbles", -4.0, "noise lets frames by now and then"),
         ("damage-while-moving", -2.0, "it comes with the motors"),
         ("line-break", 0.3, "a long pulse"),
         ("requests-run-together", -3.0, "two speak at once"),
@@ -84,11 +100,14 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         "emi-load",
         ("damage-while-moving", 5.0, "it comes while motors work, and not while they rest"),
+        ("interleaved-requests", -3.0, "two controllers run into each other"),
+        ("requests-run-together", -1.5, "two speak at once"),
         ("damage-everywhere", 1.0, "all senders are hit alike"),
         ("damage-in-answers", 0.7, "servos that move are hit"),
         ("damage-in-requests", 0.5, "requests are hit"),
         ("strays-anywhere", 0.5, "the line is disturbed while nobody speaks"),
-        ("line-babbles", -3.0, "nothing gets by for long"),
+        ("line-babbles", -4.0, "nothing gets by for long"),
+        ("late-bits", -2.0, "sparks do not choose the last bits"),
         ("held-low", -2.0, "the line is low for long"),
         ("damage-one-servo", -2.0, "only one servo is hit"),
         ("voltage-sag", -0.5, "the supply sags under the load"),
@@ -118,6 +137,24 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("first-byte-torn", 0.1, "the line comes back within a frame"),
         ("strays-at-turn", 0.1, "the line falls when nobody drives it"),
         ("one-way-bits", 0.1, "what holds the line holds it at one level"),
+        *(
+            (code, 0.1, "what falls that often makes anything of a frame")
+            for code in (
+                "late-edges",
+                "late-bits",
+                "same-bit",
+                "damage-one-servo",
+                "answers-twice",
+                "requests-run-together",
+                "request-swallowed",
+                "hasty-request",
+                "device-overload",
+                "device-stroke-limit",
+                "device-input-voltage",
+                "device-recovered",
+                "joint-not-following",
+            )
+        ),
         *(w for w in _TORN if w[0] != "idle-tail"),
         *(w for w in _LOST if w[0] != "loop-stalls"),
         *_HALF_HEARD,
@@ -127,6 +164,8 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         "signal-integrity",
         ("same-bit", 4.0, "the same bit falls again and again"),
         ("late-edges", 4.0, "edges come too late to be read"),
+        ("late-bits", 3.5, "behind a row of low bits the line rises too late"),
+        ("line-babbles", -4.0, "nothing gets by for long"),
         ("one-way-bits", 3.0, "bits fall in one direction"),
         ("damage-everywhere", 1.0, "all senders are hit"),
         ("damage-in-answers", 1.0, "all servos' answers are hit"),
@@ -151,6 +190,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("damage-everywhere", 0.5, "frames are torn"),
         ("damage-one-servo", 0.3, "one servo's answers come early or late"),
         ("strays-anywhere", 0.2, "some of the bytes stand elsewhere"),
+        ("line-babbles", -4.0, "nothing gets by for long"),
         ("one-way-bits", 0.1, "what holds the line holds it at one level"),
         ("same-bit", 0.1, "what is let go is the same bit each time"),
         ("late-edges", 0.1, "what is held is read as before"),
@@ -174,6 +214,8 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("strays-anywhere", 0.1, "its bytes break into pieces"),
         ("strays-at-turn", 0.1, "its bytes break into pieces"),
         ("damage-everywhere", 0.1, "pieces of its answers look like frames"),
+        ("comes-and-goes", 0.1, "which of its bytes are misread depends on what it says"),
+        *_SAID,
         *_TORN,
         *_LOST,
         *_HALF_HEARD,
@@ -217,7 +259,8 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("last-bits", -2.0, "a contact does not look at the bits"),
         ("clock-off", -3.0, "a clock that is off explains the torn answers"),
         ("same-bit", -2.0, "a contact does not choose a bit"),
-        ("late-edges", -1.5, "a contact does not look at the bit before"),
+        ("late-edges", -2.5, "a contact does not look at the bit before"),
+        ("late-bits", -2.5, "a contact does not choose the last bits"),
         ("first-byte-torn", -1.5, "a contact does not choose a byte"),
         ("voltage-sag", -2.0, "the supply is low when it is away"),
         ("device-input-voltage", -2.0, "it complains of its supply"),
@@ -227,7 +270,10 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("damage-everywhere", 0.1, "answers are cut"),
         *(w for w in _TORN if w[0] not in ("late-response", "away-for-a-while", "no-response")),
         *(w for w in _LOST if w[0] not in ("misses-now-and-then", "away-again-and-again")),
-        ("misses-now-and-then", 0.5, "it is away for moments"),
+        ("misses-now-and-then", 1.0, "it is away for moments"),
+        ("silent-since", 0.2, "it was away when nobody listened any more"),
+        ("away-unevenly", 1.4, "a contact opens for moments of all lengths"),
+        ("away-alike", -2.0, "a contact opens for moments of all lengths"),
         ("away-again-and-again", 0.3, "it is away for moments"),
         ("no-response", 0.5, "it is asked, and the line to it is open"),
     ),

@@ -1,0 +1,137 @@
+"""Frames that are torn at one end: the first byte of answers, the last one of requests."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.damage import IN_IDLE, IN_REPLY
+from sniffer.diagnosis.misread import BACK, BITS_FEW, FRONT
+from sniffer.diagnosis.rules.bits import bits_finding
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.misread import Misread
+    from sniffer.diagnosis.model import Finding
+    from sniffer.diagnosis.rules import Rule
+
+FINDINGS: Final = (
+    FindingCode(
+        "first-byte-torn",
+        "line",
+        "It is the first byte of answers that is torn or missing.",
+        "At least three torn answers, three quarters of them with nothing wrong but the first byte or two.",
+    ),
+    FindingCode(
+        "last-byte-torn",
+        "line",
+        "It is the last byte of requests that is torn or missing.",
+        "At least three torn requests, three quarters of them with nothing wrong but the last byte.",
+    ),
+)
+
+LEAST: Final = 3
+
+MOST: Final = 0.75
+"""Part of the torn frames that must be torn at one end."""
+
+KNOWN: Final = 0.25
+"""Part of the torn frames at least of which one must know where they are torn."""
+
+PROMPT: Final = 0.25
+"""Part of a byte time by which times must be sure, and an answer late, to lack its first byte."""
+
+EDGES: Final = frozenset(0xFF << k & 0xFF for k in range(9))
+"""Bytes of one rising edge: what a UART makes of a line that falls low for a moment."""
+
+BARE: Final = 2
+"""Bytes of an answer without a header."""
+
+
+def ends(case: Case) -> Iterator[Finding]:
+    """Tell whether frames are torn at one end only."""
+    answers = [m for m in case.misreads if m.damage.turn == IN_REPLY]
+    requests = [m for m in case.misreads if m.damage.turn != IN_REPLY]
+    late = _late(case, answers)
+    first = [
+        m
+        for m in answers
+        if m.shape == FRONT or (_hit(m) and max(m.bytes_hit) <= 1) or m.damage.at in late
+    ]
+    if _mostly(first, answers):
+        yield bits_finding(
+            "first-byte-torn",
+            first,
+            f"{len(first)} of {len(answers)} torn answers lack their first byte, or it is wrong",
+            "the first byte of answers is torn",
+            min(0.4 + 0.1 * len(first), 1.0),
+        )
+    last = [m for m in requests if _cut(m) or (_hit(m) and min(m.bytes_hit) == m.damage.length - 1)]
+    if _mostly(last, requests):
+        yield bits_finding(
+            "last-byte-torn",
+            last,
+            f"{len(last)} of {len(requests)} torn requests lack their last byte, or it is wrong",
+            "the last byte of requests is torn",
+            min(0.4 + 0.1 * len(last), 1.0),
+        )
+
+
+def strays_before(case: Case) -> Iterator[Finding]:
+    """Find bare answers with a stray byte before them: there is no header that tells the two apart."""
+    answers = [m for m in case.misreads if m.damage.turn == IN_REPLY and m.damage.alike]
+    before = [
+        m
+        for m in answers
+        if 1 <= m.damage.length - len(m.damage.expected) <= 2
+        and m.damage.got[0] in EDGES
+        and len(m.damage.expected) <= BARE
+    ]
+    alone = len({m.servo_id for m in before}) == 1 and len(case.answering) > 1
+    alone = alone or len(before) < LEAST * sum(d.turn == IN_IDLE for d in case.damages)
+    if len(before) >= 2 * LEAST and len(before) >= MOST * len(answers) and not alone:
+        yield bits_finding(
+            "strays-at-turn",
+            before,
+            f"{len(before)} of {len(answers)} torn answers have a stray byte more at their beginning",
+            "stray bytes before answers",
+            min(0.4 + 0.1 * len(before), 1.0),
+        )
+
+
+def _late(case: Case, answers: Sequence[Misread]) -> set[int]:
+    """Return the places of torn answers that begin later than any sound one: they lack a byte."""
+    byte_ns = case.ledger.byte_ns
+    a = case.answers
+    if not len(a["spread_max"]) or a["spread_max"].max() > PROMPT * byte_ns:
+        return set()
+    latest = {
+        servo: int(a["took_max"][(a["servo_id"] == servo) & (a["took_n"] > 0)].max(initial=0))
+        for servo in case.answering
+    }
+    return {
+        m.damage.at
+        for m in answers
+        if m.shape != BITS_FEW
+        and m.damage.since_ns > latest.get(m.servo_id, 1 << 62) + PROMPT * byte_ns
+    }
+
+
+def _mostly(some: Sequence[Misread], torn: Sequence[Misread]) -> bool:
+    """Tell whether most of the torn frames of which one knows where they are torn are these."""
+    known = sum(m in some or m.shape in (FRONT, BACK) or _hit(m) for m in torn)
+    return len(some) >= max(LEAST, MOST * known, KNOWN * len(torn))
+
+
+def _hit(m: Misread) -> bool:
+    return m.shape == BITS_FEW and bool(m.bytes_hit)
+
+
+def _cut(m: Misread) -> bool:
+    return m.shape == BACK and len(m.damage.expected) - m.damage.length == 1
+
+
+RULES: Final[tuple[Rule, ...]] = (ends, strays_before)
+"""The rules of this area."""

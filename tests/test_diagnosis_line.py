@@ -1,0 +1,267 @@
+"""Faults of the line, bit by bit: what each finding is told of, and of what it is not."""
+
+from __future__ import annotations
+
+import functools
+import random
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final
+
+import pytest
+
+from bench.diagnosis import patterns
+from bench.diagnosis.bodies import stays, steps
+from bench.diagnosis.ear import tapped
+from bench.diagnosis.hosts import HOSTS
+from bench.diagnosis.making import Plan, bench_of, plan, program, second, talked
+from bench.diagnosis.scenario import Scenario
+from bench.diagnosis.troubles import (
+    DriftingClock,
+    EarlyRelease,
+    HeldLine,
+    LooseContact,
+    MotorNoise,
+    Noise,
+    SlowEdges,
+    StrayTurn,
+    StuckLine,
+)
+from bench.diagnosis.uart import Clash, Receiver
+from sniffer.diagnosis.rules import (
+    bits,
+    collisions,
+    crossings,
+    ends,
+    foreign,
+    held,
+    line,
+    masters,
+    motors,
+    outages,
+)
+from tests.conversations import Conversation, robot
+from tests.diagnosed import codes, diagnosed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from bench.diagnosis.bodies import Path
+    from bench.diagnosis.line import Pattern, Trouble
+    from bench.diagnosis.scenario import Heard
+
+    Goals = Callable[[random.Random], Path]
+
+S: Final = 4.0
+ALWAYS: Final = ((0.0, 1e3),)
+IDS: Final = (1, 2, 3)
+CYCLE_MS: Final = 25
+"""A cycle of `tests.conversations.robot`."""
+
+
+def robot_of(protocol: str = "mightyzap", **fixed: Any) -> Plan:
+    told: dict[str, Any] = {
+        "seconds": (S, S),
+        "ids": IDS,
+        "baud": 115200,
+        "gap_ns": (200_000, 900_000),
+        "goals": "each",
+        "reads": "state",
+        "rate_hz": 25,
+        "health_every": 0,
+        "retries": 0,
+    }
+    return plan("line", protocol, 5, **(told | fixed))
+
+
+def found(rows: Sequence[Heard], protocol: str = "mightyzap", baud: int = 115200) -> set[str]:
+    capture = HOSTS["exact"](Scenario("line", protocol, (), baud, lambda _: rows), rows, 5)
+    return codes(diagnosed(capture.chunks, protocol, baud=baud))
+
+
+def suffering(*troubles: Trouble, it: Plan | None = None, goals: Goals | None = None) -> set[str]:
+    it = it or robot_of()
+    return found(tapped(talked(it, 5, bench_of(it, 5, goals, troubles=troubles))), it.protocol)
+
+
+def twins(shift_ns: int, protocol: str, clash: Clash, seed: int = 5) -> set[str]:
+    it = robot_of(protocol, goals="none", reads="position")
+    bench = bench_of(it, seed, stays, twins=(2,), clash=clash)
+    first, last = bench.delays[bench.bodies[2]]
+    bench.delays[bench.shadows[2]] = (first + shift_ns, last + shift_ns)
+    return found(tapped(talked(it, seed, bench)), protocol)
+
+
+def two_masters() -> set[str]:
+    it = robot_of(seconds=(14, 14), rate_hz=20)
+    bench = bench_of(it, 5, clash=Clash.MIX)
+
+    def loop(hz: float, goals: str, reads: str) -> Pattern:
+        return patterns.loop(bench, random.Random(hz), rate_hz=hz, goals=goals, reads=reads)
+
+    other = second(loop(15.7, "none", "state"), (200_000, 900_000), 0.0)
+    return found(tapped(talked(it, 5, bench, other, pattern=loop(20, "each", "state"))))
+
+
+def two_loops() -> set[str]:
+    """One controller writes, the other reads: no request of both is the same."""
+    it = robot_of(seconds=(14, 14))
+    bench = bench_of(it, 5)
+
+    def loop(hz: float, goals: str, reads: str) -> Pattern:
+        return patterns.loop(bench, random.Random(hz), rate_hz=hz, goals=goals, reads=reads)
+
+    other = second(loop(13.1, "each", "none"), (200_000, 900_000), 0.0)
+    return found(tapped(talked(it, 5, bench, other, pattern=loop(20, "none", "state"))))
+
+
+def as_other(protocol: str, factor: float = 1.0) -> set[str]:
+    """A tap that listens at another rate than the line has, or for another protocol."""
+    it = robot_of("rs30x", seconds=(2, 2))
+    ear = Receiver(round(115200 * factor))
+    return found(tapped(talked(it, 5, bench_of(it, 5)), ear), protocol, ear.baud)
+
+
+def away(who: frozenset[int], spans_ms: Sequence[int]) -> set[str]:
+    """Servos that answer nothing for some spans, again and again, while others do."""
+
+    def in_vain(talk: Conversation, cycle: int, servo: int) -> bool:
+        since = cycle % 100 * CYCLE_MS
+        if servo not in who or cycle < 100 or since >= spans_ms[cycle // 100 % len(spans_ms)]:
+            return False
+        talk.ask_in_vain(servo)
+        return True
+
+    return codes(robot("mightyzap", 12, instead=in_vain).diagnosed())
+
+
+def held_at(value: int) -> set[str]:
+    """A line that is held at a level, of which a UART makes one value over and over."""
+
+    def hold(talk: Conversation, cycle: int) -> None:
+        if cycle % 20 == 10:
+            talk.say(bytes((value,)) * 12)
+
+    return codes(robot("mightyzap", 4, behind=hold).diagnosed())
+
+
+def two_makes() -> set[str]:
+    """Servos of two makes on one line, of which the tap knows both."""
+    it, theirs = robot_of(seconds=(3, 3)), robot_of("wck", seconds=(3, 3))
+    guests = bench_of(theirs, 5)
+    bench = bench_of(it, 5, also=[guests])
+    rng = random.Random(5)
+    turns = {"mightyzap": program(it, bench, rng), "wck": program(theirs, guests, rng)}
+    rows = tapped(talked(it, 5, bench, pattern=patterns.in_turns(turns)))
+    return found(rows, "mightyzap+wck")
+
+
+ALL: Final = frozenset(
+    entry.code
+    for area in (
+        bits,
+        collisions,
+        crossings,
+        ends,
+        foreign,
+        held,
+        line,
+        masters,
+        motors,
+        outages,
+    )
+    for entry in area.FINDINGS
+)
+
+FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
+    {
+        "none": suffering,
+        "noise": lambda: suffering(Noise(ALWAYS, 60)),
+        "sparks": lambda: suffering(
+            MotorNoise(ALWAYS, 1500), it=robot_of(seconds=(9, 9)), goals=lambda rng: steps(rng, 1.5)
+        ),
+        "late edges": lambda: suffering(SlowEdges(ALWAYS, 0.44)),
+        "long lows": lambda: suffering(SlowEdges(ALWAYS, 0.1, 0.4)),
+        "early release": lambda: suffering(EarlyRelease(ALWAYS, (1.5, 6.0), frozenset({-1}), 0.3)),
+        "held driver": lambda: suffering(HeldLine(ALWAYS, hold_ns=(60_000, 300_000), share=0.5)),
+        "free line": lambda: suffering(StrayTurn(ALWAYS, share=0.7)),
+        "stuck": lambda: suffering(StuckLine([(1, 1.2), (2, 2.3), (4, 4.1)])),
+        "chatter": lambda: suffering(StuckLine([(1, 2), (4, 5)], 2000, 1.0)),
+        "contact": lambda: suffering(
+            LooseContact(ALWAYS, frozenset({2, 3}), 0.4, 0.15), it=robot_of(ids=(1, 2, 3, 4))
+        ),
+        "contact of one": lambda: suffering(LooseContact(ALWAYS, frozenset({2}), 0.4, 0.15)),
+        "loose branch": lambda: away(frozenset({2, 3}), (75, 25, 100)),
+        "restarts": lambda: away(frozenset({2}), (300, 320, 290)),
+        "held": lambda: held_at(0x00),
+        "slow clock": lambda: suffering(DriftingClock(2, lambda _: 0.06, 0.36, 0.25)),
+        "fast clock": lambda: suffering(DriftingClock(2, lambda _: -0.06, 0.62)),
+        "twins": lambda: twins(5_000, "rs30x", Clash.AND),
+        "late twins": lambda: twins(1_500_000, "mightyzap", Clash.AND),
+        "two masters": two_masters,
+        "two loops": two_loops,
+        "two makes": two_makes,
+        "other protocol": lambda: as_other("mightyzap"),
+        "other rate": lambda: as_other("rs30x", 2.0),
+    }
+)
+
+
+@functools.cache
+def of(fault: str) -> frozenset[str]:
+    return frozenset(FAULTS[fault]())
+
+
+TOLD: Final = (
+    ("damage-everywhere", "noise", "held driver"),
+    ("damage-one-servo", "fast clock", "noise"),
+    ("damage-in-answers", "held driver", "noise"),
+    ("damage-in-requests", "early release", "held driver"),
+    ("strays-at-turn", "free line", "noise"),
+    ("strays-anywhere", "noise", "free line"),
+    ("same-bit", "twins", "noise"),
+    ("one-way-bits", "late edges", "noise"),
+    ("late-edges", "late edges", "noise"),
+    ("late-bits", "long lows", "noise"),
+    ("last-bits", "slow clock", "late edges"),
+    ("clock-off", "fast clock", "twins"),
+    ("first-byte-torn", "held driver", "early release"),
+    ("last-byte-torn", "early release", "held driver"),
+    ("answers-twice", "late twins", "early release"),
+    ("answers-mixed", "twins", "fast clock"),
+    ("answers-always-torn", "fast clock", "contact"),
+    ("requests-run-together", "two masters", "late edges"),
+    ("streams-apart", "two loops", "contact"),
+    ("interleaved-requests", "two masters", "contact"),
+    ("unrelated-periods", "two loops", "contact"),
+    ("comes-and-goes", "contact", "noise"),
+    ("lost-together", "loose branch", "contact of one"),
+    ("away-unevenly", "contact", "restarts"),
+    ("away-alike", "restarts", "contact"),
+    ("held-low", "stuck", "chatter"),
+    ("held-value", "held", "stuck"),
+    ("line-babbles", "chatter", "sparks"),
+    ("damage-while-moving", "sparks", "noise"),
+    ("two-protocols", "two makes", "other protocol"),
+    ("foreign-frames", "other protocol", "noise"),
+    ("nothing-holds", "other rate", "noise"),
+    ("bits-of-another-rate", "other rate", "other protocol"),
+)
+"""A finding, a fault that brings it, and one that looks alike and does not."""
+
+
+@pytest.mark.parametrize(("code", "fault", "_"), TOLD)
+def test_a_fault_shows(code: str, fault: str, _: str) -> None:
+    assert code in of(fault)
+
+
+@pytest.mark.parametrize(("code", "_", "other"), TOLD)
+def test_another_fault_does_not_look_like_it(code: str, _: str, other: str) -> None:
+    assert code not in of(other)
+
+
+def test_of_a_sound_line_nothing_is_told() -> None:
+    assert not of("none") & ALL
+
+
+def test_each_finding_of_the_line_is_shown() -> None:
+    assert {code for code, _, _ in TOLD} == ALL
