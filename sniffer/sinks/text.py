@@ -74,6 +74,39 @@ def fit(text: str, width: int) -> str:
     return text[: width - 1] + "…"
 
 
+def values_in_words(protocol: BusProtocol, batch: Batch, i: int, values: range) -> str:
+    """Return what frame ``i`` states in a line; ``values`` are its rows in the batch's."""
+    f, v = batch.frames, batch.values
+    own = int(f.servo_id[i])
+    mine: list[str] = []
+    others: dict[int, list[str]] = {}
+    for k in values:
+        number = int(v.register[k])
+        register = protocol.registers[number]
+        who = int(v.servo_id[k])
+        text = short_value(register, int(v.raw[k]), float(v.value[k]))
+        if int(v.part[k]) != WHOLE:
+            text = f"raw {int(v.raw[k])} (part)"
+        if who == own or who < 0:
+            mine.append(f"{register.name.removeprefix('present_')} {text}")
+        else:
+            others.setdefault(number, []).append(f"{who}: {text}")
+    told = mine
+    for number in sorted(others, key=lambda r: not protocol.registers[r].unit):
+        first, *rest = others[number]
+        told += [f"{protocol.registers[number].name} {first}", *rest]
+    status = int(f.status[i])
+    if status > 0:
+        told.insert(0, "+".join(protocol.status_names(status)).replace("_", " "))
+    if not told:
+        op = protocol.op_name(int(f.op[i]))
+        fields = frame_fields(batch, protocol, i, values)
+        if fields.get("text") == fields.get("value"):
+            fields = {k: x for k, x in fields.items() if k != "value"}
+        told = [text for k, x in fields.items() if (text := _plainly(k, x, op, own))]
+    return ", ".join(told)
+
+
 class TextSink:
     """Writes to a stream; ``color`` None asks the stream whether it is a terminal."""
 
@@ -174,7 +207,7 @@ class TextSink:
             str(servo) if servo >= 0 else "-",
             "<" if response else ">",
             protocol.op_name(int(f.op[i])),
-            f"{protocol.name}: " * batch.is_shared + self._values(protocol, batch, i, values),
+            f"{protocol.name}: " * batch.is_shared + values_in_words(protocol, batch, i, values),
             word,
         )
         start = int(f.start[i])
@@ -203,37 +236,6 @@ class TextSink:
         who = "" if found.servo_id is None else str(found.servo_id)
         cells = (self._time(batch, found.t_ns), who, "!", found.code, found.detail, level)
         return self._paint(level, self._line(cells, bus=bus))
-
-    def _values(self, protocol: BusProtocol, batch: Batch, i: int, values: range) -> str:
-        f, v = batch.frames, batch.values
-        own = int(f.servo_id[i])
-        mine: list[str] = []
-        others: dict[int, list[str]] = {}
-        for k in values:
-            number = int(v.register[k])
-            register = protocol.registers[number]
-            who = int(v.servo_id[k])
-            text = short_value(register, int(v.raw[k]), float(v.value[k]))
-            if int(v.part[k]) != WHOLE:
-                text = f"raw {int(v.raw[k])} (part)"
-            if who == own or who < 0:
-                mine.append(f"{register.name.removeprefix('present_')} {text}")
-            else:
-                others.setdefault(number, []).append(f"{who}: {text}")
-        told = mine
-        for number in sorted(others, key=lambda r: not protocol.registers[r].unit):
-            first, *rest = others[number]
-            told += [f"{protocol.registers[number].name} {first}", *rest]
-        status = int(f.status[i])
-        if status > 0:
-            told.insert(0, "+".join(protocol.status_names(status)).replace("_", " "))
-        if not told:
-            op = protocol.op_name(int(f.op[i]))
-            fields = frame_fields(batch, protocol, i, values)
-            if fields.get("text") == fields.get("value"):
-                fields = {k: x for k, x in fields.items() if k != "value"}
-            told = [text for k, x in fields.items() if (text := _plainly(k, x, op, own))]
-        return ", ".join(told)
 
     def _time(self, batch: Batch, t_ns: int) -> str:
         digits = 6 if self._wide else 3
@@ -313,7 +315,7 @@ def _verdicts(batch: Batch) -> list[tuple[str, str]]:
     for q, r, outcome, took, spread in zip(*(c.tolist() for c in columns), strict=True):
         if outcome == OK:
             slow = q >= 0 and batch.base + int(batch.frames.start[q]) in late
-            out[r] = (_took(took, spread, "late " if slow else ""), "warn" if slow else "")
+            out[r] = (took_in_words(took, spread, "late " if slow else ""), "warn" if slow else "")
         elif outcome != NOT_EXPECTED:
             out[r if r >= 0 else q] = (OUTCOMES[outcome].replace("_", " "), "error")
     marks = {a.evidence[0][0]: a for a in batch.anomalies if a.group in ("protocol", "device")}
@@ -325,7 +327,7 @@ def _verdicts(batch: Batch) -> list[tuple[str, str]]:
     return out
 
 
-def _took(ns: int, spread: int, word: str) -> str:
+def took_in_words(ns: int, spread: int, word: str) -> str:
     """Return a reply time; shorter than the clock can tell, it is a bound."""
     if ns < 0:
         return "ok"
