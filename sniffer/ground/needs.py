@@ -1,4 +1,4 @@
-"""Libraries that only plots and tables need: a tap does without, and says what it lacks."""
+"""Libraries for plots, tables, a look inside: a tap does without, and says what it lacks."""
 
 from __future__ import annotations
 
@@ -46,6 +46,18 @@ def need_pyarrow() -> None:
         importlib.import_module("pyarrow")
     except ImportError as error:
         raise _missing("tables (.parquet, .csv) need pyarrow", "pyarrow", error) from None
+
+
+def need_textual() -> None:
+    """Do nothing where a capture can be looked into on a terminal.
+
+    Raises:
+        OutputError: Textual is not installed.
+    """
+    try:
+        importlib.import_module("textual.app")
+    except ImportError as error:
+        raise _missing("looking inside needs Textual", "textual", error) from None
 
 
 def _missing(what: str, package: str, error: ImportError) -> OutputError:

@@ -18,6 +18,7 @@ LINE: Final = np.dtype(
         ("t", np.int64),
         ("at", np.int64),
         ("took", np.int64),
+        ("spread", np.int64),
         ("partner", np.int64),
         ("page", np.int32),
         ("row", np.int32),
@@ -31,8 +32,8 @@ LINE: Final = np.dtype(
         ("outcome", np.uint8),
     ]
 )
-"""A line of the list, 57 bytes: end in ns, offset in its bus, response time in ns (-1: not known),
-line of the other half of its exchange (-1: none), where the rest of it is (``row`` of the page's
+"""A line of the list, 65 bytes: end in ns, offset in its bus, response time in ns (-1: not known)
+and its uncertainty, line of the other half of its exchange (-1: none), where the rest of it is (``row`` of the page's
 frames or gaps), bytes, address (-1), servo (-1), command (``CaptureIndex.ops``), who speaks,
 ``NO_FINDING`` or a severity + 1, bus (``CaptureIndex.buses``), outcome or ``NO_OUTCOME``."""
 
@@ -88,4 +89,4 @@ class Growing:
 
     def _mapped(self, rows: int) -> Table:
         self._file.truncate(rows * self._dtype.itemsize)
-        return np.memmap(self._file, self._dtype, "r+", shape=(rows,))  # type: ignore[call-overload]
+        return np.memmap(self._file, self._dtype, "r+", shape=(rows,))

@@ -1,7 +1,7 @@
 """The lines of a capture, made of batches as they are decoded: a sink that can be looked into.
 
     batches ─▶ pages (all that was decoded, put away)
-            └▶ lines (57 bytes a frame or gap, in columns), findings (an anomaly each)
+            └▶ lines (65 bytes a frame or gap, in columns), findings (an anomaly each)
 
 Lines are in the order of time, of all buses together. One thread fills it; others read.
 """
@@ -98,7 +98,9 @@ class CaptureIndex:
         tables = [table for *_, table in waiting]
         every = np.concatenate(tables)
         # a bus keeps its own order, whatever its stamps say
-        clock = np.concatenate([np.maximum.accumulate(t["t"]) if len(t) else t["t"] for t in tables])
+        clock = np.concatenate(
+            [np.maximum.accumulate(t["t"]) if len(t) else t["t"] for t in tables]
+        )
         order = np.lexsort((every["at"], clock)) if len(waiting) > 1 else np.arange(len(every))
         first = len(self._lines)
         place = np.empty(len(every), np.int64)
@@ -138,7 +140,7 @@ class CaptureIndex:
         n = len(f)
         out = np.zeros(n + len(gaps), LINE)
         out["bus"], out["page"] = bus, page
-        out["took"] = out["partner"] = -1
+        out["took"] = out["spread"] = out["partner"] = -1
         out["outcome"] = NO_OUTCOME
         frames, rest = out[:n], out[n:]
         frames["t"], frames["at"], frames["length"] = f.t_end, f.start + batch.base, f.length
@@ -187,9 +189,12 @@ class CaptureIndex:
         both = (asked >= 0) & (said >= 0)
         lines["partner"][asked[both]], lines["partner"][said[both]] = said[both], asked[both]
         lines["took"][said[both]] = t.response_time_ns[both]
+        lines["spread"][said[both]] = t.uncertainty_ns[both]
         shown = np.where(said >= 0, said, asked)
         some = (shown >= 0) & (t.outcome != NOT_EXPECTED)
         lines["outcome"][shown[some]] = t.outcome[some]
+        odd = shown[some & (t.outcome != OK)]
+        lines["severity"][odd] = np.maximum(lines["severity"][odd], Severity.WARN + 1)
         gone = (asked >= 0) & (t.outcome != OK) & (t.outcome != NOT_EXPECTED)
         lines["outcome"][asked[gone]] = t.outcome[gone]
 

@@ -1,0 +1,448 @@
+"""The screen of ``sniffer open``: keys and clicks to what is shown, and nothing that takes long.
+
+What takes long is done in steps between two pictures (``_tick``): filtering, searching. The capture
+is read and decoded in threads of its own (``reading.py``).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar, Final
+
+from textual.app import App, ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal
+from textual.screen import ModalScreen
+from textual.suggester import Suggester
+from textual.widgets import ContentSwitcher, Input, OptionList, Static
+
+from sniffer.ground.model import InputError, OutputError, SnifferError
+from sniffer.ground.wording import plain
+from sniffer.inside.detail import detail_of
+from sniffer.inside.figures import figures_of
+from sniffer.inside.filters import completed, completions, filter_of
+from sniffer.inside.keys import KEYS, help_text
+from sniffer.inside.moment import moment_of
+from sniffer.inside.notes import Notes
+from sniffer.inside.panes import FieldPane, TextPane, bytes_text, figures_text, moment_table
+from sniffer.inside.places import line_of
+from sniffer.inside.search import Search
+from sniffer.inside.table import FrameList
+from sniffer.inside.view import LineView
+from sniffer.inside.words import TIMES
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from sniffer.inside.figures import Figures
+    from sniffer.inside.reading import Reading
+
+TICK_S: Final = 0.05
+"""How often it is looked for what has come, in seconds."""
+
+SETTLES_S: Final = 0.03
+"""The panes follow the cursor so late: a key that is held down is not slowed by them."""
+
+ASKED: Final = {
+    "find": "find text, or bytes (FF 01)",
+    "go": "go to: 12.5, 10min, 20:35:20.5, @12175 (byte), #300 (line), @first-error",
+    "filter": "filter: servo=3,5 kind=response op=… code=no-response",
+    "mark": "note for this mark",
+}
+"""What the prompt asks for, by action."""
+
+
+class LineSuggester(Suggester):
+    """Completes the last word of a filter line."""
+
+    def __init__(self, glass: LookingGlass) -> None:
+        super().__init__(use_cache=False, case_sensitive=True)
+        self._glass = glass
+
+    async def get_suggestion(self, value: str) -> str | None:
+        """Return the line as it would be."""
+        if self._glass.asking != "filter":
+            return None
+        return completed(value, completions(self._glass.index))
+
+
+class HelpPage(ModalScreen[None]):
+    """The keys."""
+
+    def compose(self) -> ComposeResult:
+        """Show them."""
+        yield Static(help_text(), id="help", markup=False)
+
+    def on_key(self) -> None:
+        """Close."""
+        self.dismiss()
+
+    def on_click(self) -> None:
+        """Close."""
+        self.dismiss()
+
+
+class LookingGlass(App[None]):
+    """A capture on the screen.
+
+    Args:
+        reading: what is shown; it is begun already.
+        name: of the capture.
+        marks: the file that marks are kept in.
+        follow: stay at the last line from the beginning.
+    """
+
+    CSS = """
+    #top, #head, #status { height: 1; width: 100%; }
+    #top { background: $primary-darken-2; color: $text; text-style: bold; }
+    #head { color: $text-muted; }
+    #list { height: 1fr; min-height: 3; overflow-x: hidden; scrollbar-size-vertical: 1; }
+    #below { height: 40%; min-height: 6; border-top: solid $primary; }
+    #detail { height: 100%; }
+    #fields { width: 1fr; height: 100%; border: none; padding: 0; background: $background; }
+    #bytes { width: 42; height: 100%; border-left: solid $primary-darken-2; padding: 0 0 0 1; }
+    #board, #figures { height: 100%; }
+    .wide #bytes { width: 74; }
+    #prompt { height: 1; border: none; padding: 0; display: none; }
+    #status { color: $text-muted; }
+    #status.bad { color: $error; text-style: bold; }
+    HelpPage { align: center middle; }
+    #help { width: auto; max-width: 100%; height: auto; max-height: 100%; padding: 0 1;
+            background: $surface; border: round $primary; overflow-y: auto; }
+    """
+    ENABLE_COMMAND_PALETTE = False
+    BINDINGS: ClassVar = [
+        Binding(k, key.action, key.word, show=False, priority=k.startswith("ctrl+"))
+        for key in KEYS
+        for k in key.keys.split(",")
+    ]
+
+    def __init__(
+        self, reading: Reading, *, name: str, marks: Path | None = None, follow: bool = False
+    ) -> None:
+        super().__init__()
+        self.reading = reading
+        self.index = reading.index
+        self.view = LineView(self.index)
+        self.asking = ""
+        """What the prompt asks for; empty: it is not there."""
+        self.notes = Notes(marks)
+        self.list = FrameList(self.view)
+        self._title = plain(name)
+        self.title = f"sniffer open {self._title}"
+        self._follow = follow
+        self._said = ""
+        self._is_bad = False
+        self._wanted: int | None = None
+        self._search: Search | None = None
+        self._found_last = ""
+        self._filter_text = ""
+        self._is_due = False
+        self._ticks = 0
+
+    def compose(self) -> ComposeResult:
+        """Lay out the screen."""
+        yield Static(id="top", markup=False)
+        yield Static(id="head", markup=False)
+        yield self.list
+        with ContentSwitcher(initial="detail", id="below"):
+            with Horizontal(id="detail"):
+                yield FieldPane()
+                yield TextPane("bytes")
+            yield TextPane("board")
+            yield TextPane("figures")
+        yield Input(id="prompt", compact=True, suggester=LineSuggester(self))
+        yield Static(id="status", markup=False)
+
+    def on_mount(self) -> None:
+        """Begin to look for what comes; end politely where the system asks for it."""
+        loop = asyncio.get_running_loop()
+        for name in ("SIGTERM", "SIGHUP", "SIGINT"):
+            number = getattr(signal, name, None)
+            if number is not None:
+                try:
+                    loop.add_signal_handler(number, self.exit)
+                except (NotImplementedError, RuntimeError, ValueError):
+                    break  # not on this system, or not in this thread: the default holds
+        self.list.focus()
+        try:
+            self.notes.load()
+        except SnifferError as error:
+            self.say(str(error), bad=True)
+        self.set_interval(TICK_S, self._tick)
+        self._tick()
+
+    def say(self, text: str, *, bad: bool = False) -> None:
+        """Say something in the last line, in place of the keys."""
+        self._said, self._is_bad = text, bad
+        self._status()
+
+    def _tick(self) -> None:
+        """Show what has come since; go on with what takes long."""
+        self._ticks += 1
+        self.view.steps()
+        had = self.list.line >= 0 or self.view.count > 0
+        before = self.list.virtual_size.height
+        self.list.grown()
+        if self._wanted is not None and (
+            self.view.judged > self._wanted or not self.view.is_behind
+        ):
+            wanted, self._wanted = self._wanted, None
+            self.list.go(self.view.position(wanted), by_hand=False, middle=True)
+        elif self.view.count > before and (self._follow or not before) and had:
+            self.list.go(self.view.count - 1 if self._follow else self.list.cursor, by_hand=False)
+        if self._search is not None:
+            self._look_on()
+        self.list.marked = self.notes.lines(self.index)
+        self.list.marks_ns = [mark.t_ns for mark in self.notes.marks]
+        if self.reading.failure is not None and not len(self.index.lines):
+            self.exit()
+            return
+        self._top()
+        self._status()
+
+    def _top(self) -> None:
+        r, count = self.reading, self.view.count
+        spoken = "+".join(dict.fromkeys(p.name for p in self.index.protocols)) or "?"
+        shown = f"{count} of {len(self.index.lines)}" if not self.view.is_whole else f"{count}"
+        told = [self._title, spoken, f"line {self.list.cursor + 1 if count else 0} of {shown}"]
+        if self._filter_text:
+            told.append(f"filter {self._filter_text}")
+        if not r.done:
+            told.append("recording" if r.growing else "reading …")
+        if self.view.is_behind:
+            told.append("filtering …")
+        if self.view.held is not None:
+            told.append("PAUSED")
+        if self._follow:
+            told.append("following")
+        self.query_one("#top", Static).update("  ".join(told))
+        self.query_one("#head", Static).update(self.list.heading(self.list.size.width or 80))
+
+    def _status(self) -> None:
+        status = self.query_one("#status", Static)
+        told, bad = self._said, self._is_bad
+        if not told and self.reading.problem:
+            told, bad = self.reading.problem, True
+        status.set_class(bad, "bad")
+        status.update(plain(told) or "  ".join(f"{k.shown} {k.word}" for k in KEYS if k.word))
+
+    def on_frame_list_moved(self, event: FrameList.Moved) -> None:
+        """Have the panes follow the cursor."""
+        if event.by_hand:
+            self._said, self._follow = "", self._follow and self._is_at_end
+        if not self._is_due:
+            self._is_due = True
+            self.set_timer(SETTLES_S, self._show)
+
+    @property
+    def _is_at_end(self) -> bool:
+        return self.list.cursor >= self.view.count - 1
+
+    def _show(self) -> None:
+        """Show what is under the cursor in the pane that is open."""
+        self._is_due = False
+        line, pane = self.list.line, self.query_one(ContentSwitcher).current
+        if line < 0:
+            return
+        self._top()
+        if pane == "detail":
+            detail = detail_of(self.index, line, exchange=self.view.exchanges)
+            self.query_one(FieldPane).show(detail)
+            self._light()
+        elif pane == "board":
+            self.query_one("#board", TextPane).show(moment_table(moment_of(self.index, line)))
+
+    def _light(self) -> None:
+        fields, pane = self.query_one(FieldPane), self.query_one("#bytes", TextPane)
+        pane.show(bytes_text(fields.detail, fields.chosen, pane.size.width))
+
+    def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
+        """Light the bytes of the field."""
+        self._light()
+
+    def on_resize(self) -> None:
+        """Give the bytes room where there is some."""
+        self.set_class(self.size.width >= 120, "wide")
+        self.screen.set_class(self.size.width >= 120, "wide")
+        self._top()
+        self.call_after_refresh(self._show)
+
+    def action_help(self) -> None:
+        """Show the keys."""
+        self.push_screen(HelpPage())
+
+    def action_wrong(self, by: int, least: int = 0) -> None:
+        """Go to the next or previous finding: errors, or warnings where there is no error."""
+        back = by < 0
+        for severity in [least] if least else [3, 2]:
+            at = self.view.next_wrong(self.list.cursor, severity, back=back)
+            if at >= 0:
+                self.list.go(at, middle=True)
+                return
+            if severity == 3 and self.view.next_wrong(self.list.cursor, 3, back=not back) >= 0:
+                break  # there are errors, on the other side
+        self.say(f"nothing more is wrong {'before' if back else 'behind'} this line")
+
+    def action_ask(self, what: str) -> None:
+        """Open the prompt; a mark that is there is taken away instead."""
+        if what == "mark":
+            if self.list.line < 0:
+                return
+            if self.list.line in self.list.marked:
+                self._noted(partial(self.notes.remove, self.index, self.list.line))
+                return
+        self.asking = what
+        prompt = self.query_one("#prompt", Input)
+        prompt.placeholder = ASKED[what]
+        before = {"filter": self._filter_text, "find": self._found_last}
+        prompt.value = before.get(what, "")
+        prompt.cursor_position = len(prompt.value)
+        prompt.display = True
+        self.query_one("#status").display = False
+        prompt.focus()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Do what was asked for."""
+        asked, text = self.asking, event.value
+        self._close_prompt()
+        try:
+            if asked == "filter":
+                self._choose(text)
+            elif asked == "go":
+                self._go(line_of(text, self.index, self._bus))
+            elif asked == "find":
+                self._find(text)
+            else:
+                self._noted(partial(self.notes.add, self.index, self.list.line, text.strip()))
+        except InputError as error:
+            self.say(str(error), bad=True)
+
+    @property
+    def _bus(self) -> int:
+        return int(self.index.lines["bus"][self.list.line]) if self.list.line >= 0 else 0
+
+    def _close_prompt(self) -> None:
+        self.asking = ""
+        self.query_one("#prompt").display = False
+        self.query_one("#status").display = True
+        self.list.focus()
+
+    def _choose(self, text: str | None = None, *, exchanges: bool | None = None) -> None:
+        """Show other lines, and stay where we are.
+
+        Raises:
+            InputError: that is no filter.
+        """
+        chosen = self.view.filter if text is None else filter_of(text)
+        kept = max(self.list.line, 0)
+        if text is not None:
+            self._filter_text = plain(text.strip())
+        self.view.choose(chosen, exchanges=self.view.exchanges if exchanges is None else exchanges)
+        self._said = ""
+        self._wanted = kept
+        self.list.cursor = 0
+        self.view.steps()
+        self.list.afresh()
+        self._tick()
+
+    def _go(self, line: int) -> None:
+        self._follow = False
+        self.list.go(self.view.position(line), middle=True)
+
+    def _find(self, text: str) -> None:
+        self._found_last = text
+        if text.strip():
+            self._search = Search(self.view, self.list.cursor, text)
+
+    def _look_on(self) -> None:
+        """Search for a while; go where something was found."""
+        assert self._search is not None
+        at = self._search.steps()
+        if at is None:
+            self.say(f"searching … {self._search.done:.0%}, Esc stops it")
+            return
+        text, self._search = self._search.text, None
+        self._said = ""
+        if at < 0:
+            self.say(f"{plain(text)!r} is nowhere in the lines shown")
+        else:
+            self.list.go(at, middle=True)
+
+    def _noted(self, change: partial[None]) -> None:
+        try:
+            change()
+        except OutputError as error:
+            self.say(str(error), bad=True)
+        self.list.marked = self.notes.lines(self.index)
+        self.list.refresh()
+
+    def action_next_mark(self) -> None:
+        """Go to the next mark, the first one behind the last."""
+        lines = sorted(self.list.marked)
+        if not lines:
+            self.say("there is no mark yet: m sets one")
+            return
+        after = [line for line in lines if line > self.list.line]
+        line = after[0] if after else lines[0]
+        self._go(line)
+        self.call_after_refresh(self.say, f"◆ {self.list.marked[line]}")
+
+    def action_exchanges(self) -> None:
+        """Show frames, or exchanges."""
+        self._choose(exchanges=not self.view.exchanges)
+
+    def action_times(self) -> None:
+        """Tell times in the next way."""
+        self.list.times = (self.list.times + 1) % len(TIMES)
+        self.list.refresh()
+        self._top()
+
+    def action_pane(self, name: str) -> None:
+        """Show a pane, or the fields again."""
+        below = self.query_one(ContentSwitcher)
+        below.current = "detail" if below.current == name else name
+        if below.current == "figures":
+            self._figures()
+        self._show()
+
+    def _figures(self) -> None:
+        pane = self.query_one("#figures", TextPane)
+        pane.show("counting …")
+        numbers = self.view.shown()
+
+        def count() -> None:
+            self.call_from_thread(self._counted, figures_of(self.index, numbers))
+
+        self.run_worker(count, thread=True, exclusive=True, group="figures")
+
+    def _counted(self, figures: Figures) -> None:
+        self.query_one("#figures", TextPane).show(figures_text(figures))
+
+    def action_follow(self) -> None:
+        """Stay at the last line, or no more."""
+        self._follow = not self._follow
+        if self._follow:
+            self.view.pause(False)
+            self.list.go(self.view.count - 1, by_hand=False)
+        self._top()
+
+    def action_pause(self) -> None:
+        """Hold the list, or let it go on."""
+        self.view.pause(self.view.held is None)
+        self._top()
+
+    def action_away(self) -> None:
+        """Close the prompt, stop the search, or show the fields."""
+        if self.asking:
+            self._close_prompt()
+        elif self._search is not None:
+            self._search = None
+            self.say("the search was stopped")
+        else:
+            self.query_one(ContentSwitcher).current = "detail"
+            self._said = ""
+            self._show()
+            self.list.focus()
