@@ -33,9 +33,10 @@ LINE: Final = np.dtype(
     ]
 )
 """A line of the list, 65 bytes: end in ns, offset in its bus, response time in ns (-1: not known)
-and its uncertainty, line of the other half of its exchange (-1: none), where the rest of it is (``row`` of the page's
-frames or gaps), bytes, address (-1), servo (-1), command (``CaptureIndex.ops``), who speaks,
-``NO_FINDING`` or a severity + 1, bus (``CaptureIndex.buses``), outcome or ``NO_OUTCOME``."""
+and its uncertainty, line of the other half of its exchange (-1: none), where the rest of it is
+(``row`` of the page's frames or gaps), bytes, address (-1), servo (-1), command
+(``CaptureIndex.ops``), who speaks, ``NO_FINDING`` or a severity + 1, bus (``CaptureIndex.buses``),
+outcome or ``NO_OUTCOME``."""
 
 FOUND: Final = np.dtype(
     [

@@ -11,7 +11,7 @@ from sniffer.diagnostics.found import CODES
 from sniffer.ground.codes import NO_RESPONSE, REQUEST, RESPONSE
 from sniffer.ground.model import NS
 from sniffer.inside.columns import GAP
-from sniffer.sinks.text import took_in_words
+from sniffer.sinks.words import took_in_words
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ServoFigures:
-    """A servo of a bus (-1: nobody's); times are those of its answers, as people read
-    them."""
+    """A servo of a bus (-1: nobody's); times are those of its answers."""
 
     bus: str
     servo: int

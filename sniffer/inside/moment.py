@@ -11,7 +11,7 @@ import numpy as np
 from sniffer.ground.codes import WHOLE
 from sniffer.ground.model import NS
 from sniffer.inside.pages import Told
-from sniffer.sinks.text import short_value
+from sniffer.sinks.words import short_value
 
 if TYPE_CHECKING:
     from sniffer.ground.registers import Register

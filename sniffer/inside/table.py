@@ -14,7 +14,7 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from sniffer.inside.words import DELTA, TIMES, LineWords, line_words, since, time_of_day
-from sniffer.sinks.text import fit
+from sniffer.sinks.words import fit
 
 if TYPE_CHECKING:
     from textual import events

@@ -13,7 +13,7 @@ from sniffer.ground.codes import NO_RESPONSE, OK, OUTCOMES, RESPONSE
 from sniffer.ground.model import NS, Severity
 from sniffer.ground.wording import plain
 from sniffer.inside.columns import GAP, NO_OUTCOME
-from sniffer.sinks.text import took_in_words, values_in_words
+from sniffer.sinks.words import took_in_words, values_in_words
 
 if TYPE_CHECKING:
     from sniffer.inside.index import CaptureIndex
