@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
     from sniffer.inside.figures import Figures
     from sniffer.inside.reading import Reading
+    from sniffer.inside.recorder import BesideRecorder
 
 TICK_S: Final = 0.05
 """How often it is looked for what has come, in seconds."""
@@ -92,6 +93,7 @@ class LookingGlass(App[None]):
         name: of the capture.
         marks: the file that marks are kept in.
         follow: stay at the last line from the beginning.
+        recorder: what writes the capture, where a port is shown.
     """
 
     CSS = """
@@ -120,7 +122,13 @@ class LookingGlass(App[None]):
     ]
 
     def __init__(
-        self, reading: Reading, *, name: str, marks: Path | None = None, follow: bool = False
+        self,
+        reading: Reading,
+        *,
+        name: str,
+        marks: Path | None = None,
+        follow: bool = False,
+        recorder: BesideRecorder | None = None,
     ) -> None:
         super().__init__()
         self.reading = reading
@@ -133,6 +141,7 @@ class LookingGlass(App[None]):
         self._title = plain(name)
         self.title = f"sniffer open {self._title}"
         self._follow = follow
+        self._recorder = recorder
         self._said = ""
         self._is_bad = False
         self._wanted: int | None = None
@@ -197,7 +206,9 @@ class LookingGlass(App[None]):
             self._look_on()
         self.list.marked = self.notes.lines(self.index)
         self.list.marks_ns = [mark.t_ns for mark in self.notes.marks]
-        if self.reading.failure is not None and not len(self.index.lines):
+        if count := len(self.index.lines):
+            self.reading.go_on()
+        if self.reading.failure is not None and not count:
             self.exit()
             return
         self._top()
@@ -211,19 +222,19 @@ class LookingGlass(App[None]):
         if self._filter_text:
             told.append(f"filter {self._filter_text}")
         if not r.done:
-            told.append("recording" if r.growing else "reading …")
+            told.append("following" if self._follow else "live" if r.growing else "reading …")
         if self.view.is_behind:
             told.append("filtering …")
         if self.view.held is not None:
             told.append("PAUSED")
-        if self._follow:
-            told.append("following")
         self.query_one("#top", Static).update("  ".join(told))
         self.query_one("#head", Static).update(self.list.heading(self.list.size.width or 80))
 
     def _status(self) -> None:
         status = self.query_one("#status", Static)
         told, bad = self._said, self._is_bad
+        if not told and self._recorder is not None and self._recorder.has_ended:
+            told, bad = f"the recording has ended: {self._recorder.said}", True
         if not told and self.reading.problem:
             told, bad = self.reading.problem, True
         status.set_class(bad, "bad")

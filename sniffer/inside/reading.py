@@ -6,6 +6,7 @@ import os
 import queue
 import threading
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.pipeline import Pipeline
@@ -88,6 +89,8 @@ class Reading:
         self.growing = growing is not None
         self._source, self._options, self._path = source, options, growing
         self._stop = threading.Event()
+        self._go_on = threading.Event()
+        self._go_on.set()
         self._thread = threading.Thread(target=self._run, name="reading", daemon=True)
 
     @property
@@ -95,9 +98,15 @@ class Reading:
         """Whether nothing more comes."""
         return not self._thread.is_alive()
 
-    def start(self) -> None:
-        """Begin."""
+    def start(self, *, first: bool = False) -> None:
+        """Begin; ``first``: with the first page, and wait until it is shown (``go_on``)."""
+        if first:
+            self._go_on.clear()
         self._thread.start()
+
+    def go_on(self) -> None:
+        """Read on behind the first page."""
+        self._go_on.set()
 
     def wait(self, seconds: float | None = None) -> None:
         """Wait for its end."""
@@ -106,6 +115,7 @@ class Reading:
     def stop(self) -> None:
         """Read no further; return when nothing is read any more, or after a moment."""
         self._stop.set()
+        self._go_on.set()
         if self._thread.is_alive():
             self._thread.join(2 * QUIET_S)
 
@@ -119,6 +129,8 @@ class Reading:
             for group in groups:
                 pipeline.feed(group)
                 self.index.settle()
+                if len(self.index.lines):
+                    self._go_on.wait()
                 if self._stop.is_set():
                     return
             self._end(pipeline)
@@ -222,7 +234,7 @@ def pages(group: Iterable[Chunk]) -> Iterator[list[Chunk]]:
     """Cut a group into pages."""
     page: list[Chunk] = []
     size = 0
-    for chunk in group:
+    for chunk in (piece for each in group for piece in pieces(each)):
         page.append(chunk)
         size += len(chunk.data)
         if size >= PAGE or len(page) >= PAGE_CHUNKS:
@@ -230,3 +242,12 @@ def pages(group: Iterable[Chunk]) -> Iterator[list[Chunk]]:
             page, size = [], 0
     if page:
         yield page
+
+
+def pieces(chunk: Chunk) -> Iterator[Chunk]:
+    """Cut a chunk that is longer than a page, if it has no time of its own and nothing marks it."""
+    if len(chunk.data) <= PAGE or chunk.t_ns is not None or chunk.marks:
+        yield chunk
+        return
+    for at in range(0, len(chunk.data), PAGE):
+        yield replace(chunk, data=chunk.data[at : at + PAGE])

@@ -5,13 +5,21 @@ from __future__ import annotations
 import stat
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.options import Options
 from sniffer.ground.model import InputError
 from sniffer.ground.needs import need_textual
 from sniffer.inside.index import CaptureIndex
 from sniffer.inside.reading import Reading
+from sniffer.inside.recorder import BesideRecorder
 from sniffer.sources import open_source
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+SWITCH_S: Final = 0.001
+"""How long what reads and decodes may keep the screen waiting at a time, in seconds."""
 
 
 def look_inside(
@@ -20,6 +28,7 @@ def look_inside(
     *,
     input_format: str = "auto",
     follow: bool = False,
+    recorder: BesideRecorder | None = None,
 ) -> Reading:
     """Show a capture on the terminal; return what was read when the user quits.
 
@@ -28,6 +37,7 @@ def look_inside(
         options: how it is decoded; what a recording says of itself fills what is not said.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         follow: the file is being written: show what comes.
+        recorder: what writes it, where a port is shown.
 
     Raises:
         InputError: the input cannot be read, or its protocol cannot be told; there is no terminal.
@@ -39,18 +49,45 @@ def look_inside(
     with open_source(source, input_format) as opened:
         path = Path(source)
         reading = Reading(opened, options, CaptureIndex(), growing=path if follow else None)
-        reading.start()
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH_S)
+        reading.start(first=True)
         try:
             # loaded while the file is read: it takes as long as the first page
             need_textual()
             from sniffer.inside.app import LookingGlass
 
-            LookingGlass(reading, name=path.name, marks=path, follow=follow).run()
+            LookingGlass(
+                reading, name=path.name, marks=path, follow=follow, recorder=recorder
+            ).run()
         finally:
+            sys.setswitchinterval(before)
             reading.stop()
     if reading.failure is not None and not len(reading.index.lines):
         raise reading.failure
     return reading
+
+
+def look_at_port(port: str, path: Path, options: Options, more: Sequence[str] = ()) -> Reading:
+    """Record a port into a file beside, and show it; return when the user quits.
+
+    Args:
+        port: as ``sniffer record`` takes it.
+        path: of the recording, which must not be there yet.
+        options: how it is shown; the recorder is told by ``more``.
+        more: further arguments for ``sniffer record``.
+
+    Raises:
+        InputError: the port cannot be recorded, or there is no terminal.
+        OutputError: Textual is not installed.
+    """
+    need_terminal(port)
+    need_textual()
+    recorder = BesideRecorder(port, path, more)
+    try:
+        return look_inside(str(path), options, input_format="mcap", follow=True, recorder=recorder)
+    finally:
+        recorder.stop()
 
 
 def need_terminal(source: str) -> None:
