@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from typing import Final
 
 from sniffer.ground.model import OutputError
@@ -55,7 +56,9 @@ def need_textual() -> None:
         OutputError: Textual is not installed.
     """
     try:
-        importlib.import_module("textual.app")
+        found = importlib.util.find_spec("textual")  # loading it takes a while
+        if found is None:
+            raise ModuleNotFoundError("No module named 'textual'")
     except ImportError as error:
         raise _missing("looking inside needs Textual", "textual", error) from None
 

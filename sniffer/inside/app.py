@@ -36,7 +36,7 @@ from sniffer.inside.words import TIMES
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from sniffer.inside.figures import Figures
+    from sniffer.inside.figures import ShownFigures
     from sniffer.inside.reading import Reading
     from sniffer.inside.recorder import BesideRecorder
 
@@ -429,7 +429,7 @@ class LookingGlass(App[None]):
 
         self.run_worker(count, thread=True, exclusive=True, group="figures")
 
-    def _counted(self, figures: Figures) -> None:
+    def _counted(self, figures: ShownFigures) -> None:
         self.query_one("#figures", TextPane).show(figures_text(figures))
 
     def action_follow(self) -> None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class ServoFigures:
+class ShownServo:
     """A servo of a bus (-1: nobody's); times are those of its answers."""
 
     bus: str
@@ -33,7 +33,7 @@ class ServoFigures:
 
 
 @dataclass(frozen=True, slots=True)
-class CodeFigures:
+class ShownCode:
     """How often a code was found of a servo (-1: nobody's), and in which line first."""
 
     code: str
@@ -44,7 +44,7 @@ class CodeFigures:
 
 
 @dataclass(frozen=True, slots=True)
-class Figures:
+class ShownFigures:
     """Counts of lines, and of bytes; the span in seconds; servos, and findings, the worst first."""
 
     frames: int
@@ -52,17 +52,17 @@ class Figures:
     bytes: int
     bytes_in_gaps: int
     span_s: float
-    servos: tuple[ServoFigures, ...]
-    codes: tuple[CodeFigures, ...]
+    servos: tuple[ShownServo, ...]
+    codes: tuple[ShownCode, ...]
 
 
-def figures_of(index: CaptureIndex, numbers: I64) -> Figures:
+def figures_of(index: CaptureIndex, numbers: I64) -> ShownFigures:
     """Count lines."""
     lines = index.lines[numbers]
     gaps = lines["kind"] == GAP
     length = lines["length"].astype(np.int64)
     span = int(lines["t"].max() - lines["t"].min()) / NS if len(lines) else 0.0
-    return Figures(
+    return ShownFigures(
         int((~gaps).sum()),
         int(gaps.sum()),
         int(length.sum()),
@@ -73,7 +73,7 @@ def figures_of(index: CaptureIndex, numbers: I64) -> Figures:
     )
 
 
-def _servos(index: CaptureIndex, lines: Table) -> list[ServoFigures]:
+def _servos(index: CaptureIndex, lines: Table) -> list[ShownServo]:
     frames = lines[lines["kind"] != GAP]
     key = frames["bus"].astype(np.int64) << 16 | (frames["servo"].astype(np.int64) + 1)
     out = []
@@ -82,7 +82,7 @@ def _servos(index: CaptureIndex, lines: Table) -> list[ServoFigures]:
         timed = mine[(mine["kind"] == RESPONSE) & (mine["took"] >= 0)]
         timed = timed[np.argsort(timed["took"] + np.maximum(timed["spread"], 0))]
         out.append(
-            ServoFigures(
+            ShownServo(
                 index.buses[k >> 16],
                 (k & 0xFFFF) - 1,
                 int((mine["kind"] == REQUEST).sum()),
@@ -102,14 +102,14 @@ def _took(timed: Table, row: int) -> str:
     return took_in_words(int(timed["took"][row]), int(timed["spread"][row]), "")
 
 
-def _codes(index: CaptureIndex, numbers: I64) -> list[CodeFigures]:
+def _codes(index: CaptureIndex, numbers: I64) -> list[ShownCode]:
     found = index.found
     if len(numbers) != len(index.lines):
         found = found[np.isin(found["line"], numbers)]
     key = found["code"].astype(np.int64) << 16 | (found["servo"].astype(np.int64) + 1)
     every, first, count = np.unique(key, return_index=True, return_counts=True)
     out = [
-        CodeFigures(
+        ShownCode(
             CODES[k >> 16],
             int(found["severity"][at]),
             (k & 0xFFFF) - 1,

@@ -38,7 +38,7 @@ class LineFilter(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
+class FilterWord:
     """``servo=3,5``: one word of the line, ``named`` its values."""
 
     key: str
@@ -51,7 +51,7 @@ class WordFilter:
 
     step = 1 << 16
 
-    def __init__(self, words: Sequence[Word]) -> None:
+    def __init__(self, words: Sequence[FilterWord]) -> None:
         self._words = words
 
     def mask(self, index: CaptureIndex, numbers: I64) -> Mask:
@@ -120,7 +120,7 @@ def completed(text: str, known: dict[str, list[str]]) -> str | None:
     return f"{before}{key}{sign}{done}{comma}{fits[0]}" if fits else None
 
 
-def _word(key: str, sign: str, value: str) -> Word:
+def _word(key: str, sign: str, value: str) -> FilterWord:
     if key not in WORDS:
         raise InputError(f"nothing is called {key[:40]!r}: one of {', '.join(WORDS)}")
     named = tuple(part for part in value.split(",") if part)
@@ -131,10 +131,10 @@ def _word(key: str, sign: str, value: str) -> Word:
             raise InputError(f"{key} {name[:40]!r} is not known: one of {some}")
         if key == "servo" and not name.isdigit():
             raise InputError(f"servo {name[:40]!r} is no id: write servo=3,5")
-    return Word(key, named, sign == "!=")
+    return FilterWord(key, named, sign == "!=")
 
 
-def _wanted(index: CaptureIndex, word: Word) -> tuple[str, list[int]]:
+def _wanted(index: CaptureIndex, word: FilterWord) -> tuple[str, list[int]]:
     """Return a column and the numbers in it that a word names."""
     match word.key:
         case "servo":

@@ -19,7 +19,7 @@ from sniffer.ground.codes import NOT_EXPECTED, OK
 from sniffer.ground.gaps import BLANK, NOISE, Gaps
 from sniffer.ground.model import Severity
 from sniffer.inside.columns import FOUND, GAP, LINE, NO_FINDING, NO_OUTCOME, Growing
-from sniffer.inside.pages import Page, Pages, Told
+from sniffer.inside.pages import LastValue, Page, Pages
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -222,6 +222,6 @@ class CaptureIndex:
         key = v.servo_id.astype(np.int64) << 16 | v.register
         _, last = np.unique(key[::-1], return_index=True)
         for k in (len(key) - 1 - last).tolist():
-            board[int(v.servo_id[k]), int(v.register[k])] = Told(
+            board[int(v.servo_id[k]), int(v.register[k])] = LastValue(
                 int(v.t_ns[k]), int(v.raw[k]), float(v.value[k]), int(v.part[k])
             )

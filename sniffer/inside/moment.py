@@ -10,7 +10,7 @@ import numpy as np
 
 from sniffer.ground.codes import WHOLE
 from sniffer.ground.model import NS
-from sniffer.inside.pages import Told
+from sniffer.inside.pages import LastValue
 from sniffer.sinks.words import short_value
 
 if TYPE_CHECKING:
@@ -64,14 +64,14 @@ def _board(index: CaptureIndex, number: int, now: int) -> Board:
     # in order of the wire, which is nearly that of time
     for k in range(int(np.searchsorted(v.t_ns, now, "right"))):
         servo, register = int(v.servo_id[k]), int(v.register[k])
-        out[servo, register] = Told(
+        out[servo, register] = LastValue(
             int(v.t_ns[k]), int(v.raw[k]), float(v.value[k]), int(v.part[k])
         )
     return out
 
 
 def _rows(bus: str, registers: tuple[Register, ...], board: Board, now: int) -> list[MomentRow]:
-    servos: dict[int, dict[str, tuple[Register, Told]]] = {}
+    servos: dict[int, dict[str, tuple[Register, LastValue]]] = {}
     for (servo, number), told in board.items():
         register = registers[number]
         if register.quantity in SHOWN and told.part == WHOLE:
@@ -92,7 +92,7 @@ def _rows(bus: str, registers: tuple[Register, ...], board: Board, now: int) -> 
     return out
 
 
-def _error(known: dict[str, tuple[Register, Told]]) -> str | None:
+def _error(known: dict[str, tuple[Register, LastValue]]) -> str | None:
     """Return by how much the position is off its goal, where both have one unit."""
     if "position" not in known or "goal_position" not in known:
         return None

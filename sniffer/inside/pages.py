@@ -30,7 +30,7 @@ LEVEL: Final = 1
 """Of zstd: columns shrink to a fifth with it, faster than they are decoded."""
 
 
-class Told(NamedTuple):
+class LastValue(NamedTuple):
     """The last value of a register of a servo; ``value`` is NaN where none is stated in units."""
 
     t_ns: int
@@ -39,7 +39,7 @@ class Told(NamedTuple):
     part: int
 
 
-Board = dict[tuple[int, int], Told]
+Board = dict[tuple[int, int], LastValue]
 """The last values by servo id and register."""
 
 

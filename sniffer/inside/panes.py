@@ -16,7 +16,7 @@ from sniffer.inside.table import SEVERITIES
 
 if TYPE_CHECKING:
     from sniffer.inside.detail import Detail, DetailField, DetailPart
-    from sniffer.inside.figures import Figures
+    from sniffer.inside.figures import ShownFigures
     from sniffer.inside.moment import MomentRow
 
 LIT: Final = "reverse bold"
@@ -144,7 +144,7 @@ def _age(seconds: float) -> str:
     return f"{seconds * 1000:.0f} ms" if seconds < 10 else f"{seconds:.0f} s"
 
 
-def figures_text(figures: Figures) -> Text:
+def figures_text(figures: ShownFigures) -> Text:
     """Return what was counted."""
     out = Text()
     out.append(

@@ -43,6 +43,7 @@ def look_inside(
         InputError: the input cannot be read, or its protocol cannot be told; there is no terminal.
         OutputError: Textual is not installed.
     """
+    need_textual()
     need_terminal(source)
     options = options or Options()
     options.check()
@@ -54,7 +55,6 @@ def look_inside(
         reading.start(first=True)
         try:
             # loaded while the file is read: it takes as long as the first page
-            need_textual()
             from sniffer.inside.app import LookingGlass
 
             LookingGlass(
@@ -81,8 +81,8 @@ def look_at_port(port: str, path: Path, options: Options, more: Sequence[str] = 
         InputError: the port cannot be recorded, or there is no terminal.
         OutputError: Textual is not installed.
     """
-    need_terminal(port)
     need_textual()
+    need_terminal(port)
     recorder = BesideRecorder(port, path, more)
     try:
         return look_inside(str(path), options, input_format="mcap", follow=True, recorder=recorder)
