@@ -14,16 +14,15 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from textual.app import App, ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal
-from textual.screen import ModalScreen
-from textual.suggester import Suggester
 from textual.widgets import ContentSwitcher, Input, OptionList, Static
 
 from sniffer.ground.model import InputError, OutputError, SnifferError
 from sniffer.ground.wording import plain
+from sniffer.inside.chrome import ASKED, CSS, HelpPage, LineSuggester
 from sniffer.inside.detail import detail_of
 from sniffer.inside.figures import figures_of
-from sniffer.inside.filters import completed, completions, filter_of
-from sniffer.inside.keys import KEYS, help_text
+from sniffer.inside.filters import completions, filter_of
+from sniffer.inside.keys import KEYS
 from sniffer.inside.moment import moment_of
 from sniffer.inside.notes import Notes
 from sniffer.inside.panes import FieldPane, TextPane, bytes_text, figures_text, moment_table
@@ -46,44 +45,6 @@ TICK_S: Final = 0.05
 SETTLES_S: Final = 0.03
 """The panes follow the cursor so late: a key that is held down is not slowed by them."""
 
-ASKED: Final = {
-    "find": "find text, or bytes (FF 01)",
-    "go": "go to: 12.5, 10min, 20:35:20.5, @12175 (byte), #300 (line), @first-error",
-    "filter": "filter: servo=3,5 kind=response op=… code=no-response",
-    "mark": "note for this mark",
-}
-"""What the prompt asks for, by action."""
-
-
-class LineSuggester(Suggester):
-    """Completes the last word of a filter line."""
-
-    def __init__(self, glass: LookingGlass) -> None:
-        super().__init__(use_cache=False, case_sensitive=True)
-        self._glass = glass
-
-    async def get_suggestion(self, value: str) -> str | None:
-        """Return the line as it would be."""
-        if self._glass.asking != "filter":
-            return None
-        return completed(value, completions(self._glass.index))
-
-
-class HelpPage(ModalScreen[None]):
-    """The keys."""
-
-    def compose(self) -> ComposeResult:
-        """Show them."""
-        yield Static(help_text(), id="help", markup=False)
-
-    def on_key(self) -> None:
-        """Close."""
-        self.dismiss()
-
-    def on_click(self) -> None:
-        """Close."""
-        self.dismiss()
-
 
 class LookingGlass(App[None]):
     """A capture on the screen.
@@ -96,24 +57,7 @@ class LookingGlass(App[None]):
         recorder: what writes the capture, where a port is shown.
     """
 
-    CSS = """
-    #top, #head, #status { height: 1; width: 100%; }
-    #top { background: $primary-darken-2; color: $text; text-style: bold; }
-    #head { color: $text-muted; }
-    #list { height: 1fr; min-height: 3; overflow-x: hidden; scrollbar-size-vertical: 1; }
-    #below { height: 40%; min-height: 6; border-top: solid $primary; }
-    #detail { height: 100%; }
-    #fields { width: 1fr; height: 100%; border: none; padding: 0; background: $background; }
-    #bytes { width: 42; height: 100%; border-left: solid $primary-darken-2; padding: 0 0 0 1; }
-    #board, #figures { height: 100%; }
-    .wide #bytes { width: 74; }
-    #prompt { height: 1; border: none; padding: 0; display: none; }
-    #status { color: $text-muted; }
-    #status.bad { color: $error; text-style: bold; }
-    HelpPage { align: center middle; }
-    #help { width: auto; max-width: 100%; height: auto; max-height: 100%; padding: 0 1;
-            background: $surface; border: round $primary; overflow-y: auto; }
-    """
+    CSS = CSS
     ENABLE_COMMAND_PALETTE = False
     BINDINGS: ClassVar = [
         Binding(k, key.action, key.word, show=False, priority=k.startswith("ctrl+"))
@@ -137,7 +81,13 @@ class LookingGlass(App[None]):
         self.asking = ""
         """What the prompt asks for; empty: it is not there."""
         self.notes = Notes(marks)
-        self.list = FrameList(self.view)
+        # kept by name: another screen may stand above theirs
+        self.top, self.head = Static(id="top", markup=False), Static(id="head", markup=False)
+        self.list, self.fields, self.bytes = FrameList(self.view), FieldPane(), TextPane("bytes")
+        self.board, self.figures = TextPane("board"), TextPane("figures")
+        self.below = ContentSwitcher(initial="detail", id="below")
+        self.prompt = Input(id="prompt", compact=True, suggester=LineSuggester(self._known))
+        self.status = Static(id="status", markup=False)
         self._title = plain(name)
         self.title = f"sniffer open {self._title}"
         self._follow = follow
@@ -153,17 +103,17 @@ class LookingGlass(App[None]):
 
     def compose(self) -> ComposeResult:
         """Lay out the screen."""
-        yield Static(id="top", markup=False)
-        yield Static(id="head", markup=False)
+        yield self.top
+        yield self.head
         yield self.list
-        with ContentSwitcher(initial="detail", id="below"):
+        with self.below:
             with Horizontal(id="detail"):
-                yield FieldPane()
-                yield TextPane("bytes")
-            yield TextPane("board")
-            yield TextPane("figures")
-        yield Input(id="prompt", compact=True, suggester=LineSuggester(self))
-        yield Static(id="status", markup=False)
+                yield self.fields
+                yield self.bytes
+            yield self.board
+            yield self.figures
+        yield self.prompt
+        yield self.status
 
     def on_mount(self) -> None:
         """Begin to look for what comes; end politely where the system asks for it."""
@@ -182,6 +132,9 @@ class LookingGlass(App[None]):
             self.say(str(error), bad=True)
         self.set_interval(TICK_S, self._tick)
         self._tick()
+
+    def _known(self) -> dict[str, list[str]] | None:
+        return completions(self.index) if self.asking == "filter" else None
 
     def say(self, text: str, *, bad: bool = False) -> None:
         """Say something in the last line, in place of the keys."""
@@ -227,11 +180,11 @@ class LookingGlass(App[None]):
             told.append("filtering …")
         if self.view.held is not None:
             told.append("PAUSED")
-        self.query_one("#top", Static).update("  ".join(told))
-        self.query_one("#head", Static).update(self.list.heading(self.list.size.width or 80))
+        self.top.update("  ".join(told))
+        self.head.update(self.list.heading(self.list.size.width or 80))
 
     def _status(self) -> None:
-        status = self.query_one("#status", Static)
+        status = self.status
         told, bad = self._said, self._is_bad
         if not told and self._recorder is not None and self._recorder.has_ended:
             told, bad = f"the recording has ended: {self._recorder.said}", True
@@ -255,19 +208,19 @@ class LookingGlass(App[None]):
     def _show(self) -> None:
         """Show what is under the cursor in the pane that is open."""
         self._is_due = False
-        line, pane = self.list.line, self.query_one(ContentSwitcher).current
+        line, pane = self.list.line, self.below.current
         if line < 0:
             return
         self._top()
         if pane == "detail":
             detail = detail_of(self.index, line, exchange=self.view.exchanges)
-            self.query_one(FieldPane).show(detail)
+            self.fields.show(detail)
             self._light()
         elif pane == "board":
-            self.query_one("#board", TextPane).show(moment_table(moment_of(self.index, line)))
+            self.board.show(moment_table(moment_of(self.index, line)))
 
     def _light(self) -> None:
-        fields, pane = self.query_one(FieldPane), self.query_one("#bytes", TextPane)
+        fields, pane = self.fields, self.bytes
         pane.show(bytes_text(fields.detail, fields.chosen, pane.size.width))
 
     def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
@@ -306,13 +259,13 @@ class LookingGlass(App[None]):
                 self._noted(partial(self.notes.remove, self.index, self.list.line))
                 return
         self.asking = what
-        prompt = self.query_one("#prompt", Input)
+        prompt = self.prompt
         prompt.placeholder = ASKED[what]
         before = {"filter": self._filter_text, "find": self._found_last}
         prompt.value = before.get(what, "")
         prompt.cursor_position = len(prompt.value)
         prompt.display = True
-        self.query_one("#status").display = False
+        self.status.display = False
         prompt.focus()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
@@ -337,8 +290,8 @@ class LookingGlass(App[None]):
 
     def _close_prompt(self) -> None:
         self.asking = ""
-        self.query_one("#prompt").display = False
-        self.query_one("#status").display = True
+        self.prompt.display = False
+        self.status.display = True
         self.list.focus()
 
     def _choose(self, text: str | None = None, *, exchanges: bool | None = None) -> None:
@@ -413,14 +366,14 @@ class LookingGlass(App[None]):
 
     def action_pane(self, name: str) -> None:
         """Show a pane, or the fields again."""
-        below = self.query_one(ContentSwitcher)
+        below = self.below
         below.current = "detail" if below.current == name else name
         if below.current == "figures":
             self._figures()
         self._show()
 
     def _figures(self) -> None:
-        pane = self.query_one("#figures", TextPane)
+        pane = self.figures
         pane.show("counting …")
         numbers = self.view.shown()
 
@@ -430,7 +383,7 @@ class LookingGlass(App[None]):
         self.run_worker(count, thread=True, exclusive=True, group="figures")
 
     def _counted(self, figures: ShownFigures) -> None:
-        self.query_one("#figures", TextPane).show(figures_text(figures))
+        self.figures.show(figures_text(figures))
 
     def action_follow(self) -> None:
         """Stay at the last line, or no more."""
@@ -453,7 +406,7 @@ class LookingGlass(App[None]):
             self._search = None
             self.say("the search was stopped")
         else:
-            self.query_one(ContentSwitcher).current = "detail"
+            self.below.current = "detail"
             self._said = ""
             self._show()
             self.list.focus()

@@ -88,6 +88,10 @@ class Growing:
         self._count = end
         self.rows = self._room[:end]
 
+    def close(self) -> None:
+        """Give the file back; rows that somebody has stay as they are."""
+        self._file.close()
+
     def _mapped(self, rows: int) -> Table:
         self._file.truncate(rows * self._dtype.itemsize)
         return np.memmap(self._file, self._dtype, "r+", shape=(rows,))

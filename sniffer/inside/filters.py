@@ -11,6 +11,8 @@ import numpy as np
 from sniffer.diagnostics.found import CODES
 from sniffer.ground.codes import KINDS, OUTCOMES
 from sniffer.ground.model import InputError, Severity
+from sniffer.inside.selecting import SelectionFilter
+from sniffer.selection.columns import TABLES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,7 +26,7 @@ WORDS: Final = ("servo", "kind", "op", "code", "bus", "outcome", "severity")
 KIND_NAMES: Final = (*KINDS, "gap")
 SEVERITIES: Final = tuple(s.name.lower() for s in Severity)
 
-_WORD: Final = re.compile(r"([a-z]+)\s*(!=|=)\s*(\S+)")
+_WORD: Final = re.compile(r"([a-z]+)(!=|=)([^\s'()=]+)")
 
 
 class LineFilter(Protocol):
@@ -73,22 +75,17 @@ class WordFilter:
 def filter_of(text: str) -> LineFilter | None:
     """Return what a filter line says, None where it says nothing.
 
+    Words (``servo=3,5 kind=response``), or an expression as ``--where`` takes it.
+
     Raises:
         InputError: it is no filter.
     """
     if not text.strip():
         return None
-    words = []
-    at = 0
-    for found in _WORD.finditer(text):
-        if text[at : found.start()].strip():
-            break
-        words.append(_word(*found.groups()))
-        at = found.end()
-    if text[at:].strip():
-        told = text[at:].strip()[:40]
-        raise InputError(f"{told!r}: write words such as servo=3,5 kind=response code!=no-response")
-    return WordFilter(words)
+    found = [_WORD.fullmatch(word) for word in text.split()]
+    if not all(found):
+        return SelectionFilter(text)
+    return WordFilter([_word(*one.groups()) for one in found if one])
 
 
 def completions(index: CaptureIndex) -> dict[str, list[str]]:
@@ -113,8 +110,11 @@ def completed(text: str, known: dict[str, list[str]]) -> str | None:
     before = f"{head} " if head else ""
     key, sign, value = re.fullmatch(r"([^!=]*)(!?=?)(.*)", last, re.DOTALL).groups()  # type: ignore[union-attr]
     if not sign:
-        fits = [f"{w}=" for w in WORDS if w.startswith(key) and key]
-        return before + fits[0] if fits else None
+        fits = [f"{w}=" for w in WORDS if w.startswith(key)]
+        fits += [
+            c for columns in TABLES.values() for c in columns if c.startswith(key) and c != key
+        ]
+        return before + fits[0] if fits and key else None
     done, comma, part = value.rpartition(",")
     fits = [v for v in known.get(key, ()) if v.startswith(part) and v != part]
     return f"{before}{key}{sign}{done}{comma}{fits[0]}" if fits else None

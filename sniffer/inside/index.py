@@ -90,6 +90,12 @@ class CaptureIndex:
         """Show what waits."""
         self.settle()
 
+    def discard(self) -> None:
+        """Give the temporary files back: nothing is looked at any more."""
+        self.pages.close()
+        self._lines.close()
+        self._found.close()
+
     def settle(self) -> None:
         """Put the lines that wait in the order of time, and show them."""
         waiting, self._waiting = self._waiting, []

@@ -45,6 +45,7 @@ class BesideRecorder:
 
     def __init__(self, port: str, path: Path, more: Sequence[str] = ()) -> None:
         self.path = path
+        self._last = ""
         self._said = tempfile.TemporaryFile(prefix="sniffer-")  # noqa: SIM115 - as long as this
         command = [sys.executable, "-m", "sniffer", "record", port, "--quiet", "-o", str(path)]
         # a session of its own: Ctrl-C and a closed terminal are the screen's to answer
@@ -74,6 +75,8 @@ class BesideRecorder:
     @property
     def said(self) -> str:
         """The last line that the recorder has said, its name aside."""
+        if self._said.closed:
+            return self._last
         size = os.fstat(self._said.fileno()).st_size
         text = os.pread(self._said.fileno(), SAID_MOST, max(size - SAID_MOST, 0))
         lines = text.decode(errors="replace").strip().splitlines()
@@ -93,3 +96,5 @@ class BesideRecorder:
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
+        self._last = self.said
+        self._said.close()

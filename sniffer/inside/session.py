@@ -63,6 +63,7 @@ def look_inside(
         finally:
             sys.setswitchinterval(before)
             reading.stop()
+            reading.index.discard()
     if reading.failure is not None and not len(reading.index.lines):
         raise reading.failure
     return reading
