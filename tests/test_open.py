@@ -230,6 +230,10 @@ def test_a_line_is_taken_apart_with_what_was_found_in_it(index: CaptureIndex) ->
     spans = [f for f in detail.fields if f.length and not f.is_title and not f.severity]
     named = [f for f in spans if not f.text.startswith("  ")]
     assert sum(f.length for f in named) == len(part.drawn.raw)
+    at = line_of("@970", index)
+    fields = {f.text.partition(":")[0]: f for f in detail_of(index, at).fields}
+    assert (fields["present_position"].offset, fields["present_position"].length) == (6, 2)
+    assert (fields["present_temperature"].offset, fields["present_temperature"].length) == (13, 1)
     assert any(f.text.startswith("error no-response: servo 1 did not") for f in detail.fields)
     assert any(f.text.startswith("  try: ") for f in detail.fields)
 

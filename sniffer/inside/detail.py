@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from sniffer.inside.columns import GAP
 from sniffer.inside.places import like_before
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from sniffer.decoding.drawing import Drawn
     from sniffer.inside.index import CaptureIndex
 
@@ -96,7 +98,10 @@ def _fields(index: CaptureIndex, i: int, part: DetailPart) -> list[DetailField]:
         wrong = 3 if s.name == drawn.wrong else 0
         text = f"{s.name:{width}}  {s.value}{note}"
         out.append(DetailField(i, s.offset, s.length, text, severity=wrong))
-    told = list(drawn.values)
+    spans = _value_spans(index, part)
+    for text, (at, length) in zip(drawn.values, spans, strict=False):
+        out.append(DetailField(i, at, length, text))
+    told = []
     if drawn.checksum:
         told.append(f"checksum: {drawn.checksum}")
     if drawn.outcome:
@@ -105,6 +110,31 @@ def _fields(index: CaptureIndex, i: int, part: DetailPart) -> list[DetailField]:
         told += [text.strip() for text in drawn.lines[2:]]
     out += [DetailField(i, 0, 0, text) for text in told]
     return out + _findings(index, i, part)
+
+
+def _value_spans(index: CaptureIndex, part: DetailPart) -> Iterator[tuple[int, int]]:
+    """Yield where the bytes of each register value stand; of length 0 where that is not plain.
+
+    A register stands as far behind the first one as their addresses are apart. What it says is
+    compared with the value: a place that does not hold it is none.
+    """
+    one = index.lines[part.line]
+    page, row = index.pages.get(int(one["page"])), int(one["row"])
+    if int(one["kind"]) == GAP:
+        return
+    f, v, raw = page.batch.frames, page.batch.values, part.drawn.raw
+    first, asked = int(one["address"]), int(one["partner"])
+    if first < 0 and asked >= 0:
+        first = int(index.lines["address"][asked])
+    begin = int(f.data_start[row] - f.start[row])
+    for k in np.flatnonzero(v.row == row).tolist():
+        register = page.protocol.registers[int(v.register[k])]
+        at = begin + register.address - first
+        shown = raw[at : at + register.width] if first >= 0 and at >= begin else b""
+        orders: tuple[Literal["little", "big"], ...] = ("little", "big")
+        said = {int.from_bytes(shown, o, signed=s) for o in orders for s in (False, True)}
+        held = len(shown) == register.width and int(v.raw[k]) in said
+        yield (at, register.width) if held else (0, 0)
 
 
 def _findings(index: CaptureIndex, i: int, part: DetailPart) -> list[DetailField]:
