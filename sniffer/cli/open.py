@@ -58,13 +58,14 @@ def open(
     now = datetime.datetime.now()
     path = output or Path(f"sniffer-{now:%Y%m%d-%H%M%S}.mcap")
     told = {"--protocol": None if protocol == "auto" else protocol, "--baud": baud}
-    more = [f"{option}={value}" for option, value in told.items() if value is not None]
+    more = [file, "--quiet", f"--output={path}"]
+    more += [f"{option}={value}" for option, value in told.items() if value is not None]
     more += [f"--latency={latency}"] if latency is not None else []
     more += [
         f"--model={model if who is None else f'{who}={model}'}" for who, model in models.items()
     ]
     try:
-        look_at_port(file, path, options, more)
+        look_at_port(more, path, options)
     finally:
         if path.exists():
             say(f"recorded in {path}")

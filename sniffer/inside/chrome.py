@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from textual.app import ComposeResult
+    from textual.events import Key
 
 CSS: Final = """
 #top, #head, #status { height: 1; width: 100%; }
@@ -65,8 +66,10 @@ class HelpPage(ModalScreen[None]):
         """Show them."""
         yield Static(help_text(), id="help", markup=False)
 
-    def on_key(self) -> None:
-        """Close."""
+    def on_key(self, event: Key) -> None:
+        """Close; the key does nothing else."""
+        event.stop()
+        event.prevent_default()
         self.dismiss()
 
     def on_click(self) -> None:

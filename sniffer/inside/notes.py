@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sniffer.ground.model import OutputError
-from sniffer.inside.marks import NotedMark, mark_at, marks_file, read_marks, write_marks
+from sniffer.inside.marks import NotedMark, mark_at, marks_file, marks_of, write_marks
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 
 class Notes:
-    """Marks, kept in a file beside ``capture`` (None: nowhere)."""
+    """Marks, kept beside ``capture`` (None: nowhere)."""
 
     def __init__(self, capture: Path | None) -> None:
         self.marks: list[NotedMark] = []
-        self._path = None if capture is None else marks_file(capture)
+        self._capture = capture
         self._lines: dict[NotedMark, int] = {}
 
     def load(self) -> None:
@@ -29,8 +29,8 @@ class Notes:
         Raises:
             InputError: the file is none of marks.
         """
-        if self._path is not None:
-            self.marks = read_marks(self._path)
+        if self._capture is not None:
+            self.marks = marks_of(self._capture)
 
     def lines(self, index: CaptureIndex) -> dict[int, str]:
         """Return the notes by line, as far as the capture is read."""
@@ -57,9 +57,9 @@ class Notes:
 
     def _keep(self, marks: list[NotedMark]) -> None:
         self.marks = sorted(marks)
-        if self._path is None:
+        if self._capture is None:
             raise OutputError("there is no file to keep marks beside: they end with this screen")
-        write_marks(self._path, self.marks)
+        write_marks(marks_file(self._capture), self.marks)
 
 
 def _line(index: CaptureIndex, mark: NotedMark) -> int:

@@ -33,24 +33,23 @@ SAID_MOST: Final = 2000
 
 
 class BesideRecorder:
-    """``sniffer record PORT -o FILE`` while the screen is there.
+    """``sniffer record`` while the screen is there.
 
     Args:
-        port: as ``record`` takes it, with what else is said to it.
-        path: of the recording.
+        arguments: what it is called with: a port, and where to.
+        path: of the recording, as they say it.
 
     Raises:
         InputError: the port cannot be recorded; the message is the recorder's own.
     """
 
-    def __init__(self, port: str, path: Path, more: Sequence[str] = ()) -> None:
+    def __init__(self, arguments: Sequence[str], path: Path) -> None:
         self.path = path
         self._last = ""
         self._said = tempfile.TemporaryFile(prefix="sniffer-")  # noqa: SIM115 - as long as this
-        command = [sys.executable, "-m", "sniffer", "record", port, "--quiet", "-o", str(path)]
         # a session of its own: Ctrl-C and a closed terminal are the screen's to answer
         self._process = subprocess.Popen(
-            [*command, *more],
+            [sys.executable, "-m", "sniffer", "record", *arguments],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=self._said,

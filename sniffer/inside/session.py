@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import stat
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.options import Options
-from sniffer.ground.model import InputError
+from sniffer.ground.model import InputError, OutputError
 from sniffer.ground.needs import need_textual
 from sniffer.inside.index import CaptureIndex
+from sniffer.inside.marks import into_recording
 from sniffer.inside.reading import Reading
 from sniffer.inside.recorder import BesideRecorder
 from sniffer.sources import open_source
@@ -64,27 +66,30 @@ def look_inside(
             sys.setswitchinterval(before)
             reading.stop()
             reading.index.discard()
+            if recorder is not None:
+                recorder.stop()  # it writes the end of the file, before which nothing can be added
+            with contextlib.suppress(OutputError):  # then they stay beside it
+                into_recording(path)
     if reading.failure is not None and not len(reading.index.lines):
         raise reading.failure
     return reading
 
 
-def look_at_port(port: str, path: Path, options: Options, more: Sequence[str] = ()) -> Reading:
+def look_at_port(arguments: Sequence[str], path: Path, options: Options) -> Reading:
     """Record a port into a file beside, and show it; return when the user quits.
 
     Args:
-        port: as ``sniffer record`` takes it.
-        path: of the recording, which must not be there yet.
-        options: how it is shown; the recorder is told by ``more``.
-        more: further arguments for ``sniffer record``.
+        arguments: what ``sniffer record`` is called with.
+        path: of the recording, as they say it; it must not be there yet.
+        options: how it is shown.
 
     Raises:
         InputError: the port cannot be recorded, or there is no terminal.
         OutputError: Textual is not installed.
     """
     need_textual()
-    need_terminal(port)
-    recorder = BesideRecorder(port, path, more)
+    need_terminal(str(path))
+    recorder = BesideRecorder(arguments, path)
     try:
         return look_inside(str(path), options, input_format="mcap", follow=True, recorder=recorder)
     finally:
