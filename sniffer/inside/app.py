@@ -6,8 +6,6 @@ is read and decoded in threads of its own (``reading.py``).
 
 from __future__ import annotations
 
-import asyncio
-import signal
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -18,7 +16,7 @@ from textual.widgets import ContentSwitcher, Input, OptionList, Static
 
 from sniffer.ground.model import InputError, OutputError, SnifferError
 from sniffer.ground.wording import plain
-from sniffer.inside.chrome import ASKED, CSS, HelpPage, LineSuggester
+from sniffer.inside.chrome import ASKED, CSS, HelpPage, LineSuggester, exits_on_signals
 from sniffer.inside.detail import detail_of
 from sniffer.inside.figures import figures_of
 from sniffer.inside.filters import completions, filter_of
@@ -99,7 +97,6 @@ class LookingGlass(App[None]):
         self._found_last = ""
         self._filter_text = ""
         self._is_due = False
-        self._ticks = 0
 
     def compose(self) -> ComposeResult:
         """Lay out the screen."""
@@ -117,14 +114,7 @@ class LookingGlass(App[None]):
 
     def on_mount(self) -> None:
         """Begin to look for what comes; end politely where the system asks for it."""
-        loop = asyncio.get_running_loop()
-        for name in ("SIGTERM", "SIGHUP", "SIGINT"):
-            number = getattr(signal, name, None)
-            if number is not None:
-                try:
-                    loop.add_signal_handler(number, self.exit)
-                except (NotImplementedError, RuntimeError, ValueError):
-                    break  # not on this system, or not in this thread: the default holds
+        exits_on_signals(self.exit)
         self.list.focus()
         try:
             self.notes.load()
@@ -143,7 +133,6 @@ class LookingGlass(App[None]):
 
     def _tick(self) -> None:
         """Show what has come since; go on with what takes long."""
-        self._ticks += 1
         self.view.steps()
         had = self.list.line >= 0 or self.view.count > 0
         before = self.list.virtual_size.height
@@ -306,8 +295,7 @@ class LookingGlass(App[None]):
             self._filter_text = plain(text.strip())
         self.view.choose(chosen, exchanges=self.view.exchanges if exchanges is None else exchanges)
         self._said = ""
-        self._wanted = kept
-        self.list.cursor = 0
+        self._wanted, self.list.cursor = kept, 0
         self.view.steps()
         self.list.afresh()
         self._tick()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import signal
 from typing import TYPE_CHECKING, Final
 
 from textual.screen import ModalScreen
@@ -75,3 +77,15 @@ class HelpPage(ModalScreen[None]):
     def on_click(self) -> None:
         """Close."""
         self.dismiss()
+
+
+def exits_on_signals(leave: Callable[[], None]) -> None:
+    """Have the system's polite requests to end be answered by the screen that runs."""
+    loop = asyncio.get_running_loop()
+    for name in ("SIGTERM", "SIGHUP", "SIGINT"):
+        number = getattr(signal, name, None)
+        if number is not None:
+            try:
+                loop.add_signal_handler(number, leave)
+            except (NotImplementedError, RuntimeError, ValueError):
+                break  # not on this system, or not in this thread: the default holds
