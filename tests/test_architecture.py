@@ -46,11 +46,14 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     "rerun": ("sinks/rerun/", "viewers/viewer.py"),
     "pyarrow": ("sinks/tables.py", "sinks/wide.py", "sinks/rerun/", "jobs/api.py"),
     "pandas": (),
+    "textual": ("inside/",),
     "click": ("cli/",),
-    "rich": ("cli/", "sinks/text.py", "sinks/report.py", "sinks/story.py", "viewers/"),
-    "threading": ("cli/", "ports/", "tap/", "viewers/", "sinks/rerun/", "simulation/play/"),
+    "rich": ("cli/", "sinks/text.py", "sinks/report.py", "sinks/story.py", "viewers/", "inside/"),
+    "threading": (
+        *("cli/", "ports/", "tap/", "viewers/", "sinks/rerun/", "simulation/play/", "inside/"),
+    ),
     "socket": ("viewers/viewer.py",),
-    "subprocess": ("viewers/",),
+    "subprocess": ("viewers/", "inside/recorder.py"),
     "logging": (),
     "pytest": (),
     "hypothesis": (),
@@ -60,7 +63,7 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
 RUNS: Final = {"Decoder", "Pipeline", "open_outputs", "open_port", "open_sink", "open_source"}
 """What does the work of a command: the library calls it, so that a program can, too."""
 
-LAZY: Final = ("mcap", "mcap_protobuf", "google", "rerun", "pyarrow", "serial")
+LAZY: Final = ("mcap", "mcap_protobuf", "google", "rerun", "pyarrow", "serial", "textual")
 """What starting the program may not draw in: files that import these are imported in functions."""
 
 

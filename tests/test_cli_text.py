@@ -16,7 +16,8 @@ import pytest
 
 import sniffer
 from sniffer.decoding.rows import FrameRow, GapRow
-from sniffer.sinks.text import WIDE, fit
+from sniffer.sinks.text import WIDE
+from sniffer.sinks.words import fit
 from tests.commands import COMMAND, damaged, environment, log, talk, within
 from tests.streams.mightyzap import packet
 from tests.streams.rs30x import long

@@ -1,4 +1,4 @@
-"""A tap without the Rerun SDK and pyarrow: every command that neither plots nor writes tables."""
+"""A tap without the Rerun SDK, pyarrow and Textual: all but plots, tables and a look inside."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.commands import Ran
 
 ROOT: Final = Path(__file__).parents[1]
 LOG: Final = ROOT / "sample_captures" / "mightyzap_clean.log"
-HEAVY: Final = ("rerun", "rerun_sdk", "rerun_bindings", "rerun_cli", "pyarrow")
+HEAVY: Final = ("rerun", "rerun_sdk", "rerun_bindings", "rerun_cli", "pyarrow", "textual")
 
 WITHOUT: Final = f"""
 import sys
@@ -70,6 +70,7 @@ def test_a_tap_decodes_records_replays_and_mends_without_plots_and_tables(tmp_pa
         (["view", LOG, "-o", "x.rrd"], "`pip install rerun-sdk`"),
         (["replay", LOG, "--rerun"], "`pip install rerun-sdk`"),
         (["record", "nowhere", "-o", "x.csv"], "`pip install pyarrow`"),
+        (["open", LOG], "`pip install textual`"),
     ],
 )
 def test_what_needs_them_says_so_in_a_line_and_leaves_nothing(
@@ -86,8 +87,8 @@ def test_what_a_tap_needs_is_everything_but_plots_and_tables() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     lines = (ROOT / "requirements-tap.txt").read_text(encoding="utf-8").splitlines()
     told = {line for line in lines if not line.startswith("#")}
-    plots = {d for d in project["dependencies"] if re.match(r"(rerun-sdk|pyarrow)\b", d)}
-    assert len(plots) == 2
+    plots = {d for d in project["dependencies"] if re.match(r"(rerun-sdk|pyarrow|textual)\b", d)}
+    assert len(plots) == 3
     assert told == {*project["dependencies"]} - plots
 
 

@@ -1,8 +1,9 @@
-"""Libraries that only plots and tables need: a tap does without, and says what it lacks."""
+"""Libraries for plots, tables, a look inside: a tap does without, and says what it lacks."""
 
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from typing import Final
 
 from sniffer.ground.model import OutputError
@@ -46,6 +47,20 @@ def need_pyarrow() -> None:
         importlib.import_module("pyarrow")
     except ImportError as error:
         raise _missing("tables (.parquet, .csv) need pyarrow", "pyarrow", error) from None
+
+
+def need_textual() -> None:
+    """Do nothing where a capture can be looked into on a terminal.
+
+    Raises:
+        OutputError: Textual is not installed.
+    """
+    try:
+        found = importlib.util.find_spec("textual")  # loading it takes a while
+        if found is None:
+            raise ModuleNotFoundError("No module named 'textual'")
+    except ImportError as error:
+        raise _missing("looking inside needs Textual", "textual", error) from None
 
 
 def _missing(what: str, package: str, error: ImportError) -> OutputError:

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 _HEAD: Final = struct.Struct("<BQ")
 _FOOTER: Final = struct.Struct("<BQQQI8s")
 _GROUP: Final = struct.Struct("<BQBQQ")
-_NAME: Final = struct.pack("<I", len(END)) + END.encode()
-"""How the body of a metadata record with this name begins."""
 
 GROUPS: Final = 64
 """Kinds of records in an index at most: the format has fifteen."""
@@ -74,14 +72,19 @@ def ends(stream: Stream) -> dict[str, End]:
 
 
 def end_facts(stream: Stream) -> dict[str, str]:
-    """Return what the end mark says, nothing where there is none, or where nobody can seek.
+    """Return what the end mark says, nothing where there is none, or where nobody can seek."""
+    return facts_named(stream, END)
+
+
+def facts_named(stream: Stream, name: str) -> dict[str, str]:
+    """Return what the last metadata record of a name says, nothing as for the end mark.
 
     The stream is read on from where it was.
     """
     if not isinstance(stream, io.IOBase) or not stream.seekable():
         return {}
     here = stream.tell()
-    file = _File(stream)
+    file = _File(stream, name)
     try:
         for look in (file.indexed, file.walked):
             with contextlib.suppress(_NonsenseError):
@@ -95,12 +98,14 @@ def end_facts(stream: Stream) -> dict[str, str]:
 class _File:
     """Looks up records by their places."""
 
-    def __init__(self, stream: io.IOBase) -> None:
-        self._stream = stream
+    def __init__(self, stream: io.IOBase, name: str) -> None:
+        self._stream, self._name = stream, name
+        # how the body of a metadata record with this name begins
+        self._begins = struct.pack("<I", len(name)) + name.encode()
         self._size = stream.seek(0, io.SEEK_END)
 
     def indexed(self) -> int | None:
-        """Return where by the file's index the last end mark stands.
+        """Return where by the file's index the last such record stands.
 
         Raises:
             _NonsenseError: there is no index.
@@ -121,12 +126,12 @@ class _File:
                 raise _NonsenseError
             if of == Opcode.METADATA_INDEX:
                 for index in _all(MetadataIndex, of, self._read(at, n)):
-                    if index.name == END:
+                    if index.name == self._name:
                         found = index.offset
         return found
 
     def walked(self) -> int | None:
-        """Return where the last end mark stands, from head to head."""
+        """Return where the last such record stands, from head to head."""
         if self._size < len(MAGIC) or self._read(0, len(MAGIC)) != MAGIC:
             return None
         at, found = len(MAGIC), None
@@ -134,14 +139,14 @@ class _File:
             opcode, size = _HEAD.unpack(self._read(at, _HEAD.size))
             if opcode in (0, Opcode.DATA_END) or size > self._size - at - _HEAD.size:
                 break
-            is_told = opcode == Opcode.METADATA and size >= len(_NAME)
-            if is_told and self._read(at + _HEAD.size, len(_NAME)) == _NAME:
+            is_told = opcode == Opcode.METADATA and size >= len(self._begins)
+            if is_told and self._read(at + _HEAD.size, len(self._begins)) == self._begins:
                 found = at
             at += _HEAD.size + size
         return found
 
     def facts(self, at: int) -> dict[str, str]:
-        """Return what the end mark there says.
+        """Return what the record there says.
 
         Raises:
             _NonsenseError: there is none.
@@ -150,7 +155,7 @@ class _File:
         if opcode != Opcode.METADATA:
             raise _NonsenseError
         record: Metadata = _parsed(Metadata, self._read(at + _HEAD.size, size))
-        if record.name != END:
+        if record.name != self._name:
             raise _NonsenseError
         return record.metadata
 

@@ -79,11 +79,12 @@ def chunks(source: Path | str | Stream) -> Iterator[Chunk]:
     return chain.from_iterable(groups(source))
 
 
-def groups(source: Path | str | Stream) -> Iterator[list[Chunk]]:
+def groups(source: Path | str | Stream, *, hasty: bool = False) -> Iterator[list[Chunk]]:
     """Yield the chunks of a recording, all buses, in groups of about 256 KiB.
 
     The chunks of a bus come in their order, and those of several by the time of arrival. What lies
-    behind the end of a file's part is left out: the next file has it.
+    behind the end of a file's part is left out: the next file has it. ``hasty``: nothing is held
+    back to make a group, for a file that is being written.
 
     Raises:
         InputError: this is no recording of this tool.
@@ -112,6 +113,9 @@ def groups(source: Path | str | Stream) -> Iterator[list[Chunk]]:
                     if held >= GROUP or len(group) >= GROUP_CHUNKS:
                         yield group
                         group, held = [], 0
+                if hasty and group:
+                    yield group
+                    group, held = [], 0
         except NotMcapError as error:
             raise InputError(f"{name}: {error}") from None
         except BrokenError as error:

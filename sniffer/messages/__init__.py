@@ -35,6 +35,11 @@ TRIGGER: Final = "servo_sniffer.trigger"
 RECOVERED: Final = "servo_sniffer.recovered"
 """Metadata record: the recorder did not finish the file; ``why`` says what was wrong with it."""
 
+MARKS: Final = "servo_sniffer.marks"
+"""Metadata record behind all messages: places that somebody marked, each as JSON (``t_ns``,
+``bus``, ``offset`` from the first byte of the bus in this file, ``note``). Of several the last one
+holds."""
+
 BULK: Final = ("frames", "transactions")
 """Topics that a live recording does not index: nobody plots them, and with ``raw``, of which the
 same is true, the index would be thrice the raw bytes of a busy bus and more."""

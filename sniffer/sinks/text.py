@@ -10,18 +10,18 @@ import numpy as np
 from rich.console import Console
 from rich.style import Style
 
-from sniffer.decoding.fields import frame_fields, value_ranges
+from sniffer.decoding.fields import value_ranges
 from sniffer.decoding.summary import Summary
 from sniffer.diagnosis import Diagnosis
-from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE, WHOLE
+from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE
 from sniffer.ground.model import NS, Anomaly, Batch, Chunk, Clock, Severity
 from sniffer.ground.wording import plain
 from sniffer.sinks.report import print_summary, selected
+from sniffer.sinks.words import fit, took_in_words, values_in_words
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from sniffer.ground.registers import Register
     from sniffer.protocols.base import BusProtocol
 
 WIDE: Final = 120
@@ -48,30 +48,6 @@ _STYLES: Final = {
     "response": Style(color="green"),
     "head": Style(bold=True),
 }
-
-
-def short_value(register: Register, raw: int, value: float) -> str:
-    """Return a register value as the table shows it: with its unit, its name, or plainly."""
-    names = register.names(raw)
-    if names is not None:
-        return ",".join(names) or "none" if isinstance(names, list) else names
-    if value != value:  # NaN: nothing in units
-        return f"raw {raw}"
-    if register.unit:
-        unit = "°C" if register.unit == "degC" else register.unit
-        return f"{value:.4g} {unit}" if abs(value) < 1000 else f"{value:.0f} {unit}"
-    return f"{value:.10g}"
-
-
-def fit(text: str, width: int) -> str:
-    """Cut or pad to a width; a list loses whole items, bytes whole bytes."""
-    if len(text) <= width:
-        return text.ljust(width)
-    for between in (", ", " "):
-        at = text.rfind(between, 0, width - 1)
-        if at > 0:
-            return (text[: at + len(between)] + "…").ljust(width)
-    return text[: width - 1] + "…"
 
 
 class TextSink:
@@ -174,7 +150,7 @@ class TextSink:
             str(servo) if servo >= 0 else "-",
             "<" if response else ">",
             protocol.op_name(int(f.op[i])),
-            f"{protocol.name}: " * batch.is_shared + self._values(protocol, batch, i, values),
+            f"{protocol.name}: " * batch.is_shared + values_in_words(protocol, batch, i, values),
             word,
         )
         start = int(f.start[i])
@@ -203,37 +179,6 @@ class TextSink:
         who = "" if found.servo_id is None else str(found.servo_id)
         cells = (self._time(batch, found.t_ns), who, "!", found.code, found.detail, level)
         return self._paint(level, self._line(cells, bus=bus))
-
-    def _values(self, protocol: BusProtocol, batch: Batch, i: int, values: range) -> str:
-        f, v = batch.frames, batch.values
-        own = int(f.servo_id[i])
-        mine: list[str] = []
-        others: dict[int, list[str]] = {}
-        for k in values:
-            number = int(v.register[k])
-            register = protocol.registers[number]
-            who = int(v.servo_id[k])
-            text = short_value(register, int(v.raw[k]), float(v.value[k]))
-            if int(v.part[k]) != WHOLE:
-                text = f"raw {int(v.raw[k])} (part)"
-            if who == own or who < 0:
-                mine.append(f"{register.name.removeprefix('present_')} {text}")
-            else:
-                others.setdefault(number, []).append(f"{who}: {text}")
-        told = mine
-        for number in sorted(others, key=lambda r: not protocol.registers[r].unit):
-            first, *rest = others[number]
-            told += [f"{protocol.registers[number].name} {first}", *rest]
-        status = int(f.status[i])
-        if status > 0:
-            told.insert(0, "+".join(protocol.status_names(status)).replace("_", " "))
-        if not told:
-            op = protocol.op_name(int(f.op[i]))
-            fields = frame_fields(batch, protocol, i, values)
-            if fields.get("text") == fields.get("value"):
-                fields = {k: x for k, x in fields.items() if k != "value"}
-            told = [text for k, x in fields.items() if (text := _plainly(k, x, op, own))]
-        return ", ".join(told)
 
     def _time(self, batch: Batch, t_ns: int) -> str:
         digits = 6 if self._wide else 3
@@ -270,25 +215,6 @@ def _system(console: Console) -> Any:
     return console._color_system
 
 
-def _plainly(key: str, value: Any, op: str, servo_id: int) -> str:
-    """Return a field in words; nothing where another column says it, or where nothing is set."""
-    if isinstance(value, dict):
-        if "names" in value:
-            names = "+".join(map(str, value["names"]))
-            return f"{key} {names}" if names else ""
-        return f"{key} {value.get('name', value.get('value', value.get('raw', value)))}"
-    if value is True:
-        return key
-    if (
-        value is None
-        or value is False
-        or value in ("", op)
-        or (key in ("id", "servo_id") and value == servo_id)
-    ):
-        return ""
-    return plain(f"{key} {value}")
-
-
 def _meant(batch: Batch) -> list[int]:
     """Return the frames that a selection shows, and those of its transactions and samples.
 
@@ -313,7 +239,7 @@ def _verdicts(batch: Batch) -> list[tuple[str, str]]:
     for q, r, outcome, took, spread in zip(*(c.tolist() for c in columns), strict=True):
         if outcome == OK:
             slow = q >= 0 and batch.base + int(batch.frames.start[q]) in late
-            out[r] = (_took(took, spread, "late " if slow else ""), "warn" if slow else "")
+            out[r] = (took_in_words(took, spread, "late " if slow else ""), "warn" if slow else "")
         elif outcome != NOT_EXPECTED:
             out[r if r >= 0 else q] = (OUTCOMES[outcome].replace("_", " "), "error")
     marks = {a.evidence[0][0]: a for a in batch.anomalies if a.group in ("protocol", "device")}
@@ -323,13 +249,3 @@ def _verdicts(batch: Batch) -> list[tuple[str, str]]:
             code = found.code.removeprefix("device-").replace("-", " ")
             out[i] = (code, found.severity.name.lower())
     return out
-
-
-def _took(ns: int, spread: int, word: str) -> str:
-    """Return a reply time; shorter than the clock can tell, it is a bound."""
-    if ns < 0:
-        return "ok"
-    if spread > ns:
-        return f"<{(ns + spread) / 1e6:.2f} ms"
-    digits = 0 if ns >= 100 * NS // 1000 else 1 if word else 2
-    return f"{word}{ns / 1e6:.{digits}f} ms"

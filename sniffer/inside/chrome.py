@@ -1,0 +1,91 @@
+"""What stands around the list and its panes: the layout, the prompt, the page of the keys."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from typing import TYPE_CHECKING, Final
+
+from textual.screen import ModalScreen
+from textual.suggester import Suggester
+from textual.widgets import Static
+
+from sniffer.inside.filters import completed
+from sniffer.inside.keys import help_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from textual.app import ComposeResult
+    from textual.events import Key
+
+CSS: Final = """
+#top, #head, #status { height: 1; width: 100%; }
+#top { background: $primary-darken-2; color: $text; text-style: bold; }
+#head { color: $text-muted; }
+#list { height: 1fr; min-height: 3; overflow-x: hidden; scrollbar-size-vertical: 1; }
+#below { height: 40%; min-height: 6; border-top: solid $primary; }
+#detail { height: 100%; }
+#fields { width: 1fr; height: 100%; border: none; padding: 0; background: $background; }
+#bytes { width: 42; height: 100%; border-left: solid $primary-darken-2; padding: 0 0 0 1; }
+#board, #figures { height: 100%; }
+.wide #bytes { width: 74; }
+#prompt { height: 1; border: none; padding: 0; display: none; }
+#status { color: $text-muted; }
+#status.bad { color: $error; text-style: bold; }
+HelpPage { align: center middle; }
+#help { width: auto; max-width: 100%; height: auto; max-height: 100%; padding: 0 1;
+        background: $surface; border: round $primary; overflow-y: auto; }
+"""
+
+ASKED: Final = {
+    "find": "find text, or bytes (FF 01)",
+    "go": "go to: 12.5, 10min, 20:35:20.5, @12175 (byte), #300 (line), @first-error",
+    "filter": "filter: servo=3,5 kind=response op=… code=no-response",
+    "mark": "note for this mark",
+}
+"""What the prompt asks for, by action."""
+
+
+class LineSuggester(Suggester):
+    """Completes the last word of a filter line."""
+
+    def __init__(self, known: Callable[[], dict[str, list[str]] | None]) -> None:
+        """Take what returns the values by word, None while something else is asked for."""
+        super().__init__(use_cache=False, case_sensitive=True)
+        self._known = known
+
+    async def get_suggestion(self, value: str) -> str | None:
+        """Return the line as it would be."""
+        known = self._known()
+        return None if known is None else completed(value, known)
+
+
+class HelpPage(ModalScreen[None]):
+    """The keys."""
+
+    def compose(self) -> ComposeResult:
+        """Show them."""
+        yield Static(help_text(), id="help", markup=False)
+
+    def on_key(self, event: Key) -> None:
+        """Close; the key does nothing else."""
+        event.stop()
+        event.prevent_default()
+        self.dismiss()
+
+    def on_click(self) -> None:
+        """Close."""
+        self.dismiss()
+
+
+def exits_on_signals(leave: Callable[[], None]) -> None:
+    """Have the system's polite requests to end be answered by the screen that runs."""
+    loop = asyncio.get_running_loop()
+    for name in ("SIGTERM", "SIGHUP", "SIGINT"):
+        number = getattr(signal, name, None)
+        if number is not None:
+            try:
+                loop.add_signal_handler(number, leave)
+            except (NotImplementedError, RuntimeError, ValueError):
+                break  # not on this system, or not in this thread: the default holds

@@ -1,0 +1,121 @@
+"""What can be counted of the lines that are shown: by servo, and findings by code and servo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sniffer.diagnostics.found import CODES
+from sniffer.ground.codes import NO_RESPONSE, REQUEST, RESPONSE
+from sniffer.ground.model import NS
+from sniffer.inside.columns import GAP
+from sniffer.sinks.words import took_in_words
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import I64
+    from sniffer.inside.columns import Table
+    from sniffer.inside.index import CaptureIndex
+
+
+@dataclass(frozen=True, slots=True)
+class ShownServo:
+    """A servo of a bus (-1: nobody's); times are those of its answers."""
+
+    bus: str
+    servo: int
+    requests: int
+    answers: int
+    missing: int
+    median: str
+    worst: str
+
+
+@dataclass(frozen=True, slots=True)
+class ShownCode:
+    """How often a code was found of a servo (-1: nobody's), and in which line first."""
+
+    code: str
+    severity: int
+    servo: int
+    count: int
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class ShownFigures:
+    """Counts of lines, and of bytes; the span in seconds; servos, and findings, the worst first."""
+
+    frames: int
+    gaps: int
+    bytes: int
+    bytes_in_gaps: int
+    span_s: float
+    servos: tuple[ShownServo, ...]
+    codes: tuple[ShownCode, ...]
+
+
+def figures_of(index: CaptureIndex, numbers: I64) -> ShownFigures:
+    """Count lines."""
+    lines = index.lines[numbers]
+    gaps = lines["kind"] == GAP
+    length = lines["length"].astype(np.int64)
+    span = int(lines["t"].max() - lines["t"].min()) / NS if len(lines) else 0.0
+    return ShownFigures(
+        int((~gaps).sum()),
+        int(gaps.sum()),
+        int(length.sum()),
+        int(length[gaps].sum()),
+        span,
+        tuple(_servos(index, lines)),
+        tuple(_codes(index, numbers)),
+    )
+
+
+def _servos(index: CaptureIndex, lines: Table) -> list[ShownServo]:
+    frames = lines[lines["kind"] != GAP]
+    key = frames["bus"].astype(np.int64) << 16 | (frames["servo"].astype(np.int64) + 1)
+    out = []
+    for k in np.unique(key).tolist():
+        mine = frames[key == k]
+        timed = mine[(mine["kind"] == RESPONSE) & (mine["took"] >= 0)]
+        timed = timed[np.argsort(timed["took"] + np.maximum(timed["spread"], 0))]
+        out.append(
+            ShownServo(
+                index.buses[k >> 16],
+                (k & 0xFFFF) - 1,
+                int((mine["kind"] == REQUEST).sum()),
+                int((mine["kind"] == RESPONSE).sum()),
+                int(((mine["kind"] == REQUEST) & (mine["outcome"] == NO_RESPONSE)).sum()),
+                _took(timed, len(timed) // 2),
+                _took(timed, len(timed) - 1),
+            )
+        )
+    return sorted(out, key=lambda s: -s.missing)
+
+
+def _took(timed: Table, row: int) -> str:
+    """Return a response time as the list has it: what the stamps cannot tell is a bound."""
+    if not len(timed):
+        return "-"
+    return took_in_words(int(timed["took"][row]), int(timed["spread"][row]), "")
+
+
+def _codes(index: CaptureIndex, numbers: I64) -> list[ShownCode]:
+    found = index.found
+    if len(numbers) != len(index.lines):
+        found = found[np.isin(found["line"], numbers)]
+    key = found["code"].astype(np.int64) << 16 | (found["servo"].astype(np.int64) + 1)
+    every, first, count = np.unique(key, return_index=True, return_counts=True)
+    out = [
+        ShownCode(
+            CODES[k >> 16],
+            int(found["severity"][at]),
+            (k & 0xFFFF) - 1,
+            n,
+            int(found["line"][at]),
+        )
+        for k, at, n in zip(every.tolist(), first.tolist(), count.tolist(), strict=True)
+    ]
+    return sorted(out, key=lambda c: (-c.severity, -c.count))

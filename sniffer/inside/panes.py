@@ -1,0 +1,168 @@
+"""What stands below the list: fields, bytes, servos, figures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from rich.table import Table
+from rich.text import Text
+from textual.containers import VerticalScroll
+from textual.widgets import OptionList, Static
+from textual.widgets.option_list import Option
+
+from sniffer.ground.wording import plain
+from sniffer.inside.moment import SHOWN, TITLES
+from sniffer.inside.table import SEVERITIES
+
+if TYPE_CHECKING:
+    from sniffer.inside.detail import Detail, DetailField, DetailPart
+    from sniffer.inside.figures import ShownFigures
+    from sniffer.inside.moment import MomentRow
+
+LIT: Final = "reverse bold"
+CHANGED: Final = "magenta bold underline"
+"""How the bytes of the selected field look, and those that the last like frame had not."""
+
+ROWS_MOST: Final = 400
+"""Lines of bytes that are drawn of one frame: no frame has more."""
+
+
+class FieldPane(OptionList):
+    """The fields of a line; moving in it lights their bytes."""
+
+    def __init__(self) -> None:
+        super().__init__(id="fields", markup=False)
+        self.detail: Detail | None = None
+
+    def show(self, detail: Detail | None) -> None:
+        """Show the fields of a line."""
+        same = self.detail is not None and detail is not None and _alike(self.detail, detail)
+        at = self.highlighted if same else None
+        self.detail = detail
+        self.clear_options()
+        if detail is not None:
+            self.add_options([Option(_field(f)) for f in detail.fields])
+            self.highlighted = at if at is not None else 0
+
+    @property
+    def chosen(self) -> DetailField | None:
+        """The field under the cursor."""
+        if self.detail is None or self.highlighted is None:
+            return None
+        fields = self.detail.fields
+        return fields[self.highlighted] if self.highlighted < len(fields) else None
+
+
+class TextPane(VerticalScroll):
+    """A pane of text that scrolls."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(Static(id=f"{name}-text", markup=False), id=name)
+
+    def show(self, what: Text | Table | str) -> None:
+        """Show this."""
+        self.query_one(Static).update(what)
+
+
+def bytes_text(detail: Detail | None, chosen: DetailField | None, width: int) -> Text:
+    """Return the bytes of a line, with those of a field lit, and those that changed."""
+    out = Text()
+    if detail is None:
+        return out
+    per_row = 16 if width >= 6 + 16 * 4 else 8
+    for i, part in enumerate(detail.parts):
+        if len(detail.parts) > 1:
+            out.append(f"{part.drawn.title}\n", "bold")
+        lit = range(0)
+        if chosen is not None and chosen.part == i and not chosen.is_title:
+            lit = range(chosen.offset, chosen.offset + chosen.length)
+        _dump(out, part, lit, per_row)
+        if part.like >= 0:
+            n = len(part.changed)
+            told = f"{n} byte{'s' * (n != 1)} changed" if n else "no byte changed"
+            out.append(f"{told} since the last like frame, {part.like_ns / 1e6:.1f} ms\n", "dim")
+    return out
+
+
+def _dump(out: Text, part: DetailPart, lit: range, per_row: int) -> None:
+    raw = part.drawn.raw
+    for begin in range(0, min(len(raw), ROWS_MOST * per_row), per_row):
+        row = raw[begin : begin + per_row]
+        out.append(f"{begin:04X} ", "dim")
+        for k in range(per_row):
+            if k < len(row):
+                style = _style(begin + k, part, lit)
+                # the blank between two bytes of one field is lit, too
+                out.append(" ", style if begin + k - 1 in lit and begin + k in lit and k else "")
+                out.append(f"{row[k]:02X}", style)
+            else:
+                out.append("   ")
+        out.append("  ")
+        for k, byte in enumerate(row):
+            out.append(chr(byte) if 32 <= byte < 127 else "·", _style(begin + k, part, lit))
+        out.append("\n")
+
+
+def _style(at: int, part: DetailPart, lit: range) -> str:
+    changed = CHANGED if at in part.changed else ""
+    return f"{changed} {LIT}".strip() if at in lit else changed
+
+
+def _field(field: DetailField) -> Text:
+    style = "bold" if field.is_title else SEVERITIES[field.severity]
+    return Text(plain(field.text), style=style)
+
+
+def _alike(before: Detail, now: Detail) -> bool:
+    """Tell whether a place among the fields of one means the same among those of the other."""
+
+    def names(detail: Detail) -> list[tuple[int, int, int]]:
+        return [(f.part, f.offset, f.length) for f in detail.fields]
+
+    return names(before) == names(now)
+
+
+def moment_table(rows: list[MomentRow]) -> Table | str:
+    """Return the servos of a moment."""
+    if not rows:
+        return "No servo has told a value yet."
+    titles = [TITLES.get(q, q) for q in SHOWN]
+    titles.insert(titles.index("goal") + 1, "error")
+    used = [t for t in titles if any(t in row.cells for row in rows)]
+    out = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    several = len({row.bus for row in rows}) > 1
+    for title in (["bus"] if several else []) + ["servo", *used, "age"]:
+        out.add_column(title, justify="right", no_wrap=True)
+    for row in rows:
+        cells = [row.cells.get(title, "") for title in used]
+        bus = [plain(row.bus)] if several else []
+        out.add_row(*bus, str(row.servo) if row.servo >= 0 else "-", *cells, _age(row.age_s))
+    return out
+
+
+def _age(seconds: float) -> str:
+    return f"{seconds * 1000:.0f} ms" if seconds < 10 else f"{seconds:.0f} s"
+
+
+def figures_text(figures: ShownFigures) -> Text:
+    """Return what was counted."""
+    out = Text()
+    out.append(
+        f"{figures.frames} frames, {figures.gaps} gaps in {figures.span_s:.3f} s; "
+        f"{figures.bytes} bytes, {figures.bytes_in_gaps} of them in no frame\n"
+    )
+    out.append("servo  asked    answers  missing  median    worst\n", "bold")
+    for s in figures.servos:
+        who = str(s.servo) if s.servo >= 0 else "-"
+        style = "red" if s.missing else ""
+        out.append(
+            f"{who:>5}  {s.requests:<7}  {s.answers:<7}  {s.missing:<7}  "
+            f"{s.median:<8}  {s.worst}\n",
+            style,
+        )
+    if figures.codes:
+        out.append("found                          servo  times   first in line\n", "bold")
+    for c in figures.codes:
+        who = str(c.servo) if c.servo >= 0 else "-"
+        out.append(f"{c.code:<29}  {who:>5}  {c.count:<6}  #{c.line + 1}\n", SEVERITIES[c.severity])
+    return out

@@ -1,0 +1,118 @@
+"""``sniffer open``: a file or a port looked into; what the command calls."""
+
+from __future__ import annotations
+
+import contextlib
+import stat
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from sniffer.decoding.options import Options
+from sniffer.ground.model import InputError, OutputError
+from sniffer.ground.needs import need_textual
+from sniffer.inside.index import CaptureIndex
+from sniffer.inside.marks import into_recording
+from sniffer.inside.reading import Reading
+from sniffer.inside.recorder import BesideRecorder
+from sniffer.sources import open_source
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+SWITCH_S: Final = 0.001
+"""How long what reads and decodes may keep the screen waiting at a time, in seconds."""
+
+
+def look_inside(
+    source: str,
+    options: Options | None = None,
+    *,
+    input_format: str = "auto",
+    follow: bool = False,
+    recorder: BesideRecorder | None = None,
+) -> Reading:
+    """Show a capture on the terminal; return what was read when the user quits.
+
+    Args:
+        source: a path.
+        options: how it is decoded; what a recording says of itself fills what is not said.
+        input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        follow: the file is being written: show what comes.
+        recorder: what writes it, where a port is shown.
+
+    Raises:
+        InputError: the input cannot be read, or its protocol cannot be told; there is no terminal.
+        OutputError: Textual is not installed.
+    """
+    need_textual()
+    need_terminal(source)
+    options = options or Options()
+    options.check()
+    with open_source(source, input_format) as opened:
+        path = Path(source)
+        reading = Reading(opened, options, CaptureIndex(), growing=path if follow else None)
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH_S)
+        reading.start(first=True)
+        try:
+            # loaded while the file is read: it takes as long as the first page
+            from sniffer.inside.app import LookingGlass
+
+            LookingGlass(
+                reading, name=path.name, marks=path, follow=follow, recorder=recorder
+            ).run()
+        finally:
+            sys.setswitchinterval(before)
+            reading.stop()
+            reading.index.discard()
+            if recorder is not None:
+                recorder.stop()  # it writes the end of the file, before which nothing can be added
+            with contextlib.suppress(OutputError):  # then they stay beside it
+                into_recording(path)
+    if reading.failure is not None and not len(reading.index.lines):
+        raise reading.failure
+    return reading
+
+
+def look_at_port(arguments: Sequence[str], path: Path, options: Options) -> Reading:
+    """Record a port into a file beside, and show it; return when the user quits.
+
+    Args:
+        arguments: what ``sniffer record`` is called with.
+        path: of the recording, as they say it; it must not be there yet.
+        options: how it is shown.
+
+    Raises:
+        InputError: the port cannot be recorded, or there is no terminal.
+        OutputError: Textual is not installed.
+    """
+    need_textual()
+    need_terminal(str(path))
+    recorder = BesideRecorder(arguments, path)
+    try:
+        return look_inside(str(path), options, input_format="mcap", follow=True, recorder=recorder)
+    finally:
+        recorder.stop()
+
+
+def need_terminal(source: str) -> None:
+    """Do nothing where keys can be read and a picture drawn.
+
+    Raises:
+        InputError: there is no terminal, or the source is what keys are read from.
+    """
+    if source == "-":
+        raise InputError("keys are read from standard input: save the capture and give its name")
+    if not (sys.stdin and sys.stdin.isatty() and sys.stdout and sys.stdout.isatty()):
+        raise InputError("this draws on a terminal, and there is none: `sniffer decode` prints")
+
+
+def is_port(source: str) -> bool:
+    """Tell whether a source names a port rather than a file."""
+    if "://" in source:
+        return True
+    try:
+        return stat.S_ISCHR(Path(source.partition("@")[0].partition("=")[0]).stat().st_mode)
+    except OSError:
+        return False

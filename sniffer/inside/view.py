@@ -1,0 +1,144 @@
+"""Which lines of a capture are shown: all or some, single frames or whole exchanges.
+
+Nothing here waits: what takes long is done in steps, as many as there is time for (``steps``).
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sniffer.ground.codes import RESPONSE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sniffer.ground.model import I64, Mask
+    from sniffer.inside.filters import LineFilter
+    from sniffer.inside.index import CaptureIndex
+
+STEP: Final = 1 << 14
+"""Lines that are judged at a time."""
+
+SLICE_S: Final = 0.012
+"""How long steps may take before the screen has its turn."""
+
+
+class LineView:
+    """The lines that are shown, by position; ``count`` of them so far.
+
+    ``judged`` is up to which line is known whether it is shown; ``held`` (None: nothing) is the
+    line from which on nothing is shown: the list is paused.
+    """
+
+    def __init__(self, index: CaptureIndex) -> None:
+        self.index = index
+        self.exchanges = False
+        self.filter: LineFilter | None = None
+        self.held: int | None = None
+        self.judged = 0
+        self._shown = np.empty(STEP, np.int64)
+        self._count = 0
+
+    @property
+    def end(self) -> int:
+        """The line behind the last one that may be shown."""
+        there = len(self.index.lines)
+        return there if self.held is None else min(self.held, there)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every line is shown."""
+        return self.filter is None and not self.exchanges
+
+    @property
+    def count(self) -> int:
+        """How many lines are shown so far."""
+        return self.end if self.is_whole else self._count
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether there are lines that nobody has judged yet."""
+        return not self.is_whole and self.judged < self.end
+
+    def choose(self, chosen: LineFilter | None, *, exchanges: bool) -> None:
+        """Show other lines."""
+        self.filter, self.exchanges = chosen, exchanges
+        self.judged = self._count = 0
+
+    def pause(self, held: bool) -> None:
+        """Show no line that comes from now on, or all of them again."""
+        self.held = len(self.index.lines) if held else None
+
+    def line(self, position: int) -> int:
+        """Return the number of the line at a position."""
+        return position if self.is_whole else int(self._shown[position])
+
+    def shown(self) -> I64:
+        """Return the numbers of all lines that are shown."""
+        return np.arange(self.end) if self.is_whole else self._shown[: self._count]
+
+    def position(self, line: int) -> int:
+        """Return the position of a line, or that of the next one behind it that is shown."""
+        if self.is_whole:
+            return min(line, self.end)
+        return int(np.searchsorted(self._shown[: self._count], line))
+
+    def steps(self, slice_s: float = SLICE_S) -> bool:
+        """Judge lines for a while; tell whether there is more to do."""
+        until = time.monotonic() + slice_s
+        while self.is_behind:
+            self._step()
+            if time.monotonic() >= until:
+                break
+        return self.is_behind
+
+    def _step(self) -> None:
+        first = self.judged
+        last = min(first + (self.filter.step if self.filter is not None else STEP), self.end)
+        fits = self._fits(first, last)
+        more = np.flatnonzero(fits) + first
+        if self._count + len(more) > len(self._shown):
+            self._shown = np.resize(self._shown, 2 * (self._count + len(more)))
+        self._shown[self._count : self._count + len(more)] = more
+        self._count += len(more)
+        self.judged = last
+
+    def _fits(self, first: int, last: int) -> Mask:
+        lines = self.index.lines[first:last]
+        fits = np.ones(len(lines), bool)
+        if self.filter is not None:
+            fits = self.filter.mask(self.index, np.arange(first, last))
+        if not self.exchanges:
+            return fits
+        partner = lines["partner"].astype(np.int64)
+        if self.filter is not None:
+            some = np.flatnonzero(partner >= 0)
+            fits[some] |= self.filter.mask(self.index, partner[some])
+        begins: Mask = (lines["kind"] != RESPONSE) | (partner < 0)
+        return fits & begins
+
+    def next_wrong(self, position: int, least: int, *, back: bool = False) -> int:
+        """Return the next position with a finding of at least a severity + 1, or -1."""
+        numbers = self.shown()
+        lines = self.index.lines
+        at = position - 1 if back else position + 1
+        while 0 <= at < len(numbers):
+            some = numbers[max(at - STEP + 1, 0) : at + 1] if back else numbers[at : at + STEP]
+            bad = lines["severity"][some] >= least
+            if self.exchanges:
+                partner = lines["partner"][some]
+                bad |= (partner >= 0) & (lines["severity"][np.maximum(partner, 0)] >= least)
+            found = np.flatnonzero(bad)
+            if len(found):
+                first = max(at - STEP + 1, 0) if back else at
+                return first + int(found[-1 if back else 0])
+            at += -STEP if back else STEP
+        return -1
+
+    def after(self, position: int) -> Iterator[int]:
+        """Yield the positions behind one, then those before it: for a search that goes round."""
+        yield from range(position + 1, self.count)
+        yield from range(min(position + 1, self.count))

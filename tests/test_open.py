@@ -1,0 +1,296 @@
+"""A capture looked into, without a screen: its lines, filters, places, a line taken apart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import pytest
+
+import sniffer
+from sniffer.decoding.options import Options
+from sniffer.decoding.rows import FrameRow, GapRow, SampleRow
+from sniffer.ground.model import InputError
+from sniffer.inside.columns import GAP
+from sniffer.inside.detail import detail_of, raw_of
+from sniffer.inside.figures import figures_of
+from sniffer.inside.filters import completed, completions, filter_of
+from sniffer.inside.index import CaptureIndex
+from sniffer.inside.keys import KEYS, help_text
+from sniffer.inside.moment import moment_of
+from sniffer.inside.places import line_of
+from sniffer.inside.reading import Reading
+from sniffer.inside.search import Search
+from sniffer.inside.view import LineView
+from sniffer.inside.words import line_words
+from sniffer.sources import open_source
+from tests.commands import sniffer as command
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+ROOT: Final = Path(__file__).parents[1]
+CAPTURES: Final = sorted(
+    p for p in (ROOT / "sample_captures").iterdir() if p.suffix in (".log", ".bin", ".hex")
+)
+DAMAGED: Final = ROOT / "sample_captures" / "mightyzap_damaged.log"
+
+
+def indexed(path: Path) -> CaptureIndex:
+    reading = Reading(open_source(path), Options(), CaptureIndex())
+    reading.start()
+    reading.wait()
+    assert not reading.problem
+    return reading.index
+
+
+@pytest.fixture(scope="module")
+def index() -> Iterator[CaptureIndex]:
+    one = indexed(DAMAGED)
+    yield one
+    one.discard()
+
+
+def judged(view: LineView) -> LineView:
+    while view.steps():
+        pass
+    return view
+
+
+@pytest.mark.parametrize("path", CAPTURES, ids=lambda p: p.name)
+def test_the_lines_are_the_frames_and_gaps_that_decoding_tells(path: Path) -> None:
+    index = indexed(path)
+    rows = [row for row in sniffer.decode(path) if isinstance(row, FrameRow | GapRow)]
+    lines = index.lines
+    assert lines["at"].tolist() == [row.offset for row in rows]
+    assert lines["length"].tolist() == [row.length for row in rows]
+    assert lines["t"].tolist() == [row.t_ns for row in rows]
+    assert [k == GAP for k in lines["kind"].tolist()] == [row.type == "gap" for row in rows]
+    for number in range(0, len(rows), 97):
+        assert raw_of(index, number).hex() == rows[number].hex
+        assert line_words(index, number).op
+    index.discard()
+
+
+def test_each_half_of_an_exchange_knows_the_other_and_findings_know_their_line(
+    index: CaptureIndex,
+) -> None:
+    lines = index.lines
+    paired = np.flatnonzero(lines["partner"] >= 0)
+    assert len(paired) > 1000
+    assert (lines["partner"][lines["partner"][paired]] == paired).all()
+    assert (lines["servo"][lines["partner"][paired]] == lines["servo"][paired]).all()
+    told = [row for row in sniffer.decode(DAMAGED) if row.type == "anomaly"]
+    assert len(index.found) == len(told)
+    assert (index.found["line"] >= 0).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "kept"),
+    [
+        ("servo=3,1", lambda w: w.servo in ("1", "3")),
+        ("kind=response op=echo", lambda w: (w.kind, w.op) == ("<", "echo")),
+        ("op!=load_data servo=254", lambda w: w.servo == "254" and w.op != "load_data"),
+        ("servo_id = 2 AND kind = 'request'", lambda w: (w.servo, w.kind) == ("2", ">")),
+        ("register = 'goal_position' AND value > 12", lambda w: "goal_position" in w.values),
+        ("reason = 'truncated'", lambda w: w.verdict == "truncated"),
+    ],
+)
+def test_a_filter_keeps_what_it_names(text: str, kept: object, index: CaptureIndex) -> None:
+    assert callable(kept)
+    view = LineView(index)
+    view.choose(filter_of(text), exchanges=False)
+    judged(view)
+    assert 0 < view.count < len(index.lines)
+    assert all(kept(line_words(index, n)) for n in view.shown().tolist())
+    assert [view.position(n) for n in view.shown().tolist()] == list(range(view.count))
+
+
+def test_words_and_expressions_say_the_same(index: CaptureIndex) -> None:
+    for words, expression in (
+        ("servo=3", "servo_id = 3"),
+        ("code=no-response", "code = 'no-response'"),
+        ("kind=response", "kind = 'response'"),
+    ):
+        both = []
+        for text in (words, expression):
+            view = LineView(index)
+            view.choose(filter_of(text), exchanges=False)
+            both.append(set(judged(view).shown().tolist()))
+        frames = set(np.flatnonzero(index.lines["kind"] != GAP).tolist())
+        assert both[0] & frames <= both[1], words
+
+
+@pytest.mark.parametrize("text", ["servo=x", "foo=3", "((", "kind=nobody", "servo_id ="])
+def test_what_is_no_filter_is_told_in_a_line(text: str) -> None:
+    with pytest.raises(InputError) as told:
+        filter_of(text)
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("typed", "whole"),
+    [
+        ("ser", "servo="),
+        ("servo=3 op=sy", "servo=3 op=symmetric_store"),
+        ("code!=no-r", "code!=no-response"),
+        ("servo=1,", "servo=1,1"),
+        ("response_t", "response_time_ns"),
+        ("xyz", None),
+    ],
+)
+def test_a_filter_line_is_completed_by_what_was_met(
+    typed: str, whole: str | None, index: CaptureIndex
+) -> None:
+    assert completed(typed, completions(index)) == whole
+
+
+@pytest.mark.parametrize(
+    ("place", "line"),
+    [
+        ("#90", 90),
+        ("@1051", 81),
+        ("@byte:1052", 81),
+        ("@first-error", 81),
+        ("22:55:06.365", 81),
+        ("0", 1),
+        ("+0ms", 1),
+    ],
+)
+def test_a_place_may_be_a_time_a_byte_or_a_line(place: str, line: int, index: CaptureIndex) -> None:
+    assert line_of(place, index) == line - 1
+
+
+@pytest.mark.parametrize(
+    ("place", "told"),
+    [
+        ("99999", "behind the end"),
+        ("@999999", "byte 999999 is not there: bus0 has 18442 so far"),
+        ("#0", "behind the end"),
+        ("over there", "is no place: write 12.5"),
+    ],
+)
+def test_a_place_that_is_not_there_is_told(place: str, told: str, index: CaptureIndex) -> None:
+    with pytest.raises(InputError, match=told):
+        line_of(place, index)
+
+
+def test_a_search_goes_on_and_round_for_bytes_and_words(index: CaptureIndex) -> None:
+    view = LineView(index)
+
+    def found(text: str, since: int = 0) -> int | None:
+        search = Search(view, since, text)
+        while (at := search.steps()) is None:
+            assert 0 <= search.done <= 1
+        return at
+
+    torn = found("F9 06 25 06")
+    assert torn is not None
+    assert line_words(index, torn).verdict == "truncated"
+    assert found("F9 06 25 06", torn) == torn
+    first = found("no response")
+    assert first == 80
+    again = found("NO RESPONSE", first)
+    assert again is not None
+    assert again > first
+    assert found("nowhere at all") == -1
+
+
+def test_the_next_error_is_found_in_both_directions(index: CaptureIndex) -> None:
+    view = LineView(index)
+    going, at = [], -1
+    while (at := view.next_wrong(at, 3)) >= 0:
+        going.append(at)
+    coming, at = [], view.count
+    while (at := view.next_wrong(at, 3, back=True)) >= 0:
+        coming.append(at)
+    assert going == coming[::-1] == np.flatnonzero(index.lines["severity"] == 3).tolist()
+
+
+def test_an_exchange_is_one_line_with_what_was_read(index: CaptureIndex) -> None:
+    view = LineView(index)
+    view.choose(None, exchanges=True)
+    judged(view)
+    lines = index.lines
+    assert view.count == len(lines) - int(((lines["kind"] == 1) & (lines["partner"] >= 0)).sum())
+    view.choose(filter_of("kind=response servo=2"), exchanges=True)
+    asked = int(judged(view).shown()[0])
+    words = line_words(index, asked, exchange=True)
+    assert (words.kind, words.servo) == (">", "2")
+    assert [part.drawn.title for part in detail_of(index, asked, exchange=True).parts] == [
+        f"request: {words.op}, servo 2",
+        f"response: {words.op}, servo 2",
+    ]
+
+
+def test_a_line_is_taken_apart_with_what_was_found_in_it(index: CaptureIndex) -> None:
+    detail = detail_of(index, 80)
+    (part,) = detail.parts
+    spans = [f for f in detail.fields if f.length and not f.is_title and not f.severity]
+    named = [f for f in spans if not f.text.startswith("  ")]
+    assert sum(f.length for f in named) == len(part.drawn.raw)
+    at = line_of("@970", index)
+    fields = {f.text.partition(":")[0]: f for f in detail_of(index, at).fields}
+    assert (fields["present_position"].offset, fields["present_position"].length) == (6, 2)
+    assert (fields["present_temperature"].offset, fields["present_temperature"].length) == (13, 1)
+    assert any(f.text.startswith("error no-response: servo 1 did not") for f in detail.fields)
+    assert any(f.text.startswith("  try: ") for f in detail.fields)
+
+
+def test_bytes_that_the_last_like_frame_had_not_are_known(index: CaptureIndex) -> None:
+    view = LineView(index)
+    search = Search(view, 0, "speed -202")
+    while (at := search.steps()) is None:
+        pass
+    assert at is not None
+    (part,) = detail_of(index, at).parts
+    like = index.lines[part.like]
+    for name in ("servo", "op", "kind", "length"):
+        assert like[name] == index.lines[at][name]
+    before, now = raw_of(index, part.like), raw_of(index, at)
+    assert part.changed == {i for i, (a, b) in enumerate(zip(before, now, strict=True)) if a != b}
+    assert part.changed
+
+
+def test_the_servos_are_known_as_of_a_line(index: CaptureIndex) -> None:
+    rows = [r for r in sniffer.decode(DAMAGED) if isinstance(r, SampleRow)]
+    line = 700
+    now = int(index.lines["t"][line])
+    for row in moment_of(index, line):
+        mine = [r for r in rows if r.servo_id == row.servo and r.t_ns <= now]
+        last = [r for r in mine if r.quantity == "position" and not r.part][-1]
+        assert last.value is not None
+        assert row.cells["position"] == f"{last.value:.4g} mm"
+        assert row.age_s >= 0
+    assert [row.servo for row in moment_of(index, line)] == [1, 2, 3]
+
+
+def test_figures_count_what_is_shown(index: CaptureIndex) -> None:
+    every = figures_of(index, np.arange(len(index.lines)))
+    assert (every.frames, every.gaps, every.bytes) == (1448, 30, 18442)
+    assert sum(c.count for c in every.codes) == len(index.found)
+    missing = {s.servo: s.missing for s in every.servos}
+    one = figures_of(index, np.flatnonzero(index.lines["servo"] == 1))
+    assert {s.servo: s.missing for s in one.servos} == {1: missing[1]}
+
+
+def test_the_help_has_every_key() -> None:
+    text = help_text()
+    for key in KEYS:
+        assert f" {key.shown}  {key.told}" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ([DAMAGED], "this draws on a terminal, and there is none: `sniffer decode` prints"),
+        (["-"], "keys are read from standard input: save the capture and give its name"),
+        ([DAMAGED, "-o", "x.mcap"], "-o is where a port is recorded to: FILE is there already"),
+    ],
+)
+def test_where_nobody_can_look_that_is_told_in_a_line(
+    arguments: list[str | Path], told: str
+) -> None:
+    ran = command("open", *arguments)
+    assert (ran.status, ran.complaint) == (2, told)

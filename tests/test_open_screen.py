@@ -1,0 +1,320 @@
+"""The screen of ``sniffer open``: keys and clicks, without a terminal and once in one."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import pty
+import select
+import signal
+import subprocess
+import termios
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import pytest
+from textual.widgets import Static
+
+from sniffer.decoding.options import Options
+from sniffer.inside.app import LookingGlass
+from sniffer.inside.index import CaptureIndex
+from sniffer.inside.reading import Reading
+from sniffer.sources import open_source
+from tests.commands import COMMAND, environment
+from tests.terminals import LINUX_ONLY, PATIENCE_S
+from tests.terminals import Terminal as Port
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Awaitable, Callable
+
+ROOT: Final = Path(__file__).parents[1]
+DAMAGED: Final = ROOT / "sample_captures" / "mightyzap_damaged.log"
+CLEAN: Final = ROOT / "sample_captures" / "mightyzap_clean.log"
+
+
+class Glass:
+    """The screen of a capture, and somebody who looks and types."""
+
+    def __init__(self, app: LookingGlass, pilot: Any) -> None:
+        self.app, self._pilot = app, pilot
+
+    async def press(self, *keys: str) -> None:
+        for key in keys:
+            await self._pilot.press(key)
+        await self.settled()
+
+    async def ask(self, key: str, text: str) -> None:
+        """Open a prompt with a key, and give it a text."""
+        await self._pilot.press(key)
+        self.app.prompt.value = text
+        await self._pilot.press("enter")
+        await self.settled()
+
+    async def click(self, where: str, x: int, y: int) -> None:
+        await self._pilot.click(where, offset=(x, y))
+        await self.settled()
+
+    async def resize(self, columns: int, lines: int) -> None:
+        await self._pilot.resize_terminal(columns, lines)
+        await self.settled()
+
+    async def settled(self) -> None:
+        app = self.app
+        await self.until(
+            lambda: (
+                not (app.view.is_behind or app._wanted is not None or app._search or app._is_due)
+            )
+        )
+
+    async def until(self, so: Callable[[], bool]) -> None:
+        end = time.monotonic() + PATIENCE_S
+        while True:
+            await self._pilot.pause(0.01)
+            if so():
+                return
+            assert time.monotonic() < end
+
+    @property
+    def rows(self) -> list[str]:
+        return [self.app.list.render_line(y).text for y in range(self.app.list.size.height)]
+
+    @property
+    def current(self) -> str:
+        return self.rows[self.app.list.cursor - self.app.list.scroll_offset.y]
+
+    def text(self, widget: Static) -> str:
+        return str(widget.content)
+
+    @property
+    def lit(self) -> tuple[int, int]:
+        chosen = self.app.fields.chosen
+        assert chosen is not None
+        return chosen.offset, chosen.length
+
+
+@contextlib.asynccontextmanager
+async def looking(
+    path: Path, marks: Path | None = None, growing: Path | None = None
+) -> AsyncIterator[Glass]:
+    reading = Reading(open_source(path), Options(), CaptureIndex(), growing=growing)
+    reading.start(first=True)
+    app = LookingGlass(reading, name=path.name, marks=marks, follow=growing is not None)
+    try:
+        async with app.run_test(size=(80, 24)) as pilot:
+            glass = Glass(app, pilot)
+            await glass.until(lambda: reading.done or (growing is not None and app.view.count > 0))
+            await glass.settled()
+            yield glass
+    finally:
+        reading.stop()
+        reading.index.discard()
+
+
+def look(path: Path, what: Callable[[Glass], Awaitable[None]], **more: Any) -> None:
+    async def all_of_it() -> None:
+        async with looking(path, **more) as glass:
+            await what(glass)
+
+    asyncio.run(all_of_it())
+
+
+def test_keys_go_through_a_capture_and_take_it_apart(tmp_path: Path) -> None:
+    capture = tmp_path / "run.log"
+    capture.write_bytes(DAMAGED.read_bytes())
+    kept = tmp_path / "run.log.marks.jsonl"
+
+    async def steps(glass: Glass) -> None:
+        app = glass.app
+        assert glass.text(app.top).split("  ") == ["run.log", "mightyzap", "line 1 of 1478"]
+        assert [r.split()[1:4] for r in glass.rows[:2]] == [["1", ">", "echo"], ["1", "<", "echo"]]
+        await glass.press("tab", "down")  # the first field below the title: the header
+        assert glass.lit == (0, 3)
+        assert "FF FF FF 01 02 F1 0B" in glass.text(app.bytes.query_one(Static))
+        await glass.press("n", "m", *"knee", "enter")
+        assert glass.current.startswith("◆")
+        assert glass.current.rstrip().endswith("no response")
+        assert any(f.text.startswith("error no-response") for f in app.fields.detail.fields)  # type: ignore[union-attr]
+        await glass.press("p")
+        assert "nothing more is wrong before" in glass.text(app.status)
+        await glass.press("t", "t", "down", "down")
+        lines = app.index.lines
+        assert float(glass.current.split()[0]) == int(lines["t"][82] - lines["t"][80]) // 1000 / 1e6
+        await glass.ask("f", "servo=3")
+        assert "of 411 of 1478  filter servo=3" in glass.text(app.top)
+        assert {row.split()[1] for row in glass.rows if row.strip()} <= {"3", "> load_data"}
+        await glass.ask("f", "foo=3")
+        assert "nothing is called 'foo'" in glass.text(app.status)
+        await glass.ask("f", "")
+        await glass.ask("slash", "speed -202")
+        assert "position 11.22" in glass.current
+        await glass.press("b")
+        assert app.board.display
+        assert not app.fields.is_on_screen
+        await glass.press("s")
+        await glass.until(
+            lambda: "1448 frames, 30 gaps" in glass.text(app.figures.query_one(Static))
+        )
+        await glass.press("escape", "apostrophe", "x")
+        assert "of 871 of 1478" in glass.text(app.top)
+
+    async def again(glass: Glass) -> None:
+        await glass.press("apostrophe")
+        assert "line 81 of" in glass.text(glass.app.top)
+        assert glass.text(glass.app.status) == "◆ knee"
+        await glass.press("m")
+        assert not glass.current.startswith("◆")
+
+    look(capture, steps, marks=capture)
+    told = json.loads(kept.read_text(encoding="utf-8"))
+    assert (told["bus"], told["offset"], told["note"]) == ("bus0", 1051, "knee")
+    look(capture, again, marks=capture)
+    assert not kept.exists()
+
+
+def test_the_mouse_the_size_the_help_and_a_place_that_is_none(tmp_path: Path) -> None:
+    (tmp_path / "run.log.marks.jsonl").write_text("{}\n", encoding="utf-8")
+
+    async def steps(glass: Glass) -> None:
+        app = glass.app
+        assert "line 1: this is no mark" in glass.text(app.status)
+        await glass.click("#list", 20, 4)
+        assert app.list.cursor == 4
+        await glass.click("#fields", 3, 1)
+        assert glass.lit == (0, 3)
+        await glass.ask("g", "over there")
+        assert "is no place" in glass.text(app.status)
+        await glass.ask("g", "@970")
+        assert "voltage" not in glass.current
+        await glass.resize(140, 40)
+        assert "offset" in glass.text(app.head)
+        assert "voltage 12 V" in glass.current
+        await glass.resize(40, 12)
+        assert len(glass.current) <= 40
+        await glass.press("question_mark")
+        await asyncio.sleep(0.2)  # what is shown below goes on
+        assert len(app.screen_stack) == 2
+        await glass.press("x")
+        assert len(app.screen_stack) == 1
+        assert not app.view.exchanges
+
+    look(CLEAN, steps, marks=tmp_path / "run.log")
+
+
+def test_a_file_that_grows_is_followed_and_can_be_held(tmp_path: Path) -> None:
+    lines = DAMAGED.read_bytes().splitlines(keepends=True)
+    capture = tmp_path / "growing.log"
+    capture.write_bytes(b"".join(lines[:1000]))
+
+    async def steps(glass: Glass) -> None:
+        app = glass.app
+        count = app.view.count
+        with capture.open("ab") as file:
+            file.write(b"".join(lines[1000:2000]))
+        await glass.until(lambda: app.view.count > count)
+        await glass.until(lambda: app.list.cursor == app.view.count - 1)
+        await glass.press("space")
+        held, known = app.view.count, len(app.index.lines)
+        with capture.open("ab") as file:
+            file.write(b"".join(lines[2000:3000]) + b"\x00\x01 nonsense\n")
+        await glass.until(lambda: len(app.index.lines) > known and app.reading.done)
+        await glass.until(lambda: "line 3001" in glass.text(app.status))
+        assert app.view.count == held
+        assert "PAUSED" in glass.text(app.top)
+        await glass.press("space")
+        assert app.view.count > held
+
+    look(capture, steps, growing=capture)
+
+
+class Shell:
+    """A command on a terminal of its own, 80 columns wide."""
+
+    def __init__(self, *arguments: str | Path, cwd: Path) -> None:
+        self.master, slave = pty.openpty()
+        termios.tcsetwinsize(slave, (24, 80))
+        self.before = termios.tcgetattr(slave)
+        self._slave = slave
+        self.process = subprocess.Popen(
+            [*COMMAND, *map(str, arguments)],
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            cwd=cwd,
+            env=environment(TERM="xterm-256color", PYTHONPATH=str(ROOT)),
+            start_new_session=True,
+        )
+        self.seen = b""
+
+    def read(self, until: Callable[[bytes], bool]) -> None:
+        end = time.monotonic() + PATIENCE_S
+        while not until(self.seen):
+            assert time.monotonic() < end, self.seen[-2000:]
+            if select.select([self.master], [], [], 0.02)[0]:
+                self.seen += os.read(self.master, 1 << 16)
+
+    def ended(self) -> int:
+        self.read(lambda seen: self.process.poll() is not None)
+        return self.process.wait()
+
+    def is_restored(self) -> bool:
+        left = self.seen.rfind(b"\x1b[?1049l") > self.seen.rfind(b"\x1b[?1049h")
+        return left and termios.tcgetattr(self._slave)[:4] == self.before[:4]
+
+    def close(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait()
+        os.close(self.master)
+        os.close(self._slave)
+
+
+@LINUX_ONLY
+@pytest.mark.parametrize("end", ["ctrl-c", "SIGTERM"])
+def test_a_terminal_is_as_it_was_however_it_ends(end: str, tmp_path: Path) -> None:
+    shell = Shell("open", CLEAN, cwd=tmp_path)
+    try:
+        shell.read(lambda seen: b"echo" in seen and b"FF FF" in seen)
+        if end == "SIGTERM":
+            shell.process.send_signal(signal.SIGTERM)
+        else:
+            os.write(shell.master, b"\x03")
+        assert shell.ended() == 0
+        assert shell.is_restored()
+        assert b"Traceback" not in shell.seen
+        assert not [*tmp_path.iterdir()]
+    finally:
+        shell.close()
+
+
+@LINUX_ONLY
+def test_a_port_is_recorded_beside_and_shown(tmp_path: Path) -> None:
+    with Port() as port:
+        shell = Shell("open", f"{port.path}=mightyzap@57600", "-o", "run.mcap", cwd=tmp_path)
+        try:
+            port.wait_for_tap()
+            for _ in range(20):
+                port.say(bytes.fromhex("ffffff0102f10c ffffff010200fc".replace("0c", "0b")))
+                time.sleep(0.02)
+            shell.read(lambda seen: b"run.mcap" in seen and b"echo" in seen)
+            os.write(shell.master, b"q")
+            assert shell.ended() == 0
+            assert shell.is_restored()
+            assert b"recorded in run.mcap" in shell.seen
+            assert (tmp_path / "run.mcap").stat().st_size > 1000
+        finally:
+            shell.close()
+
+
+@LINUX_ONLY
+def test_what_cannot_be_read_is_told_in_a_line_on_the_terminal(tmp_path: Path) -> None:
+    (tmp_path / "noise.bin").write_bytes(bytes(range(7, 200, 13)) * 40)
+    shell = Shell("open", "noise.bin", cwd=tmp_path)
+    try:
+        assert shell.ended() == 2
+        shell.read(lambda seen: b"--protocol" in seen)
+        assert b"Traceback" not in shell.seen
+    finally:
+        shell.close()
