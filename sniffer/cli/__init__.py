@@ -120,7 +120,7 @@ class _NobodyListensError(Exception):
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog="Begin with: sniffer decode FILE. Each command says more with --help.",
 )
-@click.version_option(__version__, prog_name="sniffer")
+@click.version_option(__version__, "-V", "--version", prog_name="sniffer")
 def cli() -> None:
     """Listen in on robot-servo buses: decode, check, record and plot what is said there."""
 

@@ -6,7 +6,13 @@ import json
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options, with_alarms
+from sniffer.cli.options import (
+    decoding,
+    examples,
+    pipeline_options,
+    with_alarms,
+    with_color,
+)
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
@@ -40,6 +46,7 @@ from sniffer.selection.places import Window
     help="What is printed.",
 )
 @click.option("--why", metavar="ID", help="Show how the causes of an incident were weighed.")
+@with_color
 def diagnose(
     files: tuple[str, ...],
     protocol: str,
@@ -52,6 +59,7 @@ def diagnose(
     output_format: str,
     why: str | None,
     window: Window | None,
+    color: bool | None,
 ) -> int:
     """Say what is wrong on the bus in each FILE: incidents, their causes, what to do next.
 
@@ -73,12 +81,14 @@ def diagnose(
         if output_format == "json":
             click.echo(json.dumps(done.as_dict()))
             continue
+        from sniffer.sinks.consoles import console_for
         from sniffer.sinks.story import print_incidents, print_weighing
 
+        console = console_for(color=color)
         if len(files) > 1:
             click.echo(f"{file}:")
         if why is not None:
-            print_weighing(done.incidents, why)
+            print_weighing(done.incidents, why, console)
         else:
-            print_incidents(done.incidents, done.sentence, clock=done.has_clock)
+            print_incidents(done.incidents, done.sentence, clock=done.has_clock, console=console)
     return status

@@ -37,6 +37,48 @@ printed = click.option(
 """For people, or for scripts."""
 
 
+class Renamed(click.Option):
+    """An option that was called otherwise before; its ``former`` names work and are not listed."""
+
+    def __init__(self, *names: Any, former: tuple[str, ...], **attributes: Any) -> None:
+        super().__init__(*names, **attributes)
+        self._former = former
+
+    def add_to_parser(self, parser: Any, ctx: click.Context) -> None:
+        """Have the parser know all names; help and errors tell the present ones."""
+        super().add_to_parser(parser, ctx)
+        present, self.opts = self.opts, [*self._former]
+        try:
+            super().add_to_parser(parser, ctx)
+        finally:
+            self.opts = present
+
+
+def _colored(context: click.Context, parameter: click.Parameter, given: str | None) -> bool | None:
+    """Read ``--color``; None leaves it to the stream."""
+    return {"always": True, "never": False}.get(given or "")
+
+
+with_color = click.option(
+    "--color",
+    type=click.Choice(["auto", "always", "never"]),
+    callback=_colored,
+    help="Colours: auto has them on a terminal, unless NO_COLOR is set.  [default: auto]",
+)
+"""Of every command that prints colours on standard output."""
+
+
+with_times = click.option(
+    "--time",
+    "times",
+    type=click.Choice(["abs", "rel", "delta"]),
+    default="abs",
+    show_default=True,
+    help="Times in the table: of the clock, since the first line, since the line before.",
+)
+"""Of every command that prints a line a frame."""
+
+
 with_force = click.option("--force", is_flag=True, help="Replace files that are there.")
 """Of every command that writes a file."""
 

@@ -15,6 +15,7 @@ from sniffer.cli.options import (
     SHARED,
     Finite,
     ProtocolName,
+    Renamed,
     Whole,
     examples,
     models,
@@ -137,9 +138,11 @@ WORD_S: Final = 0.5
     help="With --ring: keep it in this file, too, for a recorder that is killed.",
 )  # fmt: skip
 @click.option("--log", is_flag=True, help="Print each frame on standard output.")
-@click.option("--quiet", is_flag=True, help="Say nothing but what went wrong.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but what went wrong.")
 @click.option("--rerun", "in_rerun", is_flag=True, help="Show it live in the Rerun viewer.")
-@click.option("--rerun-web", is_flag=True, help="Show it live in a browser.")
+@click.option(
+    "--web", cls=Renamed, former=("--rerun-web",), is_flag=True, help="Show it live in a browser."
+)
 @click.option("--rerun-connect", metavar="URL", help="Show it live in a Rerun viewer elsewhere.")
 @click.option(
     "--window", type=Finite(1), default=20.0, show_default=True, metavar="S",
@@ -175,7 +178,7 @@ def record(
     log: bool,
     quiet: bool,
     in_rerun: bool,
-    rerun_web: bool,
+    web: bool,
     rerun_connect: str | None,
     window: float,
 ) -> int:
@@ -200,9 +203,9 @@ def record(
 
     if log and quiet:
         raise click.UsageError("--log prints, --quiet does not: choose one")
-    views = {"window": in_rerun, "web": rerun_web, "connect": rerun_connect is not None}
+    views = {"window": in_rerun, "web": web, "connect": rerun_connect is not None}
     if sum(views.values()) > 1:
-        raise click.UsageError("choose one of --rerun, --rerun-web, --rerun-connect")
+        raise click.UsageError("choose one of --rerun, --web, --rerun-connect")
     said = [spec.protocol for spec in ports if spec.protocol is not None]
     wanted = (*until, *triggers, *(what for what, _ in commands))
     rules = (*alarms, *(what.alarm for what in wanted if what.alarm is not None))
