@@ -12,6 +12,7 @@ import functools
 import importlib
 import io
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
@@ -25,6 +26,7 @@ from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED, MISTAKE
 from sniffer.cli.streams import say, silence_stdout
 from sniffer.ground.loading import Loading, PluginWarning
 from sniffer.ground.streams import silence
+from sniffer.ground.wording import nearly
 
 DEBUG: Final = "SNIFFER_DEBUG"
 """Set to anything, it has what nobody has foreseen shown with its traceback."""
@@ -43,7 +45,7 @@ COMMANDS: Final = {
     "recover": "Repair a recording that was cut off.",
     "report": "Write a page on a capture: what was wrong, and the bytes.",
     "check": "Hold captures to rules, for CI.",
-    "explain": "Draw one frame byte by byte.",
+    "explain": "Draw one frame byte by byte, or tell what a code means.",
     "ports": "List the serial ports.",
     "doctor": "Check whether a port is fit to record from.",
     "simulate": "Play a bus without hardware.",
@@ -179,11 +181,22 @@ def _show_warning(
 def _with_help(error: click.ClickException) -> str:
     """Return what is wrong with a call, and where to read how it is right unless that is said."""
     told = error.format_message()
+    if isinstance(error, click.BadParameter) and (meant := _meant(error)):
+        return told.rstrip(".") + meant
     vague = isinstance(error, click.MissingParameter | click.NoSuchOption | click.BadOptionUsage)
     if not (vague or told.startswith("Got unexpected extra argument")):
         return told
     ctx = error.ctx if isinstance(error, click.UsageError) else None
     return f"{told.rstrip('.')}: see `{ctx.command_path if ctx else 'sniffer'} --help`"
+
+
+def _meant(error: click.BadParameter) -> str:
+    """Return the question whether another of an option's words was meant, or nothing."""
+    words = getattr(error.param.type if error.param else None, "choices", ())
+    given = re.match(r"'([^']*)' is not one of", error.message)
+    if not given or not words:
+        return ""
+    return nearly(given[1], map(str, words))
 
 
 def _failed(error: Exception) -> int:

@@ -15,6 +15,7 @@ from sniffer.decoding.pipeline import AUTO
 from sniffer.ground.amounts import size_in, time_in
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS
+from sniffer.ground.wording import offered
 from sniffer.messages import TOPICS
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
 from sniffer.tap.tap import PortSpec
@@ -115,8 +116,8 @@ def _protocol(text: str, rest: str) -> tuple[str, str | None]:
         return before, joined(protocols_named(last))
     if _NAME.fullmatch(before) and last:
         return rest, None  # left=/dev/ttyUSB0
-    known = ", ".join((AUTO, *PROTOCOLS))
-    raise _mistake(text, f"no protocol {last!r}: one of {known}" if last else f"write {FORM}")
+    known = offered(last, (AUTO, *PROTOCOLS))
+    raise _mistake(text, f"no protocol {last!r}: {known}" if last else f"write {FORM}")
 
 
 def _mistake(text: str, why: str) -> click.BadParameter:
@@ -147,7 +148,7 @@ def topics(
     names = tuple(name.strip() for name in given.split(","))
     for name in names:
         if name not in TOPICS:
-            raise click.BadParameter(f"{name!r} is no topic: one of {', '.join(TOPICS)}")
+            raise click.BadParameter(f"{name!r} is no topic: {offered(name, TOPICS)}")
     return names
 
 

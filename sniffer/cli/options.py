@@ -12,6 +12,7 @@ import click
 from sniffer.ground.limits import BAUDS, IDS, number_in
 from sniffer.ground.model import InputError
 from sniffer.ground.registers import RegisterMap
+from sniffer.ground.wording import nearly
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -145,8 +146,9 @@ class ProtocolName(_Name):
         named = str(value)
         if named not in self._beside:
             if not is_known(named):
-                known = ", ".join(map(repr, (*self._beside, *PROTOCOLS)))
-                self.fail(f"{named!r} is not one of {known}.", param, ctx)
+                known = (*self._beside, *PROTOCOLS)
+                listed = ", ".join(map(repr, known))
+                self.fail(f"{named!r} is not one of {listed}{nearly(named, known)}", param, ctx)
             protocols_named(named)
         return named
 
