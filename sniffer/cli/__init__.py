@@ -101,11 +101,23 @@ class _Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> object:
         try:
-            return super().invoke(ctx)
+            with _noted(ctx):
+                return super().invoke(ctx)
         except KeyboardInterrupt:
             raise _InterruptedError from None
         except BrokenPipeError:
             raise _NobodyListensError from None
+
+
+@contextlib.contextmanager
+def _noted(ctx: click.Context) -> Iterator[None]:
+    """Have an error say that a profile was in use: what is wrong may stand there."""
+    try:
+        yield
+    except Exception as error:
+        if (profile := ctx.meta.get("sniffer.profile")) is not None:
+            error.add_note(f"profile {profile.name} of {profile.file} is in use")
+        raise
 
 
 class _InterruptedError(Exception):
@@ -180,7 +192,9 @@ def _show_warning(
 
 def _with_help(error: click.ClickException) -> str:
     """Return what is wrong with a call, and where to read how it is right unless that is said."""
-    told = error.format_message()
+    from sniffer.cli.profiles import blamed
+
+    told = blamed(error, error.format_message())
     if isinstance(error, click.BadParameter) and (meant := _meant(error)):
         return told.rstrip(".") + meant
     vague = isinstance(error, click.MissingParameter | click.NoSuchOption | click.BadOptionUsage)
@@ -207,7 +221,10 @@ def _failed(error: Exception) -> int:
     if isinstance(error, PluginError):
         _debug()
     if isinstance(error, SnifferError):
-        return _tell(worded(error), DAMAGED if isinstance(error, DamagedInputError) else MISTAKE)
+        notes = "".join(f" ({note})" for note in getattr(error, "__notes__", ()))
+        return _tell(
+            worded(error) + notes, DAMAGED if isinstance(error, DamagedInputError) else MISTAKE
+        )
     _debug()
     return _last_resort(error)
 

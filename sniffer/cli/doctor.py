@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Final, Literal
 
 import click
+from click.core import ParameterSource
 from rich.text import Text
 
 from sniffer.cli.amounts import Duration, port_spec
@@ -22,6 +23,7 @@ from sniffer.cli.options import (
     printed,
     with_color,
 )
+from sniffer.cli.profiles import Ports, with_profile
 from sniffer.cli.streams import say
 from sniffer.decoding.pipeline import AUTO
 from sniffer.doctor.examine import Examined, examine, prepare
@@ -45,7 +47,7 @@ _TEXT: Final = 16
         "sniffer doctor /dev/ttyUSB0 --prepare",
     ),
 )
-@click.argument("port", metavar="PORT[=PROTOCOL][@BAUD]")
+@click.argument("port", cls=Ports, metavar="PORT[=PROTOCOL][@BAUD]")
 @click.option(
     "--duration",
     cls=Renamed,
@@ -78,6 +80,7 @@ _TEXT: Final = 16
     help="Only set PORT up, so that it echoes nothing when it is opened again. For before the bus "
     "is connected; it holds until the adapter is unplugged.",
 )
+@with_profile
 @printed
 @with_color
 def doctor(
@@ -97,9 +100,15 @@ def doctor(
     is bad; 1 something is; 2 a mistake of yours.
     """
     spec = port_spec(port, "")
-    if spec.protocol is not None and protocol not in (AUTO, spec.protocol):
+
+    def is_said(name: str) -> bool:
+        """Return whether the command line says it: what a profile says gives way to the port."""
+        source = click.get_current_context().get_parameter_source(name)
+        return source is ParameterSource.COMMANDLINE
+
+    if spec.protocol is not None and is_said("protocol") and protocol not in (AUTO, spec.protocol):
         raise click.UsageError(f"{port} and --protocol {protocol} differ: which one is it?")
-    if spec.baud is not None and baud not in (None, spec.baud):
+    if spec.baud is not None and is_said("baud") and baud not in (None, spec.baud):
         raise click.UsageError(f"{port} and --baud {baud} differ: which one is it?")
     spoken = spec.protocol if isinstance(spec.protocol, str) else protocol
     rate = spec.baud or baud

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from sniffer.cli.profiles import with_profile
 from sniffer.ground.limits import BAUDS, IDS, number_in
 from sniffer.ground.model import InputError
 from sniffer.ground.registers import RegisterMap
@@ -254,6 +255,7 @@ def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
                 metavar="MS",
                 help="How long the adapter may have held bytes back.",
             ),
+            with_profile,
         )
     ):
         command = option(command)

@@ -24,6 +24,7 @@ from sniffer.cli.options import (
     with_force,
     with_registers,
 )
+from sniffer.cli.profiles import Ports, with_profile
 from sniffer.cli.signals import signals
 from sniffer.cli.statuses import DONE, INTERRUPTED, MISTAKE
 from sniffer.cli.waits import commands_on, waited_for
@@ -63,6 +64,7 @@ WORD_S: Final = 0.5
 )
 @click.argument(
     "ports",
+    cls=Ports,
     nargs=-1,
     required=True,
     callback=port_specs,
@@ -83,6 +85,7 @@ WORD_S: Final = 0.5
 @with_registers
 @with_alarms
 @click.option("--latency", type=Finite(0, 1000), metavar="MS", help="What the adapter delays.")
+@with_profile
 @click.option(
     "--pair", is_flag=True,
     help="The two PORTs are one full-duplex bus: the controller's wire, then the servos'.",

@@ -24,7 +24,7 @@ PAGES: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class Meaning:
+class Explanation:
     """What one catalogue says of a name.
 
     ``kind`` is ``anomaly``, ``finding`` or ``cause``; ``level`` is empty where there is none.
@@ -44,18 +44,18 @@ def known_names() -> list[str]:
     return [*dict.fromkeys((*CATALOGUE, *FINDINGS, *CAUSES))]
 
 
-def meanings(name: str) -> list[Meaning]:
+def meanings(name: str) -> list[Explanation]:
     """Return what a name means; none, one, or more where catalogues share it."""
     return [*_of(name)]
 
 
-def _of(name: str) -> Iterator[Meaning]:
+def _of(name: str) -> Iterator[Explanation]:
     if code := CATALOGUE.get(name):
         facts = {"usual causes": code.causes, "try": code.remedy, "speaks for": _spoken_for(name)}
-        yield Meaning(name, ANOMALY, code.severity.name.lower(), code.group, code.means, facts)
+        yield Explanation(name, ANOMALY, code.severity.name.lower(), code.group, code.means, facts)
     if found := FINDINGS.get(name):
         facts = {"known by": found.known_by, "speaks for": _spoken_for(name)}
-        yield Meaning(name, FINDING, "", found.area, found.means, facts)
+        yield Explanation(name, FINDING, "", found.area, found.means, facts)
     if cause := CAUSES.get(name):
         facts = {
             "known by": cause.shows,
@@ -65,7 +65,7 @@ def _of(name: str) -> Iterator[Meaning]:
             "evidence": ", ".join(w.finding for w in LINES if w.cause == name and w.is_key),
         }
         level = cause.severity.name.lower()
-        yield Meaning(name, CAUSE, level, f"{cause.title}; {cause.of}", cause.means, facts)
+        yield Explanation(name, CAUSE, level, f"{cause.title}; {cause.of}", cause.means, facts)
 
 
 def _spoken_for(finding: str) -> str:
