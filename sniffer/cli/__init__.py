@@ -51,6 +51,8 @@ COMMANDS: Final = {
     "simulate": "Play a bus without hardware.",
     "protocols": "List the protocols with their models and baud rates.",
     "registers": "Show the register table of a model.",
+    "completion": "Print the completion of a shell.",
+    "manual": "Print the manual page.",
 }
 """What each command does: loading all of them to say so would take ten times as long."""
 

@@ -13,6 +13,7 @@ import click
 from sniffer.cli.options import (
     decoding,
     examples,
+    files_here,
     pipeline_options,
     printed,
     with_alarms,
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
         "candump-like-logger | sniffer decode - --format jsonl",
     ),
 )
-@click.argument("file")
+@click.argument("file", shell_complete=files_here)
 @with_part
 @with_rows
 @decoding

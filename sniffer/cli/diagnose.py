@@ -9,6 +9,7 @@ import click
 from sniffer.cli.options import (
     decoding,
     examples,
+    files_here,
     pipeline_options,
     with_alarms,
     with_color,
@@ -33,7 +34,7 @@ from sniffer.selection.places import Window
         "sniffer diagnose run.mcap --why 1",
     ),
 )
-@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.argument("files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True)
 @with_part
 @decoding
 @with_alarms

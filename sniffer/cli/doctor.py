@@ -20,6 +20,7 @@ from sniffer.cli.options import (
     Renamed,
     Whole,
     examples,
+    files_here,
     printed,
     with_color,
 )
@@ -47,7 +48,7 @@ _TEXT: Final = 16
         "sniffer doctor /dev/ttyUSB0 --prepare",
     ),
 )
-@click.argument("port", cls=Ports, metavar="PORT[=PROTOCOL][@BAUD]")
+@click.argument("port", shell_complete=files_here, cls=Ports, metavar="PORT[=PROTOCOL][@BAUD]")
 @click.option(
     "--duration",
     cls=Renamed,

@@ -17,6 +17,8 @@ from sniffer.ground.wording import nearly
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from sniffer.decoding.options import Options
     from sniffer.diagnostics.alarms import Alarm
     from sniffer.protocols.base import BusProtocol
@@ -140,6 +142,15 @@ class ProtocolName(_Name):
             return f"{{{'|'.join(names)}}}"
         return f"[{'|'.join((*names, 'FILE.py'))}]"
 
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Return the names that begin so."""
+        from click.shell_completion import CompletionItem
+
+        names = (*self._beside, *(PROTOCOLS if self._plugins else PROTOCOLS.built_in))
+        return [CompletionItem(name) for name in names if name.startswith(incomplete)]
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Take a name that is known; one that cannot be used says why."""
         from sniffer.decoding.names import is_known, protocols_named
@@ -152,6 +163,15 @@ class ProtocolName(_Name):
                 self.fail(f"{named!r} is not one of {listed}{nearly(named, known)}", param, ctx)
             protocols_named(named)
         return named
+
+
+def files_here(
+    context: click.Context, parameter: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    """Have a shell complete an argument by the files there are."""
+    from click.shell_completion import CompletionItem
+
+    return [CompletionItem(incomplete, type="file")]
 
 
 def examples(*lines: str) -> str:

@@ -18,6 +18,7 @@ from sniffer.cli.options import (
     Renamed,
     Whole,
     examples,
+    files_here,
     models,
     pipeline_options,
     with_alarms,
@@ -64,6 +65,7 @@ WORD_S: Final = 0.5
 )
 @click.argument(
     "ports",
+    shell_complete=files_here,
     cls=Ports,
     nargs=-1,
     required=True,

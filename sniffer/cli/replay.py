@@ -12,6 +12,7 @@ from sniffer.cli.options import (
     Finite,
     decoding,
     examples,
+    files_here,
     pipeline_options,
     with_color,
     with_force,
@@ -39,7 +40,7 @@ from sniffer.sinks.standard import Standard
         "sniffer replay recording.mcap --redecode",
     ),
 )
-@click.argument("file")
+@click.argument("file", shell_complete=files_here)
 @with_part
 @with_rows
 @decoding
