@@ -4,6 +4,7 @@ PYTHON ?= python3
 JOBS ?= 4
 PYTEST_ARGS ?=
 RIG_ARGS ?=
+SHARE ?= $(HOME)/.local/share
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -26,7 +27,7 @@ QUICK := $(addprefix tests/test_, $(addsuffix .py, architecture detect golden ls
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-quick coverage lint format bench bench-diagnosis bench-live soak rig fuzz schemas captures golden clean
+.PHONY: help demo test test-quick coverage lint format bench bench-diagnosis bench-live soak rig fuzz schemas captures golden shell clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -86,6 +87,12 @@ captures: $(VENV)/.dev ## regenerate sample_captures; read the diff before commi
 golden: $(VENV)/.dev ## regenerate the golden files; read the diff before committing it
 	$(BIN)/python -m tests.golden
 	$(BIN)/python -m tests.transcripts
+
+shell: $(VENV)/.run ## the manual page and the completion of bash and fish, for this user
+	mkdir -p $(SHARE)/man/man1 $(SHARE)/bash-completion/completions $(HOME)/.config/fish/completions
+	$(BIN)/sniffer manual > $(SHARE)/man/man1/sniffer.1
+	$(BIN)/sniffer completion bash > $(SHARE)/bash-completion/completions/sniffer
+	$(BIN)/sniffer completion fish > $(HOME)/.config/fish/completions/sniffer.fish
 
 clean: ## remove everything made here but the virtual environment
 	rm -rf build dist demo-out .hypothesis .mypy_cache .pytest_cache .ruff_cache

@@ -48,7 +48,15 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     "pandas": (),
     "textual": ("inside/",),
     "click": ("cli/",),
-    "rich": ("cli/", "sinks/text.py", "sinks/report.py", "sinks/story.py", "viewers/", "inside/"),
+    "rich": (
+        "cli/",
+        "sinks/consoles.py",
+        "sinks/text.py",
+        "sinks/report.py",
+        "sinks/story.py",
+        "viewers/",
+        "inside/",
+    ),
     "threading": (
         *("cli/", "ports/", "tap/", "viewers/", "sinks/rerun/", "simulation/play/", "inside/"),
     ),

@@ -82,7 +82,7 @@ def examined(*arguments: str) -> int:
 
 def test_a_bus_that_talks_is_fit_to_be_recorded(capsys: Capsys) -> None:
     with talking("mightyzap", in_halves) as path:
-        status = examined(path, "--seconds", "3", "--format", "jsonl")
+        status = examined(path, "--duration", "3", "--format", "jsonl")
     out, err = capsys.readouterr()
     assert status == 0
     assert err == f"sniffer: listening to {path} for 3 s at 115200 baud\n"
@@ -99,7 +99,7 @@ def test_a_bus_that_talks_is_fit_to_be_recorded(capsys: Capsys) -> None:
 def test_a_silent_port_is_bad_and_says_what_to_look_at(capsys: Capsys) -> None:
     master, slave = os.openpty()
     try:
-        assert examined(f"{os.ttyname(slave)}=lss@115200", "--seconds", "0.2") == 1
+        assert examined(f"{os.ttyname(slave)}=lss@115200", "--duration", "0.2") == 1
     finally:
         os.close(slave)
         os.close(master)
@@ -167,7 +167,8 @@ def test_the_baud_is_found_without_opening_the_port_again() -> None:
         (["/dev/x=wck@1"], "no baud rate"),
         (["/dev/x=wck", "--protocol", "lss"], "which one"),
         (["/dev/x=wck@9600", "--baud", "115200"], "which one"),
-        (["/dev/x", "--seconds", "0"], "range"),
+        (["/dev/x", "--duration", "0.01"], "range"),
+        (["/dev/x", "--seconds", "0.01"], "range"),  # as it was called before
     ],
 )
 def test_mistakes_are_told_before_anything_is_opened(arguments: list[str], word: str) -> None:
@@ -195,7 +196,7 @@ def test_what_is_printed_is_plain_where_nobody_sees_colours(tmp_path: Path, caps
     with talking("wck") as path:
         link = tmp_path / "bus"
         link.symlink_to(path)
-        assert examined(str(link), "--seconds", "3", "--protocol", "wck") == 0
+        assert examined(str(link), "--duration", "3", "--protocol", "wck") == 0
     out = capsys.readouterr().out
     assert "\x1b" not in out
     assert out.splitlines()[-1].endswith(f"sniffer record {link}=wck@115200")

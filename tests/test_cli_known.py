@@ -120,7 +120,7 @@ def test_a_frame_of_every_protocol_can_be_explained(capsys: Capsys) -> None:
         ([ECHO, "--after", "xy"], "'xy': not hex digits"),
         ([ECHO, "--model", "nix"], "no model 'nix': one of lss, lss-pro, mightyzap-12lf"),
         ([ECHO, "--protocol", "nix"], "'nix' is not one of"),
-        ([], "Missing argument 'HEX'"),
+        ([], "Missing argument 'HEX|"),
     ],
 )
 def test_what_cannot_be_explained_says_why(arguments: list[str], told: str, capsys: Capsys) -> None:

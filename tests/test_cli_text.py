@@ -320,6 +320,53 @@ def test_no_color_is_respected() -> None:
     assert not re.search(r"\x1b\[[34]\d", plain)
 
 
+def piped(*arguments: object, **variables: str) -> str:
+    """Return what a command writes into a pipe whose width nobody states."""
+    command = [*COMMAND, *map(str, arguments)]
+    env = environment(**variables)
+    env = {k: v for k, v in env.items() if k != "FORCE_COLOR" or k in variables}
+    done = subprocess.run(command, capture_output=True, env=env, check=True)
+    return done.stdout.decode()
+
+
+def test_in_a_pipe_no_cell_is_cut_and_every_byte_is_there() -> None:
+    head, lines = table_of(piped("decode", CAPTURES / "mightyzap_damaged.log"))
+    assert {"bus", "bytes"} < set(head.split())
+    assert not any("…" in line for line in lines)
+    rows = rows_of("mightyzap_damaged.log")
+    assert len(lines) == len(rows)
+    for line, row in zip(lines, rows, strict=True):
+        assert bytes.fromhex(row.hex).hex(" ").upper() in line
+    assert any("punch_initial_value 0" in line for line in lines)  # the last of 21 registers
+
+
+def test_colour_is_forced_and_forbidden_by_option_and_environment() -> None:
+    path = CAPTURES / "wck_manual.hex"
+    plain = piped("decode", path)
+    assert "\x1b" not in plain
+    for coloured in (
+        piped("decode", path, "--color", "always", NO_COLOR="1", TERM="dumb"),
+        piped("decode", path, FORCE_COLOR="1", TERM="xterm"),
+    ):
+        assert "\x1b[32m" in coloured
+        assert _ANSI.sub("", coloured) == plain
+    assert piped("decode", path, "--color", "never", FORCE_COLOR="1", TERM="xterm") == plain
+
+
+@pytest.mark.parametrize("width", [80, 140])
+def test_times_count_from_the_first_line_or_from_the_line_before(
+    width: int, capsys: Capsys, monkeypatch: Patch
+) -> None:
+    path, digits = CAPTURES / "rs30x_manual.hex", 3 if width == 80 else 6
+    rows = rows_of(path.name)
+    ends = [row.t_ns for row in rows]
+    befores = {"rel": [ends[0]] * len(ends), "delta": [ends[0], *ends[:-1]]}
+    for how, before in befores.items():
+        text = shown(capsys, monkeypatch, path, width, "--time", how)
+        told = [line.split()[0] for line in table_of(text)[1]]
+        assert told == [f"{(t - b) / 1e9:.{digits}f}" for t, b in zip(ends, before, strict=True)]
+
+
 def test_the_widths_that_the_readme_names_are_those_of_the_table(tmp_path: Path) -> None:
     text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
     found = re.search(r"From (\d+) columns on the\s+table has .*?from (\d+) on the bytes", text)

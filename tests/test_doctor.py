@@ -181,7 +181,7 @@ def test_a_few_bytes_are_too_few_to_judge_by() -> None:
     few = replace(case, chunks=case.chunks[:2])
     assert said("bytes", few).level == Level.NOTE
     assert said("bytes", few).advice == "listen longer: `seconds=30`"
-    assert worded(said("bytes", few).advice) == "listen longer: --seconds 30"
+    assert worded(said("bytes", few).advice) == "listen longer: --duration 30"
     assert worst(diagnose(few)) < Level.BAD
 
 

@@ -285,7 +285,7 @@ def test_a_port_that_another_program_has_open_is_opened_where_that_is_asked_for(
         )
         assert ran.status == 0
         assert f"bus0: {line.path} is also open in {who}" in ran.err
-        ran = sniffer("doctor", line.path, "--shared", "--seconds", "0.2")
+        ran = sniffer("doctor", line.path, "--shared", "--duration", "0.2")
         assert ran.status == 1
         assert "bad   access    also open in" in ran.out
 

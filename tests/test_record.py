@@ -326,7 +326,7 @@ def test_the_files_of_a_row_do_not_mix_with_another_one(
         (("-o", "x.jsonl", "--topics", "raw"), "--topics is about a recording"),
         (("-o", "x.jsonl", "--rotate", "1MB"), "--rotate and --keep are about a recording"),
         (("-o", "x.mcap", "--log", "--quiet"), "--log prints, --quiet does not: choose one"),
-        (("-o", "x.mcap", "--rerun", "--rerun-web"), "choose one of --rerun, --rerun-web"),
+        (("-o", "x.mcap", "--rerun", "--web"), "choose one of --rerun, --web"),
         (("-o", "x.mcap", "--rotate", "1"), "'1' is no size or time"),
         (("-o", "x.mcap", "--until", "nonsense"), "no code or cause 'nonsense'"),
         (("-o", "x.mcap", "--pair"), "--pair takes two ports"),

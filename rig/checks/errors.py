@@ -83,7 +83,7 @@ def _listen(rig: Machine, report: Report, kind: str, name: str) -> None:
 
 def _examine(rig: Machine, report: Report, kind: str, name: str) -> None:
     """Let the doctor listen while there is an overrun."""
-    number = rig.sniff("doctor", f"{name}=mightyzap@57600", "--seconds", "4")
+    number = rig.sniff("doctor", f"{name}=mightyzap@57600", "--duration", "4")
     rig.until(f"ls -l /proc/$(cat /tmp/pid.{number})/fd | grep -q tty")
     time.sleep(1)
     rig.sh(f"echo 'error O 7172' > /tmp/{kind}")

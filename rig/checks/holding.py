@@ -28,7 +28,7 @@ def held(rig: Machine, report: Report) -> None:
         rig.until("test -e /tmp/held")
         _refused(rig, report, how, complaint)
         if how == "excl":
-            told = rig.sniffed("doctor", "/dev/ttyS1", "--seconds", "0.3", "--shared")
+            told = rig.sniffed("doctor", "/dev/ttyS1", "--duration", "0.3", "--shared")
             report.check(told["rc"] == 2 and "is in use by" in told["err"], told["err"].strip())
         rig.sh("touch /tmp/let-go")
         kept = rig.result(holder)["out"].strip()
@@ -37,7 +37,7 @@ def held(rig: Machine, report: Report) -> None:
 
 def _refused(rig: Machine, report: Report, how: str, complaint: str) -> None:
     with traced(rig) as lines:
-        told = rig.sniffed("doctor", "/dev/ttyS1=mightyzap@115200", "--seconds", "0.3")
+        told = rig.sniffed("doctor", "/dev/ttyS1=mightyzap@115200", "--duration", "0.3")
     moved = modem_moves(lines)
     report.check(
         told["rc"] == 2 and complaint in told["err"] and not moved,
@@ -48,7 +48,7 @@ def _refused(rig: Machine, report: Report, how: str, complaint: str) -> None:
 def permissions(rig: Machine, report: Report) -> None:
     """A user without the group, and with it."""
     for device in ("/dev/ttyS1", "/dev/ttyUSB0"):
-        words = ("doctor", device, "--seconds", "0.3")
+        words = ("doctor", device, "--duration", "0.3")
         told = rig.sniffed(*words, user="tapper")
         report.check(
             told["rc"] == 2 and "dialout" in told["err"],
@@ -56,7 +56,7 @@ def permissions(rig: Machine, report: Report) -> None:
         )
     rig.sh("usermod -aG dialout tapper")
     for device in ("/dev/ttyS1", "/dev/ttyUSB0"):
-        told = rig.sniffed("doctor", device, "--seconds", "0.3", user="tapper")
+        told = rig.sniffed("doctor", device, "--duration", "0.3", user="tapper")
         opened = told["rc"] == 1 and "no byte" in told["out"]
         report.check(opened, f"{device} with the group: {told['err'].strip()}")
     rig.sh("gpasswd -d tapper dialout")

@@ -60,10 +60,10 @@ def prepared(rig: Machine, report: Report) -> None:
         sent, facts = opened_while_it_talks(rig, wire, device)
         report.check(not sent, f"{device}, prepared: {len(sent)} bytes sent back")
         report.check(facts["echo_at_open"] == "off", f"{device}: its echo was off by then")
-    told = rig.sniffed("doctor", "/dev/ttyS2", "--seconds", "0.3")
+    told = rig.sniffed("doctor", "/dev/ttyS2", "--duration", "0.3")
     report.check("ok    echo" in told["out"], "the doctor says that the port was prepared")
     rig.sh("stty -F /dev/ttyS2 sane")
-    told = rig.sniffed("doctor", "/dev/ttyS2", "--seconds", "0.3")
+    told = rig.sniffed("doctor", "/dev/ttyS2", "--duration", "0.3")
     report.check(
         "warn  echo" in told["out"] or "note  echo" in told["out"], "and that it was not, else"
     )

@@ -46,7 +46,7 @@ def rule(rig: Machine, report: Report) -> None:
     sent, facts = opened_while_it_talks(rig, "ftdi1", BY_ID)
     report.check(not sent, f"opened for the first time while the bus talks: {len(sent)} sent back")
     report.check(facts["echo_at_open"] == "off", "its echo was off by then")
-    told = rig.sniffed("doctor", BY_ID, "--seconds", "0.3")["out"]
+    told = rig.sniffed("doctor", BY_ID, "--duration", "0.3")["out"]
     report.check("ok    echo" in told, "the doctor says so")
     _comes_back(rig, report)
     rig.sh(f"rm {RULES} {LATE}; udevadm control --reload")

@@ -12,6 +12,7 @@ import functools
 import importlib
 import io
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
@@ -25,6 +26,7 @@ from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED, MISTAKE
 from sniffer.cli.streams import say, silence_stdout
 from sniffer.ground.loading import Loading, PluginWarning
 from sniffer.ground.streams import silence
+from sniffer.ground.wording import nearly
 
 DEBUG: Final = "SNIFFER_DEBUG"
 """Set to anything, it has what nobody has foreseen shown with its traceback."""
@@ -44,12 +46,14 @@ COMMANDS: Final = {
     "recover": "Repair a recording that was cut off.",
     "report": "Write a page on a capture: what was wrong, and the bytes.",
     "check": "Hold captures to rules, for CI.",
-    "explain": "Draw one frame byte by byte.",
+    "explain": "Draw one frame byte by byte, or tell what a code means.",
     "ports": "List the serial ports.",
     "doctor": "Check whether a port is fit to record from.",
     "simulate": "Play a bus without hardware.",
     "protocols": "List the protocols with their models and baud rates.",
     "registers": "Show the register table of a model.",
+    "completion": "Print the completion of a shell.",
+    "manual": "Print the manual page.",
 }
 """What each command does: loading all of them to say so would take ten times as long."""
 
@@ -100,11 +104,23 @@ class _Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> object:
         try:
-            return super().invoke(ctx)
+            with _noted(ctx):
+                return super().invoke(ctx)
         except KeyboardInterrupt:
             raise _InterruptedError from None
         except BrokenPipeError:
             raise _NobodyListensError from None
+
+
+@contextlib.contextmanager
+def _noted(ctx: click.Context) -> Iterator[None]:
+    """Have an error say that a profile was in use: what is wrong may stand there."""
+    try:
+        yield
+    except Exception as error:
+        if (profile := ctx.meta.get("sniffer.profile")) is not None:
+            error.add_note(f"profile {profile.name} of {profile.file} is in use")
+        raise
 
 
 class _InterruptedError(Exception):
@@ -121,7 +137,7 @@ class _NobodyListensError(Exception):
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog="Begin with: sniffer decode FILE. Each command says more with --help.",
 )
-@click.version_option(__version__, prog_name="sniffer")
+@click.version_option(__version__, "-V", "--version", prog_name="sniffer")
 def cli() -> None:
     """Listen in on robot-servo buses: decode, check, record and plot what is said there."""
 
@@ -179,12 +195,25 @@ def _show_warning(
 
 def _with_help(error: click.ClickException) -> str:
     """Return what is wrong with a call, and where to read how it is right unless that is said."""
-    told = error.format_message()
+    from sniffer.cli.profiles import blamed
+
+    told = blamed(error, error.format_message())
+    if isinstance(error, click.BadParameter) and (meant := _meant(error)):
+        return told.rstrip(".") + meant
     vague = isinstance(error, click.MissingParameter | click.NoSuchOption | click.BadOptionUsage)
     if not (vague or told.startswith("Got unexpected extra argument")):
         return told
     ctx = error.ctx if isinstance(error, click.UsageError) else None
     return f"{told.rstrip('.')}: see `{ctx.command_path if ctx else 'sniffer'} --help`"
+
+
+def _meant(error: click.BadParameter) -> str:
+    """Return the question whether another of an option's words was meant, or nothing."""
+    words = getattr(error.param.type if error.param else None, "choices", ())
+    given = re.match(r"'([^']*)' is not one of", error.message)
+    if not given or not words:
+        return ""
+    return nearly(given[1], map(str, words))
 
 
 def _failed(error: Exception) -> int:
@@ -195,7 +224,10 @@ def _failed(error: Exception) -> int:
     if isinstance(error, PluginError):
         _debug()
     if isinstance(error, SnifferError):
-        return _tell(worded(error), DAMAGED if isinstance(error, DamagedInputError) else MISTAKE)
+        notes = "".join(f" ({note})" for note in getattr(error, "__notes__", ()))
+        return _tell(
+            worded(error) + notes, DAMAGED if isinstance(error, DamagedInputError) else MISTAKE
+        )
     _debug()
     return _last_resort(error)
 

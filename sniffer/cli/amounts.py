@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from pathlib import Path
@@ -13,6 +14,8 @@ from sniffer.decoding.names import AND, is_known, joined, protocols_named
 from sniffer.decoding.pipeline import AUTO
 from sniffer.ground.amounts import size_in, time_in
 from sniffer.ground.limits import BAUDS
+from sniffer.ground.model import NS
+from sniffer.ground.wording import offered
 from sniffer.messages import TOPICS
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
 from sniffer.tap.tap import PortSpec
@@ -24,15 +27,21 @@ else:
 
 
 class Duration(_Number):
-    """A time like ``90``, ``90s``, ``10min``, ``2h``; in ns."""
+    """A time like ``90``, ``90s``, ``10min``, ``2h``; in ns. Its bounds are in seconds."""
 
     name = "time"
+
+    def __init__(self, least: float = 0, most: float = math.inf) -> None:
+        self._least, self._most = least, most
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
         """Read a time."""
         ns = value if isinstance(value, int) else time_in(value, bare=True)
         if ns is None:
             self.fail(f"{value!r} is no time: write it like 90s, 10min or 2h", param, ctx)
+        if not self._least * NS <= ns <= self._most * NS:
+            between = f"{self._least:g} to {self._most:g} s"
+            self.fail(f"{value!r} is not in the range of {between}", param, ctx)
         return ns
 
 
@@ -107,8 +116,8 @@ def _protocol(text: str, rest: str) -> tuple[str, str | None]:
         return before, joined(protocols_named(last))
     if _NAME.fullmatch(before) and last:
         return rest, None  # left=/dev/ttyUSB0
-    known = ", ".join((AUTO, *PROTOCOLS))
-    raise _mistake(text, f"no protocol {last!r}: one of {known}" if last else f"write {FORM}")
+    known = offered(last, (AUTO, *PROTOCOLS))
+    raise _mistake(text, f"no protocol {last!r}: {known}" if last else f"write {FORM}")
 
 
 def _mistake(text: str, why: str) -> click.BadParameter:
@@ -139,7 +148,7 @@ def topics(
     names = tuple(name.strip() for name in given.split(","))
     for name in names:
         if name not in TOPICS:
-            raise click.BadParameter(f"{name!r} is no topic: one of {', '.join(TOPICS)}")
+            raise click.BadParameter(f"{name!r} is no topic: {offered(name, TOPICS)}")
     return names
 
 

@@ -8,7 +8,7 @@ from typing import Final
 import click
 
 from sniffer.cli.naming import worded
-from sniffer.cli.options import decoding, examples, pipeline_options, with_force
+from sniffer.cli.options import decoding, examples, files_here, pipeline_options, with_force
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, INTERRUPTED, MISTAKE, status_of
@@ -46,7 +46,7 @@ def _example(context: click.Context, parameter: click.Parameter, asked: bool) ->
         "sniffer check captures/*.log --rules rules.toml --junit verdicts.xml",
     ),
 )
-@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.argument("files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True)
 @click.option(
     "--rules",
     "rules_file",

@@ -13,10 +13,13 @@ import click
 from sniffer.cli.options import (
     decoding,
     examples,
+    files_here,
     pipeline_options,
     printed,
     with_alarms,
+    with_color,
     with_force,
+    with_times,
 )
 from sniffer.cli.selecting import with_part, with_rows
 from sniffer.cli.signals import patient
@@ -48,12 +51,14 @@ if TYPE_CHECKING:
         "candump-like-logger | sniffer decode - --format jsonl",
     ),
 )
-@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, shell_complete=files_here)
 @with_part
 @with_rows
 @decoding
 @with_alarms
 @printed
+@with_times
+@with_color
 @click.option(
     "-o",
     "--output",
@@ -71,9 +76,14 @@ if TYPE_CHECKING:
 )
 @click.option("--summary", is_flag=True, help="Print the summary only.")
 @click.option(
-    "--verbose", is_flag=True, help="In the summary, list the anomalies that an incident explains."
+    "-v",
+    "--verbose",
+    is_flag=True,
+    help="In the summary, list the anomalies that an incident explains.",
 )
-@click.option("--quiet", is_flag=True, help="Print nothing; the files and the exit status speak.")
+@click.option(
+    "-q", "--quiet", is_flag=True, help="Print nothing; the files and the exit status speak."
+)
 def decode(
     files: tuple[str, ...],
     protocol: str,
@@ -84,6 +94,8 @@ def decode(
     latency: float | None,
     alarms: tuple[Alarm, ...],
     output_format: str,
+    times: str,
+    color: bool | None,
     outputs: tuple[Path, ...],
     force: bool,
     fail_on: str | None,
@@ -108,7 +120,9 @@ def decode(
 
         printed.append(diagnosis := Diagnosis())
     if not quiet and not summary:
-        printed.append(Standard(_printer(output_format), sys.stdout, alone=not outputs))
+        printed.append(
+            Standard(_printer(output_format, times, color), sys.stdout, alone=not outputs)
+        )
     with patient() as patience:
         done = convert(
             files,
@@ -126,12 +140,11 @@ def decode(
     if summary and not quiet and output_format == "jsonl":
         click.echo(json.dumps(done.summary.as_dict()))
     elif diagnosis is not None:
-        from rich.console import Console
-
+        from sniffer.sinks.consoles import console_for
         from sniffer.sinks.report import print_summary, selected
 
         incidents = () if verbose else diagnosis.incidents()
-        print_summary(done.summary, Console(highlight=False), incidents)
+        print_summary(done.summary, console_for(color=color), incidents)
         if done.summary.narrowed:
             click.echo(f"\n{selected(done.summary)}")
     worst = done.summary.worst()
@@ -140,7 +153,7 @@ def decode(
     return status
 
 
-def _printer(output_format: str) -> Sink:
+def _printer(output_format: str, times: str, color: bool | None) -> Sink:
     if output_format == "jsonl":
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(encoding="utf-8", newline="\n")  # whatever the terminal speaks
@@ -149,4 +162,4 @@ def _printer(output_format: str) -> Sink:
         return JsonlSink(sys.stdout)
     from sniffer.sinks.text import TextSink
 
-    return TextSink(sys.stdout)
+    return TextSink(sys.stdout, color=color, times=times)

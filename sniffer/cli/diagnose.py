@@ -6,7 +6,14 @@ import json
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options, with_alarms
+from sniffer.cli.options import (
+    decoding,
+    examples,
+    files_here,
+    pipeline_options,
+    with_alarms,
+    with_color,
+)
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
@@ -27,7 +34,7 @@ from sniffer.selection.places import Window
         "sniffer diagnose run.mcap --why 1",
     ),
 )
-@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.argument("files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True)
 @with_part
 @decoding
 @with_alarms
@@ -40,6 +47,7 @@ from sniffer.selection.places import Window
     help="What is printed.",
 )
 @click.option("--why", metavar="ID", help="Show how the causes of an incident were weighed.")
+@with_color
 def diagnose(
     files: tuple[str, ...],
     protocol: str,
@@ -52,6 +60,7 @@ def diagnose(
     output_format: str,
     why: str | None,
     window: Window | None,
+    color: bool | None,
 ) -> int:
     """Say what is wrong on the bus in each FILE: incidents, their causes, what to do next.
 
@@ -73,12 +82,14 @@ def diagnose(
         if output_format == "json":
             click.echo(json.dumps(done.as_dict()))
             continue
+        from sniffer.sinks.consoles import console_for
         from sniffer.sinks.story import print_incidents, print_weighing
 
+        console = console_for(color=color)
         if len(files) > 1:
             click.echo(f"{file}:")
         if why is not None:
-            print_weighing(done.incidents, why)
+            print_weighing(done.incidents, why, console)
         else:
-            print_incidents(done.incidents, done.sentence, clock=done.has_clock)
+            print_incidents(done.incidents, done.sentence, clock=done.has_clock, console=console)
     return status

@@ -9,24 +9,29 @@ from dataclasses import replace
 from typing import Final, Literal
 
 import click
-from rich.console import Console
+from click.core import ParameterSource
 from rich.text import Text
 
-from sniffer.cli.amounts import port_spec
+from sniffer.cli.amounts import Duration, port_spec
 from sniffer.cli.naming import worded
 from sniffer.cli.options import (
     SHARED,
-    Finite,
     ProtocolName,
+    Renamed,
     Whole,
     examples,
+    files_here,
     printed,
+    with_color,
 )
+from sniffer.cli.profiles import Ports, with_profile
 from sniffer.cli.streams import say
 from sniffer.decoding.pipeline import AUTO
 from sniffer.doctor.examine import Examined, examine, prepare
 from sniffer.doctor.records import Level, Observation
 from sniffer.ground.limits import BAUDS
+from sniffer.ground.model import NS
+from sniffer.sinks.consoles import console_for
 
 _STYLES: Final = {Level.OK: "green", Level.NOTE: "cyan", Level.WARN: "yellow", Level.BAD: "red"}
 _ABOUT: Final = 6
@@ -38,18 +43,19 @@ _TEXT: Final = 16
     short_help="Check whether a port is fit to record from.",
     epilog=examples(
         "sniffer doctor /dev/ttyUSB0",
-        "sniffer doctor /dev/ttyUSB0=mightyzap@57600 --seconds 30",
+        "sniffer doctor /dev/ttyUSB0=mightyzap@57600 --duration 30s",
         "sniffer doctor /dev/ttyUSB0 --baud 115200 --format jsonl",
         "sniffer doctor /dev/ttyUSB0 --prepare",
     ),
 )
-@click.argument("port", metavar="PORT[=PROTOCOL][@BAUD]")
+@click.argument("port", shell_complete=files_here, cls=Ports, metavar="PORT[=PROTOCOL][@BAUD]")
 @click.option(
-    "--seconds",
-    type=Finite(0.1, 3600),
-    default=5.0,
+    "--duration",
+    cls=Renamed,
+    former=("--seconds",),
+    type=Duration(0.1, 3600),
+    default="5s",
     show_default=True,
-    metavar="S",
     help="How long to listen.",
 )
 @click.option("--baud", type=Whole(*BAUDS), help="Bits per second.")
@@ -75,16 +81,19 @@ _TEXT: Final = 16
     help="Only set PORT up, so that it echoes nothing when it is opened again. For before the bus "
     "is connected; it holds until the adapter is unplugged.",
 )
+@with_profile
 @printed
+@with_color
 def doctor(
     port: str,
-    seconds: float,
+    duration: int,
     baud: int | None,
     protocol: str,
     modem: Literal["low", "keep"],
     shared: bool,
     only_prepare: bool,
     output_format: str,
+    color: bool | None,
 ) -> int:
     """Listen to PORT for a while and judge: wiring, baud, protocol, errors, latency, times.
 
@@ -92,9 +101,15 @@ def doctor(
     is bad; 1 something is; 2 a mistake of yours.
     """
     spec = port_spec(port, "")
-    if spec.protocol is not None and protocol not in (AUTO, spec.protocol):
+
+    def is_said(name: str) -> bool:
+        """Return whether the command line says it: what a profile says gives way to the port."""
+        source = click.get_current_context().get_parameter_source(name)
+        return source is ParameterSource.COMMANDLINE
+
+    if spec.protocol is not None and is_said("protocol") and protocol not in (AUTO, spec.protocol):
         raise click.UsageError(f"{port} and --protocol {protocol} differ: which one is it?")
-    if spec.baud is not None and baud not in (None, spec.baud):
+    if spec.baud is not None and is_said("baud") and baud not in (None, spec.baud):
         raise click.UsageError(f"{port} and --baud {baud} differ: which one is it?")
     spoken = spec.protocol if isinstance(spec.protocol, str) else protocol
     rate = spec.baud or baud
@@ -107,15 +122,15 @@ def doctor(
             click.echo(f"{spec.port}: prepared; its echo was {before} before")
         return 0
     told = examine(
-        spec.port, spoken, baud=rate, seconds=seconds, modem=modem, shared=shared, tell=say
+        spec.port, spoken, baud=rate, seconds=duration / NS, modem=modem, shared=shared, tell=say
     )
     if output_format == "jsonl":
         for record in (*(v.as_dict() for v in _worded(told)), told.summary()):
             click.echo(json.dumps(record, ensure_ascii=False))
     else:
-        console = Console(highlight=False, soft_wrap=True)
+        console = console_for(color=color)
         for line in lines(told, console.width):
-            console.print(line)
+            console.print(line, soft_wrap=True)
     return 1 if told.level == Level.BAD else 0
 
 

@@ -1,27 +1,42 @@
-"""``sniffer explain``: one frame drawn byte by byte."""
+"""``sniffer explain``: one frame drawn byte by byte, or what a code means."""
 
 from __future__ import annotations
+
+import re
+import textwrap
+from typing import Final
 
 import click
 
 from sniffer.cli.options import ProtocolName, examples, with_registers
+from sniffer.cli.streams import width_of_terminal
 from sniffer.decoding.options import AUTO, Options
 from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.explain import explain_bytes, read_hex
 
+_NAME: Final = re.compile(r"[a-z][a-z0-9-]{3,}")
+"""How codes, findings and causes are spelled; none can be read as hex, a test holds that."""
+
 
 @click.command(
-    short_help="Draw one frame byte by byte.",
+    short_help="Draw one frame byte by byte, or tell what a code means.",
     epilog=examples(
         "sniffer explain FF FF FF 00 02 F1 0C",
         "sniffer explain FFFFFF010400D0078F --after 'FF FF FF 01 04 F2 8C 02 7A'",
         "sniffer explain '#5D1800'",
         "sniffer explain run.mcap@12175",
+        "sniffer explain no-response",
     ),
 )
-@click.argument("hex_bytes", metavar="HEX|FILE@BYTE", nargs=-1, required=True)
+@click.argument("hex_bytes", metavar="HEX|FILE@BYTE|CODE", nargs=-1, required=True)
 @click.option("--after", metavar="HEX", help="The request this answers: replies need it.")
-@click.option("--protocol", type=ProtocolName(AUTO), default=AUTO, show_default=True)
+@click.option(
+    "--protocol",
+    type=ProtocolName(AUTO),
+    default=AUTO,
+    show_default=True,
+    help="Whose frame it is; auto tells it from the bytes.",
+)
 @click.option("--model", metavar="MODEL", help="Register table to read by.")
 @with_registers
 def explain(
@@ -38,6 +53,9 @@ def explain(
 
     Exit status 1: not every byte belongs to a frame that holds; what is wrong with it is shown.
     LSS lines may be given as text.
+
+    CODE is an anomaly, a finding or a cause, as decode and diagnose name them: what it means, what
+    is behind it, what to do.
     """
     if len(hex_bytes) == 1 and "@" in hex_bytes[0]:
         from sniffer.jobs.explain_at import explain_at, place_of
@@ -50,9 +68,52 @@ def explain(
         for line in lines:
             click.echo(line)
         return 0 if held else 1
+    if len(hex_bytes) == 1 and _is_name(hex_bytes[0]):
+        return _tell_meaning(hex_bytes[0].lower())
     data = read_hex(" ".join(hex_bytes))
     before = read_hex(after) if after else b""
     held, lines = explain_bytes(data, before, protocol=protocol, model=model, tables=tables)
     for line in lines:
         click.echo(line)
     return 0 if held else 1
+
+
+def _is_name(text: str) -> bool:
+    """Return whether this names something: it is a word, and no hex digits."""
+    return bool(_NAME.fullmatch(text.lower())) and not re.fullmatch(r"(0x)?[0-9a-f]+", text.lower())
+
+
+def _tell_meaning(name: str) -> int:
+    from sniffer.jobs.meanings import PAGES, known_names, meanings
+
+    found = meanings(name)
+    if not found:
+        import difflib
+
+        pages = f"see {', '.join(PAGES.values())}"
+        near = difflib.get_close_matches(name, known_names(), 3)
+        advice = f"did you mean {' or '.join(near)}?" if near else pages
+        raise click.UsageError(
+            f"{name[:60]!r} is no code and no cause ({advice}), and no bytes: "
+            "write these as FF FF FF 01 02 F1 0B"
+        )
+    width = width_of_terminal()
+    for nth, meaning in enumerate(found):
+        if nth:
+            click.echo()
+        level = f", {meaning.level}" if meaning.level else ""
+        click.echo(f"{meaning.name}: {meaning.kind}{level} ({meaning.title})")
+        click.echo(textwrap.fill(meaning.means, width, initial_indent="  ", subsequent_indent="  "))
+        told = {title: text for title, text in meaning.facts.items() if text}
+        head = max(map(len, told), default=0) + 2
+        for title, text in told.items():
+            click.echo(
+                textwrap.fill(
+                    text,
+                    width,
+                    initial_indent=f"  {title:{head}}",
+                    subsequent_indent=" " * (head + 2),
+                    break_on_hyphens=False,
+                )
+            )
+    return 0

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import textwrap
 from typing import Any
 
 import click
 
-from sniffer.cli.options import examples
+from sniffer.cli.options import examples, printed
 from sniffer.cli.streams import width_of_terminal
 from sniffer.ground.codes import ROLES
 from sniffer.ground.registers import Register, RegisterMap
+from sniffer.ground.wording import offered
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
 
 
@@ -52,13 +52,7 @@ def _models() -> dict[str, RegisterMap]:
     ),
 )
 @click.argument("model", required=False)
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "jsonl"]),
-    default="text",
-    help="What is printed.",
-)
+@printed
 def registers(model: str | None, output_format: str) -> None:
     """Show the register table of MODEL (or those of a protocol), or which models there are.
 
@@ -74,9 +68,7 @@ def registers(model: str | None, output_format: str) -> None:
     if model.endswith(".toml"):
         tables = [RegisterMap.from_toml(model)]
     if not tables:
-        near = difflib.get_close_matches(model, [*known, *PROTOCOLS], 1)
-        meant = f"did you mean {near[0]}? There are" if near else "one of"
-        raise click.UsageError(f"no model {model!r}: {meant} {', '.join(known)}")
+        raise click.UsageError(f"no model {model!r}: {offered(model, {**known, **PROTOCOLS})}")
     for nth, table in enumerate(tables):
         if output_format == "jsonl":
             for r in table.registers:

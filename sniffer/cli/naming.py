@@ -21,13 +21,14 @@ _OPTIONS: Final = {
     "rate_hz": "--rate",
     "rotate_bytes": "--rotate",
     "rotate_ns": "--rotate",
+    "seconds": "--duration",
     "servos": "--servo",
     "start": "--from",
     "stop": "--to",
     "tables": "--registers",
     "tap=False": "--no-tap",
     "view=connect": "--rerun-connect URL",
-    "view=web": "--rerun-web",
+    "view=web": "--web",
     "view=window": "--rerun",
 }
 """Options whose name is not that of the argument they become, alone or with one value."""

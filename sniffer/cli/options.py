@@ -9,12 +9,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from sniffer.cli.profiles import with_profile
 from sniffer.ground.limits import BAUDS, IDS, number_in
 from sniffer.ground.model import InputError
 from sniffer.ground.registers import RegisterMap
+from sniffer.ground.wording import nearly
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from sniffer.decoding.options import Options
     from sniffer.diagnostics.alarms import Alarm
     from sniffer.protocols.base import BusProtocol
@@ -35,6 +39,48 @@ printed = click.option(
     help="What is printed.",
 )
 """For people, or for scripts."""
+
+
+class Renamed(click.Option):
+    """An option that was called otherwise before; its ``former`` names work and are not listed."""
+
+    def __init__(self, *names: Any, former: tuple[str, ...], **attributes: Any) -> None:
+        super().__init__(*names, **attributes)
+        self._former = former
+
+    def add_to_parser(self, parser: Any, ctx: click.Context) -> None:
+        """Have the parser know all names; help and errors tell the present ones."""
+        super().add_to_parser(parser, ctx)
+        present, self.opts = self.opts, [*self._former]
+        try:
+            super().add_to_parser(parser, ctx)
+        finally:
+            self.opts = present
+
+
+def _colored(context: click.Context, parameter: click.Parameter, given: str | None) -> bool | None:
+    """Read ``--color``; None leaves it to the stream."""
+    return {"always": True, "never": False}.get(given or "")
+
+
+with_color = click.option(
+    "--color",
+    type=click.Choice(["auto", "always", "never"]),
+    callback=_colored,
+    help="Colours: auto has them on a terminal, unless NO_COLOR is set.  [default: auto]",
+)
+"""Of every command that prints colours on standard output."""
+
+
+with_times = click.option(
+    "--time",
+    "times",
+    type=click.Choice(["abs", "rel", "delta"]),
+    default="abs",
+    show_default=True,
+    help="Times in the table: of the clock, since the first line, since the line before.",
+)
+"""Of every command that prints a line a frame."""
 
 
 with_force = click.option("--force", is_flag=True, help="Replace files that are there.")
@@ -96,6 +142,15 @@ class ProtocolName(_Name):
             return f"{{{'|'.join(names)}}}"
         return f"[{'|'.join((*names, 'FILE.py'))}]"
 
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Return the names that begin so."""
+        from click.shell_completion import CompletionItem
+
+        names = (*self._beside, *(PROTOCOLS if self._plugins else PROTOCOLS.built_in))
+        return [CompletionItem(name) for name in names if name.startswith(incomplete)]
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Take a name that is known; one that cannot be used says why."""
         from sniffer.decoding.names import is_known, protocols_named
@@ -103,10 +158,20 @@ class ProtocolName(_Name):
         named = str(value)
         if named not in self._beside:
             if not is_known(named):
-                known = ", ".join(map(repr, (*self._beside, *PROTOCOLS)))
-                self.fail(f"{named!r} is not one of {known}.", param, ctx)
+                known = (*self._beside, *PROTOCOLS)
+                listed = ", ".join(map(repr, known))
+                self.fail(f"{named!r} is not one of {listed}{nearly(named, known)}", param, ctx)
             protocols_named(named)
         return named
+
+
+def files_here(
+    context: click.Context, parameter: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    """Have a shell complete an argument by the files there are."""
+    from click.shell_completion import CompletionItem
+
+    return [CompletionItem(incomplete, type="file")]
 
 
 def examples(*lines: str) -> str:
@@ -210,6 +275,7 @@ def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
                 metavar="MS",
                 help="How long the adapter may have held bytes back.",
             ),
+            with_profile,
         )
     ):
         command = option(command)

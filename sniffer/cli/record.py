@@ -15,14 +15,17 @@ from sniffer.cli.options import (
     SHARED,
     Finite,
     ProtocolName,
+    Renamed,
     Whole,
     examples,
+    files_here,
     models,
     pipeline_options,
     with_alarms,
     with_force,
     with_registers,
 )
+from sniffer.cli.profiles import Ports, with_profile
 from sniffer.cli.selecting import with_rows
 from sniffer.cli.signals import signals
 from sniffer.cli.statuses import DONE, INTERRUPTED, MISTAKE
@@ -64,6 +67,8 @@ WORD_S: Final = 0.5
 )
 @click.argument(
     "ports",
+    shell_complete=files_here,
+    cls=Ports,
     nargs=-1,
     required=True,
     callback=port_specs,
@@ -84,6 +89,7 @@ WORD_S: Final = 0.5
 @with_registers
 @with_alarms
 @click.option("--latency", type=Finite(0, 1000), metavar="MS", help="What the adapter delays.")
+@with_profile
 @click.option(
     "--pair", is_flag=True,
     help="The two PORTs are one full-duplex bus: the controller's wire, then the servos'.",
@@ -140,9 +146,11 @@ WORD_S: Final = 0.5
 )  # fmt: skip
 @click.option("--log", is_flag=True, help="Print each frame on standard output.")
 @with_rows
-@click.option("--quiet", is_flag=True, help="Say nothing but what went wrong.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but what went wrong.")
 @click.option("--rerun", "in_rerun", is_flag=True, help="Show it live in the Rerun viewer.")
-@click.option("--rerun-web", is_flag=True, help="Show it live in a browser.")
+@click.option(
+    "--web", cls=Renamed, former=("--rerun-web",), is_flag=True, help="Show it live in a browser."
+)
 @click.option("--rerun-connect", metavar="URL", help="Show it live in a Rerun viewer elsewhere.")
 @click.option(
     "--window", type=Finite(1), default=20.0, show_default=True, metavar="S",
@@ -178,7 +186,7 @@ def record(
     log: bool,
     quiet: bool,
     in_rerun: bool,
-    rerun_web: bool,
+    web: bool,
     rerun_connect: str | None,
     window: float,
     selection: Selection | None,
@@ -206,9 +214,9 @@ def record(
         raise click.UsageError("--log prints, --quiet does not: choose one")
     if selection is not None and not log:
         raise click.UsageError("a selection is what --log prints: a recording has everything")
-    views = {"window": in_rerun, "web": rerun_web, "connect": rerun_connect is not None}
+    views = {"window": in_rerun, "web": web, "connect": rerun_connect is not None}
     if sum(views.values()) > 1:
-        raise click.UsageError("choose one of --rerun, --rerun-web, --rerun-connect")
+        raise click.UsageError("choose one of --rerun, --web, --rerun-connect")
     said = [spec.protocol for spec in ports if spec.protocol is not None]
     wanted = (*until, *triggers, *(what for what, _ in commands))
     rules = (*alarms, *(what.alarm for what in wanted if what.alarm is not None))

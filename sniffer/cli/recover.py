@@ -6,14 +6,14 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import examples, with_force
+from sniffer.cli.options import examples, files_here, with_force
 
 
 @click.command(
     short_help="Repair a recording that was cut off.",
     epilog=examples("sniffer recover night.mcap", "sniffer recover night.mcap -o whole.mcap"),
 )
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", shell_complete=files_here, type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Default: FILE itself.")
 @with_force
 def recover(file: Path, output: Path | None, force: bool) -> int:

@@ -8,7 +8,16 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import Finite, decoding, examples, pipeline_options, with_force
+from sniffer.cli.options import (
+    Finite,
+    decoding,
+    examples,
+    files_here,
+    pipeline_options,
+    with_color,
+    with_force,
+    with_times,
+)
 from sniffer.cli.selecting import with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
@@ -31,7 +40,7 @@ from sniffer.sinks.standard import Standard
         "sniffer replay recording.mcap --redecode",
     ),
 )
-@click.argument("file")
+@click.argument("file", shell_complete=files_here)
 @with_part
 @with_rows
 @decoding
@@ -42,6 +51,8 @@ from sniffer.sinks.standard import Standard
     show_default=True,
     help="Times real time; 0: as fast as it goes.",
 )
+@with_times
+@with_color
 @click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C.")
 @click.option("--rerun", "in_rerun", is_flag=True, help="Show it in the Rerun viewer, not here.")
 @click.option(
@@ -67,6 +78,8 @@ def replay(
     tables: tuple[RegisterMap, ...],
     latency: float | None,
     speed: float,
+    times: str,
+    color: bool | None,
     loop: bool,
     in_rerun: bool,
     redecode: bool,
@@ -94,10 +107,13 @@ def replay(
         return 0 if report.equal else 1
     if in_rerun:
         need_rerun()
+        shown = functools.partial(_rerun, Path(file).stem)
+    else:
+        shown = functools.partial(_console, times, color)
     with patient() as patience:
         ending = played(
             file,
-            functools.partial(_rerun, Path(file).stem) if in_rerun else _console,
+            shown,
             options,
             input_format=input_format,
             window=window,
@@ -118,7 +134,7 @@ def _rerun(name: str) -> Sink:
     return live_sink(name)
 
 
-def _console() -> Sink:
+def _console(times: str, color: bool | None) -> Sink:
     from sniffer.sinks.text import TextSink
 
-    return Standard(TextSink(sys.stdout), sys.stdout, alone=True)
+    return Standard(TextSink(sys.stdout, color=color, times=times), sys.stdout, alone=True)

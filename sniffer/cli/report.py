@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options, with_force
+from sniffer.cli.options import decoding, examples, files_here, pipeline_options, with_force
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import MISTAKE, status_of
@@ -26,7 +26,7 @@ from sniffer.selection.places import Window
         "sniffer report capture.log | less",
     ),
 )
-@click.argument("file")
+@click.argument("file", shell_complete=files_here)
 @with_part
 @decoding
 @click.option(

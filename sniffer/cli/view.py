@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import Whole, decoding, examples, pipeline_options, with_force
+from sniffer.cli.options import Whole, decoding, examples, files_here, pipeline_options, with_force
 from sniffer.cli.selecting import with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
@@ -29,7 +29,7 @@ from sniffer.selection.selection import Selection
         "sniffer view capture.bin -o capture.rrd",
     ),
 )
-@click.argument("file")
+@click.argument("file", shell_complete=files_here)
 @with_part
 @with_rows
 @decoding

@@ -47,6 +47,7 @@ from sniffer.ground.model import (
 )
 from sniffer.ground.remarks import Remarks
 from sniffer.ground.timing import Stamps, byte_time_ns
+from sniffer.ground.wording import offered
 from sniffer.protocols import protocol_named
 from sniffer.protocols.explaining import Surveyor
 
@@ -108,10 +109,8 @@ class Decoder:
         models = model_ids(models or {})
         for model in models.values():
             if model not in known:
-                raise SnifferError(
-                    f"{self.protocol.name} has no model {str(model)[:40]!r}: "
-                    f"one of {', '.join(known)}"
-                )
+                what = f"{self.protocol.name} has no model {str(model)[:40]!r}"
+                raise SnifferError(f"{what}: {offered(str(model), known)}")
         self.baud = self.protocol.baud if baud is None else whole("baud", baud, *BAUDS)
         if latency_ns is not None:
             latency_ns = whole("latency_ns", latency_ns, 0, DURATION_MOST_NS)

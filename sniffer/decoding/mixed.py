@@ -32,6 +32,7 @@ from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import Block
 from sniffer.ground.limits import chunks_of
 from sniffer.ground.model import GAP_MAX, I64, Anomaly, Batch, Chunk, Frames, Gap, SnifferError
+from sniffer.ground.wording import offered
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -89,10 +90,9 @@ class MixedDecoder:
         told = models or {}
         for model in told.values():
             if not any(model in known for known in each):
+                what = f"{self.name} has no model {str(model)[:40]!r}"
                 known = sorted(set().union(*each))
-                raise SnifferError(
-                    f"{self.name} has no model {str(model)[:40]!r}: one of {', '.join(known)}"
-                )
+                raise SnifferError(f"{what}: {offered(str(model), known)}")
         self._parts = [
             Decoder(
                 protocol,

@@ -11,7 +11,7 @@ from sniffer.decoding.pacing import ASSUMED
 from sniffer.diagnostics.alarms import alarm_in, refusal
 from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, OFFSET_END, number_in
 from sniffer.ground.model import InputError, SnifferError
-from sniffer.ground.wording import Sentence
+from sniffer.ground.wording import Sentence, offered
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
 from sniffer.protocols.tables import check_tables, known_models, owner_of, with_tables
 
@@ -71,8 +71,8 @@ class Options:
         check_tables(self.tables, own, others=AUTO in named)
         for model in self.models.values():
             if owner_of(model, self.tables, own.values()) is None:
-                known = ", ".join(known_models(self.tables, own.values()))
-                raise SnifferError(f"no model {str(model)[:40]!r}: one of {known}")
+                known = offered(str(model), known_models(self.tables, own.values()))
+                raise SnifferError(f"no model {str(model)[:40]!r}: {known}")
         if self.alarms:
             every = {p.name: p for p in PROTOCOLS.values()} if AUTO in named else {}
             speakers = [with_tables(p, self.tables) for p in (every | own).values()]

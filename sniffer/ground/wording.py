@@ -7,7 +7,7 @@ import string
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
 WORD: Final = 300
 """A name longer than this is shown by its beginning and its end: paths in use are shorter."""
@@ -37,6 +37,20 @@ def one_line(message: str) -> str:
 def and_(words: list[str]) -> str:
     """Return words as a list that people read: ``a, b and c``."""
     return ", ".join(words[:-1]) + " and " + words[-1] if len(words) > 1 else "".join(words)
+
+
+def offered(word: str, known: Iterable[str]) -> str:
+    """Return what there is in place of a word that is not known, and which was probably meant."""
+    names = list(known)
+    return f"one of {', '.join(names)}{nearly(word, names)}"
+
+
+def nearly(word: str, known: Iterable[str]) -> str:
+    """Return the question whether another word was meant, for the end of a sentence, or nothing."""
+    import difflib  # only who is mistaken waits for it
+
+    near = difflib.get_close_matches(word, list(known), 1)
+    return f": did you mean {near[0]}?" if near else ""
 
 
 class Sentence(str):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.loading import PluginWarning
 from sniffer.ground.model import SnifferError
+from sniffer.ground.wording import offered
 from sniffer.protocols.plugins import PluginError
 from sniffer.protocols.registry import Registry
 
@@ -50,7 +51,7 @@ def protocol_named(named: str | BusProtocol) -> BusProtocol:
     if is_file(named):
         return PROTOCOLS.file(Path(named))
     if named not in PROTOCOLS:
-        raise SnifferError(f"no protocol {named[:40]!r}: one of {', '.join(PROTOCOLS)}")
+        raise SnifferError(f"no protocol {named[:40]!r}: {offered(named, PROTOCOLS)}")
     return PROTOCOLS[named]
 
 

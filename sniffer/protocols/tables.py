@@ -6,7 +6,7 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from sniffer.ground.model import SnifferError
-from sniffer.ground.wording import one_line
+from sniffer.ground.wording import offered, one_line
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def check_tables(
         elif name not in own and not others:
             why = f"it is a table of {name}, and what is named is {', '.join(own)}"
         elif name not in own and name not in PROTOCOLS:
-            why = f"no protocol {name[:40]!r}: one of {', '.join(PROTOCOLS)}"
+            why = f"no protocol {name[:40]!r}: {offered(name, PROTOCOLS)}"
         if why:
             raise SnifferError(f"{table.model}: {why}")
         with_tables(own[name] if name in own else PROTOCOLS[name], tables)

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS, SnifferError
+from sniffer.ground.wording import offered
 from sniffer.simulation.faults import WEAR, Fault, Mischief
 from sniffer.simulation.line import Wire
 from sniffer.simulation.lss import LssBus
@@ -86,12 +87,12 @@ def put_up(
         SnifferError: no such protocol, or no such model of it.
     """
     if protocol not in BUSES:
-        raise SnifferError(f"no simulation of {protocol!r}: one of {', '.join(BUSES)}")
+        raise SnifferError(f"no simulation of {protocol!r}: {offered(protocol, BUSES)}")
     kind = BUSES[protocol]
     for model in models.values():
         if model not in kind.tables:
-            known = ", ".join(kind.tables)
-            raise SnifferError(f"no {protocol} simulation of the model {model!r}: one of {known}")
+            known = offered(model, kind.tables)
+            raise SnifferError(f"no {protocol} simulation of the model {model!r}: {known}")
     return kind(
         seed,
         baud=baud or kind.baud,

@@ -1,13 +1,12 @@
-"""The terminal table: a line a frame or gap, then the summary. Colour only on a terminal."""
+"""The table for people: a line a frame or gap, then the summary. Nothing is cut in a pipe."""
 
 from __future__ import annotations
 
 import datetime
 import textwrap
-from typing import TYPE_CHECKING, Any, Final, TextIO
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TextIO
 
 import numpy as np
-from rich.console import Console
 from rich.style import Style
 
 from sniffer.decoding.fields import value_ranges
@@ -16,11 +15,14 @@ from sniffer.diagnosis import Diagnosis
 from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE
 from sniffer.ground.model import NS, Anomaly, Batch, Chunk, Clock, Severity
 from sniffer.ground.wording import plain
+from sniffer.sinks.consoles import console_for, room_in
 from sniffer.sinks.report import print_summary, selected
 from sniffer.sinks.words import fit, took_in_words, values_in_words
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
+
+    from rich.console import Console
 
     from sniffer.protocols.base import BusProtocol
 
@@ -37,6 +39,9 @@ BYTES: Final = 41
 WIDTHS: Final = (15, 5, 3, 1, 19, 12)
 """Widths on a wide terminal: time, bus, id, kind, command; verdict."""
 
+UNCUT: Final = sum(WIDTHS) + len(WIDTHS) + VALUES + BYTES + 1
+"""The width from which on all columns are there; a line that is not cut has at least that."""
+
 NARROW: Final = (12, 3, 1, 15, 12)
 """Widths on a narrow one: time, id, kind, command; verdict."""
 
@@ -50,16 +55,45 @@ _STYLES: Final = {
 }
 
 
+ABSOLUTE, RELATIVE, DELTA = "abs", "rel", "delta"
+
+TIMES: Final = (ABSOLUTE, RELATIVE, DELTA)
+"""What the time of a line counts from: the clock's own zero, the first line, the line before."""
+
+
+class _Laid(NamedTuple):
+    """A line before it is laid out; the cells are those behind the time and the bus."""
+
+    start: int
+    t_ns: int
+    clock: Clock
+    style: str
+    cells: tuple[str, str, str, str, str]
+    raw: bytes
+
+
 class TextSink:
-    """Writes to a stream; ``color`` None asks the stream whether it is a terminal."""
+    """Writes to a stream, as wide as its terminal; elsewhere nothing is cut.
+
+    ``color`` None asks the stream whether it is a terminal; ``times`` is one of ``TIMES``.
+    """
 
     def __init__(
-        self, stream: TextIO, *, width: int | None = None, color: bool | None = None
+        self,
+        stream: TextIO,
+        *,
+        width: int | None = None,
+        color: bool | None = None,
+        times: str = ABSOLUTE,
     ) -> None:
-        self._console = Console(file=stream, force_terminal=color, width=width, highlight=False)
+        self._console = console_for(stream, color=color, width=width)
         self._stream = stream
-        self._color = self._console.is_terminal and not self._console.no_color
-        self._width = self._console.width
+        self._color = self._console.color_system is not None and not self._console.no_color
+        self._is_cut = width is not None or room_in(stream, self._console) is not None
+        self._width = self._console.width if self._is_cut else UNCUT
+        self._times = times
+        self._first_ns: int | None = None
+        self._last_ns: dict[str, int] = {}
         self._summary = Summary()
         self._diagnosis = Diagnosis()
         self._wide = self._width >= WIDE
@@ -81,12 +115,12 @@ class TextSink:
 
     def write_together(self, bus: str, parts: Sequence[tuple[BusProtocol, Batch]]) -> None:
         """Do that for what several protocols said in one pass; each line tells whose it is."""
-        lines: list[tuple[int, str]] = []
+        lines: list[_Laid] = []
         for protocol, batch in parts:
             self._summary.add(bus, protocol, batch)
             self._diagnosis.write(bus, protocol, batch)
-            lines += self._lines(bus, protocol, batch)
-        lines.sort(key=lambda e: e[0])
+            lines += self._lines(protocol, batch)
+        lines.sort(key=lambda line: line.start)
         if not lines:
             return
         if not self._headed:
@@ -97,25 +131,23 @@ class TextSink:
                 self._paint("head", fit(f"{plain(bus)}:", self._width).rstrip()) + "\n"
             )
         self._bus = bus
-        self._stream.write("\n".join(text for _, text in lines) + "\n")
+        self._stream.write("\n".join(self._laid_out(line, bus) for line in lines) + "\n")
 
-    def _lines(self, bus: str, protocol: BusProtocol, batch: Batch) -> Iterator[tuple[int, str]]:
+    def _lines(self, protocol: BusProtocol, batch: Batch) -> Iterator[_Laid]:
         verdicts = _verdicts(batch)
         edges = value_ranges(batch.values, len(batch.frames))
-        starts = batch.frames.start.tolist()
-        rows = range(len(starts)) if batch.chosen is None else _meant(batch)
+        rows = range(len(batch.frames)) if batch.chosen is None else _meant(batch)
         for i in rows:
-            yield starts[i], self._frame(bus, protocol, batch, i, edges, verdicts[i])
+            yield self._frame(protocol, batch, i, edges, verdicts[i])
         for g, is_shown in zip(
             batch.gaps, batch.shows("gaps", len(batch.gaps)).tolist(), strict=True
         ):
             if is_shown:
                 raw = batch.data[g.start : g.start + g.length]
-                yield g.start, self._gap(bus, batch, g.t_ns, g.reason, raw, g.detail)
+                yield self._gap(batch, g.start, g.t_ns, g.reason, raw, g.detail)
         if batch.chosen is not None:
             for i in np.flatnonzero(batch.chosen("anomalies")).tolist():
-                found = batch.anomalies[i]
-                yield found.known_at - batch.base, self._anomaly(bus, batch, found)
+                yield self._anomaly(batch, batch.anomalies[i])
 
     def close(self) -> None:
         """Write the summary."""
@@ -133,20 +165,18 @@ class TextSink:
 
     def _frame(
         self,
-        bus: str,
         protocol: BusProtocol,
         batch: Batch,
         i: int,
         edges: list[int],
         verdict: tuple[str, str],
-    ) -> str:
+    ) -> _Laid:
         f = batch.frames
         values = range(edges[i], edges[i + 1])
         response = int(f.kind[i]) == RESPONSE
         servo = int(f.servo_id[i])
         word, style = verdict
         cells = (
-            self._time(batch, int(f.t_end[i])),
             str(servo) if servo >= 0 else "-",
             "<" if response else ">",
             protocol.op_name(int(f.op[i])),
@@ -155,11 +185,12 @@ class TextSink:
         )
         start = int(f.start[i])
         raw = batch.data[start : start + int(f.length[i])]
-        return self._paint(
-            style or ("response" if response else "request"), self._line(cells, bus=bus, raw=raw)
-        )
+        style = style or ("response" if response else "request")
+        return _Laid(start, int(f.t_end[i]), batch.clock, style, cells, raw)
 
-    def _gap(self, bus: str, batch: Batch, t_ns: int, reason: str, raw: bytes, detail: Any) -> str:
+    def _gap(
+        self, batch: Batch, start: int, t_ns: int, reason: str, raw: bytes, detail: Any
+    ) -> _Laid:
         told, shown = [], [] if self._with_bytes else [raw.hex(" ").upper()]
         if detail.get("blank"):
             word, style = "", "request"
@@ -171,18 +202,32 @@ class TextSink:
             if "expected" in detail:
                 told = [f"column {detail['column']}: expected {detail['expected']}"]
         values = ": ".join(told + shown)
-        cells = (self._time(batch, t_ns), "", "!", "no frame", values, word)
-        return self._paint(style, self._line(cells, bus=bus, raw=raw))
+        cells = ("", "!", "no frame", values, word)
+        return _Laid(start, t_ns, batch.clock, style, cells, raw)
 
-    def _anomaly(self, bus: str, batch: Batch, found: Anomaly) -> str:
+    def _laid_out(self, line: _Laid, bus: str) -> str:
+        cells = (self._time(line, bus), *line.cells)
+        return self._paint(line.style, self._line(cells, bus=bus, raw=line.raw))
+
+    def _anomaly(self, batch: Batch, found: Anomaly) -> _Laid:
         level = found.severity.name.lower()
         who = "" if found.servo_id is None else str(found.servo_id)
-        cells = (self._time(batch, found.t_ns), who, "!", found.code, found.detail, level)
-        return self._paint(level, self._line(cells, bus=bus))
+        cells = (who, "!", found.code, found.detail, level)
+        start = found.known_at - batch.base
+        return _Laid(start, found.t_ns, batch.clock, level, cells, b"")
 
-    def _time(self, batch: Batch, t_ns: int) -> str:
+    def _time(self, line: _Laid, bus: str) -> str:
+        """Return a line's time; a difference is to the line above it, of the same bus."""
         digits = 6 if self._wide else 3
-        if batch.clock == Clock.NONE:
+        t_ns = line.t_ns
+        if self._first_ns is None:
+            self._first_ns = t_ns
+        before = self._last_ns.get(bus, t_ns)
+        self._last_ns[bus] = t_ns
+        if self._times != ABSOLUTE:
+            passed = t_ns - (before if self._times == DELTA else self._first_ns)
+            return f"{passed / NS:.{digits}f}".rjust(9 + digits)
+        if line.clock == Clock.NONE:
             return f"{t_ns / NS:.6f}".rjust(9 + digits)
         moment = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC)
         return f"{moment:%H:%M:%S}.{t_ns % NS // 10 ** (9 - digits):0{digits}d}"
@@ -197,7 +242,8 @@ class TextSink:
         if self._with_bytes:
             row.insert(6, raw.hex(" ").upper() if raw is not None else "bytes")
             widths[5:6] = [VALUES, self._room - VALUES - 1]
-        return " ".join(map(fit, row, widths)).rstrip()
+        lay = fit if self._is_cut else str.ljust
+        return " ".join(map(lay, row, widths)).rstrip()
 
     def _paint(self, style: str, text: str) -> str:
         if not self._color:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.limits import BUSES_MOST
 from sniffer.ground.model import Chunk, DamagedInputError, InputError, SnifferError
-from sniffer.ground.wording import Sentence
+from sniffer.ground.wording import Sentence, offered
 from sniffer.sources.binary import read_binary
 from sniffer.sources.candump import read_candump
 from sniffer.sources.hexdump import read_hexdump, read_od, read_xxd
@@ -233,8 +233,8 @@ def open_source(
     kept in a temporary file. Raises InputError with what to do instead, in one line.
     """
     if input_format != "auto" and input_format not in SOURCES:
-        known = ", ".join(("auto", *SOURCES))
-        raise InputError(f"there is no input format {input_format!r}: choose one of {known}")
+        known = offered(str(input_format), ("auto", *SOURCES))
+        raise InputError(f"there is no input format {input_format!r}: choose {known}")
     if radix not in ("hex", "decimal"):
         raise InputError(f"there is no radix {radix!r}: choose hex or decimal")
     origin = find(path)

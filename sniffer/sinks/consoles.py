@@ -1,0 +1,48 @@
+"""The console that text for people is printed on: in colour or not, and how wide."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+if TYPE_CHECKING:
+    from typing import TextIO
+
+
+def console_for(
+    stream: TextIO | None = None, *, color: bool | None = None, width: int | None = None
+) -> Console:
+    """Return a console on a stream (None: standard output), as wide as its terminal.
+
+    ``color`` None: on a terminal, unless ``NO_COLOR`` is set, or wherever ``FORCE_COLOR`` asks for
+    it. True and False win over both.
+    """
+    if color is None:
+        return Console(file=stream, width=width, highlight=False)
+    if not color:
+        return Console(file=stream, width=width, highlight=False, color_system=None)
+    console = Console(
+        file=stream, width=width, highlight=False, force_terminal=True, no_color=False
+    )
+    if console.color_system is None:  # TERM=dumb, or none: sixteen colours are what all have
+        console = Console(
+            file=stream,
+            width=width,
+            highlight=False,
+            force_terminal=True,
+            no_color=False,
+            color_system="standard",
+        )
+    return console
+
+
+def room_in(stream: TextIO, console: Console) -> int | None:
+    """Return how many columns a line may have; None: any, for nobody looks at a screen.
+
+    What ``COLUMNS`` states holds for pipes, too.
+    """
+    stated = os.environ.get("COLUMNS", "")
+    is_stated = stated.isdecimal() and int(stated[:6]) > 0
+    return console.width if is_stated or stream.isatty() else None

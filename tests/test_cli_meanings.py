@@ -1,0 +1,81 @@
+"""Codes explained in words, and words that were nearly right."""
+
+from __future__ import annotations
+
+import pytest
+
+from sniffer.diagnosis.causes import CAUSES
+from sniffer.diagnosis.rules import FINDINGS
+from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.ground.model import InputError
+from sniffer.jobs.explain import read_hex
+from sniffer.jobs.meanings import known_names
+from tests.commands import within
+
+Capsys = pytest.CaptureFixture[str]
+
+
+def told(text: str) -> str:
+    """Return a text as one line, wherever it was broken."""
+    return " ".join(text.split())
+
+
+@pytest.mark.parametrize(
+    ("name", "kinds"),
+    [
+        ("no-response", ["anomaly"]),
+        ("voltage-sag", ["finding"]),
+        ("brownout", ["cause"]),
+        ("id-changed", ["anomaly", "cause"]),
+        ("Bad-Checksum", ["anomaly"]),
+    ],
+)
+def test_a_name_is_explained_by_every_catalogue_that_has_it(
+    name: str, kinds: list[str], capsys: Capsys
+) -> None:
+    ran = within(capsys, "explain", name)
+    assert (ran.status, ran.err) == (0, "")
+    name = name.lower()
+    heads = [line for line in ran.out.splitlines() if line.startswith(f"{name}: ")]
+    assert [head.removeprefix(f"{name}: ").split()[0].strip(",") for head in heads] == kinds
+    said = told(ran.out)
+    if name in CATALOGUE:
+        code = CATALOGUE[name]
+        assert all(told(text) in said for text in (code.means, code.causes, code.remedy))
+    if name in FINDINGS:
+        assert told(FINDINGS[name].means) in said
+        assert told(FINDINGS[name].known_by) in said
+    if name in CAUSES:
+        cause = CAUSES[name]
+        assert all(told(text) in said for text in (cause.means, cause.remedy, cause.settle))
+
+
+def test_no_name_can_be_read_as_bytes() -> None:
+    for name in known_names():
+        with pytest.raises(InputError):
+            read_hex(name)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (["explain", "no-respnse"], "did you mean no-response"),
+        (["explain", "brownuot"], "did you mean brownout"),
+        (["decode", "x", "--protocol", "mightyzp"], "did you mean mightyzap?"),
+        (["decode", "x", "--format", "jsn"], "did you mean jsonl?"),
+        (["decode", "x", "--model", "wkc"], "did you mean wck?"),
+        (["record", "x", "--topics", "fram"], "did you mean frames?"),
+        (["record", "/dev/x=wkc"], "did you mean wck?"),
+        (["registers", "mightyzap-l21"], "did you mean mightyzap-l12?"),
+        (["simulate", "ls"], "did you mean lss?"),
+        (["explain", "modem"], "see docs/anomalies.md"),
+        (["explain", "no", "hex"], "write bytes as"),
+    ],
+    ids=lambda given: " ".join(given) if isinstance(given, list) else "",
+)
+def test_a_word_that_is_nearly_right_is_answered_with_the_right_one(
+    arguments: list[str], meant: str, capsys: Capsys
+) -> None:
+    ran = within(capsys, *arguments)
+    assert ran.status == 2
+    assert meant in ran.complaint
