@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -10,6 +11,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.tracks import track
 from sniffer.ground.model import NS
+from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -68,14 +70,34 @@ def tears(case: Case) -> Iterator[Finding]:
         torn = case.total("damaged", servo)
         if len(runs) <= OFTEN or 0 < torn < max(2, len(runs) / 10):
             continue
+        strength = min(len(runs) / PLENTY, 1.0)
+        if not torn:  # a contact that opens seldom meets an answer: none torn may be chance
+            strength = 1 - math.exp(-_tears_due(case, servo, runs))
         yield _told(
             "torn-when-away" if torn else "away-without-a-tear",
             servo,
             runs,
             f"servo {servo} was away {len(runs)} times, and {torn or 'not one'} of its answers "
             f"{'are' if torn > 1 else 'is'} torn",
-            min(len(runs) / PLENTY, 1.0),
+            strength,
         )
+
+
+def _tears_due(case: Case, servo: int, runs: Sequence[Silence]) -> float:
+    """Return how many answers a contact would tear that opens and closes at any time.
+
+    Of the time in which a silence meets an exchange, each of its two ends is within the answer for
+    as long as that is.
+    """
+    a = case.answers
+    mine = a["servo_id"] == servo
+    took = int(a["took_sum"][mine].sum()) / max(int(a["took_n"][mine].sum()), 1)
+    lengths = case.ledger.exchanges.answer_lengths
+    size = float((np.arange(len(lengths)) * lengths).sum()) / max(int(lengths.sum()), 1)
+    answer = size * byte_time_ns(case.baud)
+    return sum(
+        min(2 * answer / (answer + took + ((s.back_ns or 0) - s.first_ns) / 2), 1.0) for s in runs
+    )
 
 
 def together(case: Case) -> Iterator[Finding]:
