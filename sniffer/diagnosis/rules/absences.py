@@ -11,7 +11,6 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.tracks import track
 from sniffer.ground.model import NS
-from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -59,6 +58,9 @@ ALSO: Final = 0.3
 LESS: Final = 0.7
 """How much it counts if they are not away at once."""
 
+FEW: Final = 0.05
+"""Part of the time for which a servo speaks, where no clock tells it."""
+
 NEAR_NS: Final = NS // 10
 """Servos are asked one after the other: silences so close to each other are of one moment."""
 
@@ -70,34 +72,27 @@ def tears(case: Case) -> Iterator[Finding]:
         torn = case.total("damaged", servo)
         if len(runs) <= OFTEN or 0 < torn < max(2, len(runs) / 10):
             continue
-        strength = min(len(runs) / PLENTY, 1.0)
-        if not torn:  # a contact that opens seldom meets an answer: none torn may be chance
-            strength = 1 - math.exp(-_tears_due(case, servo, runs))
         yield _told(
             "torn-when-away" if torn else "away-without-a-tear",
             servo,
             runs,
             f"servo {servo} was away {len(runs)} times, and {torn or 'not one'} of its answers "
             f"{'are' if torn > 1 else 'is'} torn",
-            strength,
+            min(len(runs) / PLENTY, 1.0) if torn else _would_tear(case, servo, len(runs)),
         )
 
 
-def _tears_due(case: Case, servo: int, runs: Sequence[Silence]) -> float:
-    """Return how many answers a contact would tear that opens and closes at any time.
+def _would_tear(case: Case, servo: int, times: int) -> float:
+    """Return how likely a contact that opens so often would have torn an answer of a servo.
 
-    Of the time in which a silence meets an exchange, each of its two ends is within the answer for
-    as long as that is.
+    An answer takes so much of the time, and a contact opens at any moment of it.
     """
-    a = case.answers
-    mine = a["servo_id"] == servo
-    took = int(a["took_sum"][mine].sum()) / max(int(a["took_n"][mine].sum()), 1)
-    lengths = case.ledger.exchanges.answer_lengths
-    size = float((np.arange(len(lengths)) * lengths).sum()) / max(int(lengths.sum()), 1)
-    answer = size * byte_time_ns(case.baud)
-    return sum(
-        min(2 * answer / (answer + took + ((s.back_ns or 0) - s.first_ns) / 2), 1.0) for s in runs
-    )
+    rows = case.traffic["servo_id"] == servo
+    frames = max(int(case.traffic["frames"][rows].sum()), 1)
+    mean_bytes = case.ledger.bytes / max(case.ledger.frames, 1)
+    said_ns = frames / 2 * mean_bytes * case.ledger.byte_ns
+    share = said_ns / max(case.seconds * NS, 1.0) if case.has_clock else FEW
+    return min(1.0 - math.exp(-times * share), 1.0)
 
 
 def together(case: Case) -> Iterator[Finding]:
