@@ -22,7 +22,9 @@ GUIDE: Final = RESULTS.parents[1] / "docs" / "diagnosing.md"
 
 OF_SURE: Final = "right, of the first causes that are 80 % sure and more"
 
-STATED: Final = re.compile(r"\d+\.\d %(?=\s+of the first causes that were 80 % sure)")
+STATED: Final = re.compile(
+    r"\d+\.\d %(?=\s+of\s+the\s+first\s+causes\s+that\s+were\s+80\s%\s+sure)"
+)
 MEASURED: Final = re.compile(rf"^\| {OF_SURE} \| (\d+\.\d %) \|", re.MULTILINE)
 """Where the figure stands on that page, and on this one."""
 
