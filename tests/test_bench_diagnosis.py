@@ -15,7 +15,7 @@ from bench.diagnosis.dialects import DIALECTS
 from bench.diagnosis.figures import gathered
 from bench.diagnosis.hosts import HOSTS, START_NS, Capture, exact
 from bench.diagnosis.judging import Case, Told, case_of, score
-from bench.diagnosis.report import report
+from bench.diagnosis.report import GUIDE, MEASURED, RESULTS, STATED, report
 from bench.diagnosis.scenario import Heard, Scenario, Truth
 from bench.diagnosis.uart import BITS, HIGH, LOW, Burst, Clash, Pulse, Receiver, line
 from sniffer.decoding.decoder import Decoder
@@ -307,3 +307,23 @@ def test_a_case_holds_what_the_diagnosis_said_of_a_capture(host: str) -> None:
     seen = case_of(it, it.make(1), host, 1)
     assert seen.frames > 100
     assert score(seen).held[0].named
+
+
+def test_the_guide_states_of_sure_causes_what_was_measured() -> None:
+    measured = MEASURED.search(RESULTS.read_text(encoding="utf-8"))
+    assert measured is not None
+    assert STATED.findall(GUIDE.read_text(encoding="utf-8")) == [measured[1]]
+
+
+def test_of_sure_causes_those_that_are_right_are_counted() -> None:
+    def told(cause: str, sure: float) -> Told:
+        return Told("warn", (1,), START_NS, START_NS + NS, ((cause, sure),), ())
+
+    truth = Truth("stall", (1,), 0.0, 1.0)
+    span = (START_NS, START_NS + NS)
+    cases = [
+        Case("x", "wck", "exact", n, (truth,), (span,), (told(cause, sure),), 100)
+        for n, (cause, sure) in enumerate((("stall", 0.9), ("stall", 0.85), ("overload", 0.8)))
+    ]
+    cases.append(Case("x", "wck", "exact", 9, (truth,), (span,), (told("overload", 0.6),), 100))
+    assert gathered(map(score, cases)).right_of_sure() == pytest.approx(2 / 3)

@@ -1,6 +1,7 @@
 """``python -m bench.diagnosis`` (``make bench-diagnosis``): every scenario through every host.
 
-Writes bench/DIAGNOSIS.md; where only some of it is run, prints it instead.
+Writes bench/DIAGNOSIS.md, and what it says of sure causes into docs/diagnosing.md; where only some
+of it is run, prints it instead.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from bench.diagnosis.catalogue import scenarios
 from bench.diagnosis.figures import gathered
 from bench.diagnosis.hosts import HOSTS, written
 from bench.diagnosis.judging import case_of, score
-from bench.diagnosis.report import RESULTS, report
+from bench.diagnosis.report import RESULTS, report, restate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -106,6 +107,7 @@ def main() -> None:
         sys.stdout.write(page)
     else:
         RESULTS.write_text(page, encoding="utf-8")
+        restate(page)
     sys.stderr.write(f"{len(figures.scores)} cases in {time.perf_counter() - began:.0f} s\n")
     raise SystemExit(bool(figures.failures))
 

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 BINS: Final = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0001)
 """Confidence is looked at in these steps."""
 
+SURE: Final = 0.8
+"""From this confidence on the next step is the remedy (``sniffer.diagnosis.incidents.SURE``)."""
+
 MILLION: Final = 1_000_000
 
 
@@ -95,6 +98,11 @@ class Figures:
         """Return the mean square of confidence less what came true, of the first causes."""
         sure = list(self._sure())
         return share(sum((p - right) ** 2 for p, right in sure), len(sure)) if sure else 0.0
+
+    def right_of_sure(self, least: float = SURE) -> float:
+        """Return the share that is right of the first causes that are so sure and more."""
+        sure = [right for p, right in self._sure() if p >= least]
+        return share(sum(sure), len(sure))
 
     def reliability(self) -> Iterator[tuple[float, float, int, float, float]]:
         """Yield the steps of confidence: from, to, how many, their mean, how many were right."""

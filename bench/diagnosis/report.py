@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -15,6 +16,17 @@ if TYPE_CHECKING:
     from bench.diagnosis.judging import Told
 
 RESULTS: Final = Path(__file__).parents[1] / "DIAGNOSIS.md"
+
+GUIDE: Final = RESULTS.parents[1] / "docs" / "diagnosing.md"
+"""The page that states how often a sure cause is right."""
+
+OF_SURE: Final = "right, of the first causes that are 80 % sure and more"
+
+STATED: Final = re.compile(
+    r"\d+\.\d %(?=\s+of\s+the\s+first\s+causes\s+that\s+were\s+80\s%\s+sure)"
+)
+MEASURED: Final = re.compile(rf"^\| {OF_SURE} \| (\d+\.\d %) \|", re.MULTILINE)
+"""Where the figure stands on that page, and on this one."""
 
 HEAD: Final = """# What the diagnosis says of faults that were built in
 
@@ -34,6 +46,14 @@ def report(figures: Figures) -> str:
     return "\n".join([*parts, _failures(figures), _excused()])
 
 
+def restate(page: str) -> None:
+    """Write what was measured of sure causes into the page that states it."""
+    measured = MEASURED.search(page)
+    if measured is not None:
+        text = GUIDE.read_text(encoding="utf-8")
+        GUIDE.write_text(STATED.sub(measured[1], text), encoding="utf-8")
+
+
 def _summary(figures: Figures) -> str:
     names = {s.case.name for s in figures.faulty}
     sound = {s.case.name for s in figures.sound}
@@ -43,6 +63,7 @@ def _summary(figures: Figures) -> str:
         ("right servo, where it is a servo's and named", percent(figures.right_servo()), ">= 97 %"),
         ("no servo, where it is nobody's and named", percent(figures.nobody()), ""),
         ("incidents a fault", f"{figures.incidents_a_fault():.2f}", "<= 1.2"),
+        (OF_SURE, percent(figures.right_of_sure()), ">= 80 %"),
         ("Brier score of the first cause's confidence", f"{figures.brier():.3f}", ""),
     ]
     for host in figures.hosts:

@@ -74,11 +74,6 @@ class Series:
         """Return a number with the unit."""
         return f"{value:.4g} {self.unit}".rstrip()
 
-    def as_of(self, t_ns: I64, column: F64) -> F64:
-        """Return what a column was at moments: that of the bucket before; NaN before the first."""
-        place = np.searchsorted(self.t, t_ns, "right") - 1
-        return np.where(place >= 0, column[np.maximum(place, 0)], np.nan)
-
 
 class Case:
     """All that a rule may ask about one bus; nothing in here changes while it is judged."""

@@ -1,6 +1,9 @@
 """Every cause: what it is, by what it is known, what looks like it, what to do about it.
 
 The one place for causes; ``docs/causes.md`` is written from here. A slug never changes its meaning.
+
+It is longer than other files, for it is one table and no code: a row is read beside those that look
+like it, whatever area they are of, and none of it is to be looked for in two places.
 """
 
 from __future__ import annotations

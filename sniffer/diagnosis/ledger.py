@@ -18,6 +18,7 @@ from sniffer.diagnosis.exchanges import Exchanges
 from sniffer.diagnosis.histograms import Histograms
 from sniffer.diagnosis.kept import ALARMS, ANSWERS, LINE, TRAFFIC, VALUES
 from sniffer.diagnosis.lineerrors import LineErrors
+from sniffer.diagnosis.lowest import Lowest
 from sniffer.diagnosis.orders import Orders
 from sniffer.diagnosis.refusals import Refusals
 from sniffer.diagnosis.settings import Settings
@@ -28,6 +29,7 @@ from sniffer.diagnosis.unnamed import UnnamedWrites
 from sniffer.diagnostics.found import CODES, Anomalies
 from sniffer.ground.codes import (
     DAMAGED,
+    MEASURED,
     MISMATCHED,
     NO_RESPONSE,
     NOT_EXPECTED,
@@ -113,6 +115,8 @@ class Ledger:
         registers = protocol.registers
         self._is_value = np.array([bool(r.quantity) for r in registers], bool)
         self._has_unit = np.array([bool(r.unit) for r in registers], bool)
+        self._is_measured = np.array([r.role == MEASURED for r in registers], bool)
+        self.lowest = Lowest([r.quantity == "voltage" for r in registers])
 
     def add(self, batch: Batch) -> None:
         """Take what one pass decided."""
@@ -267,7 +271,11 @@ class Ledger:
         v = batch.values
         whole = (v.part == WHOLE) & self._is_value[v.register]
         value = np.where(np.isnan(v.value) & ~self._has_unit[v.register], v.raw, v.value)
-        mine = np.flatnonzero(whole & v.accepted & np.isfinite(value))
+        whole &= v.accepted & np.isfinite(value)
+        written = batch.frames.kind[v.row] == REQUEST
+        if written.any():  # who writes what is measured has not measured it
+            whole &= ~(written & self._is_measured[v.register])
+        mine = np.flatnonzero(whole)
         self.events.add(self.settings.changes(batch))
         if not len(mine):
             return
@@ -276,6 +284,7 @@ class Ledger:
         who = (v.servo_id[mine].astype(np.int64) + 1) * len(self._is_value) + register
         t_ns = v.t_ns[mine]
         at = batch.frames.start[v.row[mine]] + batch.base
+        self.lowest.add(register, v.servo_id[mine].astype(np.int64), milli, t_ns, at)
         self.values.add(
             t_ns,
             v.servo_id[mine],

@@ -35,6 +35,18 @@ FINDINGS: Final = (
         "Each write of its torque register was answered with a refusal.",
     ),
     FindingCode(
+        "complaints-together",
+        "device",
+        "Several servos complain of the same within moments.",
+        "Two servos and more, a half of those that answer, report one alarm within a second of each other.",
+    ),
+    FindingCode(
+        "unasked-now-and-then",
+        "device",
+        "What a servo says unasked stands behind few of its exchanges.",
+        "From the first such answer to the last one, behind fewer than a third of its sound exchanges: a second servo of the same id would answer each.",
+    ),
+    FindingCode(
         "speaks-unasked",
         "device",
         "One device sends answers that nobody asked for.",
@@ -69,6 +81,17 @@ LEAST: Final = 3
 """Refusals of one command that are no accident."""
 
 PLENTY: Final = 10
+
+SHARED: Final = ("device-safe-mode", "device-input-voltage", "device-overload")
+"""Alarms that a supply which sags raises in all servos that hang on it."""
+
+MOMENT_NS: Final = NS
+"""Servos are asked one after the other."""
+
+SELDOM: Final = 1 / 3
+"""Part of the exchanges behind which a second servo surely would be heard."""
+
+SURE: Final = 1e-4
 
 BARE_SHARE: Final = 0.7
 """Of bytes that are noise by their looks so many fit one servo if they are its: by chance a tenth."""
@@ -195,10 +218,11 @@ def chatty(case: Case) -> Iterator[Finding]:
     for servo, n in unasked.items():
         others = sum(unasked.values()) - n
         missing = case.total("missing", servo) + case.total("damaged", servo)
-        if n < UNASKED or others > n / 5 or missing > n / 2:
-            continue
         # a request that was damaged leaves an answer behind, too: of anybody's, as often as asked
         share = case.total("asked", servo) / max(case.total("asked"), 1)
+        is_sure = not others and share ** (n - 1) < SURE and case.total("missing", servo) < n / 2
+        if n < UNASKED or others > n / 5 or (missing > n / 2 and not is_sure):
+            continue
         if torn > n and (others or share ** (n - 1) > CHANCE):
             continue
         if servo < 0 or not case.total("ok", servo):
@@ -217,6 +241,42 @@ def chatty(case: Case) -> Iterator[Finding]:
             strength=min(0.7 + n / 25, 1.0),
             brief=f"servo {servo} speaks unasked",
         )
+        answers = case.answers
+        since, until = int(told.t_ns.min()), int(told.t_ns.max())
+        within = (answers["t_last"] >= since) & (answers["t_first"] <= until)
+        ok = int(answers["ok"][within & (answers["servo_id"] == servo)].sum())
+        if n < SELDOM * ok:
+            yield Finding(
+                "unasked-now-and-then",
+                servo,
+                since,
+                until,
+                n,
+                f"servo {servo} said something more behind {n} of {ok} exchanges",
+                strength=min(1.0, (SELDOM * ok - n) / max(n, 1)),
+            )
+
+
+def together(case: Case) -> Iterator[Finding]:
+    """Servos that complain of the same at the same time."""
+    many = max(len(case.answering), 1)
+    for code in SHARED:
+        firsts = {s: case.anomalies(code, servo_id=s).t_ns for s in case.servos}
+        first = {s: int(t.min()) for s, t in firsts.items() if len(t)}
+        for servo, t in first.items():
+            near = sum(abs(other - t) <= MOMENT_NS for other in first.values())
+            if near < 2 or 2 * near < many:
+                continue
+            yield Finding(
+                "complaints-together",
+                servo,
+                t,
+                t,
+                near,
+                f"{near} of {many} servos report {code.removeprefix('device-')} within a second",
+                strength=min(near / many, 1.0),
+                brief=f"{near} servos complain at once",
+            )
 
 
 def chatty_bare(case: Case) -> Iterator[Finding]:
@@ -256,5 +316,12 @@ def chatty_bare(case: Case) -> Iterator[Finding]:
         )
 
 
-RULES: Final[tuple[Rule, ...]] = (complaints, refusals, torque_refused, chatty, chatty_bare)
+RULES: Final[tuple[Rule, ...]] = (
+    complaints,
+    together,
+    refusals,
+    torque_refused,
+    chatty,
+    chatty_bare,
+)
 """The rules of this file."""

@@ -69,6 +69,10 @@ SEQUENCE: Final = 6
 REPEATS: Final = 0.15
 """Part of sequences of so many bytes that come again; in noise there is none."""
 
+NONE: Final = 0.01
+PLENTY: Final = 500
+"""Part of so many bytes that hold: noise that takes all frames from the first one on is no noise."""
+
 RATES: Final = (
     1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 250000, 460800, 500000, 921600,
     1000000,
@@ -154,7 +158,8 @@ def nothing_holds(case: Case) -> Iterator[Finding]:
         return
     again = _repeated(head)
     slower = _slower(case, head)
-    if again < REPEATS and slower is None:
+    # bits that a wrong rate cuts anew each time repeat little, but nothing ever holds by them
+    if again < REPEATS and slower is None and (total - lost > NONE * total or total < PLENTY):
         return
     t = case.line["t_first"].min(), case.line["t_last"].max()
     place = Place(0, min(total, 64), int(t[0]), "no frame")

@@ -115,6 +115,22 @@ def _misused(case: Case, line: bytes) -> str:
     return next(wrong, "")
 
 
+_LINE: Final = re.compile(r"#\d+([A-Z]+)(-?\d*)(?:[A-Z]+-?\d+)*\r?\n?")
+"""A line as the page has it: an id, a word, its number, modifiers with theirs."""
+
+
+def _incomplete(case: Case, line: bytes) -> str:
+    """Return what a line lacks, or has too much of; empty: nothing."""
+    form = _LINE.fullmatch(line.decode("latin-1").upper())
+    if form is None:
+        return "with what no line has"
+    word, number = form.groups()
+    needs = any(
+        r.kind == "action" and r.word == word and r.quantity for r in case.protocol.registers
+    )
+    return "without its number" if needs and not number else ""
+
+
 def odd_commands(case: Case) -> Iterator[Finding]:
     """Requests that are not as the manual has them, and modifiers where they mean nothing."""
     kinds = case.ledger.exchanges.kinds
@@ -126,6 +142,7 @@ def odd_commands(case: Case) -> Iterator[Finding]:
         shown = kinds.example[k][:24].hex(" ").upper()
         span = kinds.t_first[k], int(kinds.t_last[k])
         wrong = _misused(case, kinds.example[k]) if has_modifiers and odd & UNUSUAL else ""
+        lacks = _incomplete(case, kinds.example[k]) if has_modifiers and odd & UNUSUAL else ""
         if wrong:
             text = kinds.example[k].decode("latin-1").strip()
             code, what = "modifier-misused", f"{n} x {text}: {name} has no modifier {wrong}"
@@ -134,6 +151,9 @@ def odd_commands(case: Case) -> Iterator[Finding]:
         ):
             how = "with a body it cannot have" if odd & MALFORMED else "which stands in no manual"
             code, what = "odd-commands", f"{n} x {name} {how}: {shown}"
+        elif lacks and n >= OFTEN and not may_be_torn(case, n):
+            text = kinds.example[k].decode("latin-1").strip()
+            code, what = "odd-commands", f"{n} x {name} {lacks}: {text}"
         else:
             continue
         yield Finding(

@@ -10,7 +10,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.efforts import effort
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.warmth import hot_times
-from sniffer.diagnosis.tracks import LOOKS, track
+from sniffer.diagnosis.tracks import LOOKS, in_force, track
 from sniffer.ground.model import NS
 from sniffer.protocols.base import RESTARTS
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.efforts import Effort
     from sniffer.diagnosis.rules import Rule
     from sniffer.diagnosis.tracks import Away, JointTrack
     from sniffer.ground.model import I64
@@ -87,6 +88,12 @@ SHORTLY_NS: Final = NS // 10
 ENOUGH_NS: Final = 2 * NS
 """A stretch of this length is beyond doubt."""
 
+PUSHES: Final = 3
+"""Quarter seconds for which a motor pushes before it gives up: less is a start, or a hard stop."""
+
+WELL: Final = 1.5
+"""How many times as far off as what counts as far: a joint that bears too much gives way a little."""
+
 LONE: Final = 0.6
 """How much it counts where no joint of the bus ever followed: positions may be no measurements."""
 
@@ -106,7 +113,11 @@ def following(case: Case) -> Iterator[Finding]:
     for one in tracks:
         kinds: dict[str, list[Away]] = {}
         for away in one.away:
-            kinds.setdefault(_kind(case, one, away), []).append(away)
+            code = _kind(case, one, away)
+            kinds.setdefault(code, []).append(away)
+            motor = effort(case, one.servo_id)
+            if code.startswith("joint-limp") and motor and _pushed_before(one, motor, away):
+                kinds.setdefault("joint-stalled", []).append(away)
         for code, several in kinds.items():
             yield _found(case, one, code, several, moved=moved or _moves(one))
 
@@ -182,6 +193,22 @@ def _kind(case: Case, one: JointTrack, away: Away) -> str:
     back = [s.back_ns for s in case.ledger.silences.of(one.servo_id) if s.back_ns is not None]
     begun = np.array([*back, *case.order_times(one.servo_id, RESTARTS).tolist()], np.int64)
     return "joint-limp-after-restart" if _since(one, away, begun) else "joint-limp"
+
+
+def _pushed_before(one: JointTrack, motor: Effort, away: Away) -> bool:
+    """Tell whether a motor that is off pushed at first, while its joint stood there far from its goal."""
+    p, s = one.position, motor.series
+    first = away.first
+    while first > 0 and abs(p.low[first - 1] - p.last[away.first]) < one.far / 4:
+        first -= 1
+    stood = (s.t_first >= p.t_first[first]) & (s.t <= away.last_ns)
+    rows = np.flatnonzero(stood & (motor.steady >= motor.pushes_from))
+    if len(rows) < PUSHES or s.n[rows].sum() < LOOKS:
+        return False
+    low, high = in_force(one.goal, s.t[rows] - NS // 8, s.t[rows])
+    stands = p.last[away.first]
+    off = np.maximum(low - stands, stands - high)
+    return float(np.median(off)) > WELL * one.far
 
 
 def _since(one: JointTrack, away: Away, moments: I64) -> bool:

@@ -91,11 +91,14 @@ def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Lea
         wraps = p.register.range is not None and size > WRAPS * span
         if size < max(AHEAD * usual, LEAST_SHARE * span) or wraps:
             continue
-        if joint is not None and joint.position.index == p.index and _was_told(joint, s):
-            continue
         follows = steps[k + 1] if k + 1 < len(steps) else None
         soon = SOON_NS if joint is None else LATER_NS
         comes_back = _comes_back(s, follows) and s.took_ns <= soon
+        # who is there and back within moments was not told so a second ago
+        before_ns = SOON_NS if comes_back and s.took_ns <= SOON_NS else NS
+        is_told = joint is not None and joint.position.index == p.index
+        if joint is not None and is_told and _was_told(joint, s, before_ns):
+            continue
         if comes_back or (_is_too_fast(case, p, s) and not _returns(steps, k)):
             out.append(s)
     return out
@@ -106,9 +109,9 @@ def _span(p: Series) -> float:
     return (high - low) * p.scale or float(p.high.max() - p.low.min())
 
 
-def _was_told(joint: JointTrack, s: Leap) -> bool:
+def _was_told(joint: JointTrack, s: Leap, before_ns: int) -> bool:
     """Tell whether a goal lies at least half the way to where the position jumps."""
-    since, until = np.array([s.t_ns - s.took_ns - NS]), np.array([s.t_ns])
+    since, until = np.array([s.t_ns - s.took_ns - before_ns]), np.array([s.t_ns])
     low, high = (float(x[0]) * MILLI for x in in_force(joint.goal, since, until))
     half = (s.before + s.after) / 2
     return high >= half if s.after > s.before else low <= half

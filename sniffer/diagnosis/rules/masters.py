@@ -57,6 +57,9 @@ APART: Final = 0.04
 FAR: Final = 6.0
 """Of periods so many times as long nobody can tell whether they are multiples."""
 
+BLUR: Final = 8
+"""Periods that are not so many times as long as stamps are late look uneven, or even, by that."""
+
 _NEAR: Final = 2
 """Bins beside the fullest one that are the same period: 3 %."""
 
@@ -86,6 +89,7 @@ def interleaved(case: Case) -> Iterator[Finding]:
         and r.later <= LATER
         and r.lump <= EVEN
         and r.soonest_ns < 0.4 * r.period_ns
+        and r.period_ns > BLUR * case.latency_ns
     ]
     if len({r.servo_id for r in mixed}) < 2:
         return
@@ -108,7 +112,10 @@ def unrelated(case: Case) -> Iterator[Finding]:
     """Requests in two periods that do not belong together."""
     if not case.has_clock:
         return
-    even = sorted((r for r in _rhythms(case) if r.tight >= TIGHT), key=lambda r: r.period_ns)
+    even = sorted(
+        (r for r in _rhythms(case) if r.tight >= TIGHT and r.period_ns > BLUR * case.latency_ns),
+        key=lambda r: r.period_ns,
+    )
     if len(even) < 2:
         return
     if case.latency_ns <= EXACT_NS and least_together(case) is None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
     from sniffer.diagnosis.silences import Silence
-    from sniffer.ground.model import I64
+    from sniffer.ground.model import F64, I64
 
 FINDINGS: Final = (
     FindingCode(
@@ -50,6 +50,18 @@ FINDINGS: Final = (
         "At least three single losses, a share of its requests that is five times that of all others.",
     ),
     FindingCode(
+        "outages-evenly",
+        "pairing",
+        "A servo is away at even times.",
+        "Of six outages and more the times between vary by less than half of their mean.",
+    ),
+    FindingCode(
+        "outages-anytime",
+        "pairing",
+        "A servo is away now and then, without a rhythm.",
+        "Of six outages and more the times between vary by 85 % of their mean and more.",
+    ),
+    FindingCode(
         "late-replies",
         "pairing",
         "Answers of a servo come so late that they are taken for those to later requests, or for nobody's.",
@@ -81,6 +93,22 @@ BOOT_MS: Final = 1000.0
 
 LONG: Final = 0.5
 """How much it counts if they stay away for longer."""
+
+UNLIKE: Final = 0.3
+"""How much it counts if they stay away for now a short, now a long time."""
+
+EXPONENTIAL: Final = 0.9
+SAME: Final = 0.4
+"""How much times vary that nothing determines, as part of their mean; from so much less on they are
+alike."""
+
+OUTAGES: Final = 6
+"""Outages whose rhythm can be told."""
+
+EVEN: Final = 0.6
+UNEVEN: Final = 0.85
+"""Parts of their mean by which the times between outages vary, up to which they are even, and from
+which on not."""
 
 AHEAD: Final = 5.0
 """How many times the others' share of losses a servo must have to be the one that misses."""
@@ -140,8 +168,9 @@ def silences(case: Case) -> Iterator[Finding]:
             yield _away(servo, away)
             if len(away) >= AGAIN and _alike(away):
                 yield _again(servo, away)
-        else:
+        if len(away) < AGAIN:
             yield from _now_and_then(case, servo)
+        yield from _rhythm(case, servo)
 
 
 def _outages(case: Case, servo: int) -> list[Silence]:
@@ -201,8 +230,39 @@ def _again(servo: int, away: Sequence[Silence]) -> Finding:
         len(away),
         f"servo {servo} went away {len(away)} times, for {np.median(spans):.0f} ms in the middle "
         f"({spans.min():.0f} to {spans.max():.0f}), every {np.median(apart):.2g} s or so",
-        strength=min(0.55 + 0.15 * len(away), 1.0) * (LONG if np.median(spans) > BOOT_MS else 1.0),
+        strength=min(0.55 + 0.15 * len(away), 1.0)
+        * (LONG if np.median(spans) > BOOT_MS else 1.0)
+        * min(max((EXPONENTIAL - _spread(spans)) / SAME, UNLIKE), 1.0),
         episodes=tuple((s.first_ns, s.back_ns or 0) for s in away),
+    )
+
+
+def _spread(numbers: F64) -> float:
+    """Return the standard deviation of positive numbers as part of their mean."""
+    return float(numbers.std() / max(float(numbers.mean()), 1e-9))
+
+
+def _rhythm(case: Case, servo: int) -> Iterator[Finding]:
+    """Yield whether the outages of a servo come at even times, or at any."""
+    runs = case.ledger.silences.runs(servo)
+    if not case.has_clock or len(runs) < OUTAGES:
+        return
+    began = np.array([s.first_ns for s in runs], np.int64)
+    spread = _spread(np.diff(began).astype(np.float64))
+    # of a Poisson process it is 1; by chance less, the fewer there are
+    even, uneven = EVEN - 1 / len(runs), UNEVEN
+    if even < spread < uneven:
+        return
+    how = "evenly, as restarts do" if spread <= even else "at any time, as a contact opens"
+    yield Finding(
+        "outages-evenly" if spread <= even else "outages-anytime",
+        servo,
+        runs[0].first_ns,
+        runs[-1].back_ns or 0,
+        len(runs),
+        f"the {len(runs)} outages of servo {servo} come {how}: the times between them vary by "
+        f"{spread:.0%}",
+        strength=min(abs(spread - (even + uneven) / 2) / (uneven - even), 1.0),
     )
 
 

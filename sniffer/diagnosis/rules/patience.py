@@ -7,19 +7,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.losses import alike, is_altered
-from sniffer.diagnosis.rules.order import Order
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
-from sniffer.ground.model import NEVER_NS, NS, Clock
-from sniffer.ground.timing import byte_time_ns
+from sniffer.ground.model import NEVER_NS, NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from sniffer.diagnosis.case import Case
-    from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.rules import Rule
 
 FINDINGS: Final = (
@@ -29,27 +24,6 @@ FINDINGS: Final = (
         "The next request comes before the answer to the last one can be over.",
         "The time from a request without a good answer to the next one, against the shortest time "
         "in which sound answers to such requests are over, less what the stamps leave open.",
-    ),
-    FindingCode(
-        "request-over-answer",
-        "controller",
-        "A request begins while the answer to the one before is still on the line.",
-        "Exact stamps: the request's first byte begins before the answer's last one ends, by more than "
-        "the stamps and rates leave open, on one wire.",
-    ),
-    FindingCode(
-        "request-in-answer",
-        "controller",
-        "A request runs into an answer: both are torn.",
-        "Damage in the place of an answer that begins or ends as one of the controller's own "
-        "requests, byte for byte, and not as the answer that is due.",
-    ),
-    FindingCode(
-        "request-swallowed",
-        "controller",
-        "Behind a torn answer the request that always follows is missing: it was said into the answer.",
-        "The kinds of requests in the order in which this controller makes them: where an answer is "
-        "torn that lacks no bytes, one is left out.",
     ),
     FindingCode(
         "answers-after-next",
@@ -91,23 +65,8 @@ pass has waited."""
 HABIT: Final = 20
 """Requests of a kind that show whether it is asked together with others by plan."""
 
-LATENCY_NS: Final = MS
-"""A host that is later may hand on a request before the answer that came first."""
-
-TAIL: Final = 3
-"""Bytes that end, or begin, as a request does: three alike by chance are one in 16 million."""
-
 PART_TORN: Final = 0.2
 """Share of failed exchanges that show a cause; what fewer show may look so by chance."""
-
-MORE: Final = 2
-"""Bytes beyond what an answer has in common with a request: both begin with one header."""
-
-SHORT: Final = 2
-"""Bytes that a torn answer may lack; where more are missing they are lost, not torn."""
-
-SHARE: Final = 0.4
-"""Share of torn answers: noise takes a request behind one in a hundred."""
 
 OVERLAPS: Final = 3
 """Times that are no rounding."""
@@ -156,27 +115,6 @@ def hasty(case: Case) -> Iterator[Finding]:
     )
 
 
-def overlapping(case: Case) -> Iterator[Finding]:
-    """Requests that begin while an answer is on the line."""
-    exchanges = case.ledger.exchanges
-    if case.ledger.clock != Clock.SAMPLE or exchanges.overlaps < OVERLAPS:
-        return
-    if case.ledger.has_wires or case.count("adapter-echo"):
-        return  # two wires, each with its own stamps; or a note of what is about to be sent
-    shown = exchanges.overlapping
-    yield Finding(
-        "request-over-answer",
-        None,
-        shown[0][2],
-        shown[-1][2],
-        exchanges.overlaps,
-        f"{exchanges.overlaps} requests begin while the answer to the one before is on the line",
-        tuple(Place(at, length, t, "its answer is talked over") for at, length, t in shown[:3]),
-        strength=min(0.5 + exchanges.overlaps / 10, 1.0),
-        brief="requests begin while answers are on the line",
-    )
-
-
 def hurried(case: Case) -> Iterator[Finding]:
     """Requests that come before the answer to the last one, behind some wait for it."""
     exchanges = case.ledger.exchanges
@@ -204,91 +142,6 @@ def hurried(case: Case) -> Iterator[Finding]:
         strength=min(0.5 + n / 50, 1.0),
         brief=f"answers come behind the next request, {waited.low / MS:.1f} ms later",
     )
-
-
-def request_in_answer(case: Case) -> Iterator[Finding]:
-    """Requests that run into answers, by their bytes."""
-    if not case.has_clock or case.latency_ns > LATENCY_NS or case.count("adapter-echo"):
-        return  # of an echo it is what comes back; of a host that holds bytes, two pieces
-    asked = {f.at + f.length: f.t_ns for f in case.ledger.exchanges.failed}
-    places = [d for d in case.damages if d.turn == IN_REPLY and d.asked]
-    places = [d for d in places if d.at in asked and _is_in_one_go(case, d, asked[d.at])]
-    if not places:
-        return
-    known = {*case.ledger.exchanges.kinds.example, *(d.asked for d in places)}
-    torn = [d for d in places if _holds_request(d, known)]
-    if len(torn) < ENOUGH or len(torn) < PART_TORN * len(places):
-        return
-    yield Finding(
-        "request-in-answer",
-        None,
-        torn[0].t_ns,
-        torn[-1].t_ns,
-        len(torn),
-        f"{len(torn)} of {len(places)} torn answers begin or end as requests of this controller",
-        tuple(Place(d.at, d.length, d.t_ns, "a request runs into this answer") for d in torn[:3]),
-        strength=min(0.5 + len(torn) / 10, 1.0) * min(2 * len(torn) / len(places), 1.0),
-        brief="requests run into answers",
-    )
-
-
-def swallowed(case: Case) -> Iterator[Finding]:
-    """Requests that are missing behind torn answers."""
-    exchanges = case.ledger.exchanges
-    torn = {d.at: d for d in case.damages if d.turn == IN_REPLY}
-    if not torn or not case.has_clock or case.latency_ns > LATENCY_NS:
-        return
-    order = Order(case)
-    judged, shown = 0, []
-    for f in exchanges.failed:
-        damage = torn.get(f.at + f.length)
-        if damage is None or f.outcome != DAMAGED or f.kind not in order.usual:
-            continue
-        if damage.length + SHORT < len(damage.expected):
-            continue
-        if not _is_in_one_go(case, damage, f.t_ns):
-            continue
-        judged += 1
-        if order.skips_one(f.kind, f.next_kind):
-            shown.append(f)
-    if len(shown) < ENOUGH or len(shown) < SHARE * judged:
-        return
-    yield Finding(
-        "request-swallowed",
-        None,
-        shown[0].t_ns,
-        shown[-1].t_ns,
-        len(shown),
-        f"behind {len(shown)} of {judged} torn answers the request is missing that comes next in this "
-        "controller's order",
-        tuple(Place(f.at, f.length, f.t_ns, "behind its answer one is missing") for f in shown[:3]),
-        strength=min(0.5 + len(shown) / 10, 1.0),
-        brief="requests are missing behind torn answers",
-    )
-
-
-def _is_in_one_go(case: Case, d: Damage, asked_ns: int) -> bool:
-    """Tell whether no bytes are missing in damage behind a request.
-
-    It is over as soon as an answer that begins when this servo's do has as many bytes.
-    """
-    a = case.answers
-    rows = a["servo_id"] == d.servo_id
-    begins = int(a["took_sum"][rows].sum()) / max(int(a["took_n"][rows].sum()), 1)
-    whole = (d.length + SHORT) * byte_time_ns(case.baud)
-    return d.t_ns - asked_ns <= begins + whole + case.latency_ns
-
-
-def _holds_request(d: Damage, known: Iterable[bytes]) -> bool:
-    """Tell whether damage begins or ends as a request, and not as the answer that is due."""
-    if any(is_altered(d.got, q) or q.startswith(d.got) for q in known):
-        return False  # nothing but a request that is torn
-    tail, head = alike(d.got[::-1], d.expected[::-1]), alike(d.got, d.expected)
-    for request in known:
-        ends, begins = alike(d.got[::-1], request[::-1]), alike(d.got, request)
-        if ends >= max(TAIL, tail + MORE) or begins >= max(TAIL, head + MORE):
-            return True
-    return False
 
 
 def after_next(case: Case) -> Iterator[Finding]:
@@ -397,14 +250,5 @@ def absent_costs(case: Case) -> Iterator[Finding]:
         )
 
 
-RULES: Final[tuple[Rule, ...]] = (
-    hasty,
-    overlapping,
-    hurried,
-    request_in_answer,
-    swallowed,
-    after_next,
-    retry_storms,
-    absent_costs,
-)
+RULES: Final[tuple[Rule, ...]] = (hasty, hurried, after_next, retry_storms, absent_costs)
 """The rules of this area."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.efforts import effort
+from sniffer.diagnosis.ledger import MILLI
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.model import NS
 
@@ -29,15 +30,20 @@ FINDINGS: Final = (
         "supply-steady",
         "device",
         "The supply of a servo was as usual right before it fell silent.",
-        "A voltage within a twentieth of the usual one in the tenth of a second before its silences, known of half of them at least.",
+        "A voltage within a twentieth of the usual one shortly before its silences, known of half of them at least; it counts in full within a tenth of a second, and less up to a second.",
     ),
 )
 
 JUST_NS: Final = NS // 10
-"""A voltage that was measured so shortly before a silence tells what the supply was like."""
+SOON_NS: Final = NS
+"""A voltage that was measured so shortly before a silence tells what the supply was like; up to the
+second time it tells less and less."""
 
 BEFORE_NS: Final = NS
 """So close to each other, two signs are of one sag."""
+
+OLD: Final = 0.4
+"""How much a voltage counts that is a second old."""
 
 SAG: Final = 0.10
 """Part of the usual voltage; wires and a sound supply under a robot's load move it by less."""
@@ -89,10 +95,11 @@ def steady(case: Case) -> Iterator[Finding]:
         usual = float(np.quantile(v.mean, USUALLY))
         began = np.array([s.first_ns for s in spells], np.int64)
         row = np.searchsorted(v.t, began, "right") - 1
-        known = (row >= 0) & (began - v.t[np.maximum(row, 0)] <= JUST_NS)
+        age = began - v.t[np.maximum(row, 0)]
+        known = (row >= 0) & (age <= SOON_NS)
         if 2 * known.sum() < len(known) or (v.low[row[known]] < (1 - STEADY) * usual).any():
             continue
-        began, row = began[known], row[known]
+        began, row, age = began[known], row[known], age[known]
         yield Finding(
             "supply-steady",
             servo,
@@ -104,6 +111,7 @@ def steady(case: Case) -> Iterator[Finding]:
                 Place(int(v.at[r]), 1, int(v.t_first[r]), f"voltage {v.told(v.last[r])}")
                 for r in row[:2].tolist()
             ),
+            strength=min(1.0, max(1.0 - float(np.median(age) - JUST_NS) / SOON_NS, OLD)),
         )
 
 
@@ -123,14 +131,19 @@ def _sag(case: Case, servo: int, v: Series, low: I64, normal: float, limit: floa
         int(v.t[low[-1]]),
         len(low),
         f"servo {servo} measures {v.told(least)} at least{under}, usually {v.told(normal)}{below}",
-        tuple(
-            Place(int(v.at[r]), 1, int(v.t_first[r]), f"voltage {v.told(v.low[r])}")
-            for r in low[:3]
-        ),
+        _lowest(case, servo, v),
         strength=strength,
         brief=f"supply of servo {servo} sags to {v.told(least)}{under}",
         values=(("least", least), ("usual", normal)),
     )
+
+
+def _lowest(case: Case, servo: int, v: Series) -> tuple[Place, ...]:
+    """Return where the lowest voltage stands."""
+    low = case.ledger.lowest.of(servo, v.index)
+    if low is None:
+        return ()
+    return (Place(low.at, 1, low.t_ns, f"voltage {v.told(low.value / MILLI)}"),)
 
 
 def _is_borne_out(case: Case, servo: int, v: Series, low: I64) -> bool:

@@ -10,6 +10,7 @@ _SPEAKS_INTO: Final = (
     ("request-swallowed", -3.0, "the request that was due stands in the torn answer"),
     ("hasty-request", -3.0, "the controller does not wait for the answers that are missing"),
 )
+_MIXED: Final = ("answers-spoken-into", -2.5, "what is torn is torn for as long as a frame")
 """What speaks against a fault of the line: the controller tears the answers."""
 
 WEIGHTS: Final = (
@@ -18,6 +19,23 @@ WEIGHTS: Final = (
         for cause in ("bus-noise", "signal-integrity", "turnaround", "duplicate-id", "clock-drift")
         for weight in for_(
             cause, ("same-bytes-torn", -8.0, "the same bytes, and never whole: they were sent so")
+        )
+    ),
+    *(weight for cause in ("bus-noise", "bad-cable", "emi-load") for weight in for_(cause, _MIXED)),
+    *(
+        weight
+        for cause in (
+            "signal-integrity",
+            "turnaround",
+            "clock-drift",
+            "line-stuck",
+            "duplicate-id",
+            "chatty-device",
+            "two-masters",
+            "mixed-protocols",
+        )
+        for weight in for_(
+            cause, ("answers-spoken-into", 0.1, "what alters many bytes looks like a second sender")
         )
     ),
     *(
@@ -42,6 +60,7 @@ WEIGHTS: Final = (
         ("request-in-answer", 3.5, "its requests run into answers"),
         ("request-over-answer", 3.5, "its requests begin while answers are on the line"),
         ("request-swallowed", 3.5, "its requests are lost in answers"),
+        ("answers-spoken-into", 2.5, "answers begin well, and somebody speaks into them"),
         ("answers-after-next", 3.0, "answers come when it has asked something else"),
         ("late-response", 0.5, "answers are late for it"),
         ("damaged-response", 0.5, "answers are cut by requests"),
@@ -59,7 +78,7 @@ WEIGHTS: Final = (
         ("unknown-command", 0.2, "a torn frame may hold by chance"),
         ("goes-on-unanswered", -2.0, "it waits as long as behind sound answers"),
         ("damage-everywhere", 0.3, "answers of all servos are torn"),
-        ("damage-in-answers", 0.3, "answers are torn"),
+        ("damage-in-answers", 1.0, "answers are torn, and requests are not"),
         ("damage-in-requests", 0.2, "what is torn may look like a request"),
         ("strays-at-turn", 0.2, "what is left of a request behind an answer"),
         ("strays-anywhere", 0.2, "what is left of a request behind an answer"),
@@ -90,16 +109,33 @@ WEIGHTS: Final = (
                 "comes-and-goes",
                 "late-replies",
                 "joint-not-following",
+                "joint-limp",
+                "torque-survives",
+                "supply-steady",
+                "outages-anytime",
+                "outages-evenly",
+                "lost-together",
+                "others-away-too",
             )
         ),
+        ("pieces-complete", 0.1, "the end of a request stands behind the answer it was said into"),
+        ("answers-twice", 0.2, "an answer and the piece of a request behind it"),
+        ("answers-mixed", 0.2, "a request over an answer begins like one"),
         ("damage-one-servo", 0.3, "answers of one servo are torn: it is the slowest"),
         ("coarse-stamps", -0.5, "the stamps cannot tell what came first"),
+    ),
+    *for_(
+        "duplicate-id",
+        ("answers-after-next", -2.0, "who does not wait has his next request torn by the answer"),
     ),
     *for_(
         "controller-stall",
         ("loop-stalls", 3.5, "its loop stops, and nothing was missing"),
         ("tap-was-late", -1.0, "the tap itself was late"),
         ("clock-stepped", -2.0, "the clock of the input was set"),
+        ("goal-jump", 0.2, "behind a stop the goals are far from where it left"),
+        ("device-overload", 0.3, "behind a stop the servo is to hasten"),
+        ("device-recovered", 0.1, "behind a stop the servo is to hasten"),
     ),
     *for_(
         "controller-jitter",
@@ -144,6 +180,10 @@ WEIGHTS: Final = (
         "position-jump",
         ("goal-jump", 3.5, "one step far beyond all others"),
         ("goal-beyond-range", -0.5, "goals out of range are a fault of their own"),
+        ("device-overload", 0.3, "the servo is to hasten to a goal far away"),
+        ("device-recovered", 0.1, "the servo has come to its goal"),
+        ("load-high", 0.2, "the servo hastens to a goal far away"),
+        ("joint-not-following", 0.2, "the goal is back before the servo gets there"),
     ),
     *for_(
         "read-only-write",
@@ -222,6 +262,18 @@ WEIGHTS: Final = (
         ("comes-and-goes", 0.3, "the servo is away, and is not left alone"),
         ("damaged-response", 0.3, "the answers are torn"),
         ("joint-not-following", 0.1, "others get no goals meanwhile"),
+        *(
+            (code, 0.2, "the loop waits, and goes on out of step")
+            for code in (
+                "unrelated-periods",
+                "streams-apart",
+                "interleaved-requests",
+                "loop-jitters",
+            )
+        ),
+        ("torque-survives", 0.1, "it did not restart"),
+        ("away-without-a-tear", 0.1, "it answers nothing of this"),
+        ("supply-steady", 0.1, "its supply is in order"),
     ),
     *for_(
         "servo-absent",

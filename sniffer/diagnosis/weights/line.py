@@ -63,6 +63,9 @@ _LOST: Final[tuple[_Row, ...]] = (
 )
 """What others make of it."""
 
+_TWICE: Final = ("doubtful-value", "refuses-command", "echo-mismatch", "answers-after-next")
+"""What two answers to one request explain in another way."""
+
 _HALF_HEARD: Final[tuple[_Row, ...]] = (
     ("answered-though-torn", 0.2, "what is torn at the tap may be whole at the servo"),
     ("goes-on-unanswered", 0.1, "what is torn at the tap may be whole at the controller"),
@@ -239,7 +242,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("voltage-sag", 0.1, "what holds by chance says anything"),
         ("device-alarm", 0.1, "what holds by chance says anything"),
         *_TORN,
-        *(w for w in _LOST if w[0] not in ("doubtful-value", "refuses-command", "echo-mismatch")),
+        *(w for w in _LOST if w[0] not in _TWICE),
         *_HALF_HEARD,
         ("refuses-command", 0.5, "two answers at once say anything"),
         ("echo-mismatch", 0.5, "two answers at once say anything"),

@@ -13,6 +13,7 @@ _LOST_HERE: Final = (
     ("requests-missing", -1.0, "noise takes no requests away"),
     ("answered-though-torn", -3.0, "on the line the requests were whole"),
     ("goes-on-unanswered", -2.5, "the controller got the answers that are missing here"),
+    ("pieces-complete", -3.5, "pieces of frames are as they were sent: noise alters them"),
 )
 """What speaks against a fault of line or servo: the tap lost what is missing."""
 
@@ -43,6 +44,7 @@ WEIGHTS: Final = (
         ("not-decoded", 0.5, "the recorder was too slow to decode"),
         ("goes-on-unanswered", 3.0, "the controller got the answers that are missing here"),
         ("requests-missing", 1.2, "requests are missing from the controller's order"),
+        ("pieces-complete", 4.0, "pieces are as they were sent, but for bytes that are missing"),
         ("headless-frames", 2.5, "ends of frames stand without their beginnings"),
         ("requests-torn-short", 3.0, "requests lack bytes, which only the tap can have lost"),
         ("answered-though-torn", 3.0, "servos answer requests that are torn here"),
@@ -72,6 +74,11 @@ WEIGHTS: Final = (
                 "request-over-answer",
                 "requests-run-together",
                 "answers-after-next",
+                "answers-spoken-into",
+                "answers-twice",
+                "modifier-misused",
+                "unusual-form",
+                "same-bytes-torn",
             )
         ),
         *(
@@ -85,6 +92,9 @@ WEIGHTS: Final = (
                 "late-replies",
                 "loop-jitters",
                 "goal-jump",
+                "joint-not-following",
+                "joint-limp-after-restart",
+                "unrelated-periods",
             )
         ),
         ("damage-one-servo", 0.2, "answers lack bytes, by chance most of one servo"),
@@ -115,6 +125,10 @@ WEIGHTS: Final = (
         ("no-response", 0.2, "what causes what is looked for on the wrong wires"),
         ("unsolicited-response", 0.2, "what causes what is looked for on the wrong wires"),
         ("adapter-echo", -3.0, "what is sent is heard on the servos' wire"),
+        *(
+            (code, 0.1, "what was told whom is taken from the wrong wire")
+            for code in ("joint-limp", "joint-not-following", "goals-without-torque")
+        ),
     ),
     *for_(
         "tap-one-way",
@@ -123,7 +137,7 @@ WEIGHTS: Final = (
         ("nobody-asks", 4.0, "answers, and not one request"),
         ("no-request-heard", 0.5, "answers, and not one request so far"),
         ("goes-on-unanswered", 1.5, "the controller does hear answers"),
-        ("waits-in-vain", -1.5, "the controller hears no answer either"),
+        ("waits-in-vain", -3.0, "the controller hears no answer either"),
         ("no-response", 0.5, "the answers are on the wire that is not heard"),
         ("unsolicited-response", 0.5, "the requests are on the wire that is not heard"),
         ("late-response", 0.3, "the requests are on the wire that is not heard"),
@@ -143,12 +157,28 @@ WEIGHTS: Final = (
         ("headless-frames", -2.0, "pieces stand alone, nobody spoke beside them"),
         ("bytes-lost", -1.5, "the tap's driver counted losses"),
         ("adapter-echo", -2.0, "the adapter hears what it sends"),
+        ("pieces-complete", -3.5, "what runs together is altered"),
+    ),
+    *(
+        weight
+        for cause in (
+            "duplicate-id",
+            "turnaround",
+            "malformed-command",
+            "clock-drift",
+            "chatty-device",
+        )
+        for weight in for_(
+            cause, ("pieces-complete", -2.5, "what is torn here was whole on the line")
+        )
     ),
     *for_("bus-noise", ("echo-differs", 2.5, "requests come back altered, too")),
     *for_("bad-cable", ("echo-differs", -2.0, "the controller's own requests are hit, too")),
     *for_(
         "wrong-baud",
-        ("waits-in-vain", 1.0, "nobody understands the controller"),
+        ("nobody-answers", 1.6, "nobody understands the controller, or nobody is there"),
+        ("waits-in-vain", 3.0, "the controller waits for each answer, and none comes"),
+        ("goes-on-unanswered", -4.0, "the controller does hear answers"),
     ),
 )
 """One line each."""

@@ -31,6 +31,8 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("nothing-holds", 5.0, "the same conversation all the time, and no frame"),
         ("bits-of-another-rate", 3.0, "the line is slower than the receiver"),
         ("foreign-frames", -6.0, "another protocol holds at this rate"),
+        ("line-babbles", 0.2, "a line that is much slower, or faster"),
+        ("held-low", 0.2, "a line that is much slower"),
         ("noise", 0.6, "nothing holds"),
         ("bad-checksum", 0.4, "nothing holds"),
         ("damaged-frame", 0.4, "nothing holds"),
@@ -49,6 +51,11 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("malformed-body", 0.3, "what holds by chance"),
         ("value-out-of-range", 0.3, "what holds by chance"),
         ("damaged-response", 0.3, "what holds by chance"),
+    ),
+    *(
+        weight
+        for cause in ("bus-noise", "signal-integrity", "emi-load", "line-stuck")
+        for weight in for_(cause, ("nothing-holds", -5.0, "noise lets a frame by now and then"))
     ),
     *for_(
         "two-masters",

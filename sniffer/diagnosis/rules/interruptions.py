@@ -1,0 +1,250 @@
+"""Controllers that speak into answers, by what is left of both."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.damage import IN_REPLY
+from sniffer.diagnosis.misread import alike_of
+from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.losses import alike, is_altered
+from sniffer.diagnosis.rules.order import Order
+from sniffer.ground.codes import DAMAGED
+from sniffer.ground.model import Clock
+from sniffer.ground.timing import byte_time_ns
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.rules import Rule
+
+FINDINGS: Final = (
+    FindingCode(
+        "request-over-answer",
+        "controller",
+        "A request begins while the answer to the one before is still on the line.",
+        "Exact stamps: the request's first byte begins before the answer's last one ends, by more than "
+        "the stamps and rates leave open, on one wire.",
+    ),
+    FindingCode(
+        "request-in-answer",
+        "controller",
+        "A request runs into an answer: both are torn.",
+        "Damage in the place of an answer that begins or ends as one of the controller's own "
+        "requests, byte for byte, and not as the answer that is due.",
+    ),
+    FindingCode(
+        "request-swallowed",
+        "controller",
+        "Behind a torn answer the request that always follows is missing: it was said into the answer.",
+        "The kinds of requests in the order in which this controller makes them: where an answer is "
+        "torn that lacks no bytes, one is left out.",
+    ),
+    FindingCode(
+        "answers-spoken-into",
+        "controller",
+        "Answers are whole at their beginning and torn over many bytes from there on: somebody speaks into them.",
+        "Most torn answers begin as they should and differ in three bytes and more of those that never change; a pulse alters one or two.",
+    ),
+)
+
+MS: Final = 1_000_000
+
+ENOUGH: Final = 2
+"""One may be a stamp that is off."""
+
+OVERLAPS: Final = 3
+"""Times that are no rounding."""
+
+PART_TORN: Final = 0.2
+"""Share of failed exchanges that show a cause; what fewer show may look so by chance."""
+
+KNOWN: Final = 3
+"""Answers that tell which of their bytes never change."""
+
+WHOLE: Final = 3
+"""First bytes that must be as they should: what tears the first ones is another matter."""
+
+LONG: Final = 3
+"""Bytes of those that never change which somebody else's frame alters; a pulse has one or two."""
+
+LOST: Final = 2
+"""Bytes that a mixture has less, or more, than the answer: start bits fall where bits of the other
+one are."""
+
+BY_PULSES: Final = 0.4
+"""Share of the answers torn by pulses that look so: those in which a byte got lost by one."""
+
+CHANCE: Final = 1e-3
+
+LATENCY_NS: Final = MS
+"""A host that is later may hand on a request before the answer that came first."""
+
+TAIL: Final = 3
+"""Bytes that end, or begin, as a request does: three alike by chance are one in 16 million."""
+
+MORE: Final = 2
+"""Bytes beyond what an answer has in common with a request: both begin with one header."""
+
+SHORT: Final = 2
+"""Bytes that a torn answer may lack; where more are missing they are lost, not torn."""
+
+SHARE: Final = 0.4
+"""Share of torn answers: noise takes a request behind one in a hundred."""
+
+
+def overlapping(case: Case) -> Iterator[Finding]:
+    """Requests that begin while an answer is on the line."""
+    exchanges = case.ledger.exchanges
+    if case.ledger.clock != Clock.SAMPLE or exchanges.overlaps < OVERLAPS:
+        return
+    if case.ledger.has_wires or case.count("adapter-echo"):
+        return  # two wires, each with its own stamps; or a note of what is about to be sent
+    shown = exchanges.overlapping
+    yield Finding(
+        "request-over-answer",
+        None,
+        shown[0][2],
+        shown[-1][2],
+        exchanges.overlaps,
+        f"{exchanges.overlaps} requests begin while the answer to the one before is on the line",
+        tuple(Place(at, length, t, "its answer is talked over") for at, length, t in shown[:3]),
+        strength=min(0.5 + exchanges.overlaps / 10, 1.0),
+        brief="requests begin while answers are on the line",
+    )
+
+
+def request_in_answer(case: Case) -> Iterator[Finding]:
+    """Requests that run into answers, by their bytes."""
+    if not case.has_clock or case.latency_ns > LATENCY_NS or case.count("adapter-echo"):
+        return  # of an echo it is what comes back; of a host that holds bytes, two pieces
+    asked = {f.at + f.length: f.t_ns for f in case.ledger.exchanges.failed}
+    places = [d for d in case.damages if d.turn == IN_REPLY and d.asked]
+    places = [d for d in places if d.at in asked and _is_in_one_go(case, d, asked[d.at])]
+    if not places:
+        return
+    known = {*case.ledger.exchanges.kinds.example, *(d.asked for d in places)}
+    torn = [d for d in places if _holds_request(d, known)]
+    if len(torn) < ENOUGH or len(torn) < PART_TORN * len(places):
+        return
+    yield Finding(
+        "request-in-answer",
+        None,
+        torn[0].t_ns,
+        torn[-1].t_ns,
+        len(torn),
+        f"{len(torn)} of {len(places)} torn answers begin or end as requests of this controller",
+        tuple(Place(d.at, d.length, d.t_ns, "a request runs into this answer") for d in torn[:3]),
+        strength=min(0.5 + len(torn) / 10, 1.0) * min(2 * len(torn) / len(places), 1.0),
+        brief="requests run into answers",
+    )
+
+
+def swallowed(case: Case) -> Iterator[Finding]:
+    """Requests that are missing behind torn answers."""
+    exchanges = case.ledger.exchanges
+    torn = {d.at: d for d in case.damages if d.turn == IN_REPLY}
+    if not torn or not case.has_clock or case.latency_ns > LATENCY_NS:
+        return
+    order = Order(case)
+    judged, shown = 0, []
+    for f in exchanges.failed:
+        damage = torn.get(f.at + f.length)
+        if damage is None or f.outcome != DAMAGED or f.kind not in order.usual:
+            continue
+        if damage.length + SHORT < len(damage.expected):
+            continue
+        if not _is_in_one_go(case, damage, f.t_ns):
+            continue
+        judged += 1
+        if order.skips_one(f.kind, f.next_kind):
+            shown.append(f)
+    if len(shown) < ENOUGH or len(shown) < SHARE * judged:
+        return
+    yield Finding(
+        "request-swallowed",
+        None,
+        shown[0].t_ns,
+        shown[-1].t_ns,
+        len(shown),
+        f"behind {len(shown)} of {judged} torn answers the request is missing that comes next in this "
+        "controller's order",
+        tuple(Place(f.at, f.length, f.t_ns, "behind its answer one is missing") for f in shown[:3]),
+        strength=min(0.5 + len(shown) / 10, 1.0),
+        brief="requests are missing behind torn answers",
+    )
+
+
+def _is_in_one_go(case: Case, d: Damage, asked_ns: int) -> bool:
+    """Tell whether no bytes are missing in damage behind a request.
+
+    It is over as soon as an answer that begins when this servo's do has as many bytes.
+    """
+    a = case.answers
+    rows = a["servo_id"] == d.servo_id
+    begins = int(a["took_sum"][rows].sum()) / max(int(a["took_n"][rows].sum()), 1)
+    whole = (d.length + SHORT) * byte_time_ns(case.baud)
+    return d.t_ns - asked_ns <= begins + whole + case.latency_ns
+
+
+def _holds_request(d: Damage, known: Iterable[bytes]) -> bool:
+    """Tell whether damage begins or ends as a request, and not as the answer that is due."""
+    if any(is_altered(d.got, q) or q.startswith(d.got) for q in known):
+        return False  # nothing but a request that is torn
+    tail, head = alike(d.got[::-1], d.expected[::-1]), alike(d.got, d.expected)
+    for request in known:
+        ends, begins = alike(d.got[::-1], request[::-1]), alike(d.got, request)
+        if ends >= max(TAIL, tail + MORE) or begins >= max(TAIL, head + MORE):
+            return True
+    return False
+
+
+def spoken_into(case: Case) -> Iterator[Finding]:
+    """Answers that are torn from somewhere on, and for long."""
+    known = case.ledger.damages.likes.known
+    judged, shown = 0, []
+    for d in case.damages:
+        some = alike_of(d, known) if d.turn == IN_REPLY else ()
+        if not some:
+            continue
+        judged += 1
+        if _is_spoken_into(d, some):
+            shown.append(d)
+    chance = at_least(len(shown), judged, BY_PULSES)
+    if len(shown) < OVERLAPS or chance > CHANCE**0.5:
+        return
+    yield Finding(
+        "answers-spoken-into",
+        None,
+        shown[0].t_ns,
+        shown[-1].t_ns,
+        len(shown),
+        f"{len(shown)} of {judged} torn answers begin as they should, and then differ for long",
+        tuple(Place(d.at, d.length, d.t_ns, "somebody speaks into this answer") for d in shown[:3]),
+        strength=sureness(chance, CHANCE),
+        brief="somebody speaks into answers",
+    )
+
+
+def _is_spoken_into(d: Damage, some: tuple[bytes, ...]) -> bool:
+    """Tell whether an answer begins as it should and then differs for long."""
+    size = min(map(len, some))
+    steady = [k for k in range(size) if len({one[k] for one in some}) == 1]
+    if d.got[:WHOLE] != some[0][:WHOLE]:
+        return False
+    wrong = [k for k in steady if k >= len(d.got) or d.got[k] != some[0][k]]
+    # what only breaks off, or lacks bytes, is no mixture
+    heard = [k for k in wrong if k < len(d.got)]
+    more = len(d.got) - len(some[0])
+    if more >= LOST or (more <= -LOST and len(heard) >= LOST):
+        return True  # a pulse takes a byte away at most, and an open contact alters none
+    is_known = len(some) >= KNOWN and len(steady) > WHOLE + LONG
+    return is_known and len(wrong) >= LONG and len(heard) >= 2
+
+
+RULES: Final[tuple[Rule, ...]] = (overlapping, request_in_answer, swallowed, spoken_into)
+"""The rules of this area."""

@@ -1,0 +1,170 @@
+"""What losses of the tap leave: pieces whose bytes are as they were sent, but for those missing.
+
+Noise alters bytes, and a piece in which one is altered becomes no frame by what is put before it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Final
+
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.damage import HELD, IN_REPLY
+from sniffer.diagnosis.misread import held
+from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.losses import alike, is_altered
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.rules import Rule
+
+FINDINGS: Final = (
+    FindingCode(
+        "pieces-complete",
+        "tap",
+        "Pieces of frames become sound ones when the beginning that is missing is put before them: "
+        "nothing in them is altered.",
+        "Bytes of no frame that hold behind the beginning of a frame known here, lacking now these, now those bytes; requests among them; more than the checksum lets by by chance.",
+    ),
+)
+
+KEPT: Final = 80
+"""Pieces that are looked at."""
+
+SHORTEST: Final = 2
+"""Fewer bytes hold behind nearly anything."""
+
+ALIKE: Final = 0.7
+"""Part of the pieces that may lack equally many bytes: at a turn it is always the first one or two."""
+
+BARE: Final = 2
+"""Bytes of an answer without a header (wCK), which cannot be told from what stands before it."""
+
+HEADER: Final = 2
+"""Bytes that begin all frames alike: what has them lacks no beginning."""
+
+HEADS: Final = 24
+"""Beginnings that are tried, of the frames that are said most."""
+
+BY_CHANCE: Final = 1 / 150
+"""A checksum of seven or eight bits lets one of 128 or 256 tries pass; some frames are alike."""
+
+LEAST: Final = 3
+
+REQUESTS: Final = 0.1
+"""Part of the pieces that must be requests': an open contact at a servo takes none of those."""
+
+CHANCE: Final = 1e-6
+SOME: Final = 1e-2
+"""How likely it is by chance alone where it counts in full, and where it counts at all."""
+
+ENDS: Final = 4
+"""Bytes of the end of a line of text: with more, only its first one may be missing."""
+
+BY_NOISE: Final = 0.3
+"""Part of short pieces that noise makes of signs that stand in lines, with the end of one."""
+
+
+def pieces_complete(case: Case) -> Iterator[Finding]:
+    """Pieces that lack nothing but their beginning."""
+    kinds = case.ledger.exchanges.kinds
+    order = sorted(range(len(kinds)), key=lambda k: -int(kinds.n[k]))
+    requests = [kinds.example[k] for k in order[:HEADS]]
+    known = case.ledger.damages.likes.known
+    # bare answers hold by no checksum
+    answers = [some[0] for some in known.values()][:HEADS] if case.has_checksum else []
+    torn = [d for d in case.damages if d.turn != HELD and len(d.got) == d.length >= SHORTEST]
+    torn = torn[:KEPT]
+    if len(torn) < LEAST or not requests:
+        return
+    if case.protocol.checksum_of(requests[0]) is None:
+        yield from _line_ends(torn, requests, answers)
+        return
+    # what ends as a request in the place of an answer was said into it
+    alone = [d for d in torn if d.turn != IN_REPLY]
+    of_requests, tried = _completed(case, alone, requests)
+    of_answers, more = _completed(case, torn, answers)
+    found = {**of_answers, **of_requests}
+    chance = at_least(len(found), len(torn), min((tried + more) * BY_CHANCE / len(torn), 0.5))
+    if len(found) < LEAST or len(of_requests) < max(1, REQUESTS * len(found)):
+        return
+    altered = sum(any(is_altered(d.got, whole) for whole in (*requests, *answers)) for d in torn)
+    lacks = Counter(n for _, n in found.values()).most_common(1)[0][1]
+    if altered >= len(found):
+        return
+    if chance > SOME or lacks > ALIKE * len(found):
+        return
+    shown = [found[at][0] for at in sorted(found)]
+    what = (
+        f"{len(shown)} of {len(torn)} pieces ({len(of_requests)} of requests) lack nothing but bytes "
+        "before them: no bit of them is altered"
+    )
+    yield _told(shown, what, chance)
+
+
+def _line_ends(
+    torn: Sequence[Damage], requests: Sequence[bytes], answers: Sequence[bytes]
+) -> Iterator[Finding]:
+    """Yield the same of lines of text, which have no checksum: ends of them, and of nothing else."""
+    signs = set(b"".join((*requests, *answers)))
+    begins = {line[0] for line in (*requests, *answers)}
+    end = requests[0][-1]
+    short = [d for d in torn if d.length <= ENDS and d.got[0] not in begins]
+    pure = [d for d in short if d.got[-1] == end and set(d.got) <= signs]
+    chance = at_least(len(pure), len(short), BY_NOISE)
+    if len(pure) >= LEAST and chance <= SOME:
+        what = f"{len(pure)} of {len(short)} short pieces are the ends of lines, in sound signs"
+        yield _told(pure, what, chance)
+
+
+def _told(shown: Sequence[Damage], what: str, chance: float) -> Finding:
+    return Finding(
+        "pieces-complete",
+        None,
+        shown[0].t_ns,
+        shown[-1].t_ns,
+        len(shown),
+        what,
+        tuple(Place(d.at, d.length, d.t_ns, "whole but for its beginning") for d in shown[:3]),
+        strength=sureness(chance, CHANCE),
+        brief=f"{len(shown)} frames lack their beginnings, and nothing else is wrong with them",
+    )
+
+
+def _completed(
+    case: Case, torn: Sequence[Damage], heads: Sequence[bytes]
+) -> tuple[Mapping[int, tuple[Damage, int]], int]:
+    """Return the pieces that hold behind a beginning, by place, with what they lack; the tries."""
+    bare = BARE if case.protocol.ordered else 0
+    tries: dict[bytes, list[tuple[Damage, int]]] = {}
+    count = 0
+    for d in torn:
+        own = {
+            head[: len(head) - len(piece)] + piece: len(head) - len(piece)
+            for piece in _pieces(d.got, heads, bare)
+            for head in heads
+            if len(head) > len(piece)
+        }
+        count += len(own)
+        for whole, lacks in own.items():
+            tries.setdefault(whole, []).append((d, lacks))
+    frames = list(tries)
+    sound = held(case.protocol, frames, [len(frame) for frame in frames])
+    whole_ones = (f for f, is_sound in zip(frames, sound, strict=True) if is_sound)
+    return {d.at: (d, lacks) for frame in whole_ones for d, lacks in tries[frame]}, count
+
+
+def _pieces(got: bytes, heads: Sequence[bytes], bare: int) -> Sequence[bytes]:
+    """Return what may be the end of a frame: all of it, or what stands behind a beginning."""
+    begun = max((alike(got, head) for head in heads), default=0)
+    whole = (got,) if begun < HEADER else ()
+    tails = (*whole, got[begun:], *((got[:-bare],) if bare and whole else ()))
+    return [tail for tail in dict.fromkeys(tails) if len(tail) >= SHORTEST]
+
+
+RULES: Final[tuple[Rule, ...]] = (pieces_complete,)
+"""The rules of this area."""

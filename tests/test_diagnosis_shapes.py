@@ -1,0 +1,154 @@
+"""What is told by the shape of many cases: rhythms, remains of frames, complaints at once."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+
+import pytest
+
+from tests.conversations import Conversation, robot, swinging
+from tests.diagnosed import codes, verdicts
+from tests.servos import finding, heard, lss, suffering
+from tests.streams import mightyzap, rs30x
+from tests.test_diagnosis_controller import collided
+from tests.test_diagnosis_tap import holes, one_wire
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x", "wck"])
+def test_what_a_lossy_tap_leaves_lacks_its_beginning_and_nothing_else(protocol: str) -> None:
+    talk = robot(protocol, 10)
+    assert "pieces-complete" in codes(talk.diagnosed(holes(one_wire(talk))))
+
+
+def test_pieces_that_noise_leaves_are_not_whole_behind_any_beginning() -> None:
+    talk, rng, torn = robot("rs30x", 8), random.Random(3), []
+    for chunk in one_wire(talk):
+        data = bytearray(chunk.data)
+        if rng.random() < 0.05:
+            data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+        torn.append(replace(chunk, data=bytes(data)))
+    assert "pieces-complete" not in codes(talk.diagnosed(torn))
+
+
+def spoken_into(protocol: str, *, for_long: bool) -> set[str]:
+    """Return what is found where answers are torn for long, or by a bit."""
+    rng = random.Random(6)
+
+    def torn(talk: Conversation, cycle: int, servo: int) -> bool:
+        if rng.random() > 0.05:
+            return False
+        talk.say(talk.tongue.ask(servo))
+        talk.rest(0.3)
+        answer = talk.tongue.answer(servo, swinging(servo, talk.now_s))
+        if for_long:
+            talk.say(collided(answer, rs30x.packet(9, 0x0F, 0x2A, 2, 0), 6))
+        else:
+            at = rng.randrange(3, len(answer))
+            talk.say(answer[:at] + bytes([answer[at] ^ 8]) + answer[at + 1 :])
+        talk.rest(25)
+        return True
+
+    return codes(robot(protocol, 8, instead=torn).diagnosed())
+
+
+def test_answers_that_are_torn_for_long_from_somewhere_on_are_spoken_into() -> None:
+    assert "answers-spoken-into" in spoken_into("rs30x", for_long=True)
+
+
+def test_answers_that_lose_a_bit_are_not_spoken_into() -> None:
+    assert "answers-spoken-into" not in spoken_into("rs30x", for_long=False)
+
+
+def complaining(*servos: int) -> Conversation:
+    """Return three servos of which some complain of their supply for half a second."""
+    talk = Conversation("mightyzap")
+    for cycle in range(200):
+        talk.until(cycle / 40)
+        for servo in (1, 2, 3):
+            low = servo in servos and 80 <= cycle < 100
+            talk.say(talk.tongue.ask(servo))
+            talk.rest(0.3)
+            talk.say(mightyzap.packet(servo, low, b"\x00\x08"))
+            talk.rest(0.4)
+    return talk
+
+
+def test_servos_that_complain_at_once_share_a_supply() -> None:
+    told = complaining(1, 2, 3).diagnosed()
+    assert "complaints-together" in codes(told)
+    assert verdicts(told.incidents()) == [("brownout", (1, 2, 3))]
+
+
+def test_a_servo_that_complains_alone_does_not_complain_together() -> None:
+    assert "complaints-together" not in codes(complaining(2).diagnosed())
+
+
+@pytest.mark.parametrize(
+    ("is_even", "code"), [(True, "outages-evenly"), (False, "outages-anytime")]
+)
+def test_the_rhythm_of_outages_is_told(code: str, *, is_even: bool) -> None:
+    rng = random.Random(1)
+    away = {n * 30 for n in range(1, 20)} if is_even else {rng.randrange(600) for _ in range(20)}
+
+    def miss(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 2 or cycle not in away:
+            return False
+        talk.ask_in_vain(servo, 15)
+        return True
+
+    told = codes(robot("mightyzap", 15, instead=miss, goals=False).diagnosed())
+    assert {"outages-evenly", "outages-anytime"} & told == {code}
+
+
+def test_a_servo_that_speaks_now_and_then_is_no_second_one() -> None:
+    assert "unasked-now-and-then" in codes(suffering("mightyzap", "chatty:1:4%", 10.0))
+
+
+def test_a_sound_bus_has_nobody_who_speaks_now_and_then() -> None:
+    assert "unasked-now-and-then" not in codes(suffering("mightyzap", seconds=10.0))
+
+
+@pytest.mark.parametrize("line", ["#5D", "#5D1 5", "#5D12T"])
+def test_a_line_that_lacks_a_number_again_and_again_is_malformed(line: str) -> None:
+    asked = [(n / 10, "#5QD *5QD120") for n in range(40)]
+    lines = [(n / 10 + 0.05, line.encode() + b"\r") for n in range(5, 40, 5)]
+    said = [(t, f"{part}\r".encode()) for t, text in asked for part in text.split()]
+    said = [(t + 0.002 * (k % 2), data) for k, (t, data) in enumerate(said)]
+    told = heard(sorted([*said, *lines]), "lss")
+    assert verdicts(told.incidents()) == [("malformed-command", (5,))]
+
+
+def test_lines_as_the_page_has_them_are_not_malformed() -> None:
+    told = lss(*((n / 10, "#5QD *5QD120 #5D120T500 #5L") for n in range(40)))
+    assert "odd-commands" not in codes(told)
+
+
+def test_the_place_of_a_sag_is_the_lowest_voltage() -> None:
+    sag = finding(suffering("mightyzap", "brownout:1:100%@3s+0.05s", 10.0), "voltage-sag")
+    assert sag is not None
+    (place,) = sag.places
+    assert place.what == f"voltage {sag.value('least'):.4g} V"
+
+
+def test_a_voltage_that_is_written_was_not_measured() -> None:
+    talk = Conversation("rs30x")
+    for cycle in range(120):
+        talk.until(cycle / 20)
+        talk.say(rs30x.packet(1, 0x0F, 0x34, 2, 0))
+        talk.rest(0.3)
+        talk.say(rs30x.returned(1, 0x34, (740).to_bytes(2, "little")))
+        talk.rest(0.5)
+        if cycle % 20 == 10:
+            talk.write(rs30x.write(1, 0x34, (300).to_bytes(2, "little")))
+    assert "voltage-sag" not in codes(talk.diagnosed())
+
+
+def test_a_controller_that_nobody_answers_and_that_waits_may_have_another_rate() -> None:
+    def in_vain(talk: Conversation, cycle: int, servo: int) -> bool:
+        del cycle
+        talk.ask_in_vain(servo, 25)
+        return True
+
+    told = robot("mightyzap", 8, instead=in_vain, rate_hz=10).diagnosed()
+    assert [incident.cause for incident in told.incidents()] == ["wrong-baud"]
