@@ -11,8 +11,10 @@ import uuid
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.ground.model import NS
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     import rerun.blueprint as rrb
 
@@ -30,7 +32,12 @@ PALETTE: Final[Sequence[Rgb]] = tuple(
 )
 """One colour a servo, told apart on the viewer's dark ground; servo 1 has the first."""
 
+POSITION: Final = "position"
 RESPONSE_TIME: Final = "response_time"
+FOLLOWING_ERROR: Final = "following_error"
+PEAK_ERROR: Final = "largest_following_error"
+BUS_LOAD: Final = "bus_load"
+MISSING: Final = "missing_answers"
 ALARMS: Final = "alarms"
 EVERYONE: Final = -1
 """In place of a servo id: told to all servos at once."""
@@ -42,16 +49,37 @@ Source: rerun 0.41, re_viewer_context, GLOBAL_VIEW_ID; there is no call for it."
 TOGETHER: Final = 6
 """Servos in one tab: more curves cannot be told apart, and their legend would be cut off."""
 
-# The motion stands on the left, at greater width; how the bus and the supply fare on the right.
-# Other quantities have a tab of their own.
-_LEFT: Final = ("position", "speed", "load", "current", "operating_rate")
-_RIGHT: Final = (RESPONSE_TIME, "voltage", "temperature")
+BESIDE: Final = 3
+"""Servos whose rows find room beside the curves of all."""
+
+BEFORE: Final = 0.25
+"""How much of the window lies before what it opens at."""
+
+WHOLE: Final = 1.5
+"""Recordings up to so many windows long are shown whole."""
+
+PAST_S: Final = 600.0
+"""How much of the past the curves by the second show live."""
+
+# How the joints move, and what they draw, as overlays.
+_MOTION: Final = ("speed", "load", "current", "operating_rate")
+_SUPPLY: Final = ("voltage", "temperature")
+_BY_SECOND: Final = (PEAK_ERROR, MISSING, BUS_LOAD)
+_FIRST: Final = (POSITION, FOLLOWING_ERROR, RESPONSE_TIME, *_BY_SECOND)
+_TITLES: Final = {
+    PEAK_ERROR: "Largest following error in each second",
+    MISSING: "Missing answers",
+    BUS_LOAD: "Bus load",
+}
 _UNITS: Final = {"": "raw", "degC": "°C", "deg": "°", "deg/s": "°/s"}
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """One entity that a view may show; ``quantity`` says which, empty for none."""
+    """One entity that a view may show; ``quantity`` says which, empty for none.
+
+    ``is_mark``: points on the curves of the quantity; ``who`` is what legends call the servo.
+    """
 
     path: str
     bus: str
@@ -59,6 +87,8 @@ class Track:
     quantity: str
     unit: str = ""
     is_state: bool = False
+    is_mark: bool = False
+    who: str = ""
 
 
 def mixed(colour: Rgb, other: Rgb, share: float) -> Rgb:
@@ -97,12 +127,70 @@ def application_id(name: str) -> str:
     return f"sniffer {allowed[:40]} {uuid.uuid4().hex[:6]}"
 
 
+@dataclass(frozen=True, slots=True)
+class Times:
+    """Which times the plots show: all plots move together, those by the second on their own.
+
+    Args:
+        span_ns: first and last time of a recording that is whole.
+        error_ns: when its first error was.
+        window_s: how much of the time is shown.
+        is_live: the newest time is followed.
+    """
+
+    span_ns: tuple[int, int] | None
+    window_s: float
+    error_ns: int | None = None
+    is_live: bool = False
+
+    @property
+    def is_long(self) -> bool:
+        """Tell whether the window is a part only, so that an overview is of use."""
+        if self.is_live or self.span_ns is None:
+            return self.is_live
+        return self.span_ns[1] - self.span_ns[0] > WHOLE * self.window_s * NS
+
+    def window(self) -> Any:
+        """Return what the linked axes show."""
+        if self.is_live or self.span_ns is None or not self.is_long:
+            return self.whole(self.window_s)
+        first, last = self.span_ns
+        length = round(self.window_s * NS)
+        at = first if self.error_ns is None else self.error_ns - round(BEFORE * length)
+        at = max(min(at, last - length), first)
+        return _between(at, at + length)
+
+    def whole(self, past_s: float = PAST_S) -> Any:
+        """Return the range of the whole recording, or live so much of the past."""
+        import rerun as rr
+        import rerun.blueprint as rrb
+
+        edge = rrb.TimeRangeBoundary
+        if self.is_live:
+            start, end = edge.cursor_relative(seconds=-past_s), edge.cursor_relative()
+            return rr.encodings.TimeRange(start=start, end=end)
+        if self.span_ns is None:
+            return None
+        return _between(*self.span_ns)
+
+
+def _between(first: int, last: int) -> Any:
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    length = max(last - first, 1_000_000)
+    return rr.encodings.TimeRange(
+        # Legends stand on the left, on free ground.
+        start=rrb.TimeRangeBoundary.absolute(nanos=first - length // 8),
+        end=rrb.TimeRangeBoundary.absolute(nanos=last + length // 100),
+    )
+
+
 def blueprint(
     tracks: Sequence[Track],
     logs: Mapping[str, Sequence[str]],
+    times: Times,
     *,
-    span_ns: tuple[int, int] | None = None,
-    window_s: float | None = None,
     doubt_ns: Mapping[str, int] | None = None,
 ) -> rrb.Blueprint | None:
     """Lay out what really occurs, one tab a bus, on time axes that move together.
@@ -112,8 +200,7 @@ def blueprint(
     Args:
         tracks: all plotted entities.
         logs: bus -> paths of its logs of incidents and anomalies, for buses that have some.
-        span_ns: first and last time, shown whole.
-        window_s: instead, follow the newest time with this much before it.
+        times: which times are shown.
         doubt_ns: bus -> how far its response times may be off, 99 of 100 of them.
     """
     import rerun.blueprint as rrb
@@ -122,10 +209,10 @@ def blueprint(
     tabs = []
     for bus in buses:
         own = [t for t in tracks if t.bus == bus]
-        tabs += _bus(bus, own, logs.get(bus, ()), (doubt_ns or {}).get(bus, 0))
+        tabs += _bus(bus, Plots(own, times, (doubt_ns or {}).get(bus, 0)), logs.get(bus, ()))
     if not tabs:
         return None
-    view_range = _view_range(span_ns, window_s)
+    view_range = times.window()
 
     class LinkedTime(rrb.TimePanel):
         """The time panel, and with it the range of all linked axes."""
@@ -135,54 +222,36 @@ def blueprint(
             if view_range is not None:
                 stream.log(f"view/{GLOBAL_VIEW}/TimeAxis", rrb.TimeAxis(view_range=view_range))
 
-    follow = window_s is not None
     return rrb.Blueprint(
         tabs[0] if len(tabs) == 1 else rrb.Tabs(contents=tabs),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         LinkedTime(
-            timeline=TIMELINE, state="collapsed", play_state="following" if follow else "paused"
+            timeline=TIMELINE,
+            state="collapsed",
+            play_state="following" if times.is_live else "paused",
         ),
         auto_layout=False,
         auto_views=False,
     )
 
 
-def _view_range(span_ns: tuple[int, int] | None, window_s: float | None) -> Any:
-    import rerun as rr
+def _bus(bus: str, plots: Plots, log: Sequence[str]) -> list[rrb.Container]:
+    """Lay out one bus: what tells most first, then its servos some at a time, then the rest."""
     import rerun.blueprint as rrb
 
-    edge = rrb.TimeRangeBoundary
-    if window_s is not None:
-        start, end = edge.cursor_relative(seconds=-window_s), edge.cursor_relative()
-    elif span_ns is not None:
-        first, last = span_ns
-        length = max(last - first, 1_000_000)
-        # Legends stand on the left, on free ground.
-        start = edge.absolute(nanos=first - length // 8)
-        end = edge.absolute(nanos=last + length // 100)
-    else:
-        return None
-    return rr.encodings.TimeRange(start=start, end=end)
-
-
-def _bus(
-    bus: str, tracks: Sequence[Track], log: Sequence[str], doubt_ns: int
-) -> list[rrb.Container]:
-    """Lay out one bus, if it has anything to show: one tab, or some where its servos are many."""
-    import rerun.blueprint as rrb
-
-    servos = sorted({t.servo_id for t in tracks} - {EVERYONE})
-    crowded = len(servos) > TOGETHER
-    pages = [("all servos" if crowded else "servos", tracks)]
-    if crowded:
-        for ids in _parted(servos):
-            own = [t for t in tracks if t.servo_id in (*ids, EVERYONE)]
-            pages.append((f"servos {ids[0]} to {ids[-1]}", own))
-    tabs = [_page(name, of, log, doubt_ns, crowded=crowded and of is tracks) for name, of in pages]
-    rest = _plots(t for t in tracks if _group(t) not in (*_LEFT, *_RIGHT))
+    tabs = [_overview(plots, log)]
+    servos = plots.servos
+    rows_beside = 1 < len(servos) <= BESIDE
+    for ids in _parted(servos):
+        own = plots.of(ids)
+        name = "motion and supply" if len(servos) <= TOGETHER else f"servos {ids[0]} to {ids[-1]}"
+        columns = [] if rows_beside or len(ids) == 1 else _rows(own, ids)
+        columns += _columns(own.views(_MOTION), own.views(_SUPPLY))
+        tabs.append(rrb.Horizontal(contents=columns, name=name))
+    rest = plots.others((*_FIRST, *_MOTION, *_SUPPLY))
     if rest:
-        tabs.append(rrb.Grid(contents=list(rest.values()), name="more"))
+        tabs.append(rrb.Grid(contents=rest, name="more"))
     tabs = [tab for tab in tabs if tab.contents]
     if len(tabs) > 1:
         return [rrb.Tabs(contents=tabs, name=bus)]
@@ -197,22 +266,15 @@ def _parted(servos: Sequence[int]) -> list[Sequence[int]]:
     return [servos[k * len(servos) // n : (k + 1) * len(servos) // n] for k in range(n)]
 
 
-def _page(
-    name: str, tracks: Sequence[Track], log: Sequence[str], doubt_ns: int, *, crowded: bool
-) -> rrb.Container:
-    """Lay out some servos: plots on the left and the right, states and anomalies below them."""
+def _overview(plots: Plots, log: Sequence[str]) -> rrb.Container:
+    """Lay out the curves of all servos, the rows of few beside them, and how the bus fares."""
     import rerun.blueprint as rrb
 
-    plots = _plots(tracks, doubt_ns=doubt_ns, legend=not crowded)
-    left: list[tuple[float, rrb.View]] = []
-    right: list[tuple[float, rrb.View]] = []
-    for side, groups in ((left, _LEFT), (right, _RIGHT)):
-        for group in groups:
-            share = 3.6 if group == "position" else 2.0
-            side += [(share, view) for key, view in plots.items() if key[0] == group]
-    lanes = [
-        t for t in tracks if t.is_state and t.quantity and (t.quantity == ALARMS or not crowded)
-    ]
+    servos = plots.servos
+    crowded = len(servos) > TOGETHER
+    left = [(3.4, v) for v in plots.views((POSITION,), goals=not crowded)]
+    left += [(3.0 if crowded else 2.2, v) for v in plots.views((FOLLOWING_ERROR,))]
+    lanes = plots.lanes(alarms_only=crowded)
     if lanes:
         view = rrb.StateTimelineView(
             name="States",
@@ -220,45 +282,118 @@ def _page(
             contents=[t.path for t in lanes],
             time_view=rrb.TimeAxis(link="LinkToGlobal"),
         )
-        left.append((min(max(0.5 * len(lanes), 1.0), 4.0), view))
+        left.append((min(max(0.4 * len(lanes), 1.0), 3.0), view))
+    right = [(1.6, v) for v in plots.views((PEAK_ERROR,) if plots.times.is_long else ())]
+    right += [(1.3, v) for v in plots.views((MISSING, BUS_LOAD))]
+    right += [(1.6, v) for v in plots.views((RESPONSE_TIME,))]
     if log:
-        right.append((2.5, _log(log)))
-    columns = [
-        rrb.Vertical(contents=[v for _, v in side], row_shares=[share for share, _ in side])
-        for side in (left, right)
-        if side
-    ]
-    return rrb.Horizontal(contents=columns, column_shares=[3, 2][: len(columns)], name=name)
+        right.append((2.2, _log(log)))
+    columns, shares = [], []
+    for side, share in ((left, 3), (right, 2)):
+        if side:
+            columns.append(
+                rrb.Vertical(contents=[v for _, v in side], row_shares=[x for x, _ in side])
+            )
+            shares.append(share)
+        if side is left and 1 < len(servos) <= BESIDE and (rows := _rows(plots, servos)):
+            columns += rows
+            shares.append(2)
+    name = "all servos" if len(servos) > 1 else "servo"
+    return rrb.Horizontal(contents=columns, column_shares=shares, name=name)
+
+
+def _rows(plots: Plots, ids: Sequence[int]) -> list[rrb.Container]:
+    """Return a row a servo, position with goal and the error below it, in one column or two."""
+    import rerun.blueprint as rrb
+
+    cells = []
+    for servo in ids:
+        views = plots.of([servo]).views((POSITION, FOLLOWING_ERROR), title=True)
+        if views:
+            cells.append(rrb.Vertical(contents=views, row_shares=[3, 2, 2, 2][: len(views)]))
+    split = -(-len(cells) // 2) if len(cells) > BESIDE else len(cells)
+    columns = (cells[:split], cells[split:])
+    return [rrb.Vertical(contents=column) for column in columns if column]
+
+
+def _columns(*sides: Sequence[rrb.View]) -> list[rrb.Container]:
+    import rerun.blueprint as rrb
+
+    return [rrb.Vertical(contents=list(side)) for side in sides if side]
+
+
+class Plots:
+    """Makes the plots of some servos of a bus."""
+
+    def __init__(self, tracks: Sequence[Track], times: Times, doubt_ns: int) -> None:
+        self.times = times
+        self._tracks, self._doubt_ns = tracks, doubt_ns
+
+    @property
+    def servos(self) -> list[int]:
+        """The servos that have anything."""
+        return sorted({t.servo_id for t in self._tracks} - {EVERYONE})
+
+    def of(self, ids: Sequence[int]) -> Plots:
+        """Return what is of some servos, or of all at once."""
+        own = [t for t in self._tracks if t.servo_id in (*ids, EVERYONE)]
+        return Plots(own, self.times, self._doubt_ns)
+
+    def lanes(self, *, alarms_only: bool) -> list[Track]:
+        """Return the states."""
+        lanes = [t for t in self._tracks if t.is_state and t.quantity]
+        return [t for t in lanes if t.quantity == ALARMS or not alarms_only]
+
+    def others(self, quantities: Sequence[str]) -> list[rrb.View]:
+        """Return the plots of all other quantities."""
+        rest = dict.fromkeys(_group(t) for t in self._tracks if t.quantity)
+        return self.views([group for group in rest if group not in quantities])
+
+    def views(
+        self, quantities: Sequence[str], *, goals: bool = True, title: bool = False
+    ) -> list[rrb.View]:
+        """Return a plot for each quantity and unit that occur; goals with what they are of.
+
+        ``title``: with the servo's name in the title, and no legend.
+        """
+        together: dict[tuple[str, str], list[Track]] = {}
+        for quantity in quantities:
+            for t in self._tracks:
+                if _group(t) == quantity and not t.is_state and (goals or quantity == t.quantity):
+                    together.setdefault((quantity, t.unit), []).append(t)
+        return [
+            self._view(quantity, unit, tracks, title=title)
+            for (quantity, unit), tracks in together.items()
+            if not all(t.is_mark or t.servo_id == EVERYONE for t in tracks) or not title
+        ]
+
+    def _view(self, quantity: str, unit: str, tracks: Sequence[Track], *, title: bool) -> rrb.View:
+        import rerun.blueprint as rrb
+
+        words = _TITLES.get(quantity) or quantity.replace("_", " ").capitalize()
+        if title:
+            words = f"{tracks[0].who}: {words.lower()}"
+        name = f"{words} [{_UNITS.get(unit, unit)}]"
+        if quantity == RESPONSE_TIME and self._doubt_ns >= 100_000:
+            name += f", 99 % known to ±{self._doubt_ns / 1e6:.1f}"
+        apart = quantity in _BY_SECOND and self.times.is_long
+        axis = (
+            rrb.TimeAxis(link="Independent", view_range=self.times.whole())
+            if apart
+            else rrb.TimeAxis(link="LinkToGlobal")
+        )
+        return rrb.TimeSeriesView(
+            name=name,
+            origin="/",
+            contents=[t.path for t in tracks],
+            axis_x=axis,
+            plot_legend=rrb.PlotLegend(corner="LeftTop", visible=not title),
+        )
 
 
 def _group(track: Track) -> str:
     """Return what is plotted together: a goal with what it is the goal of."""
     return track.quantity.removeprefix("goal_")
-
-
-def _plots(
-    tracks: Iterable[Track], *, doubt_ns: int = 0, legend: bool = True
-) -> dict[tuple[str, str], rrb.View]:
-    """Return a plot for each quantity and unit that occur."""
-    import rerun.blueprint as rrb
-
-    together: dict[tuple[str, str], list[str]] = {}
-    for t in tracks:
-        if t.quantity and not t.is_state:
-            together.setdefault((_group(t), t.unit), []).append(t.path)
-    out: dict[tuple[str, str], rrb.View] = {}
-    for (group, unit), paths in together.items():
-        name = f"{group.replace('_', ' ').capitalize()} [{_UNITS.get(unit, unit)}]"
-        if group == RESPONSE_TIME and doubt_ns >= 100_000:
-            name += f", 99 % known to ±{doubt_ns / 1e6:.1f}"
-        out[group, unit] = rrb.TimeSeriesView(
-            name=name,
-            origin="/",
-            contents=paths,
-            axis_x=rrb.TimeAxis(link="LinkToGlobal"),
-            plot_legend=rrb.PlotLegend(corner="LeftTop", visible=legend or group == "position"),
-        )
-    return out
 
 
 def _log(paths: Sequence[str]) -> rrb.View:
