@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import functools
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
 
-from sniffer.cli.options import Finite, decoding, examples, pipeline_options, with_force
+from sniffer.cli.options import Finite, decoding, examples, pipeline_options, with_force, with_names
 from sniffer.cli.selecting import with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
@@ -35,6 +36,7 @@ from sniffer.sinks.standard import Standard
 @with_part
 @with_rows
 @decoding
+@with_names
 @click.option(
     "--speed",
     type=Finite(0),
@@ -66,6 +68,7 @@ def replay(
     models: dict[int | None, str],
     tables: tuple[RegisterMap, ...],
     latency: float | None,
+    names: dict[int, str],
     speed: float,
     loop: bool,
     in_rerun: bool,
@@ -79,7 +82,7 @@ def replay(
 
     An input without times is played at the pace of its baud rate.
     """
-    options = pipeline_options(protocol, baud, models, latency, tables)
+    options = pipeline_options(protocol, baud, models, latency, tables, names=names)
     if redecode and in_rerun:
         raise click.UsageError("--redecode compares, --rerun shows: choose one")
     if redecode and (window is not None or selection is not None):
@@ -97,7 +100,7 @@ def replay(
     with patient() as patience:
         ending = played(
             file,
-            functools.partial(_rerun, Path(file).stem) if in_rerun else _console,
+            functools.partial(_rerun, Path(file).stem, names) if in_rerun else _console,
             options,
             input_format=input_format,
             window=window,
@@ -112,10 +115,10 @@ def replay(
     return status_of(ending)
 
 
-def _rerun(name: str) -> Sink:
+def _rerun(name: str, names: Mapping[int, str]) -> Sink:
     from sniffer.viewers.viewer import live_sink
 
-    return live_sink(name)
+    return live_sink(name, names)
 
 
 def _console() -> Sink:

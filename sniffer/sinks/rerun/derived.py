@@ -6,13 +6,14 @@ grow with the traffic.
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, UNSOLICITED
 from sniffer.ground.model import NS
-from sniffer.sinks.rerun.layout import FOLLOWING_ERROR, POSITION
+from sniffer.sinks.rerun.plots import FOLLOWING_ERROR, POSITION
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,7 +24,7 @@ Rows = tuple["I64", "F64"]
 """Times in ns, and values."""
 
 HELD: Final = 4096
-"""Seconds whose last position is kept, for marks that are set afterwards: an hour."""
+"""SecondFold whose last position is kept, for marks that are set afterwards: an hour."""
 
 
 class Following:
@@ -77,7 +78,7 @@ class Following:
         return places
 
 
-class Seconds:
+class SecondFold:
     """One value for each second: what comes in it, added up or the largest of it.
 
     A second is given out when a later one begins. Behind one that nothing follows ``blank`` stands:
@@ -138,6 +139,20 @@ def unanswered(batch: Batch) -> Iterator[tuple[int, I64, F64]]:
         return
     requests = batch.asked(t.request[asked])
     missing = (t.outcome[asked] == NO_RESPONSE).astype(np.float64)
-    for servo in np.unique(requests.servo_id[requests.servo_id >= 0]).tolist():
-        mine = requests.servo_id == servo
+    known = np.flatnonzero(requests.servo_id >= 0)
+    for servo, at in groups(requests.servo_id[known].astype(np.int64)):
+        mine = known[at]
         yield servo, requests.t_end[mine], missing[mine]
+
+
+def groups(keys: I64) -> Iterator[tuple[int, I64]]:
+    """Yield each key with its rows, in order."""
+    if not len(keys):
+        return
+    # Sorting 16-bit numbers is a radix sort, ten times faster.
+    narrow = keys.astype(np.uint16) if int(keys.max()) < 1 << 16 else keys
+    order = np.argsort(narrow, kind="stable")
+    ordered = narrow[order]
+    edges = [0, *(np.flatnonzero(ordered[1:] != ordered[:-1]) + 1).tolist(), len(keys)]
+    for a, b in itertools.pairwise(edges):
+        yield int(ordered[a]), order[a:b]

@@ -8,22 +8,25 @@ from __future__ import annotations
 import abc
 import dataclasses
 import itertools
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 
 from sniffer.ground.model import F64, I64, Severity
-from sniffer.sinks.rerun.layout import Rgb, Track, mixed
+from sniffer.sinks.rerun.layout import Rgb, mixed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from sniffer.ground.model import Anomaly
+    from sniffer.sinks.rerun.plots import Track
 
 DATED_NS: Final = 946_684_800_000_000_000
 """2000-01-01: earlier times count from the start of a capture and are shown as a duration."""
 
 LEVELS: Final = {Severity.NOTE: "INFO", Severity.WARN: "WARN", Severity.ERROR: "ERROR"}
+Shape = Literal["Cross", "Down"]
+
 WHITE: Final[Rgb] = (255, 255, 255)
 BLACK: Final[Rgb] = (0, 0, 0)
 REST: Final[Rgb] = (58, 62, 70)
@@ -76,8 +79,8 @@ class Entity(abc.ABC):
 class Curve(Entity):
     """Numbers over time.
 
-    Where the samples are far apart it goes in steps with a point at each: between them nobody knows.
-    Where they stop for much longer than they use to, the line breaks.
+    Where the samples are far apart it goes in steps: between them nobody knows. Where they stop for
+    much longer than they use to, the line breaks.
 
     ``is_second`` marks a register that states what another one of the servo states more often: it
     is drawn as points, for a line through the few would contradict the other.
@@ -159,7 +162,7 @@ class Rhythm:
         self.is_slow = False
 
     def holes(self, times: I64) -> tuple[I64, I64]:
-        """Return before which of ``times[1:]`` there is a hole, and when the line ends before it."""
+        """Return before which of ``times[1:]`` a hole is, and when the line ends before it."""
         apart = np.diff(times)
         if len(self._apart) < LEARNED:
             more = apart[apart > 0][: LEARNED - len(self._apart)]
@@ -193,7 +196,7 @@ class PerSecond(Curve):
 class Marks(Curve):
     """Points on a curve where something happened."""
 
-    def __init__(self, track: Track, name: str, colour: Rgb, shape: str, size: float) -> None:
+    def __init__(self, track: Track, name: str, colour: Rgb, shape: Shape, size: float) -> None:
         super().__init__(track, name, colour)
         self._shape, self._size = shape, size
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.ground.model import Clock, Severity
-from sniffer.sinks.rerun.derived import Following, Rows, Seconds, line_use, unanswered
+from sniffer.ground.model import NS, Clock, Severity
+from sniffer.sinks.rerun.derived import Following, Rows, SecondFold, line_use, unanswered
 from sniffer.sinks.rerun.entities import WHITE, Curve, Marks, PerSecond
-from sniffer.sinks.rerun.layout import (
+from sniffer.sinks.rerun.plots import (
     BUS_LOAD,
     EVERYONE,
     FOLLOWING_ERROR,
@@ -22,16 +22,17 @@ from sniffer.sinks.rerun.layout import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping
 
     from sniffer.ground.model import F64, I64, Batch
     from sniffer.protocols.base import BusProtocol
+    from sniffer.sinks.rerun.entities import Shape
     from sniffer.sinks.rerun.layout import Rgb
 
     Who = Callable[[BusProtocol, int], tuple[int, str, Rgb]]
     Path = Callable[[str, int, str], str]
 
-MARKS: Final[dict[str, tuple[Rgb, str, float]]] = {
+MARKS: Final[Mapping[str, tuple[Rgb, Shape, float]]] = {
     "error": ((255, 70, 70), "Cross", 5.0),
     "warning": ((255, 196, 64), "Cross", 4.0),
     "incident": (WHITE, "Down", 6.0),
@@ -50,7 +51,7 @@ class Gauges:
     def __init__(self, who: Who, path: Path) -> None:
         self._who, self._path = who, path
         self._curves: dict[tuple[str, int, str], Curve] = {}
-        self._seconds: dict[tuple[str, int, str], Seconds] = {}
+        self._seconds: dict[tuple[str, int, str], SecondFold] = {}
         self._following: dict[tuple[str, int], tuple[str, Following]] = {}
 
     def curves(self) -> Iterator[Curve]:
@@ -89,7 +90,7 @@ class Gauges:
             who, name, colour = self._who(protocol, servo)
             key = bus, servo, FOLLOWING_ERROR
             if key not in self._curves:
-                track = Track(self._path(*key), bus, who, FOLLOWING_ERROR, unit, who=name)
+                track = Track(self._entity(*key), bus, who, FOLLOWING_ERROR, unit, who=name)
                 self._curves[key] = Curve(track, name, colour)
             self._curves[key].add(times, errors)
             self._count(bus, protocol, servo, PEAK_ERROR, (times, np.abs(errors)), unit)
@@ -105,7 +106,7 @@ class Gauges:
             if key not in self._curves:
                 colour, shape, size = MARKS[name]
                 who = servo if servo >= 0 else EVERYONE
-                track = Track(self._path(*key), bus, who, quantity, unit, is_mark=True)
+                track = Track(self._entity(*key), bus, who, quantity, unit, is_mark=True)
                 self._curves[key] = Marks(track, name, colour, shape, size)
             marks = self._curves[key]
             assert isinstance(marks, Marks)
@@ -115,6 +116,14 @@ class Gauges:
         """Finish the seconds that are open."""
         for key, seconds in self._seconds.items():
             self._curves[key].add(*seconds.rest())
+
+    def _entity(self, bus: str, servo: int, name: str) -> str:
+        """Return the path of a servo's entity, or of the bus's own (negative)."""
+        import rerun as rr
+
+        if servo < 0:
+            return rr.new_entity_path([bus, *name.split("/")])
+        return self._path(bus, servo, name)
 
     def _followed(self, bus: str, servo: int, unit: str) -> Following:
         """Return what tracks a servo; its first unit counts, another one is taken by nobody."""
@@ -129,8 +138,11 @@ class Gauges:
         key = bus, servo, quantity
         if key not in self._seconds:
             who, name, colour = (EVERYONE, "bus", GREY) if servo < 0 else self._who(protocol, servo)
-            track = Track(self._path(*key), bus, who, quantity, unit)
+            track = Track(self._entity(*key), bus, who, quantity, unit)
             self._curves[key] = PerSecond(track, name, colour)
             fold = np.maximum if quantity == PEAK_ERROR else np.add
-            self._seconds[key] = Seconds(fold, 0.0 if quantity == BUS_LOAD else np.nan)
+            self._seconds[key] = SecondFold(fold, 0.0 if quantity == BUS_LOAD else np.nan)
+            if quantity == BUS_LOAD:  # before the first byte there was none: the axis shows its 0
+                start = int(rows[0].min()) // NS * NS
+                self._curves[key].add(np.array([start - 1], np.int64), np.zeros(1))
         self._curves[key].add(*self._seconds[key].add(*rows))

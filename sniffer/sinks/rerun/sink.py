@@ -10,7 +10,6 @@ Written for rerun-sdk 0.41.
 from __future__ import annotations
 
 import functools
-import itertools
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -19,22 +18,12 @@ from sniffer.decoding.sink import bus_of
 from sniffer.decoding.summary import FIGURES, Quantiles
 from sniffer.ground.codes import OK, RESPONSE, WHOLE
 from sniffer.ground.files import open_binary
-from sniffer.ground.model import I64, Clock, OutputError, Severity
+from sniffer.ground.model import Clock, OutputError, Severity
+from sniffer.sinks.rerun.derived import groups
 from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Log, LogLine, Strip
 from sniffer.sinks.rerun.gauges import Gauges
-from sniffer.sinks.rerun.layout import (
-    ALARMS,
-    EVERYONE,
-    POSITION,
-    RESPONSE_TIME,
-    TIMELINE,
-    Colours,
-    Rgb,
-    Times,
-    Track,
-    application_id,
-    blueprint,
-)
+from sniffer.sinks.rerun.layout import TIMELINE, Colours, Rgb, application_id, blueprint
+from sniffer.sinks.rerun.plots import ALARMS, EVERYONE, POSITION, RESPONSE_TIME, Times, Track
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -206,7 +195,7 @@ class RerunSink:
             s = s.take(whole)
         width = len(protocol.registers)
         measured = []
-        for key, rows in _groups((s.servo_id.astype(np.int64) - ALL) * width + s.register):
+        for key, rows in groups((s.servo_id.astype(np.int64) - ALL) * width + s.register):
             servo, number = key // width + ALL, key % width
             register = protocol.registers[number]
             if register.values or register.bits:
@@ -226,7 +215,7 @@ class RerunSink:
         f = batch.frames
         told = (f.kind == RESPONSE) & (f.status >= 0) & (f.servo_id >= 0)
         told = np.flatnonzero(told & batch.shows("frames", len(f)))
-        for servo, rows in _groups(f.servo_id[told].astype(np.int64)):
+        for servo, rows in groups(f.servo_id[told].astype(np.int64)):
             at = told[rows]
             status = f.status[at].astype(np.int64)
             self._lane(bus, protocol, servo, -1).add(f.t_end[at], status)
@@ -241,7 +230,7 @@ class RerunSink:
         if len(timed):
             spread = t.uncertainty_ns[timed]
             self._doubt.setdefault(bus, Quantiles()).add(spread, np.zeros_like(spread))
-        for key, rows in _groups(servo):
+        for key, rows in groups(servo):
             took = t.response_time_ns[timed[rows]] / 1e6
             self._line(bus, protocol, key, -1).add(f.t_end[response[rows]], took)
 
@@ -293,7 +282,7 @@ class RerunSink:
         return servo, name, self._colours.of(servo)
 
     def _entity(self, bus: str, servo: int, name: str) -> str:
-        """Return the path of an entity of a servo, or of all; a bus's own one if it is no servo's."""
+        """Return the path of an entity of a servo, or of all."""
         return _path(bus, servo, name, self._names.get(servo))
 
     def _entities(self) -> Iterator[Entity]:
@@ -402,16 +391,3 @@ def _words(names: str | Sequence[str] | None, raw: int = 0) -> str:
     if isinstance(names, str):
         return names.replace("_", " ")
     return ", ".join(names or ()).replace("_", " ") or "none"
-
-
-def _groups(keys: I64) -> Iterator[tuple[int, I64]]:
-    """Yield each key with its rows, in order."""
-    if not len(keys):
-        return
-    # Sorting 16-bit numbers is a radix sort, ten times faster.
-    narrow = keys.astype(np.uint16) if int(keys.max()) < 1 << 16 else keys
-    order = np.argsort(narrow, kind="stable")
-    ordered = narrow[order]
-    edges = [0, *(np.flatnonzero(ordered[1:] != ordered[:-1]) + 1).tolist(), len(keys)]
-    for a, b in itertools.pairwise(edges):
-        yield int(ordered[a]), order[a:b]
