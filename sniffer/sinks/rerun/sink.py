@@ -377,6 +377,7 @@ def _path(bus: str, servo: int, name: str, called: str | None) -> str:
     import rerun as rr
 
     who = "all" if servo == ALL else str(servo) if called is None else f"{servo} {called}"
+    who = who.replace(" ", "_")  # in a path the viewer shows a blank with a backslash
     return rr.new_entity_path([bus, "servo", who, *name.split("/")])
 
 
