@@ -35,7 +35,7 @@ BEFORE: Final = 0.25
 WHOLE: Final = 1.5
 """Recordings up to so many windows long are shown whole."""
 
-PAST_S: Final = 600.0
+PAST_S: Final = 120.0
 """How much of the past the curves by the second show live."""
 
 BY_SECOND: Final = (PEAK_ERROR, MISSING, BUS_LOAD)
