@@ -135,6 +135,7 @@ def unanswered(batch: Batch) -> Iterator[tuple[int, I64, F64]]:
     """Yield for each servo when it was asked something, and 1 where no answer came, else 0."""
     t = batch.transactions
     asked = (t.request != -1) & (t.outcome != NOT_EXPECTED) & (t.outcome != UNSOLICITED)
+    asked &= batch.shows("transactions", len(t))
     if not asked.any():
         return
     requests = batch.asked(t.request[asked])

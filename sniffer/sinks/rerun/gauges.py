@@ -5,6 +5,7 @@ Used by ``sniffer.sinks.rerun.sink``.
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -65,10 +66,12 @@ class Gauges:
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Take what one pass decided, its positions aside."""
         if batch.clock != Clock.NONE and len(batch.frames):
+            # of a selection, too, the load is that of the line
             self._count(bus, protocol, -1, BUS_LOAD, line_use(batch), "%")
             for servo, times, missing in unanswered(batch):
                 self._count(bus, protocol, servo, MISSING, (times, missing), "1/s")
-        for anomaly in batch.anomalies:
+        shown = batch.shows("anomalies", len(batch.anomalies)).tolist()
+        for anomaly in itertools.compress(batch.anomalies, shown):
             if anomaly.severity >= Severity.WARN:
                 name = "error" if anomaly.severity >= Severity.ERROR else "warning"
                 self.mark(bus, anomaly.servo_id, anomaly.t_ns, name)

@@ -10,6 +10,7 @@ Written for rerun-sdk 0.41.
 from __future__ import annotations
 
 import functools
+import itertools
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -173,7 +174,9 @@ class RerunSink:
         f = batch.frames
         edges = [a.t_ns for a in batch.anomalies]
         if self._first_error is None:
-            errors = [a.t_ns for a in batch.anomalies if a.severity >= Severity.ERROR]
+            shown = batch.shows("anomalies", len(batch.anomalies)).tolist()
+            found = itertools.compress(batch.anomalies, shown)
+            errors = [a.t_ns for a in found if a.severity >= Severity.ERROR]
             self._first_error = min(errors, default=None)
         if len(f):
             edges += [int(f.t_start.min()), int(f.t_end.max())]
