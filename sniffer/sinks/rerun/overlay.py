@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from sniffer.sinks.rerun.layout import Rgb, Track, mixed
+from sniffer.sinks.rerun.layout import Rgb, mixed
+from sniffer.sinks.rerun.plots import Track
 from sniffer.sinks.rerun.sink import RerunSink
 
 if TYPE_CHECKING:
