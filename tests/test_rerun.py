@@ -20,6 +20,7 @@ from rerun.chunk import RrdReader
 
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.model import Chunk, Clock, OutputError
+from sniffer.sinks.rerun.gauges import MARKS
 from sniffer.sinks.rerun.layout import PALETTE, Colours
 from sniffer.sinks.rerun.sink import RerunSink
 from tests.commands import sniffer
@@ -102,6 +103,12 @@ def read(path: Path) -> tuple[dict[str, list[tuple[Any, ...]]], dict[str, dict[s
     return rows, static
 
 
+def is_register(entity: str) -> bool:
+    """Tell whether an entity holds what a servo stated, not what was reckoned."""
+    reckoned = ("response_time", "following_error", "missing_answers", "bus_load")
+    return not entity.endswith(reckoned) and "/marks/" not in entity
+
+
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Batch]]:
     path = tmp_path_factory.mktemp("rerun") / "two servos.rrd"
@@ -122,7 +129,7 @@ def test_what_is_read_back_equals_the_samples(recording: tuple[Path, list[Batch]
     rows, _ = read(path)
     assert len(expected) == 2 * 6
     lines = {e for e in rows if isinstance(rows[e][0][1], float) and not e.endswith("/held")}
-    assert {e for e in lines if not e.endswith("response_time")} == expected.keys()
+    assert {e for e in lines if is_register(e)} == expected.keys()
     for entity, samples in expected.items():
         assert rows[entity] == samples
 
@@ -186,7 +193,7 @@ def test_a_servo_has_one_colour_in_all_plots(recording: tuple[Path, list[Batch]]
     colours: dict[tuple[int, bool], set[int]] = defaultdict(set)
     names: dict[tuple[int, bool], set[str]] = defaultdict(set)
     for entity, style in static.items():
-        if "SeriesLines:colors" in style:
+        if "SeriesLines:colors" in style and is_register(entity):
             key = int(entity.split("/")[3]), "goal" in entity
             colours[key] |= set(style["SeriesLines:colors"])
             names[key] |= set(style["SeriesLines:names"])
@@ -202,23 +209,27 @@ def test_two_dozen_servos_have_as_many_colours() -> None:
     assert (few.of(25), few.of(1), few.of(25)) == (PALETTE[0], PALETTE[1], PALETTE[0])
 
 
-def test_the_viewer_shows_the_whole_recording_without_complaint(
+def test_the_viewer_opens_at_the_first_error_without_complaint(
     recording: tuple[Path, list[Batch]], headless_viewer: HeadlessViewer
 ) -> None:
     state = headless_viewer.show(recording[0])
     assert headless_viewer.complaints() == []
     assert {view.name for view in state.views} == {
         *("Position [mm]", "Speed [raw]", "Load [raw]", "Voltage [V]", "Temperature [°C]"),
-        *("Response time [ms]", "States", "Anomalies"),
+        *("Response time [ms]", "States", "Anomalies", "Following error [mm]", "Bus load [%]"),
+        "Largest following error in each second [mm]",
+        *(f"servo {n}: {what} [mm]" for n in (1, 2) for what in ("position", "following error")),
     }
     plot = Image.open(io.BytesIO(headless_viewer.picture("Position [mm]"))).convert("RGB")
     pixels = np.asarray(plot).astype(int)
     for servo in (1, 2):
         drawn = np.abs(pixels - PALETTE[servo - 1]).sum(axis=2) < 30
         columns = np.flatnonzero(drawn[:, 150:].any(axis=0)) + 150  # right of the legend
-        assert columns[0] < 0.16 * plot.width
-        assert columns[-1] > 0.97 * plot.width
-        assert len(columns) > 0.7 * plot.width
+        assert columns[-1] > 0.9 * plot.width
+        assert 0.1 * plot.width < len(columns) < 0.9 * plot.width  # steps, not ink
+    marks = np.abs(pixels - MARKS["error"][0]).sum(axis=2) < 30
+    ((left, right),) = [np.flatnonzero(marks[:, 150:].any(axis=0))[[0, -1]] + 150]
+    assert 0.2 * plot.width < left <= right < 0.5 * plot.width
 
 
 def test_many_servos_have_a_tab_for_all_and_tabs_for_a_few(
@@ -227,7 +238,10 @@ def test_many_servos_have_a_tab_for_all_and_tabs_for_a_few(
     write(tmp_path / "many.rrd", talk(range(1, 9), ticks=12))
     state = headless_viewer.show(tmp_path / "many.rrd")
     assert headless_viewer.complaints() == []
-    assert sum(view.name == "Position [mm]" for view in state.views) == 3
+    names = [view.name for view in state.views]
+    assert [names.count(name) for name in ("Position [mm]", "Speed [raw]")] == [1, 2]
+    for servo in range(1, 9):
+        assert names.count(f"servo {servo}: following error [mm]") == 1
 
 
 def test_a_live_view_grows_when_a_quantity_appears(headless_viewer: HeadlessViewer) -> None:
@@ -280,6 +294,93 @@ def test_a_register_that_repeats_another_now_and_then_is_drawn_as_points(tmp_pat
     assert "SeriesLines:names" in static["/bus0/servo/5/goal_position"]
     # what was told last is the second register's: the first is not drawn on
     assert not any(entity.endswith("/held") for entity in rows)
+
+
+def test_the_following_error_is_the_position_minus_the_last_goal(tmp_path: Path) -> None:
+    bus, expected = Bus(), []
+    for goal, position in ((2000, 2100), (3000, 2900), (None, 3000)):
+        if goal is not None:
+            bus.say(packet(1, STORE, b"\x86" + struct.pack("<H", goal)))
+            bus.say(packet(1, 0))
+        bus.ask(1, 0x8C, struct.pack("<H", position))
+        expected.append(position - (goal or 3000))
+    write(tmp_path / "a.rrd", bus.chunks)
+    rows, _ = read(tmp_path / "a.rrd")
+    errors = [value for _, value in rows["/bus0/servo/1/following_error"]]
+    assert np.array(errors) / errors[0] * expected[0] == pytest.approx(expected)
+    positions = [t for t, _ in rows["/bus0/servo/1/present_position"]]
+    assert [t for t, _ in rows["/bus0/servo/1/following_error"]] == positions
+
+
+def polled(path: Path, times_ms: Sequence[int]) -> tuple[list[float], dict[str, Any]]:
+    """Return the positions drawn of a servo that is asked at these times, and how."""
+    bus = Bus()
+    for ms in times_ms:
+        bus.now_ns = START_NS + ms * 1_000_000
+        bus.ask(1, 0x8C, b"\x10\x08")
+    write(path, bus.chunks)
+    rows, static = read(path)
+    entity = "/bus0/servo/1/present_position"
+    return [value for _, value in rows[entity]], static[entity]
+
+
+def test_a_slow_poll_is_no_ramp_and_a_quick_one_is_a_line(tmp_path: Path) -> None:
+    _, slow = polled(tmp_path / "slow.rrd", range(0, 20_000, 2000))
+    _, quick = polled(tmp_path / "quick.rrd", range(0, 200, 20))
+    step, line = (style["SeriesLines:interpolation_mode"] for style in (slow, quick))
+    assert (step, line) == ([2], [1])
+
+
+def test_a_hole_is_a_hole_and_a_few_lost_answers_are_none(tmp_path: Path) -> None:
+    drawn, _ = polled(tmp_path / "a.rrd", [*range(0, 400, 20), *range(3000, 3400, 20)])
+    assert [math.isnan(value) for value in drawn] == [False] * 20 + [True] + [False] * 20
+    drawn, _ = polled(tmp_path / "b.rrd", [*range(0, 400, 20), *range(440, 800, 20)])
+    assert not any(map(math.isnan, drawn))
+
+
+def test_missing_answers_and_bus_load_are_told_by_the_second(tmp_path: Path) -> None:
+    bus = Bus()
+    for tick in range(40):
+        bus.now_ns = START_NS + tick * 100_000_000
+        bus.ask(1, 0x8C, b"\x10\x08")
+        if 10 <= tick < 20 and tick % 2:
+            bus.say(packet(2, LOAD, b"\x8c\x02"))
+        elif tick % 2:
+            bus.ask(2, 0x8C, b"\x10\x08")
+    write(tmp_path / "a.rrd", bus.chunks)
+    rows, _ = read(tmp_path / "a.rrd")
+    missing = {t - START_NS: n for t, n in rows["/bus0/servo/2/missing_answers"]}
+    assert [missing[s * 1_000_000_000] for s in range(4)] == [0, 5, 0, 0]
+    assert {n for _, n in rows["/bus0/servo/1/missing_answers"]} == {0}
+    load = [percent for _, percent in rows["/bus0/bus_load"]]
+    said = sum(len(chunk.data) for chunk in bus.chunks)
+    assert sum(load[:-1]) == pytest.approx(said * 40_000 / 1e7, rel=0.01)
+    marks = [t for t, _ in rows["/bus0/servo/2/marks/position/error"]]
+    assert len(marks) == 5
+
+
+@pytest.mark.parametrize("told", ["2=left knee", "names.toml"])
+def test_servos_are_called_by_the_names_that_are_told_and_recorded(
+    told: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "talk.bin"
+    path.write_bytes(b"".join(chunk.data for chunk in talk(ticks=5)))
+    (tmp_path / "names.toml").write_text('[names]\n2 = "left knee"\n')
+    name = str(tmp_path / told) if told.endswith(".toml") else told
+    recorded, plots = tmp_path / "talk.mcap", tmp_path / "talk.rrd"
+    assert sniffer("decode", path, "--quiet", "--name", name, "-o", recorded).status == 0
+    assert sniffer("view", recorded, "-o", plots).status == 0
+    rows, static = read(plots)
+    entity = "/bus0/servo/2_left_knee/present_position"
+    assert entity in rows, sorted(rows)
+    assert static[entity]["SeriesLines:names"] == ["left knee (2)"]
+
+
+@pytest.mark.parametrize("told", ["300=knee", "3=", "knee", "3=a\tb"])
+def test_a_name_that_cannot_be_is_refused_in_a_line(told: str, tmp_path: Path) -> None:
+    done = sniffer("decode", "-", "--name", told)
+    assert done.status == 2
+    assert "ID=NAME" in done.err
 
 
 def test_an_input_without_times_counts_from_zero(tmp_path: Path) -> None:

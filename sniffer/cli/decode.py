@@ -19,6 +19,7 @@ from sniffer.cli.options import (
     with_alarms,
     with_color,
     with_force,
+    with_names,
     with_times,
 )
 from sniffer.cli.selecting import with_part, with_rows
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
 @with_part
 @with_rows
 @decoding
+@with_names
 @with_alarms
 @printed
 @with_times
@@ -92,6 +94,7 @@ def decode(
     models: dict[int | None, str],
     tables: tuple[RegisterMap, ...],
     latency: float | None,
+    names: dict[int, str],
     alarms: tuple[Alarm, ...],
     output_format: str,
     times: str,
@@ -112,7 +115,7 @@ def decode(
     What goes wrong on the bus is part of the output. Exit status: 0 done; 1 anomalies at or above
     --fail-on; 2 a mistake of yours; 3 the input breaks off (what could be read is written).
     """
-    options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms)
+    options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms, names=names)
     printed: list[Sink] = []
     diagnosis = None
     if summary and not quiet and output_format == "text":

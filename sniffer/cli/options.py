@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -196,6 +196,54 @@ def models(
     return dict(sorted(out.items(), key=lambda e: e[0] is not None))
 
 
+def names_of(
+    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
+) -> dict[int, str]:
+    """Read ``--name 3=left_knee``, and files with a table ``[names]``."""
+    from sniffer.decoding.options import NAME_MOST, is_name
+
+    out: dict[int, str] = {}
+    for text in given:
+        who, equals, name = text.partition("=")
+        told = {who: name} if equals else _table_of_names(text)
+        for servo, name in told.items():
+            number = number_in(servo, 0, IDS - 1)
+            if number is None or not isinstance(name, str) or not is_name(name):
+                raise click.BadParameter(
+                    f"{servo[:20]}={str(name)[:40]!r}: write ID=NAME with an id of 0..255 and a "
+                    f"name of at most {NAME_MOST} signs, or name a file that has a table [names]"
+                )
+            out[number] = name
+    return out
+
+
+def _table_of_names(path: str) -> dict[str, Any]:
+    import tomllib
+
+    try:
+        with Path(path).open("rb") as file:
+            told = tomllib.load(file).get("names")
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise click.BadParameter(
+            f"{path[:60]!r} is neither ID=NAME nor a TOML file that can be read ({error})"
+        ) from None
+    if not isinstance(told, dict):
+        raise click.BadParameter(f'{path[:60]}: it has no table [names] with lines 3 = "knee"')
+    return told
+
+
+with_names = click.option(
+    "--name",
+    "names",
+    multiple=True,
+    callback=names_of,
+    metavar="ID=NAME|FILE.toml",
+    help="What a servo or its joint is called in plots and texts: 3=left_knee, or a file with a "
+    "table [names]; may be repeated.",
+)
+"""Of every command that shows servos by name."""
+
+
 def tables_of(
     context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
 ) -> tuple[RegisterMap, ...]:
@@ -290,6 +338,7 @@ def pipeline_options(
     tables: tuple[RegisterMap, ...],
     also: Iterable[str | BusProtocol] = (),
     alarms: tuple[Alarm, ...] = (),
+    names: Mapping[int, str] | None = None,
 ) -> Options:
     """Return the options as the pipeline takes them; ``also`` are protocols of single buses.
 
@@ -305,6 +354,7 @@ def pipeline_options(
         latency_ns=None if latency is None else int(latency * 1e6),
         tables=tables,
         alarms=alarms,
+        names=names or {},
     )
     options.check(also)
     return options

@@ -23,6 +23,7 @@ from sniffer.cli.options import (
     pipeline_options,
     with_alarms,
     with_force,
+    with_names,
     with_registers,
 )
 from sniffer.cli.profiles import Ports, with_profile
@@ -87,6 +88,7 @@ WORD_S: Final = 0.5
     help="Register table of a servo, or of all.",
 )  # fmt: skip
 @with_registers
+@with_names
 @with_alarms
 @click.option("--latency", type=Finite(0, 1000), metavar="MS", help="What the adapter delays.")
 @with_profile
@@ -162,6 +164,7 @@ def record(
     baud: int | None,
     chosen: dict[int | None, str],
     tables: tuple[RegisterMap, ...],
+    names: dict[int, str],
     alarms: tuple[Alarm, ...],
     latency: float | None,
     pair: bool,
@@ -220,14 +223,14 @@ def record(
     said = [spec.protocol for spec in ports if spec.protocol is not None]
     wanted = (*until, *triggers, *(what for what, _ in commands))
     rules = (*alarms, *(what.alarm for what in wanted if what.alarm is not None))
-    options = pipeline_options(protocol, baud, chosen, latency, tables, said, rules)
+    options = pipeline_options(protocol, baud, chosen, latency, tables, said, rules, names)
     paths = outputs or (Path(f"sniffer-{datetime.datetime.now():%Y%m%d-%H%M%S}.mcap"),)
     flight = None
     if ring:
         if not triggers:
             raise click.UsageError("--ring goes with --trigger: say what a file is written for")
-        names = tuple(map(str, triggers))
-        flight = Flight(ring.get("ns"), ring.get("bytes"), names, post or POST_NS, ring_file)
+        met = tuple(map(str, triggers))
+        flight = Flight(ring.get("ns"), ring.get("bytes"), met, post or POST_NS, ring_file)
         paths = tuple(path / INCIDENT if path.is_dir() else path for path in paths)
     elif triggers or post or ring_file:
         raise click.UsageError("--trigger, --post and --ring-file go with --ring 60s")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
@@ -16,6 +17,7 @@ from sniffer.cli.options import (
     pipeline_options,
     with_color,
     with_force,
+    with_names,
     with_times,
 )
 from sniffer.cli.selecting import with_part, with_rows
@@ -44,6 +46,7 @@ from sniffer.sinks.standard import Standard
 @with_part
 @with_rows
 @decoding
+@with_names
 @click.option(
     "--speed",
     type=Finite(0),
@@ -77,6 +80,7 @@ def replay(
     models: dict[int | None, str],
     tables: tuple[RegisterMap, ...],
     latency: float | None,
+    names: dict[int, str],
     speed: float,
     times: str,
     color: bool | None,
@@ -92,7 +96,7 @@ def replay(
 
     An input without times is played at the pace of its baud rate.
     """
-    options = pipeline_options(protocol, baud, models, latency, tables)
+    options = pipeline_options(protocol, baud, models, latency, tables, names=names)
     if redecode and in_rerun:
         raise click.UsageError("--redecode compares, --rerun shows: choose one")
     if redecode and (window is not None or selection is not None):
@@ -107,7 +111,7 @@ def replay(
         return 0 if report.equal else 1
     if in_rerun:
         need_rerun()
-        shown = functools.partial(_rerun, Path(file).stem)
+        shown = functools.partial(_rerun, Path(file).stem, names)
     else:
         shown = functools.partial(_console, times, color)
     with patient() as patience:
@@ -128,10 +132,10 @@ def replay(
     return status_of(ending)
 
 
-def _rerun(name: str) -> Sink:
+def _rerun(name: str, names: Mapping[int, str]) -> Sink:
     from sniffer.viewers.viewer import live_sink
 
-    return live_sink(name)
+    return live_sink(name, names)
 
 
 def _console(times: str, color: bool | None) -> Sink:

@@ -6,7 +6,15 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import Whole, decoding, examples, files_here, pipeline_options, with_force
+from sniffer.cli.options import (
+    Whole,
+    decoding,
+    examples,
+    files_here,
+    pipeline_options,
+    with_force,
+    with_names,
+)
 from sniffer.cli.selecting import with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
@@ -33,6 +41,7 @@ from sniffer.selection.selection import Selection
 @with_part
 @with_rows
 @decoding
+@with_names
 @click.option(
     "-o",
     "--output",
@@ -50,6 +59,7 @@ def view(
     models: dict[int | None, str],
     tables: tuple[RegisterMap, ...],
     latency: float | None,
+    names: dict[int, str],
     output: Path | None,
     force: bool,
     web: bool,
@@ -63,7 +73,7 @@ def view(
     if port is not None and not web:
         raise click.UsageError("--port goes with --web")
     need_rerun()
-    options = pipeline_options(protocol, baud, models, latency, tables)
+    options = pipeline_options(protocol, baud, models, latency, tables, names=names)
     tell = Teller(say)
     with patient() as patience:
         if output is None:

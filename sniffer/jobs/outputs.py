@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sniffer import __version__
-from sniffer.decoding.options import SINCE, alarm_facts
+from sniffer.decoding.options import SINCE, alarm_facts, name_facts
 from sniffer.decoding.pacing import ASSUMED
 from sniffer.ground.files import (
     TABLES,
@@ -85,7 +85,7 @@ def session_facts(
         facts |= {k: v for k, v in told.items() if k.startswith("latency_ns.")}
     for servo, model in options.models.items():
         facts["model" if servo is None else f"model.{servo}"] = model
-    return _handed_on(known) | facts | alarm_facts(options.alarms)
+    return _handed_on(known) | facts | name_facts(options.names) | alarm_facts(options.alarms)
 
 
 def told_part(facts: Mapping[str, str]) -> str | None:

@@ -37,9 +37,10 @@ def _mcap(path: Path, session: Session) -> Sink:
 
 
 def _rerun(path: Path, session: Session) -> Sink:
+    from sniffer.decoding.options import names_in
     from sniffer.sinks.rerun.sink import RerunSink
 
-    return RerunSink(path)
+    return RerunSink(path, names=names_in(session))
 
 
 SINKS: Final[Mapping[str, Callable[[Path, Session], Sink]]] = MappingProxyType(

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 from sniffer.ground.model import OutputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     import rerun as rr
 
@@ -206,7 +206,9 @@ class LiveSink:
         OutputError: there is no display, or the viewer does not start.
     """
 
-    def __init__(self, name: str, *, window_s: float = 20.0) -> None:
+    def __init__(
+        self, name: str, *, window_s: float = 20.0, names: Mapping[int, str] | None = None
+    ) -> None:
         need_display("FILE")
         from sniffer.sinks.rerun.sink import RerunSink
 
@@ -214,7 +216,7 @@ class LiveSink:
             stack.enter_context(stoppable())
             self._viewer, address = stack.enter_context(window())
             self._recording = stream(name, address)
-            self._sink = RerunSink(recording=self._recording, window_s=window_s)
+            self._sink = RerunSink(recording=self._recording, window_s=window_s, names=names)
             self._stack = stack.pop_all()
         atexit.register(self._stack.close)
 
@@ -238,9 +240,9 @@ class LiveSink:
         atexit.unregister(self._stack.close)
 
 
-def live_sink(name: str) -> LiveSink:
-    """Open a window that shows what is written to the sink."""
-    return LiveSink(name)
+def live_sink(name: str, names: Mapping[int, str] | None = None) -> LiveSink:
+    """Open a window that shows what is written to the sink; ``names`` are those of the servos."""
+    return LiveSink(name, names=names)
 
 
 def _comes_up(process: subprocess.Popen[bytes], is_up: Callable[[], bool]) -> bool:

@@ -8,28 +8,43 @@ from __future__ import annotations
 import abc
 import dataclasses
 import itertools
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 
 from sniffer.ground.model import F64, I64, Severity
-from sniffer.sinks.rerun.layout import Rgb, Track, mixed
+from sniffer.sinks.rerun.layout import Rgb, mixed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from sniffer.ground.model import Anomaly
+    from sniffer.sinks.rerun.plots import Track
 
 DATED_NS: Final = 946_684_800_000_000_000
 """2000-01-01: earlier times count from the start of a capture and are shown as a duration."""
 
 LEVELS: Final = {Severity.NOTE: "INFO", Severity.WARN: "WARN", Severity.ERROR: "ERROR"}
+Shape = Literal["Cross", "Down"]
+
 WHITE: Final[Rgb] = (255, 255, 255)
 BLACK: Final[Rgb] = (0, 0, 0)
 REST: Final[Rgb] = (58, 62, 70)
 """A state of rest: it recedes."""
 
 ALARM: Final[Rgb] = (205, 58, 58)
+
+SLOW_NS: Final = 500_000_000
+"""Samples that are mostly further apart than this are shown one by one, in steps."""
+
+LEARNED: Final = 512
+FEW: Final = 4
+"""Intervals from which the rhythm of a curve is learned: at most, and before anything is said."""
+
+HOLE: Final = 5
+LEAST_HOLE_NS: Final = 100_000_000
+"""A line breaks where nothing comes for so many usual intervals, and for this long: nine of ten
+intervals are no longer than a usual one, so a poll that has lost a few answers is no hole."""
 
 
 class Entity(abc.ABC):
@@ -64,6 +79,9 @@ class Entity(abc.ABC):
 class Curve(Entity):
     """Numbers over time.
 
+    Where the samples are far apart it goes in steps: between them nobody knows. Where they stop for
+    much longer than they use to, the line breaks.
+
     ``is_second`` marks a register that states what another one of the servo states more often: it
     is drawn as points, for a line through the few would contradict the other.
     """
@@ -75,7 +93,8 @@ class Curve(Entity):
         self.last_ns = 0
         self.is_second = False
         self._last_value = 0.0
-        self._styled = False
+        self._rhythm = Rhythm()
+        self._styled: tuple[bool, bool] | None = None
 
     @property
     def is_goal(self) -> bool:
@@ -87,9 +106,14 @@ class Curve(Entity):
         known = ~np.isnan(values)
         if not known.all():
             times, values = times[known], values[known]
-        if len(times):
-            self.last_ns, self._last_value = int(times[-1]), float(values[-1])
-            self.total += len(times)
+        if not len(times):
+            return
+        before = self.last_ns if self.total else int(times[0])
+        self.last_ns, self._last_value = int(times[-1]), float(values[-1])
+        self.total += len(times)
+        if not self.is_goal:
+            holes, ends = self._rhythm.holes(np.append(before, times))
+            times, values = np.insert(times, holes, ends), np.insert(values, holes, np.nan)
         self._add(times, values)
 
     def held(self, end_ns: int) -> Curve:
@@ -100,11 +124,14 @@ class Curve(Entity):
         return line
 
     def style(self) -> Any:  # noqa: D102
+        if not self.total or self._styled == (now := (self.is_second, self._rhythm.is_slow)):
+            return None
+        self._styled = now
+        return self._drawn()
+
+    def _drawn(self) -> Any:
         import rerun as rr
 
-        if self._styled or not self.total:
-            return None
-        self._styled = True
         # Legends join what has one name: a second register needs no line of its own there.
         name = f"{self._name} goal" if self.is_goal else self._name
         colour = mixed(self._colour, WHITE, 0.5) if self.is_goal else self._colour
@@ -114,12 +141,76 @@ class Curve(Entity):
             return rr.SeriesLines(
                 names=name, colors=colour, widths=0.8, interpolation_mode="StepAfter"
             )
-        return rr.SeriesLines(names=name, colors=colour, widths=1.6)
+        if self._rhythm.is_slow:
+            return rr.SeriesLines(
+                names=name, colors=colour, widths=1.2, interpolation_mode="StepAfter"
+            )
+        return rr.SeriesLines(names=name, colors=colour, widths=1.6, interpolation_mode="Linear")
 
     def _columns(self, values: list[Any]) -> Any:
         import rerun as rr
 
         return rr.Scalars.columns(scalars=np.concatenate(values))
+
+
+class Rhythm:
+    """How far apart the samples of a curve are, learned from the first of them."""
+
+    def __init__(self) -> None:
+        self._apart = np.empty(0, np.int64)
+        self._usual_ns = 0
+        self.is_slow = False
+
+    def holes(self, times: I64) -> tuple[I64, I64]:
+        """Return before which of ``times[1:]`` a hole is, and when the line ends before it."""
+        apart = np.diff(times)
+        if len(self._apart) < LEARNED:
+            more = apart[apart > 0][: LEARNED - len(self._apart)]
+            if len(more):
+                self._apart = np.append(self._apart, more)
+                half, most = np.quantile(self._apart, (0.5, 0.9), method="lower").tolist()
+                self._usual_ns = int(most)
+                self.is_slow = half >= SLOW_NS
+        if len(self._apart) < FEW or not self._usual_ns:
+            return np.empty(0, np.int64), np.empty(0, np.int64)
+        holes = np.flatnonzero(apart > max(HOLE * self._usual_ns, LEAST_HOLE_NS))
+        return holes, times[holes] + self._usual_ns
+
+
+class PerSecond(Curve):
+    """A number for each second, drawn as steps; NaN where there is none."""
+
+    def add(self, times: I64, values: F64) -> None:
+        """Take rows as they are."""
+        self.total += int(np.count_nonzero(values > 0))
+        self._add(times, values)
+
+    def _drawn(self) -> Any:
+        import rerun as rr
+
+        return rr.SeriesLines(
+            names=self._name, colors=self._colour, widths=1.4, interpolation_mode="StepAfter"
+        )
+
+
+class Marks(Curve):
+    """Points on a curve where something happened."""
+
+    def __init__(self, track: Track, name: str, colour: Rgb, shape: Shape, size: float) -> None:
+        super().__init__(track, name, colour)
+        self._shape, self._size = shape, size
+
+    def set(self, t_ns: int, value: float) -> None:
+        """Set one."""
+        self.total += 1
+        self._add(np.array([t_ns], np.int64), np.array([value]))
+
+    def _drawn(self) -> Any:
+        import rerun as rr
+
+        return rr.SeriesPoints(
+            names=self._name, colors=self._colour, markers=self._shape, marker_sizes=self._size
+        )
 
 
 class Strip(Entity):

@@ -8,11 +8,24 @@ from __future__ import annotations
 
 import re
 import uuid
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+from sniffer.sinks.rerun.plots import (
+    BUS_LOAD,
+    BY_SECOND,
+    FOLLOWING_ERROR,
+    MISSING,
+    PEAK_ERROR,
+    POSITION,
+    RESPONSE_TIME,
+    TOGETHER,
+    Plots,
+    Times,
+    Track,
+)
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     import rerun.blueprint as rrb
 
@@ -30,35 +43,17 @@ PALETTE: Final[Sequence[Rgb]] = tuple(
 )
 """One colour a servo, told apart on the viewer's dark ground; servo 1 has the first."""
 
-RESPONSE_TIME: Final = "response_time"
-ALARMS: Final = "alarms"
-EVERYONE: Final = -1
-"""In place of a servo id: told to all servos at once."""
-
 GLOBAL_VIEW: Final = "5c0dca6a-e63f-9cf7-f657-2602590474cc"
 """The view without a body in whose time axis the viewer keeps the range of all linked axes.
 Source: rerun 0.41, re_viewer_context, GLOBAL_VIEW_ID; there is no call for it."""
 
-TOGETHER: Final = 6
-"""Servos in one tab: more curves cannot be told apart, and their legend would be cut off."""
+BESIDE: Final = 3
+"""Servos whose rows find room beside the curves of all."""
 
-# The motion stands on the left, at greater width; how the bus and the supply fare on the right.
-# Other quantities have a tab of their own.
-_LEFT: Final = ("position", "speed", "load", "current", "operating_rate")
-_RIGHT: Final = (RESPONSE_TIME, "voltage", "temperature")
-_UNITS: Final = {"": "raw", "degC": "°C", "deg": "°", "deg/s": "°/s"}
-
-
-@dataclass(frozen=True, slots=True)
-class Track:
-    """One entity that a view may show; ``quantity`` says which, empty for none."""
-
-    path: str
-    bus: str
-    servo_id: int
-    quantity: str
-    unit: str = ""
-    is_state: bool = False
+# How the joints move, and what they draw, as overlays.
+_MOTION: Final = ("speed", "load", "current", "operating_rate")
+_SUPPLY: Final = ("voltage", "temperature")
+_FIRST: Final = (POSITION, FOLLOWING_ERROR, RESPONSE_TIME, *BY_SECOND)
 
 
 def mixed(colour: Rgb, other: Rgb, share: float) -> Rgb:
@@ -100,9 +95,8 @@ def application_id(name: str) -> str:
 def blueprint(
     tracks: Sequence[Track],
     logs: Mapping[str, Sequence[str]],
+    times: Times,
     *,
-    span_ns: tuple[int, int] | None = None,
-    window_s: float | None = None,
     doubt_ns: Mapping[str, int] | None = None,
 ) -> rrb.Blueprint | None:
     """Lay out what really occurs, one tab a bus, on time axes that move together.
@@ -112,8 +106,7 @@ def blueprint(
     Args:
         tracks: all plotted entities.
         logs: bus -> paths of its logs of incidents and anomalies, for buses that have some.
-        span_ns: first and last time, shown whole.
-        window_s: instead, follow the newest time with this much before it.
+        times: which times are shown.
         doubt_ns: bus -> how far its response times may be off, 99 of 100 of them.
     """
     import rerun.blueprint as rrb
@@ -122,10 +115,10 @@ def blueprint(
     tabs = []
     for bus in buses:
         own = [t for t in tracks if t.bus == bus]
-        tabs += _bus(bus, own, logs.get(bus, ()), (doubt_ns or {}).get(bus, 0))
+        tabs += _bus(bus, Plots(own, times, (doubt_ns or {}).get(bus, 0)), logs.get(bus, ()))
     if not tabs:
         return None
-    view_range = _view_range(span_ns, window_s)
+    view_range = times.window()
 
     class LinkedTime(rrb.TimePanel):
         """The time panel, and with it the range of all linked axes."""
@@ -135,54 +128,36 @@ def blueprint(
             if view_range is not None:
                 stream.log(f"view/{GLOBAL_VIEW}/TimeAxis", rrb.TimeAxis(view_range=view_range))
 
-    follow = window_s is not None
     return rrb.Blueprint(
         tabs[0] if len(tabs) == 1 else rrb.Tabs(contents=tabs),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         LinkedTime(
-            timeline=TIMELINE, state="collapsed", play_state="following" if follow else "paused"
+            timeline=TIMELINE,
+            state="collapsed",
+            play_state="following" if times.is_live else "paused",
         ),
         auto_layout=False,
         auto_views=False,
     )
 
 
-def _view_range(span_ns: tuple[int, int] | None, window_s: float | None) -> Any:
-    import rerun as rr
+def _bus(bus: str, plots: Plots, log: Sequence[str]) -> list[rrb.Container]:
+    """Lay out one bus: what tells most first, then its servos some at a time, then the rest."""
     import rerun.blueprint as rrb
 
-    edge = rrb.TimeRangeBoundary
-    if window_s is not None:
-        start, end = edge.cursor_relative(seconds=-window_s), edge.cursor_relative()
-    elif span_ns is not None:
-        first, last = span_ns
-        length = max(last - first, 1_000_000)
-        # Legends stand on the left, on free ground.
-        start = edge.absolute(nanos=first - length // 8)
-        end = edge.absolute(nanos=last + length // 100)
-    else:
-        return None
-    return rr.encodings.TimeRange(start=start, end=end)
-
-
-def _bus(
-    bus: str, tracks: Sequence[Track], log: Sequence[str], doubt_ns: int
-) -> list[rrb.Container]:
-    """Lay out one bus, if it has anything to show: one tab, or some where its servos are many."""
-    import rerun.blueprint as rrb
-
-    servos = sorted({t.servo_id for t in tracks} - {EVERYONE})
-    crowded = len(servos) > TOGETHER
-    pages = [("all servos" if crowded else "servos", tracks)]
-    if crowded:
-        for ids in _parted(servos):
-            own = [t for t in tracks if t.servo_id in (*ids, EVERYONE)]
-            pages.append((f"servos {ids[0]} to {ids[-1]}", own))
-    tabs = [_page(name, of, log, doubt_ns, crowded=crowded and of is tracks) for name, of in pages]
-    rest = _plots(t for t in tracks if _group(t) not in (*_LEFT, *_RIGHT))
+    tabs = [_overview(plots, log)]
+    servos = plots.servos
+    rows_beside = 1 < len(servos) <= BESIDE
+    for ids in _parted(servos):
+        own = plots.of(ids)
+        name = "motion and supply" if len(servos) <= TOGETHER else f"servos {ids[0]} to {ids[-1]}"
+        columns = [] if rows_beside or len(ids) == 1 else _rows(own, ids)
+        columns += _columns(own.views(_MOTION), own.views(_SUPPLY))
+        tabs.append(rrb.Horizontal(contents=columns, name=name))
+    rest = plots.others((*_FIRST, *_MOTION, *_SUPPLY))
     if rest:
-        tabs.append(rrb.Grid(contents=list(rest.values()), name="more"))
+        tabs.append(rrb.Grid(contents=rest, name="more"))
     tabs = [tab for tab in tabs if tab.contents]
     if len(tabs) > 1:
         return [rrb.Tabs(contents=tabs, name=bus)]
@@ -197,22 +172,15 @@ def _parted(servos: Sequence[int]) -> list[Sequence[int]]:
     return [servos[k * len(servos) // n : (k + 1) * len(servos) // n] for k in range(n)]
 
 
-def _page(
-    name: str, tracks: Sequence[Track], log: Sequence[str], doubt_ns: int, *, crowded: bool
-) -> rrb.Container:
-    """Lay out some servos: plots on the left and the right, states and anomalies below them."""
+def _overview(plots: Plots, log: Sequence[str]) -> rrb.Container:
+    """Lay out the curves of all servos, the rows of few beside them, and how the bus fares."""
     import rerun.blueprint as rrb
 
-    plots = _plots(tracks, doubt_ns=doubt_ns, legend=not crowded)
-    left: list[tuple[float, rrb.View]] = []
-    right: list[tuple[float, rrb.View]] = []
-    for side, groups in ((left, _LEFT), (right, _RIGHT)):
-        for group in groups:
-            share = 3.6 if group == "position" else 2.0
-            side += [(share, view) for key, view in plots.items() if key[0] == group]
-    lanes = [
-        t for t in tracks if t.is_state and t.quantity and (t.quantity == ALARMS or not crowded)
-    ]
+    servos = plots.servos
+    crowded = plots.crowded
+    left = [(3.4, v) for v in plots.views((POSITION,), goals=not crowded)]
+    left += [(3.0 if crowded else 2.2, v) for v in plots.views((FOLLOWING_ERROR,))]
+    lanes = plots.lanes(alarms_only=crowded)
     if lanes:
         view = rrb.StateTimelineView(
             name="States",
@@ -220,45 +188,44 @@ def _page(
             contents=[t.path for t in lanes],
             time_view=rrb.TimeAxis(link="LinkToGlobal"),
         )
-        left.append((min(max(0.5 * len(lanes), 1.0), 4.0), view))
+        left.append((min(max(0.4 * len(lanes), 1.0), 3.0), view))
+    right = [(1.6, v) for v in plots.views((PEAK_ERROR,) if plots.times.is_long else ())]
+    right += [(1.3, v) for v in plots.views((MISSING, BUS_LOAD))]
+    right += [(1.6, v) for v in plots.views((RESPONSE_TIME,))]
     if log:
-        right.append((2.5, _log(log)))
-    columns = [
-        rrb.Vertical(contents=[v for _, v in side], row_shares=[share for share, _ in side])
-        for side in (left, right)
-        if side
-    ]
-    return rrb.Horizontal(contents=columns, column_shares=[3, 2][: len(columns)], name=name)
+        right.append((2.2, _log(log)))
+    columns, shares = [], []
+    for side, share in ((left, 3), (right, 2)):
+        if side:
+            columns.append(
+                rrb.Vertical(contents=[v for _, v in side], row_shares=[x for x, _ in side])
+            )
+            shares.append(share)
+        if side is left and 1 < len(servos) <= BESIDE and (rows := _rows(plots, servos)):
+            columns += rows
+            shares.append(2)
+    name = "all servos" if len(servos) > 1 else "servo"
+    return rrb.Horizontal(contents=columns, column_shares=shares, name=name)
 
 
-def _group(track: Track) -> str:
-    """Return what is plotted together: a goal with what it is the goal of."""
-    return track.quantity.removeprefix("goal_")
-
-
-def _plots(
-    tracks: Iterable[Track], *, doubt_ns: int = 0, legend: bool = True
-) -> dict[tuple[str, str], rrb.View]:
-    """Return a plot for each quantity and unit that occur."""
+def _rows(plots: Plots, ids: Sequence[int]) -> list[rrb.Vertical]:
+    """Return a row a servo, position with goal and the error below it, in one column or two."""
     import rerun.blueprint as rrb
 
-    together: dict[tuple[str, str], list[str]] = {}
-    for t in tracks:
-        if t.quantity and not t.is_state:
-            together.setdefault((_group(t), t.unit), []).append(t.path)
-    out: dict[tuple[str, str], rrb.View] = {}
-    for (group, unit), paths in together.items():
-        name = f"{group.replace('_', ' ').capitalize()} [{_UNITS.get(unit, unit)}]"
-        if group == RESPONSE_TIME and doubt_ns >= 100_000:
-            name += f", 99 % known to ±{doubt_ns / 1e6:.1f}"
-        out[group, unit] = rrb.TimeSeriesView(
-            name=name,
-            origin="/",
-            contents=paths,
-            axis_x=rrb.TimeAxis(link="LinkToGlobal"),
-            plot_legend=rrb.PlotLegend(corner="LeftTop", visible=legend or group == "position"),
-        )
-    return out
+    cells = []
+    for servo in ids:
+        views = plots.of([servo]).views((POSITION, FOLLOWING_ERROR), title=True)
+        if views:
+            cells.append(rrb.Vertical(contents=views, row_shares=[3, 2, 2, 2][: len(views)]))
+    split = -(-len(cells) // 2) if len(cells) > BESIDE else len(cells)
+    columns = (cells[:split], cells[split:])
+    return [rrb.Vertical(contents=column) for column in columns if column]
+
+
+def _columns(*sides: Sequence[rrb.View]) -> list[rrb.Vertical]:
+    import rerun.blueprint as rrb
+
+    return [rrb.Vertical(contents=list(side)) for side in sides if side]
 
 
 def _log(paths: Sequence[str]) -> rrb.View:

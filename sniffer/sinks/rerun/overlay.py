@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from sniffer.sinks.rerun.layout import Rgb, Track, mixed
+from sniffer.sinks.rerun.layout import Rgb, mixed
 from sniffer.sinks.rerun.sink import RerunSink
 
 if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
     from sniffer.sinks.rerun.entities import Curve, Strip
+    from sniffer.sinks.rerun.plots import Track
 
 DARKER: Final = 0.45
 """How much black there is in the colours of the second run: paler ones are those of goals."""

@@ -19,22 +19,15 @@ from sniffer.decoding.sink import bus_of
 from sniffer.decoding.summary import FIGURES, Quantiles
 from sniffer.ground.codes import OK, RESPONSE, WHOLE
 from sniffer.ground.files import open_binary
-from sniffer.ground.model import I64, Clock, OutputError
+from sniffer.ground.model import Clock, OutputError, Severity
+from sniffer.sinks.rerun.derived import groups
 from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Log, LogLine, Strip
-from sniffer.sinks.rerun.layout import (
-    ALARMS,
-    EVERYONE,
-    RESPONSE_TIME,
-    TIMELINE,
-    Colours,
-    Rgb,
-    Track,
-    application_id,
-    blueprint,
-)
+from sniffer.sinks.rerun.gauges import Gauges
+from sniffer.sinks.rerun.layout import TIMELINE, Colours, Rgb, application_id, blueprint
+from sniffer.sinks.rerun.plots import ALARMS, EVERYONE, POSITION, RESPONSE_TIME, Times, Track
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     import rerun as rr
@@ -63,7 +56,8 @@ class RerunSink:
         path: the file; its layout is written by ``close``, when all servos are known.
         recording: instead, a connected recording. Every batch is sent at once, the layout anew when
             something appears; ``close`` does not disconnect it.
-        window_s: how much of the past a live recording shows.
+        window_s: how much of the time is shown at once.
+        names: servo id -> name of the servo or the joint.
 
     Raises:
         OutputError: the file cannot be written.
@@ -75,6 +69,7 @@ class RerunSink:
         *,
         recording: rr.RecordingStream | None = None,
         window_s: float = 20.0,
+        names: Mapping[int, str] | None = None,
     ) -> None:
         import rerun as rr
 
@@ -103,6 +98,9 @@ class RerunSink:
         self._stories: dict[str, Log] = {}
         self._marks: dict[tuple[str, int], Log] = {}
         self._colours = Colours()
+        self._names = names or {}
+        self._gauges = Gauges(self._who, self._entity)
+        self._first_error: int | None = None
         self._dated: bool | None = None
         self._span: tuple[int, int] | None = None
         self._doubt: dict[str, Quantiles] = {}
@@ -118,6 +116,7 @@ class RerunSink:
         self._samples(bus, protocol, batch)
         self._alarms(bus, protocol, batch)
         self._response_times(bus, protocol, batch)
+        self._gauges.write(bus, protocol, batch)
         if batch.anomalies:
             if bus not in self._logs:
                 import rerun as rr
@@ -145,15 +144,17 @@ class RerunSink:
         for servo in servo_ids:
             mark = self._marks.get((bus, servo))
             if mark is None:
-                track = Track(_path(bus, servo, INCIDENTS), bus, servo, "")
+                track = Track(self._entity(bus, servo, INCIDENTS), bus, servo, "")
                 mark = self._marks[bus, servo] = Log(track)
             mark.tell([line])
+            self._gauges.mark(bus, servo, line.t_ns, "incident")
         self._send(1 if self._live else ROWS)
         if self._live:
             self._layout()
 
     def close(self) -> None:
         """Send what waits; finish the file with its layout."""
+        self._gauges.close()
         if not self._live:
             self._rank()
         self._send(1)
@@ -172,6 +173,11 @@ class RerunSink:
         """Learn the span of time, and from the first time whether it is a date."""
         f = batch.frames
         edges = [a.t_ns for a in batch.anomalies]
+        if self._first_error is None:
+            shown = batch.shows("anomalies", len(batch.anomalies)).tolist()
+            found = itertools.compress(batch.anomalies, shown)
+            errors = [a.t_ns for a in found if a.severity >= Severity.ERROR]
+            self._first_error = min(errors, default=None)
         if len(f):
             edges += [int(f.t_start.min()), int(f.t_end.max())]
         if not edges:
@@ -191,19 +197,28 @@ class RerunSink:
         if not whole.all():
             s = s.take(whole)
         width = len(protocol.registers)
-        for key, rows in _groups((s.servo_id.astype(np.int64) - ALL) * width + s.register):
+        measured = []
+        for key, rows in groups((s.servo_id.astype(np.int64) - ALL) * width + s.register):
             servo, number = key // width + ALL, key % width
             register = protocol.registers[number]
             if register.values or register.bits:
                 self._lane(bus, protocol, servo, number).add(s.t_ns[rows], s.raw[rows])
-            else:
-                self._line(bus, protocol, servo, number).add(s.t_ns[rows], s.value[rows])
+                continue
+            times, values = s.t_ns[rows], s.value[rows]
+            self._line(bus, protocol, servo, number).add(times, values)
+            if register.quantity == f"goal_{POSITION}":
+                is_all = servo in protocol.everyone and servo
+                self._gauges.aim(bus, ALL if is_all else servo, register.unit, times, values)
+            elif register.quantity == POSITION:
+                measured.append((servo, register.unit, (times, values)))
+        for servo, unit, position in measured:
+            self._gauges.measure(bus, protocol, servo, unit, position)
 
     def _alarms(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         f = batch.frames
         told = (f.kind == RESPONSE) & (f.status >= 0) & (f.servo_id >= 0)
         told = np.flatnonzero(told & batch.shows("frames", len(f)))
-        for servo, rows in _groups(f.servo_id[told].astype(np.int64)):
+        for servo, rows in groups(f.servo_id[told].astype(np.int64)):
             at = told[rows]
             status = f.status[at].astype(np.int64)
             self._lane(bus, protocol, servo, -1).add(f.t_end[at], status)
@@ -218,7 +233,7 @@ class RerunSink:
         if len(timed):
             spread = t.uncertainty_ns[timed]
             self._doubt.setdefault(bus, Quantiles()).add(spread, np.zeros_like(spread))
-        for key, rows in _groups(servo):
+        for key, rows in groups(servo):
             took = t.response_time_ns[timed[rows]] / 1e6
             self._line(bus, protocol, key, -1).add(f.t_end[response[rows]], took)
 
@@ -228,12 +243,12 @@ class RerunSink:
         if line is None:
             who, name, colour = self._who(protocol, servo)
             if number < 0:
-                path = _path(bus, servo, RESPONSE_TIME)
-                track = Track(path, bus, who, RESPONSE_TIME, "ms")
+                path = self._entity(bus, servo, RESPONSE_TIME)
+                track = Track(path, bus, who, RESPONSE_TIME, "ms", who=name)
             else:
                 r = protocol.registers[number]
-                path = _path(bus, servo, r.name)
-                track = Track(path, bus, who, r.quantity, r.unit)
+                path = self._entity(bus, servo, r.name)
+                track = Track(path, bus, who, r.quantity, r.unit, who=name)
             line = Curve(track, name, colour)
             line.is_second = self._live and any(
                 (t.track.quantity, t.track.unit) == (track.quantity, track.unit)
@@ -250,11 +265,11 @@ class RerunSink:
             who, _, colour = self._who(protocol, servo)
             name: Callable[[int], str]
             if number < 0:
-                track = Track(_path(bus, servo, ALARMS), bus, who, ALARMS, is_state=True)
+                track = Track(self._entity(bus, servo, ALARMS), bus, who, ALARMS, is_state=True)
                 colour, name = ALARM, lambda raw: _words(protocol.status_names(raw))
             else:
                 r = protocol.registers[number]
-                path = _path(bus, servo, r.name)
+                path = self._entity(bus, servo, r.name)
                 track = Track(path, bus, who, r.quantity, is_state=True)
                 name = functools.partial(_named, r)
             lane = self._lanes[bus, servo, number] = Strip(track, name, colour)
@@ -265,11 +280,18 @@ class RerunSink:
         # The id 0 of some protocols is both: a servo's own, and heard by all.
         if servo in protocol.everyone and servo:
             return EVERYONE, "all servos", WHITE
-        return servo, f"servo {servo}", self._colours.of(servo)
+        own = self._names.get(servo)
+        name = f"servo {servo}" if own is None else f"{own} ({servo})"
+        return servo, name, self._colours.of(servo)
+
+    def _entity(self, bus: str, servo: int, name: str) -> str:
+        """Return the path of an entity of a servo, or of all."""
+        return _path(bus, servo, name, self._names.get(servo))
 
     def _entities(self) -> Iterator[Entity]:
         for entities in (self._lines, self._lanes, self._logs, self._stories, self._marks):
             yield from entities.values()
+        yield from self._gauges.curves()
 
     def _send(self, least: int) -> None:
         """Send the entities that have at least so many rows waiting."""
@@ -294,6 +316,7 @@ class RerunSink:
     def _tracks(self) -> list[Track]:
         """Return what the layout shows; a servo without any alarm needs no lane for them."""
         lines = [line.track for line in self._lines.values() if line.total]
+        lines += self._gauges.tracks()
         return lines + [
             lane.track
             for lane in self._lanes.values()
@@ -314,8 +337,7 @@ class RerunSink:
         plan = blueprint(
             tracks,
             logs,
-            span_ns=None if self._live else self._span,
-            window_s=self._window_s if self._live else None,
+            Times(self._span, self._window_s, self._first_error, is_live=self._live),
             doubt_ns={
                 bus: bounds.high
                 for bus, q in self._doubt.items()
@@ -354,10 +376,12 @@ def _is_utf8(path: Path) -> bool:
     return True
 
 
-def _path(bus: str, servo: int, name: str) -> str:
+def _path(bus: str, servo: int, name: str, called: str | None) -> str:
     import rerun as rr
 
-    return rr.new_entity_path([bus, "servo", "all" if servo == ALL else str(servo), name])
+    who = "all" if servo == ALL else str(servo) if called is None else f"{servo} {called}"
+    who = who.replace(" ", "_")  # in a path the viewer shows a blank with a backslash
+    return rr.new_entity_path([bus, "servo", who, *name.split("/")])
 
 
 def _named(register: Register, raw: int) -> str:
@@ -371,16 +395,3 @@ def _words(names: str | Sequence[str] | None, raw: int = 0) -> str:
     if isinstance(names, str):
         return names.replace("_", " ")
     return ", ".join(names or ()).replace("_", " ") or "none"
-
-
-def _groups(keys: I64) -> Iterator[tuple[int, I64]]:
-    """Yield each key with its rows, in order."""
-    if not len(keys):
-        return
-    # Sorting 16-bit numbers is a radix sort, ten times faster.
-    narrow = keys.astype(np.uint16) if int(keys.max()) < 1 << 16 else keys
-    order = np.argsort(narrow, kind="stable")
-    ordered = narrow[order]
-    edges = [0, *(np.flatnonzero(ordered[1:] != ordered[:-1]) + 1).tolist(), len(keys)]
-    for a, b in itertools.pairwise(edges):
-        yield int(ordered[a]), order[a:b]

@@ -106,7 +106,11 @@ class Watcher:
 
         with self._target() as address:
             self._recording = viewer.stream(self._setup.name, address)
-            self._sink = RerunSink(recording=self._recording, window_s=self._setup.window_s)
+            self._sink = RerunSink(
+                recording=self._recording,
+                window_s=self._setup.window_s,
+                names=self._setup.options.names,
+            )
             self._pipeline = Pipeline(self._setup.options, [self._sink], live=True)
             self._flush()
             self._tell(READY, "")
