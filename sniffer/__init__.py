@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from sniffer.jobs.replay import replay
     from sniffer.jobs.report import Reported, report
     from sniffer.jobs.session import Ending
+    from sniffer.jobs.stats import Counted, stats
     from sniffer.protocols import PROTOCOLS
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
@@ -63,6 +64,7 @@ __all__ = [
     "Clock",
     "Compared",
     "Converted",
+    "Counted",
     "DamagedInputError",
     "Decoder",
     "Diagnosed",
@@ -118,6 +120,7 @@ __all__ = [
     "replay",
     "report",
     "samples_table",
+    "stats",
 ]
 
 _ROOMS: Final = {
@@ -134,6 +137,7 @@ _ROOMS: Final = {
     "selection.selection": ("Selection",),
     "jobs.report": ("Reported", "report"),
     "jobs.session": ("Ending",),
+    "jobs.stats": ("Counted", "stats"),
     "jobs.files": ("Files", "Flight"),
     "jobs.record": ("Recorded", "Shown", "record"),
     "doctor.examine": ("Examined", "examine"),

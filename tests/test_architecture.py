@@ -47,7 +47,10 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     "pyarrow": ("sinks/tables.py", "sinks/wide.py", "sinks/rerun/", "jobs/api.py"),
     "pandas": (),
     "click": ("cli/",),
-    "rich": ("cli/", "sinks/text.py", "sinks/report.py", "sinks/story.py", "viewers/"),
+    "rich": (
+        *("cli/", "viewers/"),
+        *("sinks/text.py", "sinks/report.py", "sinks/stats.py", "sinks/story.py"),
+    ),
     "threading": ("cli/", "ports/", "tap/", "viewers/", "sinks/rerun/", "simulation/play/"),
     "socket": ("viewers/viewer.py",),
     "subprocess": ("viewers/",),
