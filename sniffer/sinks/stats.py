@@ -30,6 +30,9 @@ WIDE: Final = 140
 MOST: Final = 24
 """Rows of a table, unless all are asked for: what is worst and what is most fits on a screen."""
 
+ROOMY: Final = 100
+"""From so many columns on there are two blanks between those of a table, and bars over time."""
+
 LABEL: Final = 24
 """Columns that stand before the bars of a histogram."""
 
@@ -80,7 +83,10 @@ def _print_bus(
     many = len(bus["protocols"]) > 1
     first = bus["first_ns"] or 0
     for heading, table in (
-        ("traffic, most bus time first", _traffic(bus, many=many)),
+        (
+            "traffic, most bus time first (jitter: 95 % of periods change by less)",
+            _traffic(bus, many=many),
+        ),
         ("answers that are missing, worst first", _missing(bus, many=many)),
         ("response times in ms, slowest first", _replies(bus, many=many)),
         ("following error (goal less position), greatest first", _errors(bus, first)),
@@ -91,8 +97,8 @@ def _print_bus(
     ):
         if table is not None:
             console.print()
-            console.print(Text(f"  {heading}", style="dim"))
-            console.print(table.table(most))
+            console.print(Text(f" {heading}", style="dim"))
+            console.print(table.table(most, console.width))
             left = 0 if most is None else len(table.rows) - most
             if left > 0:
                 console.print(Text(f"  ... and {left} more: --all shows them", style="dim"))
@@ -135,9 +141,9 @@ class _Tabulated:
     def add_row(self, *cells: Text | str) -> None:
         self.rows.append(cells)
 
-    def table(self, most: int | None) -> Table:
+    def table(self, most: int | None, width: int) -> Table:
         """Return the first rows."""
-        out = Table(box=None, pad_edge=True, padding=(0, 0, 0, 2))
+        out = Table(box=None, pad_edge=True, padding=(0, 0, 0, 2 if width >= ROOMY else 1))
         for column in self._columns:
             if column in self._left:
                 out.add_column(column, overflow="fold")
@@ -158,7 +164,7 @@ def _traffic(bus: Mapping[str, Any], *, many: bool) -> _Tabulated | None:
     columns = ("sent", "per s", "bus time") if clocked else ("sent", "bytes")
     table = _Tabulated("servo", "command", *columns, left=("command",))
     timed = any(c["period_ns"] for c in bus["commands"])
-    for column in ("period ms", "longest", "jitter p95") if timed else ():
+    for column in ("period ms", "longest", "jitter") if timed else ():
         table.add_column(column)
     for c in sorted(bus["commands"], key=lambda c: (-c["bytes"], c["servo_id"] or -1, c["op"])):
         row = [_who(c, many=many), c["op"], str(c["requests"])]
@@ -319,7 +325,7 @@ def _values(bus: Mapping[str, Any], first: int) -> _Tabulated | None:
         "greatest",
         "at s",
         "unit",
-        left=("quantity",),
+        left=("quantity", "unit"),
     )
     told = ""
     for quantity, s, v in sorted(rows, key=lambda r: (r[0], r[2]["unit"], -r[2]["max"]["value"])):
@@ -347,7 +353,7 @@ def _alarms(bus: Mapping[str, Any]) -> _Tabulated | None:
 def _anomalies(bus: Mapping[str, Any], first: int, width: int) -> _Tabulated | None:
     if not bus["anomalies"]:
         return None
-    drawn = "over time" if width >= 100 else ""
+    drawn = "over time" if width >= ROOMY else ""
     columns = ("anomaly", "servo", "count", "per s", "first s", "last s", "at byte")
     table = _Tabulated(*columns, left=("anomaly",))
     if drawn:

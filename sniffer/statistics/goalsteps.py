@@ -20,7 +20,7 @@ from sniffer.statistics.figures import POSITION, Extreme
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from sniffer.ground.model import F64, I64
+    from sniffer.ground.model import F64, I64, Mask
     from sniffer.ground.register import Register
     from sniffer.statistics.following import Course
 
@@ -101,18 +101,85 @@ class GoalSteps:
         goal = np.concatenate([[course.before], course.goal])
         none = np.isnan(goal)
         changes = np.flatnonzero((goal[1:] != goal[:-1]) & ~(none[1:] & none[:-1]))
-        edges = [0, *changes.tolist(), len(course.goal)]
         measured = np.flatnonzero(course.measured)
-        places = np.searchsorted(measured, edges).tolist()
-        for k in range(len(edges) - 1):
-            if k:
-                self._begin(key, course, edges[k])
-            mine = measured[places[k] : places[k + 1]]
-            if not len(mine):
-                continue
+        if not len(changes):
+            self._go_on(key, course, measured)
+            return
+        first, last = np.searchsorted(measured, changes[[0, -1]]).tolist()
+        self._go_on(key, course, measured[:first])
+        before = self._last.get(key, np.nan)
+        self._begin(key, course, int(changes[0]))
+        if len(changes) > 1:
+            self._between(key, course, changes, measured[first:last], before)
+            self._open.pop(key, None)  # it is the first of those between
+            if last > first:
+                self._last[key] = float(course.position[measured[last - 1]])
+            self._begin(key, course, int(changes[-1]))
+        self._go_on(key, course, measured[last:])
+
+    def _go_on(self, key: tuple[int, str], course: Course, rows: I64) -> None:
+        """Take positions under one goal."""
+        if len(rows):
             if key in self._open:
-                self._open[key] = _further(self._open[key], course, mine)
-            self._last[key] = float(course.position[mine[-1]])
+                self._open[key] = _further(self._open[key], course, rows)
+            self._last[key] = float(course.position[rows[-1]])
+
+    def _between(
+        self, key: tuple[int, str], course: Course, changes: I64, rows: I64, last: float
+    ) -> None:
+        """Count the steps that begin and end here, all at once: a trajectory has thousands.
+
+        ``rows`` are the positions from the first change to the last one, ``last`` the one before.
+        """
+        begins, goal = changes[:-1], course.goal[changes[:-1]]
+        edges = np.searchsorted(rows, changes)
+        position = course.position[rows]
+        before = np.where(edges[:-1] > 0, position[edges[:-1] - 1], last) if len(rows) else last
+        travel = goal - before
+        least = RESOLUTION * self._count.get(key[1], 0.0)
+        real = np.flatnonzero(np.abs(travel) > 2 * least)
+        if not len(real):
+            return
+        let_go = np.isnan(course.goal[changes[1:]])[real]
+        seen = np.diff(edges)[real]
+        mine = self._figures.setdefault(key, StepFigures())
+        mine.fates["let_go"] += int(let_go[seen == 0].sum())
+        mine.fates["unseen"] += int((~let_go[seen == 0]).sum())
+        real, let_go = real[seen > 0], let_go[seen > 0]
+        if not len(real):
+            return
+        first, behind = edges[real], edges[real + 1]
+        size = behind - first
+        # the positions of those steps one after another, and whose each is
+        whose = np.repeat(np.arange(len(real)), size)
+        place = np.arange(len(whose)) - np.repeat(np.cumsum(size) - size - first, size)
+        off = position[place] - goal[real][whose]
+        past = np.maximum(off * np.sign(travel[real])[whose], 0.0)
+        band = np.maximum(BAND * np.abs(travel[real]), least)
+        outside = np.where(np.abs(off) > band[whose], place, -1)
+        starts = np.cumsum(size) - size
+        out = np.maximum.reduceat(outside, starts)
+        since = np.maximum(out + 1, first)
+        settled = behind - since >= STEADY
+        mine.fates["settled"] += int(settled.sum())
+        mine.fates["let_go"] += int((let_go & ~settled).sum())
+        mine.fates["overtaken"] += int((~let_go & ~settled).sum())
+        if not settled.any():
+            return
+        t_ns, spread = course.t_ns, np.maximum(course.spread, 0)
+        began = begins[real[settled]]
+        was = rows[np.maximum(out[settled], 0)]
+        low = np.where(out[settled] >= 0, t_ns[was] - spread[was] - t_ns[began], 0)
+        low = np.maximum(low, 0)
+        high = t_ns[rows[since[settled]]] - t_ns[began] + spread[began]
+        _add_between(mine, low, high, course.spread[began] >= 0)
+        percent = 100 * np.maximum.reduceat(past, starts) / np.abs(travel[real])
+        mine.overshoot.add(_milli(percent[settled]), np.zeros(int(settled.sum()), np.int64))
+        worst = int(np.where(settled, percent, -1.0).argmax())
+        if percent[worst] > (mine.worst.value if mine.worst is not None else 0.0):
+            of = slice(int(starts[worst]), int(starts[worst] + size[worst]))
+            row = rows[place[of][int(past[of].argmax())]]
+            mine.worst = Extreme(float(percent[worst]), int(t_ns[row]), int(course.at[row]))
 
     def _begin(self, key: tuple[int, str], course: Course, row: int) -> None:
         """End the step that was, begin the one to a new goal."""
@@ -131,7 +198,10 @@ class GoalSteps:
 
     def figures(self) -> Mapping[tuple[int, str], StepFigures]:
         """Return the figures by servo and unit, those that are under way counted in."""
-        out = dict(self._figures)
+        out = {
+            key: StepFigures(+mine.fates, mine.settle, mine.overshoot, mine.worst)
+            for key, mine in self._figures.items()
+        }
         for key, step in self._open.items():
             mine = out.get(key, StepFigures())
             out[key] = StepFigures(
@@ -170,12 +240,22 @@ def _count(mine: StepFigures, step: _Step, otherwise: str) -> None:
         mine.fates[otherwise if step.seen or otherwise != "overtaken" else "unseen"] += 1
         return
     mine.fates["settled"] += 1
-    if step.spread >= 0:
-        low = max(step.out_ns - step.t_ns, 0)
-        high = max(step.in_ns - step.t_ns + step.spread, low)
-        middle = (low + high) // 2
-        mine.settle.add(np.array([middle]), np.array([high - middle]))
+    low = np.array([max(step.out_ns - step.t_ns, 0)])
+    high = np.array([step.in_ns - step.t_ns + step.spread])
+    _add_between(mine, low, high, np.array([step.spread >= 0]))
     percent = 100 * step.beyond.value / abs(step.travel)
-    mine.overshoot.add(np.array([round(1000 * percent)]), np.zeros(1, np.int64))
+    mine.overshoot.add(_milli(np.array([percent])), np.zeros(1, np.int64))
     if percent > (mine.worst.value if mine.worst is not None else 0.0):
         mine.worst = Extreme(percent, step.beyond.t_ns, step.beyond.offset)
+
+
+def _add_between(mine: StepFigures, low: I64, high: I64, known: Mask) -> None:
+    """Count settle times that lie between bounds, where there is a clock."""
+    low, high = low[known], np.maximum(high, low)[known]
+    middle = (low + high) // 2
+    mine.settle.add(middle, high - middle)
+
+
+def _milli(percent: F64) -> I64:
+    """Return percents in thousandths."""
+    return np.rint(1000 * percent).astype(np.int64)
