@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from sniffer.jobs.files import Files, Flight
     from sniffer.jobs.merge import merge
     from sniffer.jobs.outputs import Wide
+    from sniffer.jobs.query import Answer, query
     from sniffer.jobs.record import Recorded, Shown, record
     from sniffer.jobs.replay import replay
     from sniffer.jobs.report import Reported, report
@@ -57,6 +58,7 @@ __all__ = [
     "PROTOCOLS",
     "Anomaly",
     "AnomalyRow",
+    "Answer",
     "Batch",
     "Capture",
     "Checked",
@@ -115,6 +117,7 @@ __all__ = [
     "frames_table",
     "merge",
     "play",
+    "query",
     "record",
     "records",
     "replay",
@@ -135,6 +138,7 @@ _ROOMS: Final = {
     "jobs.replay": ("replay",),
     "selection.places": ("Window",),
     "selection.selection": ("Selection",),
+    "jobs.query": ("Answer", "query"),
     "jobs.report": ("Reported", "report"),
     "jobs.session": ("Ending",),
     "jobs.stats": ("Counted", "stats"),

@@ -44,7 +44,11 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     "mcap_protobuf": ("mcapfile/",),
     "google": ("mcapfile/", "messages/"),
     "rerun": ("sinks/rerun/", "viewers/viewer.py"),
-    "pyarrow": ("sinks/tables.py", "sinks/wide.py", "sinks/rerun/", "jobs/api.py"),
+    "pyarrow": (
+        *("sinks/tables.py", "sinks/relations.py", "sinks/wide.py", "sinks/rerun/"),
+        *("jobs/api.py", "jobs/query.py"),
+    ),
+    "duckdb": ("jobs/query.py",),
     "pandas": (),
     "click": ("cli/",),
     "rich": (
@@ -63,7 +67,7 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
 RUNS: Final = {"Decoder", "Pipeline", "open_outputs", "open_port", "open_sink", "open_source"}
 """What does the work of a command: the library calls it, so that a program can, too."""
 
-LAZY: Final = ("mcap", "mcap_protobuf", "google", "rerun", "pyarrow", "serial")
+LAZY: Final = ("duckdb", "mcap", "mcap_protobuf", "google", "rerun", "pyarrow", "serial")
 """What starting the program may not draw in: files that import these are imported in functions."""
 
 

@@ -35,6 +35,7 @@ COMMANDS: Final = {
     "decode": "Decode a capture, a dump, a log or a recording.",
     "diagnose": "Name what is wrong with a bus, and why.",
     "stats": "Count and measure: load, rates, times, errors.",
+    "query": "Ask captures in SQL.",
     "view": "Show a recording or a capture in Rerun.",
     "replay": "Play a recording or a capture again.",
     "convert": "Make other files of a capture, by their suffixes.",

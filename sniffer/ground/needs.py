@@ -1,4 +1,4 @@
-"""Libraries that only plots and tables need: a tap does without, and says what it lacks."""
+"""Libraries that plots, tables and queries need: a tap does without, and says what it lacks."""
 
 from __future__ import annotations
 
@@ -46,6 +46,18 @@ def need_pyarrow() -> None:
         importlib.import_module("pyarrow")
     except ImportError as error:
         raise _missing("tables (.parquet, .csv) need pyarrow", "pyarrow", error) from None
+
+
+def need_duckdb() -> None:
+    """Do nothing where SQL can be answered.
+
+    Raises:
+        OutputError: DuckDB is not installed.
+    """
+    try:
+        importlib.import_module("duckdb")
+    except ImportError as error:
+        raise _missing("queries need DuckDB", "'servo-sniffer[query]'", error) from None
 
 
 def _missing(what: str, package: str, error: ImportError) -> OutputError:
