@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from sniffer.jobs.cut import cut
     from sniffer.jobs.diagnose import Diagnosed, diagnose
     from sniffer.jobs.diff import Compared, diff
+    from sniffer.jobs.discover import Discovered, discover
     from sniffer.jobs.files import Files, Flight
     from sniffer.jobs.merge import merge
     from sniffer.jobs.outputs import Wide
@@ -71,6 +72,7 @@ __all__ = [
     "Decoder",
     "Diagnosed",
     "Direction",
+    "Discovered",
     "Ending",
     "Examined",
     "Files",
@@ -113,6 +115,7 @@ __all__ = [
     "decode",
     "diagnose",
     "diff",
+    "discover",
     "examine",
     "frames_table",
     "merge",
@@ -139,6 +142,7 @@ _ROOMS: Final = {
     "selection.places": ("Window",),
     "selection.selection": ("Selection",),
     "jobs.query": ("Answer", "query"),
+    "jobs.discover": ("Discovered", "discover"),
     "jobs.report": ("Reported", "report"),
     "jobs.session": ("Ending",),
     "jobs.stats": ("Counted", "stats"),

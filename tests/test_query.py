@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import sniffer
+from sniffer.decoding.fields import tidy
 from sniffer.sinks.relations import RELATIONS
 from tests.commands import Ran, within
 from tests.golden import CAPTURES
@@ -80,7 +81,7 @@ def test_the_tables_hold_the_records_of_the_json_lines(query: Asking, capture: P
 
 
 def _plain(value: Any) -> Any:
-    return round(value, 5) if isinstance(value, float) else value
+    return tidy(value) if isinstance(value, float) else value
 
 
 def test_a_question_is_answered_as_a_table_for_people(query: Asking) -> None:

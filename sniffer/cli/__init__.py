@@ -36,6 +36,7 @@ COMMANDS: Final = {
     "diagnose": "Name what is wrong with a bus, and why.",
     "stats": "Count and measure: load, rates, times, errors.",
     "query": "Ask captures in SQL.",
+    "discover": "Find registers that no table names.",
     "view": "Show a recording or a capture in Rerun.",
     "replay": "Play a recording or a capture again.",
     "convert": "Make other files of a capture, by their suffixes.",
