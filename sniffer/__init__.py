@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from sniffer.jobs.replay import replay
     from sniffer.jobs.report import Reported, report
     from sniffer.jobs.session import Ending
-    from sniffer.jobs.stats import Counted, stats
+    from sniffer.jobs.stats import Tallied, stats
     from sniffer.protocols import PROTOCOLS
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
@@ -67,7 +67,6 @@ __all__ = [
     "Clock",
     "Compared",
     "Converted",
-    "Counted",
     "DamagedInputError",
     "Decoder",
     "Diagnosed",
@@ -104,6 +103,7 @@ __all__ = [
     "Shown",
     "SnifferError",
     "Stops",
+    "Tallied",
     "TransactionRow",
     "Transactions",
     "Wide",
@@ -145,7 +145,7 @@ _ROOMS: Final = {
     "jobs.discover": ("Discovered", "discover"),
     "jobs.report": ("Reported", "report"),
     "jobs.session": ("Ending",),
-    "jobs.stats": ("Counted", "stats"),
+    "jobs.stats": ("Tallied", "stats"),
     "jobs.files": ("Files", "Flight"),
     "jobs.record": ("Recorded", "Shown", "record"),
     "doctor.examine": ("Examined", "examine"),

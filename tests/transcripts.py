@@ -53,6 +53,7 @@ _DOCS: Final = (
     "checking",
     "asking",
     "editing",
+    "numbers",
 )
 PAGES: Final = ("README.md", *(f"docs/{name}.md" for name in _DOCS))
 LEFT_OUT: Final = "..."

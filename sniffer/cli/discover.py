@@ -101,7 +101,8 @@ def _print(done: Discovered) -> None:
         for servo in dict.fromkeys(guess.servo_id for guess in found):
             mine = [guess for guess in found if guess.servo_id == servo]
             head = f"that {done.tables[bus, servo].model} does not name"
-            alike.setdefault((head, *map(_line, runs(mine))), []).append(servo)
+            ordered = sorted(runs(mine), key=lambda run: run[0].is_constant)  # what moves first
+            alike.setdefault((head, *map(_line, ordered)), []).append(servo)
         for (head, *lines), servos in alike.items():
             who = and_([str(servo) for servo in servos])
             several = "s" if len(servos) > 1 else ""

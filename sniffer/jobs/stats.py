@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Counted:
+class Tallied:
     """The figures of a capture, and how its reading ended; ``source`` is its name."""
 
     source: str
@@ -39,7 +39,7 @@ def stats(
     window: Window | None = None,
     patience: Patience | None = None,
     tell: Teller | None = None,
-) -> Counted:
+) -> Tallied:
     """Count and measure a capture: load, rates, response times, errors, anomalies.
 
     Args:
@@ -66,4 +66,4 @@ def stats(
         patience=patience,
         tell=tell,
     )
-    return Counted("standard input" if str(source) == "-" else str(source), told, ending)
+    return Tallied("standard input" if str(source) == "-" else str(source), told, ending)

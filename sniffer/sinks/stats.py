@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 BARS: Final = " ▁▂▃▄▅▆▇█"
 """Eighths of a line; what is not nothing has one at least."""
 
+PLAIN_BARS: Final = " .:-=+*#@"
+"""The same for a terminal that has ASCII alone."""
+
 WIDE: Final = 140
 """Columns of what goes into a pipe or a file, unless ``COLUMNS`` says otherwise."""
 
@@ -61,7 +64,10 @@ def print_stats(
                 console.print()
             _print_bus(bus, statistics, console, most)
     # tables are padded to their width: nobody wants that in a file
-    console.file.write("".join(line.rstrip() + "\n" for line in printed.get().splitlines()))
+    text = "".join(line.rstrip() + "\n" for line in printed.get().splitlines())
+    if not console.encoding.lower().startswith("utf"):
+        text = text.translate(str.maketrans(BARS, PLAIN_BARS))
+    console.file.write(text)
 
 
 def bars(numbers: Sequence[float], most: float | None = None) -> str:
@@ -251,7 +257,7 @@ def _histograms(bus: Mapping[str, Any], statistics: Statistics, console: Console
         for row, told in zip(pair, ("took at least", "at most"), strict=True):
             label = f"servo {who}" if told != "at most" else ""
             console.print(Text(f"  {label:<{LABEL - 18}}{told:>14}  {bars(row, top)}"))
-    console.print(Text(" " * LABEL + _axis(begin, size, per), style="dim"))
+    console.print(Text(" " * LABEL + _axis(begin, size, per, console.width - LABEL), style="dim"))
 
 
 def _folded(counts: I64, begin: int, size: int, per: int) -> list[int]:
@@ -262,9 +268,9 @@ def _folded(counts: I64, begin: int, size: int, per: int) -> list[int]:
     return out
 
 
-def _axis(begin: int, size: int, per: int) -> str:
+def _axis(begin: int, size: int, per: int, room: int) -> str:
     """Return the times below the bars: where 1, 2 and 5 of each decade stand, in ms."""
-    line = [" "] * (-(-size // per) + 12)
+    line = [" "] * min(-(-size // per) + 12, room)
     free = 0
     for decade in range(-6, 8):
         for digit in (1, 2, 5):

@@ -32,7 +32,7 @@ KNOWN: Final = 512
 """Registers of servos whose values are kept to compare with, the first ones met."""
 
 
-class Span(NamedTuple):
+class ByteSpan(NamedTuple):
     """Bytes that are read or written in one go."""
 
     servo_id: int
@@ -61,7 +61,7 @@ class LaneBytes:
     """One protocol on one bus."""
 
     protocol: BusProtocol
-    spans: dict[Span, SpanBytes] = field(default_factory=dict)
+    spans: dict[ByteSpan, SpanBytes] = field(default_factory=dict)
     values: dict[tuple[int, int], Thinned] = field(default_factory=dict)
     """By servo and register (a row of the protocol's): times and values."""
     models: dict[int, str] = field(default_factory=dict)
@@ -110,13 +110,13 @@ class LaneBytes:
             servo, size = int(f.servo_id[mine[0]]), int(length[lead])
             for at in range(0, size, WIDEST):
                 wide = min(WIDEST, size - at)
-                span = Span(servo, int(address[lead]) + at, wide, bool(is_write[lead]))
+                span = ByteSpan(servo, int(address[lead]) + at, wide, bool(is_write[lead]))
                 if span not in self.spans and len(self.spans) >= SPANS:
                     continue
                 place = f.data_start[mine][:, None] + at + np.arange(wide)
                 self._hear(span, f.t_end[mine], data[place])
 
-    def _hear(self, span: Span, t_ns: I64, said: I64) -> None:
+    def _hear(self, span: ByteSpan, t_ns: I64, said: I64) -> None:
         wide = span.length
         heard = self.spans.get(span)
         if heard is None:

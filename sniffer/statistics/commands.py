@@ -97,7 +97,7 @@ class _Cycle(NamedTuple):
 _NEW: Final = _Cycle((), ())
 
 
-class Commands:
+class CommandBook:
     """Counts what one protocol says on one bus."""
 
     def __init__(self, protocol: BusProtocol) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sniffer.diagnostics.alarms import OPERATORS, meant
-from sniffer.diagnostics.thresholds import Watch, taken, usable
+from sniffer.diagnostics.thresholds import ThresholdWatch, taken, usable
 from sniffer.ground.distinct import distinct
 from sniffer.statistics.figures import Extreme
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.diagnostics.alarms import Alarm, Meant
-    from sniffer.diagnostics.thresholds import Judged
+    from sniffer.diagnostics.thresholds import JudgedValues
     from sniffer.ground.model import Batch, Mask
     from sniffer.protocols.base import BusProtocol
 
@@ -54,7 +54,7 @@ class _Exceeding:
         self._alarm = alarm
         self._unit = what.unit
         self._is_met: Any = OPERATORS[alarm.op]
-        self._watch = Watch(alarm, what, protocol)
+        self._watch = ThresholdWatch(alarm, what, protocol)
         self._last: dict[int, tuple[int, bool]] = {}
         self.figures: dict[int, ExceedingFigures] = {}
 
@@ -63,7 +63,7 @@ class _Exceeding:
         for who in distinct(found.servo)[0].tolist():
             self._count(who, taken(found, found.servo == who), batch)
 
-    def _count(self, who: int, found: Judged, batch: Batch) -> None:
+    def _count(self, who: int, found: JudgedValues, batch: Batch) -> None:
         met: Mask = self._is_met(found.value, self._alarm.limit)
         mine = self.figures.setdefault(who, ExceedingFigures(str(self._alarm), who, self._unit))
         mine.count += len(met)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import F64, I64, Mask
     from sniffer.ground.registers import RegisterMap
-    from sniffer.statistics.bytewise import LaneBytes, Span, SpanBytes
+    from sniffer.statistics.bytewise import ByteSpan, LaneBytes, SpanBytes
     from sniffer.statistics.thinned import Thinned
 
 ENOUGH: Final = 16
@@ -132,7 +132,7 @@ def guesses(lane: LaneBytes) -> list[FieldGuess]:
 
 
 def _fields(
-    span: Span, heard: SpanBytes, free: Sequence[bool]
+    span: ByteSpan, heard: SpanBytes, free: Sequence[bool]
 ) -> Iterator[tuple[FieldGuess, I64, F64]]:
     """Yield the fields of a span: words where two bytes are one number, else single bytes."""
     t_ns, said = heard.series.columns()

@@ -12,9 +12,9 @@ from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps
 from sniffer.ground.timing import byte_time_ns
 from sniffer.statistics.collector import Collector
-from sniffer.statistics.commands import Commands
+from sniffer.statistics.commands import CommandBook
 from sniffer.statistics.exceeding import Exceedings
-from sniffer.statistics.troubles import Troubles
+from sniffer.statistics.troubles import TroubleBook
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,8 +30,8 @@ class LaneNumbers:
     """What one protocol says on one bus, beside what the collector keeps."""
 
     protocol: BusProtocol
-    commands: Commands
-    troubles: Troubles
+    commands: CommandBook
+    troubles: TroubleBook
     exceedings: Exceedings
 
 
@@ -108,7 +108,7 @@ class Statistics:
         lane = self.lanes.get(name)
         if lane is None:
             exceedings = Exceedings(protocol, self._alarms)
-            lane = LaneNumbers(protocol, Commands(protocol), Troubles(), exceedings)
+            lane = LaneNumbers(protocol, CommandBook(protocol), TroubleBook(), exceedings)
             self.lanes[name] = lane
         lane.commands.add(batch)
         lane.troubles.add(batch, self.collector.grid)

@@ -37,7 +37,7 @@ class TroubleFigures:
     curve: int
 
 
-class Troubles:
+class TroubleBook:
     """Counts the anomalies of one protocol on one bus."""
 
     def __init__(self) -> None:
