@@ -102,5 +102,6 @@ def stats(
 
             if len(files) > 1:
                 click.echo(f"{file}:")
-            print_stats(figures, done.statistics, most=None if every else MOST)
+            most = None if every else MOST
+            print_stats(figures, done.statistics, most=most, how=": --all shows them")
     return status

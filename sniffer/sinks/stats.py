@@ -50,10 +50,12 @@ def print_stats(
     console: Console | None = None,
     *,
     most: int | None = MOST,
+    how: str = "",
 ) -> None:
     """Print all figures, bus by bus; ``figures`` are those of ``statistics`` as a dictionary.
 
-    ``most``: so many rows of each table; all of them where None.
+    ``most``: so many rows of each table; all of them where None. ``how``: what is said of those that
+    are left out, behind how many they are.
     """
     console = console or Console(highlight=False)
     if not console.is_terminal and "COLUMNS" not in os.environ:
@@ -62,7 +64,7 @@ def print_stats(
         for nth, bus in enumerate(figures["buses"]):
             if nth:
                 console.print()
-            _print_bus(bus, statistics, console, most)
+            _print_bus(bus, statistics, console, most, how)
     # tables are padded to their width: nobody wants that in a file
     text = "".join(line.rstrip() + "\n" for line in printed.get().splitlines())
     if not console.encoding.lower().startswith("utf"):
@@ -80,7 +82,7 @@ def bars(numbers: Sequence[float], most: float | None = None) -> str:
 
 
 def _print_bus(
-    bus: Mapping[str, Any], statistics: Statistics, console: Console, most: int | None
+    bus: Mapping[str, Any], statistics: Statistics, console: Console, most: int | None, how: str
 ) -> None:
     title = f"{bus['bus']}: {' + '.join(bus['protocols'])} at {bus['baud']} baud"
     console.print(Text(short(plain(title)), style="bold"))
@@ -107,7 +109,7 @@ def _print_bus(
             console.print(table.table(most, console.width))
             left = 0 if most is None else len(table.rows) - most
             if left > 0:
-                console.print(Text(f"  ... and {left} more: --all shows them", style="dim"))
+                console.print(Text(f"  ... and {left} more{how}", style="dim"))
         if table is not None and heading.startswith("response"):
             _histograms(bus, statistics, console)
 
