@@ -54,8 +54,8 @@ def print_stats(
 ) -> None:
     """Print all figures, bus by bus; ``figures`` are those of ``statistics`` as a dictionary.
 
-    ``most``: so many rows of each table; all of them where None. ``how``: what is said of those that
-    are left out, behind how many they are.
+    ``most``: so many rows of each table; all of them where None. ``how``: what is said of
+    those that are left out, behind how many they are.
     """
     console = console or Console(highlight=False)
     if not console.is_terminal and "COLUMNS" not in os.environ:
