@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from sniffer.cli.options import Finite, decoding, examples, pipeline_options
+from sniffer.cli.options import decoding, examples, pipeline_options
+from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
@@ -12,8 +13,8 @@ from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import and_, plain
 from sniffer.jobs.discover import Discovered
 from sniffer.jobs.discover import discover as find
-from sniffer.jobs.replay import Window
 from sniffer.jobs.telling import Teller
+from sniffer.selection.places import Window
 from sniffer.statistics.guesses import FieldGuess, place, runs
 
 
@@ -26,6 +27,7 @@ from sniffer.statistics.guesses import FieldGuess, place, runs
     ),
 )
 @click.argument("file")
+@with_part
 @decoding
 @click.option(
     "--format",
@@ -43,15 +45,6 @@ from sniffer.statistics.guesses import FieldGuess, place, runs
     metavar="MODEL",
     help="The model of that table.",
 )
-@click.option(
-    "--from",
-    "start",
-    type=Finite(0),
-    default=0.0,
-    metavar="S",
-    help="Look at what was said from second S on.",
-)
-@click.option("--to", "stop", type=Finite(0), metavar="S", help="... and until second S.")
 def discover(
     file: str,
     protocol: str,
@@ -62,8 +55,7 @@ def discover(
     latency: float | None,
     output_format: str,
     model_name: str,
-    start: float,
-    stop: float | None,
+    window: Window | None,
 ) -> int:
     """Say of bytes in FILE that no register table names what they do.
 
@@ -71,15 +63,13 @@ def discover(
     known values (goals, positions, loads ...) they go with. With --format toml it is a register
     table, the one that the servos are read by with what was found behind it; --registers takes it.
     """
-    if stop is not None and stop <= start:
-        raise click.UsageError("--to must lie behind --from")
     options = pipeline_options(protocol, baud, models, latency, tables)
     with patient() as patience:
         done = find(
             file,
             options,
             input_format=input_format,
-            window=Window(start, stop),
+            window=window,
             patience=patience,
             tell=Teller(say),
         )

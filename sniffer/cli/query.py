@@ -12,7 +12,8 @@ from typing import Any, Final
 
 import click
 
-from sniffer.cli.options import Finite, decoding, examples, pipeline_options
+from sniffer.cli.options import decoding, examples, pipeline_options
+from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
@@ -20,8 +21,8 @@ from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import plain
 from sniffer.jobs.query import Answer
 from sniffer.jobs.query import query as ask
-from sniffer.jobs.replay import Window
 from sniffer.jobs.telling import Teller
+from sniffer.selection.places import Window
 
 LOOK: Final = 1000
 """Rows by which the width of columns is judged; a longer value behind them is printed as it is."""
@@ -37,6 +38,7 @@ LOOK: Final = 1000
 )
 @click.argument("sql", metavar="SQL")
 @click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@with_part
 @decoding
 @click.option(
     "--format",
@@ -46,15 +48,6 @@ LOOK: Final = 1000
     show_default=True,
     help="What is printed: json is a line a row.",
 )
-@click.option(
-    "--from",
-    "start",
-    type=Finite(0),
-    default=0.0,
-    metavar="S",
-    help="Ask about what was said from second S on.",
-)
-@click.option("--to", "stop", type=Finite(0), metavar="S", help="... and until second S.")
 def query(
     sql: str,
     files: tuple[str, ...],
@@ -65,8 +58,7 @@ def query(
     tables: tuple[RegisterMap, ...],
     latency: float | None,
     output_format: str,
-    start: float,
-    stop: float | None,
+    window: Window | None,
 ) -> int:
     """Answer one SELECT over the records of FILE, in DuckDB's SQL.
 
@@ -76,8 +68,6 @@ def query(
 
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is asked).
     """
-    if stop is not None and stop <= start:
-        raise click.UsageError("--to must lie behind --from")
     options = pipeline_options(protocol, baud, models, latency, tables)
     with patient() as patience:
         answer = ask(
@@ -85,7 +75,7 @@ def query(
             files,
             options,
             input_format=input_format,
-            window=Window(start, stop),
+            window=window,
             patience=patience,
             tell=Teller(say),
         )

@@ -8,15 +8,16 @@ import sys
 
 import click
 
-from sniffer.cli.options import Finite, decoding, examples, pipeline_options, with_alarms
+from sniffer.cli.options import decoding, examples, pipeline_options, with_alarms
+from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
 from sniffer.cli.streams import say
 from sniffer.diagnostics.alarms import Alarm
 from sniffer.ground.registers import RegisterMap
-from sniffer.jobs.replay import Window
 from sniffer.jobs.stats import stats as count
 from sniffer.jobs.telling import Teller
+from sniffer.selection.places import Window
 from sniffer.statistics.flat import COLUMNS, rows
 
 
@@ -30,6 +31,7 @@ from sniffer.statistics.flat import COLUMNS, rows
     ),
 )
 @click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@with_part
 @decoding
 @with_alarms
 @click.option(
@@ -40,15 +42,6 @@ from sniffer.statistics.flat import COLUMNS, rows
     show_default=True,
     help="What is printed: json is a line a file, csv a row a figure.",
 )
-@click.option(
-    "--from",
-    "start",
-    type=Finite(0),
-    default=0.0,
-    metavar="S",
-    help="Count what was said from second S on.",
-)
-@click.option("--to", "stop", type=Finite(0), metavar="S", help="... and until second S.")
 @click.option("--all", "every", is_flag=True, help="Print all rows of long tables.")
 def stats(
     files: tuple[str, ...],
@@ -60,9 +53,8 @@ def stats(
     latency: float | None,
     alarms: tuple[Alarm, ...],
     output_format: str,
-    start: float,
-    stop: float | None,
     every: bool,
+    window: Window | None,
 ) -> int:
     """Count and measure what each FILE holds.
 
@@ -74,8 +66,6 @@ def stats(
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is
     counted).
     """
-    if stop is not None and stop <= start:
-        raise click.UsageError("--to must lie behind --from")
     options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms)
     table = csv.DictWriter(sys.stdout, COLUMNS, lineterminator="\n")
     if output_format == "csv":
@@ -87,7 +77,7 @@ def stats(
                 file,
                 options,
                 input_format=input_format,
-                window=Window(start, stop),
+                window=window,
                 patience=patience,
                 tell=Teller(say),
             )

@@ -16,9 +16,9 @@ from sniffer.statistics.stub import stub
 if TYPE_CHECKING:
     from sniffer.decoding.options import Options
     from sniffer.ground.registers import RegisterMap
-    from sniffer.jobs.replay import Window
     from sniffer.jobs.session import Ending, Patience
     from sniffer.jobs.telling import Teller
+    from sniffer.selection.places import Window
     from sniffer.statistics.guesses import FieldGuess
 
 

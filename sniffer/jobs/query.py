@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.decoding.options import Options
-    from sniffer.jobs.replay import Window
     from sniffer.jobs.session import Patience
     from sniffer.jobs.telling import Teller
+    from sniffer.selection.places import Window
 
 ROWS: Final = 10_000
 """Rows that are taken at once."""

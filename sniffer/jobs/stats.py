@@ -13,9 +13,9 @@ from sniffer.statistics.told import as_dict
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from sniffer.jobs.replay import Window
     from sniffer.jobs.session import Ending, Patience
     from sniffer.jobs.telling import Teller
+    from sniffer.selection.places import Window
 
 
 @dataclass(frozen=True, slots=True)

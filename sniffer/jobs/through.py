@@ -5,16 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sniffer.jobs.convert import convert
-from sniffer.jobs.replay import replay
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.decoding.options import Options
     from sniffer.decoding.sink import Sink
-    from sniffer.jobs.replay import Window
     from sniffer.jobs.session import Ending, Patience
     from sniffer.jobs.telling import Teller
+    from sniffer.selection.places import Window
 
 
 def hear_part(
@@ -33,23 +32,13 @@ def hear_part(
         InputError: the input cannot be read, its protocol cannot be told, or the window is empty.
         SnifferError: unknown protocol or model, or a number that cannot be.
     """
-    if window is not None and window.is_part:
-        return replay(
-            source,
-            lambda: sink,
-            options,
-            input_format=input_format,
-            window=window,
-            speed=0,
-            patience=patience,
-            tell=tell,
-        )
     return convert(
         source,
         (),
         options,
         input_format=input_format,
         sinks=[sink],
+        window=window,
         patience=patience,
         tell=tell,
     ).ending
