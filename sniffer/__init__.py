@@ -36,13 +36,16 @@ if TYPE_CHECKING:
     from sniffer.jobs.cut import cut
     from sniffer.jobs.diagnose import Diagnosed, diagnose
     from sniffer.jobs.diff import Compared, diff
+    from sniffer.jobs.discover import Discovered, discover
     from sniffer.jobs.files import Files, Flight
     from sniffer.jobs.merge import merge
     from sniffer.jobs.outputs import Wide
+    from sniffer.jobs.query import Answer, query
     from sniffer.jobs.record import Recorded, Shown, record
     from sniffer.jobs.replay import replay
     from sniffer.jobs.report import Reported, report
     from sniffer.jobs.session import Ending
+    from sniffer.jobs.stats import Tallied, stats
     from sniffer.protocols import PROTOCOLS
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
@@ -56,6 +59,7 @@ __all__ = [
     "PROTOCOLS",
     "Anomaly",
     "AnomalyRow",
+    "Answer",
     "Batch",
     "Capture",
     "Checked",
@@ -67,6 +71,7 @@ __all__ = [
     "Decoder",
     "Diagnosed",
     "Direction",
+    "Discovered",
     "Ending",
     "Examined",
     "Files",
@@ -98,6 +103,7 @@ __all__ = [
     "Shown",
     "SnifferError",
     "Stops",
+    "Tallied",
     "TransactionRow",
     "Transactions",
     "Wide",
@@ -109,15 +115,18 @@ __all__ = [
     "decode",
     "diagnose",
     "diff",
+    "discover",
     "examine",
     "frames_table",
     "merge",
     "play",
+    "query",
     "record",
     "records",
     "replay",
     "report",
     "samples_table",
+    "stats",
 ]
 
 _ROOMS: Final = {
@@ -132,8 +141,11 @@ _ROOMS: Final = {
     "jobs.replay": ("replay",),
     "selection.places": ("Window",),
     "selection.selection": ("Selection",),
+    "jobs.query": ("Answer", "query"),
+    "jobs.discover": ("Discovered", "discover"),
     "jobs.report": ("Reported", "report"),
     "jobs.session": ("Ending",),
+    "jobs.stats": ("Tallied", "stats"),
     "jobs.files": ("Files", "Flight"),
     "jobs.record": ("Recorded", "Shown", "record"),
     "doctor.examine": ("Examined", "examine"),

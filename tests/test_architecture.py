@@ -44,18 +44,17 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     "mcap_protobuf": ("mcapfile/",),
     "google": ("mcapfile/", "messages/"),
     "rerun": ("sinks/rerun/", "viewers/viewer.py"),
-    "pyarrow": ("sinks/tables.py", "sinks/wide.py", "sinks/rerun/", "jobs/api.py"),
+    "pyarrow": (
+        *("sinks/tables.py", "sinks/relations.py", "sinks/wide.py", "sinks/rerun/"),
+        *("jobs/api.py", "jobs/query.py"),
+    ),
+    "duckdb": ("jobs/query.py",),
     "pandas": (),
     "textual": ("inside/",),
     "click": ("cli/",),
     "rich": (
-        "cli/",
-        "sinks/consoles.py",
-        "sinks/text.py",
-        "sinks/report.py",
-        "sinks/story.py",
-        "viewers/",
-        "inside/",
+        *("cli/", "inside/", "viewers/", "sinks/consoles.py"),
+        *("sinks/text.py", "sinks/report.py", "sinks/stats.py", "sinks/story.py"),
     ),
     "threading": (
         *("cli/", "ports/", "tap/", "viewers/", "sinks/rerun/", "simulation/play/", "inside/"),
@@ -71,7 +70,9 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
 RUNS: Final = {"Decoder", "Pipeline", "open_outputs", "open_port", "open_sink", "open_source"}
 """What does the work of a command: the library calls it, so that a program can, too."""
 
-LAZY: Final = ("mcap", "mcap_protobuf", "google", "rerun", "pyarrow", "serial", "textual")
+LAZY: Final = (
+    *("duckdb", "mcap", "mcap_protobuf", "google", "rerun", "pyarrow", "serial", "textual"),
+)
 """What starting the program may not draw in: files that import these are imported in functions."""
 
 

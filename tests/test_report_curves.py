@@ -16,13 +16,13 @@ from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.decoding.summary import Quantiles
 from sniffer.ground.model import Chunk, Clock
 from sniffer.reports import svg, words
-from sniffer.reports.collector import Collector
 from sniffer.reports.curves import Charts
-from sniffer.reports.figures import DRAWN, ERROR, LONGEST, SHORTEST, Range, ServoFigures
-from sniffer.reports.figures import Extreme as End
-from sniffer.reports.grid import BUCKETS, CURVES, FINEST_NS, Grid
 from sniffer.reports.histograms import TimeScale
 from sniffer.simulation.buses import BUSES, simulate
+from sniffer.statistics.collector import Collector
+from sniffer.statistics.figures import DRAWN, ERROR, LONGEST, SHORTEST, Range, ServoFigures
+from sniffer.statistics.figures import Extreme as End
+from sniffer.statistics.grid import BUCKETS, CURVES, FINEST_NS, Grid
 from tests.recordings import talk
 
 if TYPE_CHECKING:

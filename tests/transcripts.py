@@ -54,6 +54,7 @@ _DOCS: Final = (
     "asking",
     "editing",
     "twitch",
+    "numbers",
 )
 PAGES: Final = ("README.md", *(f"docs/{name}.md" for name in _DOCS))
 LEFT_OUT: Final = "..."

@@ -14,7 +14,7 @@ from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.codes import KINDS, OK, OUTCOMES, PROVENANCES
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps
-from sniffer.ground.model import I64, NS, U8, Anomaly, Batch, Severity
+from sniffer.ground.model import I64, NEVER_NS, NS, U8, Anomaly, Batch, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -69,6 +69,7 @@ class Quantiles:
 
     def __init__(self) -> None:
         self._bins = np.zeros((2, _BINS), np.int64)
+        self._least = [NEVER_NS, NEVER_NS]
         self._most = [0, 0]
         self.count = 0
 
@@ -82,7 +83,15 @@ class Quantiles:
         for k, bound in enumerate((np.maximum(ns - spread, 0), ns + spread)):
             at = (np.log2(np.maximum(bound, 1)) * _PER_OCTAVE).astype(np.int64)
             self._bins[k] += np.bincount(at, minlength=_BINS)
+            self._least[k] = min(self._least[k], int(bound.min()))
             self._most[k] = max(self._most[k], int(bound.max()))
+
+    def copy(self) -> Quantiles:
+        """Return the same durations, to which others can be added."""
+        out = Quantiles()
+        out._bins, out.count = self._bins.copy(), self.count
+        out._least, out._most = list(self._least), list(self._most)
+        return out
 
     def histogram(self) -> tuple[I64, I64]:
         """Return how many lower and how many upper bounds lie in each eighth of an octave.
@@ -93,14 +102,19 @@ class Quantiles:
         return least, most
 
     def at(self, share: float) -> Bounds | None:
-        """Return the duration that ``share`` of all stay below, and 1 the longest; None: no one."""
+        """Return the duration that ``share`` of all stay below; None: no one.
+
+        0 is the shortest, 1 the longest.
+        """
         if not self.count:
             return None
+        if share <= 0:
+            return Bounds(*self._least)
         out = []
         for k, bins in enumerate(self._bins):
             row = int(np.searchsorted(np.cumsum(bins), share * self.count))
             edge = 2 ** ((row + k) / _PER_OCTAVE) if row or k else 0
-            out.append(min(int(edge), self._most[k]))
+            out.append(min(max(int(edge), self._least[k]), self._most[k]))
         return Bounds(*out)
 
 

@@ -44,7 +44,7 @@ class _Held:
 
 
 @dataclass(slots=True)
-class _Judged:
+class JudgedValues:
     """What a rule is judged by, a row a value, in the order of the wire."""
 
     servo: I64
@@ -55,13 +55,11 @@ class _Judged:
     row: I64
 
 
-class _Threshold:
-    """One rule, for all servos of a bus."""
+class ThresholdWatch:
+    """What a rule is judged by, batch after batch; goals are carried along."""
 
     def __init__(self, alarm: Alarm, what: Meant, protocol: BusProtocol) -> None:
-        self._alarm = alarm
-        self._unit = what.unit
-        self._is_met: Any = OPERATORS[alarm.op]
+        self._servo = alarm.servo_id
         self._measured = _rows(what.measured, protocol)
         self._goals = _rows(what.goals, protocol)
         self._others = _rows(what.others, protocol)
@@ -69,28 +67,18 @@ class _Threshold:
         self._everyone = protocol.everyone
         self._goal: dict[int, float] = {}
         self._goal_of_all = np.nan
-        self._held: dict[int, _Held] = {}
 
-    def judge(self, batch: Batch, usable: Mask) -> Iterator[Anomaly]:
-        """Report where the rule begins to be met, and where it no longer is."""
+    def judged(self, batch: Batch, usable: Mask) -> JudgedValues:
+        """Return the values, or distances from goals, that the rule asks for."""
         found = self._distances(batch, usable) if self._is_distance else self._plain(batch, usable)
-        if self._alarm.servo_id is not None:
-            found = _taken(found, found.servo == self._alarm.servo_id)
-        if not len(found.servo):
-            return
-        flag: Mask = self._is_met(found.value, self._alarm.limit)
-        if not flag.any() and not self._held:
-            return
-        for who in distinct(found.servo)[0].tolist():
-            mine = found.servo == who
-            yield from self._of(who, _taken(found, mine), flag[mine], batch)
+        return found if self._servo is None else taken(found, found.servo == self._servo)
 
-    def _plain(self, batch: Batch, usable: Mask) -> _Judged:
+    def _plain(self, batch: Batch, usable: Mask) -> JudgedValues:
         v = batch.values
         rows = np.flatnonzero(usable & self._measured[v.register])
         return _values(batch, rows, v.value[rows])
 
-    def _distances(self, batch: Batch, usable: Mask) -> _Judged:
+    def _distances(self, batch: Batch, usable: Mask) -> JudgedValues:
         """Return how far what is measured is from the goal before it; goals are carried along."""
         v = batch.values
         about = self._measured | self._goals | self._others
@@ -115,7 +103,30 @@ class _Threshold:
                 apart.append(distance)
         return _values(batch, np.array(kept, np.int64), np.array(apart, np.float64))
 
-    def _of(self, who: int, found: _Judged, flag: Mask, batch: Batch) -> Iterator[Anomaly]:
+
+class _Threshold:
+    """One rule, for all servos of a bus."""
+
+    def __init__(self, alarm: Alarm, what: Meant, protocol: BusProtocol) -> None:
+        self._alarm = alarm
+        self._unit = what.unit
+        self._is_met: Any = OPERATORS[alarm.op]
+        self._watch = ThresholdWatch(alarm, what, protocol)
+        self._held: dict[int, _Held] = {}
+
+    def judge(self, batch: Batch, usable: Mask) -> Iterator[Anomaly]:
+        """Report where the rule begins to be met, and where it no longer is."""
+        found = self._watch.judged(batch, usable)
+        if not len(found.servo):
+            return
+        flag: Mask = self._is_met(found.value, self._alarm.limit)
+        if not flag.any() and not self._held:
+            return
+        for who in distinct(found.servo)[0].tolist():
+            mine = found.servo == who
+            yield from self._of(who, taken(found, mine), flag[mine], batch)
+
+    def _of(self, who: int, found: JudgedValues, flag: Mask, batch: Batch) -> Iterator[Anomaly]:
         edges = [0, *(np.flatnonzero(np.diff(flag)) + 1).tolist(), len(flag)]
         for first, behind in itertools.pairwise(edges):
             if flag[first]:
@@ -124,7 +135,7 @@ class _Threshold:
                 yield self._over(who, found, first, held, batch)
 
     def _met(
-        self, who: int, found: _Judged, first: int, behind: int, batch: Batch
+        self, who: int, found: JudgedValues, first: int, behind: int, batch: Batch
     ) -> Iterator[Anomaly]:
         """Take a run of values that meet the rule; tell of the first that proves it."""
         held = self._held.get(who)
@@ -144,7 +155,7 @@ class _Threshold:
         now = float(run.min() if self._alarm.op in _FALLING else run.max())
         held.worst = min(held.worst, now) if self._alarm.op in _FALLING else max(held.worst, now)
 
-    def _begun(self, who: int, found: _Judged, k: int, held: _Held, batch: Batch) -> Anomaly:
+    def _begun(self, who: int, found: JudgedValues, k: int, held: _Held, batch: Batch) -> Anomaly:
         t_ns = int(found.t_ns[k])
         text = f"{self._alarm}: servo {who} has {self._told(float(found.value[k]))}"
         if self._alarm.for_ns:
@@ -152,7 +163,7 @@ class _Threshold:
         spans = dict.fromkeys((held.span, _span(batch, int(found.row[k]))))
         return anomaly("alarm", t_ns, who, text, *spans)
 
-    def _over(self, who: int, found: _Judged, k: int, held: _Held, batch: Batch) -> Anomaly:
+    def _over(self, who: int, found: JudgedValues, k: int, held: _Held, batch: Batch) -> Anomaly:
         t_ns = int(found.t_ns[k])
         text = (
             f"{self._alarm}: over after {_seconds(t_ns - held.since_ns)}, servo {who} has "
@@ -176,12 +187,11 @@ class AlarmRules:
 
     def judge(self, batch: Batch) -> Iterator[Anomaly]:
         """Report which rules begin to be met, and which no longer are."""
-        v = batch.values
-        if not self._rules or not len(v):
+        if not self._rules or not len(batch.values):
             return
-        usable = v.accepted & (v.part == WHOLE) & (v.servo_id >= 0) & ~np.isnan(v.value)
+        told = usable(batch)
         for rule in self._rules:
-            yield from rule.judge(batch, usable)
+            yield from rule.judge(batch, told)
 
 
 def _rows(registers: Sequence[int], protocol: BusProtocol) -> Mask:
@@ -190,19 +200,27 @@ def _rows(registers: Sequence[int], protocol: BusProtocol) -> Mask:
     return out
 
 
-def _values(batch: Batch, rows: I64, value: F64) -> _Judged:
+def _values(batch: Batch, rows: I64, value: F64) -> JudgedValues:
     v, f = batch.values, batch.frames
     row = v.row[rows]
     spread = np.maximum(f.uncertainty[row], 0)
     t_ns = v.t_ns[rows]
     # 78 times 0.1 V is a little more than the 7.8 V that somebody writes
     value = np.round(value, 9)
-    return _Judged(v.servo_id[rows].astype(np.int64), t_ns, t_ns - spread, value, row)
+    return JudgedValues(v.servo_id[rows].astype(np.int64), t_ns, t_ns - spread, value, row)
 
 
-def _taken(found: _Judged, mine: Mask) -> _Judged:
+def usable(batch: Batch) -> Mask:
+    """Return which values rules are judged by: whole ones, in units, that became true."""
+    v = batch.values
+    out: Mask = v.accepted & (v.part == WHOLE) & (v.servo_id >= 0) & ~np.isnan(v.value)
+    return out
+
+
+def taken(found: JudgedValues, mine: Mask) -> JudgedValues:
+    """Return some rows of what a rule is judged by."""
     f = found
-    return _Judged(f.servo[mine], f.t_ns[mine], f.least_ns[mine], f.value[mine], f.row[mine])
+    return JudgedValues(f.servo[mine], f.t_ns[mine], f.least_ns[mine], f.value[mine], f.row[mine])
 
 
 def _span(batch: Batch, row: int) -> Span:

@@ -1,4 +1,4 @@
-"""Libraries for plots, tables, a look inside: a tap does without, and says what it lacks."""
+"""Libraries for plots, tables, queries, a look inside: what a tap lacks is said."""
 
 from __future__ import annotations
 
@@ -61,6 +61,18 @@ def need_textual() -> None:
             raise ModuleNotFoundError("No module named 'textual'")
     except ImportError as error:
         raise _missing("looking inside needs Textual", "textual", error) from None
+
+
+def need_duckdb() -> None:
+    """Do nothing where SQL can be answered.
+
+    Raises:
+        OutputError: DuckDB is not installed.
+    """
+    try:
+        importlib.import_module("duckdb")
+    except ImportError as error:
+        raise _missing("queries need DuckDB", "'servo-sniffer[query]'", error) from None
 
 
 def _missing(what: str, package: str, error: ImportError) -> OutputError:

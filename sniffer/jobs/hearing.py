@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from sniffer.diagnosis import Diagnosis
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.session import run_source
-from sniffer.reports.collector import Collector
+from sniffer.statistics.collector import Collector
 
 if TYPE_CHECKING:
     from sniffer.decoding.options import Options

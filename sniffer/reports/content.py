@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.summary import BusTotals, Summary
     from sniffer.diagnosis.model import Incident
-    from sniffer.reports.collector import Collector
     from sniffer.reports.evidence import Exhibit
+    from sniffer.statistics.collector import Collector
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,9 @@ import numpy as np
 
 from sniffer.ground.model import NS, Clock
 from sniffer.reports import svg, words
-from sniffer.reports.figures import (
+from sniffer.reports.markup import Markup, tag
+from sniffer.reports.shapes import shape
+from sniffer.statistics.figures import (
     BYTES,
     ERROR,
     GOAL,
@@ -24,16 +26,14 @@ from sniffer.reports.figures import (
     TROUBLE,
     UNCLAIMED,
 )
-from sniffer.reports.markup import Markup, tag
-from sniffer.reports.shapes import shape
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from sniffer.diagnosis.model import Incident
-    from sniffer.reports.collector import Collector
-    from sniffer.reports.figures import ServoFigures, WireFigures
-    from sniffer.reports.grid import Trace
+    from sniffer.statistics.collector import Collector
+    from sniffer.statistics.figures import ServoFigures, WireFigures
+    from sniffer.statistics.grid import Trace
 
 BITS: Final = 10
 """Bits of a byte on the line: start, eight, stop."""

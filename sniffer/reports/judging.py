@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.summary import BusTotals, Summary
     from sniffer.diagnosis.model import Incident
-    from sniffer.reports.collector import Collector
-    from sniffer.reports.figures import ServoFigures
+    from sniffer.statistics.collector import Collector
+    from sniffer.statistics.figures import ServoFigures
 
 MS: Final = 1e6
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.model import Incident
     from sniffer.reports.content import Content
     from sniffer.reports.evidence import Exhibit
-    from sniffer.reports.figures import ServoFigures
+    from sniffer.statistics.figures import ServoFigures
 
 SERVOS: Final = 32
 """Servos that have curves and a histogram, those with incidents first: a page stays below 3 MB."""

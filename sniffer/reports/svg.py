@@ -16,7 +16,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from sniffer.ground.model import F64, I64
-    from sniffer.reports.grid import Trace
+    from sniffer.statistics.grid import Trace
 
 HEIGHT: Final = 240
 """Steps of a value axis: finer than the pixels of a chart."""

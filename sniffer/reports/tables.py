@@ -13,14 +13,14 @@ from sniffer.ground.codes import OBSERVED
 from sniffer.ground.model import Clock, Severity
 from sniffer.ground.wording import counted, one_line
 from sniffer.reports import words
-from sniffer.reports.figures import POSITION
+from sniffer.statistics.figures import POSITION
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.decoding.summary import BusTotals
     from sniffer.reports.content import Content
-    from sniffer.reports.figures import ServoFigures, WireFigures
+    from sniffer.statistics.figures import ServoFigures, WireFigures
 
 CLOCKS: Final[Mapping[Clock, str]] = MappingProxyType(
     {

@@ -11,16 +11,16 @@ from sniffer.decoding.summary import FIGURES
 from sniffer.ground.wording import counted, plain
 from sniffer.reports import tables, words
 from sniffer.reports.content import tale, titled
-from sniffer.reports.figures import DRAWN, ERROR, LONGEST
 from sniffer.reports.shapes import SIGNS
+from sniffer.statistics.figures import DRAWN, ERROR, LONGEST
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sniffer.diagnosis.model import Incident
     from sniffer.reports.content import Content
-    from sniffer.reports.figures import ServoFigures
-    from sniffer.reports.grid import Grid, Trace
+    from sniffer.statistics.figures import ServoFigures
+    from sniffer.statistics.grid import Grid, Trace
 
 COLUMNS: Final = 48
 """Characters of a curve."""

@@ -11,7 +11,7 @@ from sniffer.ground.model import NS, Clock
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from sniffer.reports.figures import Range
+    from sniffer.statistics.figures import Range
 
 UNITS: Final[Mapping[str, str]] = {"degC": "°C", "deg": "°", "deg/s": "°/s", "us": "µs"}
 """Units in the form that people write."""

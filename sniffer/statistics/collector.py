@@ -16,14 +16,12 @@ from sniffer.ground.codes import NEVER, NO_RESPONSE, OK, OUTCOMES, RESPONSE, WHO
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import MarkKind, Severity
-from sniffer.reports.figures import (
+from sniffer.statistics.figures import (
     BYTES,
     DRAWN,
     ERROR,
-    GOAL,
     LONGEST,
     MISSING,
-    POSITION,
     SHORTEST,
     TROUBLE,
     UNCLAIMED,
@@ -32,22 +30,20 @@ from sniffer.reports.figures import (
     ServoFigures,
     WireFigures,
 )
-from sniffer.reports.goals import GoalBook
-from sniffer.reports.grid import Grid
+from sniffer.statistics.goals import GoalBook
+from sniffer.statistics.grid import Grid
+from sniffer.statistics.motion import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.decoding.pacing import Pace
-    from sniffer.ground.model import I64, Batch, Chunk, Samples
+    from sniffer.ground.model import I64, Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
 MS: Final = 1_000_000
 
 _SEVERITY: Final = np.array(SEVERITY, np.int64)
-
-Found = dict[tuple[int, str, str], "I64"]
-"""Rows of samples by servo, quantity and unit."""
 
 
 class LaneFigures:
@@ -62,7 +58,7 @@ class LaneFigures:
         self._kinds = kinds
         self._column = np.array([kinds.index(t) if t[0] else -1 for t in told], np.int64)
         self._nobody = np.array([-1, *protocol.everyone])
-        self._goals: dict[tuple[int, str], float] = {}
+        self.motion = Motion(protocol)
         self._book = GoalBook(protocol)
 
     def add(self, batch: Batch, grid: Grid) -> None:
@@ -118,42 +114,18 @@ class LaneFigures:
         keys, which, _ = distinct(key)
         order = np.argsort(which, kind="stable")
         edges = np.searchsorted(which[order], np.arange(len(keys) + 1))
-        found: Found = {}
         for k, one in enumerate(keys.tolist()):
             servo, (quantity, unit) = one // many - 1, self._kinds[one % many]
-            mine = found[servo, quantity, unit] = rows[order[edges[k] : edges[k + 1]]]
+            mine = rows[order[edges[k] : edges[k + 1]]]
             if servo in self.servos:
                 _count_range(self.servos[servo], quantity, unit, batch, mine, grid)
-        for (servo, quantity, unit), mine in found.items():
-            if quantity == POSITION and servo in self.servos:
-                self._count_error(servo, unit, v, mine, found, grid)
-        self._keep_goals(v, found)
-
-    def _count_error(
-        self, servo: int, unit: str, v: Samples, rows: I64, found: Found, grid: Grid
-    ) -> None:
-        """Compare each position with the last goal that became true before it."""
-        goals = self._goals_of(servo, unit, found)
-        at = np.searchsorted(goals, rows) - 1
-        goal = np.full(len(rows), self._goals.get((servo, unit), np.nan))
-        goal[at >= 0] = v.value[goals[at[at >= 0]]]
-        known = ~np.isnan(goal)
-        if known.any():
-            curve = _own(self.servos[servo], ERROR, unit, grid)
-            grid.add(curve, v.t_ns[rows[known]], goal[known] - v.value[rows[known]])
-
-    def _goals_of(self, servo: int, unit: str, found: Found) -> I64:
-        """Return the rows of goals that concern a servo: its own, and those told to all."""
-        none = np.empty(0, np.int64)
-        every = (servo, *self.protocol.everyone)
-        return np.sort(np.concatenate([found.get((who, GOAL, unit), none) for who in every]))
-
-    def _keep_goals(self, v: Samples, found: Found) -> None:
-        for unit in {unit for _, quantity, unit in found if quantity == GOAL}:
-            for servo in self.servos:
-                goals = self._goals_of(servo, unit, found)
-                if len(goals):
-                    self._goals[servo, unit] = float(v.value[goals[-1]])
+        for course in self.motion.add(batch):
+            known = np.flatnonzero(~np.isnan(course.goal - course.position))
+            figures = self.servos.get(course.servo_id)
+            if figures is not None and len(known):
+                curve = _own(figures, ERROR, course.unit, grid)
+                error = course.goal[known] - course.position[known]
+                grid.add(curve, course.t_ns[known], error)
 
 
 class Collector:

@@ -8,14 +8,14 @@ import numpy as np
 
 from sniffer.ground.codes import COMMANDED, NOT_EXPECTED, OK, REQUEST
 from sniffer.ground.model import ECHO
-from sniffer.reports.figures import FATES
+from sniffer.statistics.figures import FATES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from sniffer.ground.model import I64, Batch
     from sniffer.protocols.base import BusProtocol
-    from sniffer.reports.figures import ServoFigures
+    from sniffer.statistics.figures import ServoFigures
 
 BEGINS: Final = "goal_"
 """What the quantities of goals begin with: position, speed, time, current."""

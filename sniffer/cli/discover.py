@@ -1,0 +1,107 @@
+"""``sniffer discover``: registers that no table names, by what their bytes do."""
+
+from __future__ import annotations
+
+import click
+
+from sniffer.cli.options import decoding, examples, pipeline_options
+from sniffer.cli.selecting import with_part
+from sniffer.cli.signals import patient
+from sniffer.cli.statuses import status_of
+from sniffer.cli.streams import say
+from sniffer.ground.registers import RegisterMap
+from sniffer.ground.wording import and_, plain
+from sniffer.jobs.discover import Discovered
+from sniffer.jobs.discover import discover as find
+from sniffer.jobs.telling import Teller
+from sniffer.selection.places import Window
+from sniffer.statistics.guesses import FieldGuess, place, runs
+
+
+@click.command(
+    short_help="Find registers that no table names.",
+    epilog=examples(
+        "sniffer discover run.mcap",
+        "sniffer discover run.mcap --format toml --name my-servo > my_servo.toml",
+        "sniffer decode run.mcap --registers my_servo.toml --model my-servo",
+    ),
+)
+@click.argument("file")
+@with_part
+@decoding
+@click.option(
+    "--format",
+    "output_format",
+    type=click.Choice(["text", "toml"]),
+    default="text",
+    show_default=True,
+    help="What is printed: toml is a register table to begin with.",
+)
+@click.option(
+    "--name",
+    "model_name",
+    default="my-servo",
+    show_default=True,
+    metavar="MODEL",
+    help="The model of that table.",
+)
+def discover(
+    file: str,
+    protocol: str,
+    input_format: str,
+    baud: int | None,
+    models: dict[int | None, str],
+    tables: tuple[RegisterMap, ...],
+    latency: float | None,
+    output_format: str,
+    model_name: str,
+    window: Window | None,
+) -> int:
+    """Say of bytes in FILE that no register table names what they do.
+
+    Which are constant, which count, which two are one number, which bits flip together, and which
+    known values (goals, positions, loads ...) they go with. With --format toml it is a register
+    table, the one that the servos are read by with what was found behind it; --registers takes it.
+    """
+    options = pipeline_options(protocol, baud, models, latency, tables)
+    with patient() as patience:
+        done = find(
+            file,
+            options,
+            input_format=input_format,
+            window=window,
+            patience=patience,
+            tell=Teller(say),
+        )
+    if output_format == "toml":
+        table = done.stub(model_name)
+        RegisterMap.from_text(table, model_name)  # a name that is none is told here
+        click.echo(table, nl=False)
+    else:
+        _print(done)
+    return status_of(done.ending, is_lost=False)
+
+
+def _print(done: Discovered) -> None:
+    """Print what was found, servos of which the same is said together."""
+    for bus, found in done.found.items():
+        if not found:
+            click.echo(f"{bus}: a table names every byte that was read or written")
+        alike: dict[tuple[str, ...], list[int]] = {}
+        for servo in dict.fromkeys(guess.servo_id for guess in found):
+            mine = [guess for guess in found if guess.servo_id == servo]
+            head = f"that {done.tables[bus, servo].model} does not name"
+            ordered = sorted(runs(mine), key=lambda run: run[0].is_constant)  # what moves first
+            alike.setdefault((head, *map(_line, ordered)), []).append(servo)
+        for (head, *lines), servos in alike.items():
+            who = and_([str(servo) for servo in servos])
+            several = "s" if len(servos) > 1 else ""
+            click.echo(f"{bus}: bytes of servo{several} {who} {head}")
+            for line in lines:
+                click.echo(plain(line))
+
+
+def _line(run: list[FieldGuess]) -> str:
+    first = run[0]
+    how = "written" if first.is_write else "read"
+    return f"  {place(run):<10} {first.type:<5} {how} {first.count}×  {first.sentence()}"

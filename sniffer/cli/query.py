@@ -1,0 +1,131 @@
+"""``sniffer query``: questions in SQL about captures."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import json
+import math
+import sys
+from collections.abc import Iterator
+from typing import Any, Final
+
+import click
+
+from sniffer.cli.options import decoding, examples, pipeline_options
+from sniffer.cli.selecting import with_part
+from sniffer.cli.signals import patient
+from sniffer.cli.statuses import status_of
+from sniffer.cli.streams import say
+from sniffer.ground.registers import RegisterMap
+from sniffer.ground.wording import plain
+from sniffer.jobs.query import Answer
+from sniffer.jobs.query import query as ask
+from sniffer.jobs.telling import Teller
+from sniffer.selection.places import Window
+
+LOOK: Final = 1000
+"""Rows by which the width of columns is judged; a longer value behind them is printed as it is."""
+
+
+@click.command(
+    short_help="Ask captures in SQL.",
+    epilog=examples(
+        'sniffer query "SELECT code, count(*) FROM anomalies GROUP BY ALL" run.mcap',
+        'sniffer query "SELECT op, max(response_time_ns) FROM transactions GROUP BY op" run.mcap',
+        'sniffer query "DESCRIBE samples" run.mcap',
+    ),
+)
+@click.argument("sql", metavar="SQL")
+@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@with_part
+@decoding
+@click.option(
+    "--format",
+    "output_format",
+    type=click.Choice(["text", "json", "csv"]),
+    default="text",
+    show_default=True,
+    help="What is printed: json is a line a row.",
+)
+def query(
+    sql: str,
+    files: tuple[str, ...],
+    protocol: str,
+    input_format: str,
+    baud: int | None,
+    models: dict[int | None, str],
+    tables: tuple[RegisterMap, ...],
+    latency: float | None,
+    output_format: str,
+    window: Window | None,
+) -> int:
+    """Answer one SELECT over the records of FILE, in DuckDB's SQL.
+
+    The tables are frames, transactions, samples, anomalies and gaps; `DESCRIBE samples` lists the
+    columns of one. With several files each has a column `file`. A query sees the tables and nothing
+    else: no files, no network. It needs DuckDB: pip install 'servo-sniffer[query]'.
+
+    Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is asked).
+    """
+    options = pipeline_options(protocol, baud, models, latency, tables)
+    with patient() as patience:
+        answer = ask(
+            sql,
+            files,
+            options,
+            input_format=input_format,
+            window=window,
+            patience=patience,
+            tell=Teller(say),
+        )
+    if output_format == "csv":
+        table = csv.writer(sys.stdout, lineterminator="\n")
+        table.writerow(answer.columns)
+        table.writerows(answer)
+    elif output_format == "json":
+        for row in answer:
+            told = zip(answer.columns, map(_jsonable, row), strict=True)
+            click.echo(json.dumps(dict(told), default=str))
+    else:
+        for line in _lines(answer):
+            click.echo(line)
+    return status_of(answer.ending, is_lost=False)
+
+
+def _jsonable(value: Any) -> Any:
+    """Return a value as JSON can have it: what is no number is null."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _lines(answer: Answer) -> Iterator[str]:
+    """Yield a table for people, numbers right, texts left, nothing cut."""
+    rows = iter(answer)
+    head = [[_shown(value) for value in row] for row in itertools.islice(rows, LOOK)]
+    widths = [max(map(len, column)) for column in zip(answer.columns, *head, strict=True)]
+    right = [all(_is_number(cell) for cell in column) for column in zip(*head, strict=True)] or [
+        False
+    ] * len(widths)
+
+    def line(cells: list[str]) -> str:
+        told = zip(cells, widths, right, strict=True)
+        placed = [c.rjust(width) if is_right else c.ljust(width) for c, width, is_right in told]
+        return "  ".join(placed).rstrip()
+
+    yield line([plain(name) for name in answer.columns])
+    for cells in itertools.chain(head, ([_shown(value) for value in row] for row in rows)):
+        yield line(cells)
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return ""
+    return f"{value:.12g}" if isinstance(value, float) else plain(str(value))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell or "0")
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,97 @@
+"""``sniffer stats``: load, rates, response times, following errors, anomalies, in numbers."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+
+import click
+
+from sniffer.cli.options import decoding, examples, pipeline_options, with_alarms
+from sniffer.cli.selecting import with_part
+from sniffer.cli.signals import patient
+from sniffer.cli.statuses import DONE, status_of
+from sniffer.cli.streams import say
+from sniffer.diagnostics.alarms import Alarm
+from sniffer.ground.registers import RegisterMap
+from sniffer.jobs.stats import stats as count
+from sniffer.jobs.telling import Teller
+from sniffer.selection.places import Window
+from sniffer.statistics.flat import COLUMNS, rows
+
+
+@click.command(
+    short_help="Count and measure: load, rates, times, errors.",
+    epilog=examples(
+        "sniffer stats run.mcap",
+        "sniffer stats run.mcap --from 10 --to 20",
+        "sniffer stats run.mcap --alarm 'temperature > 60'",
+        "sniffer stats a.log b.log --format csv > figures.csv",
+    ),
+)
+@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@with_part
+@decoding
+@with_alarms
+@click.option(
+    "--format",
+    "output_format",
+    type=click.Choice(["text", "json", "csv"]),
+    default="text",
+    show_default=True,
+    help="What is printed: json is a line a file, csv a row a figure.",
+)
+@click.option("--all", "every", is_flag=True, help="Print all rows of long tables.")
+def stats(
+    files: tuple[str, ...],
+    protocol: str,
+    input_format: str,
+    baud: int | None,
+    models: dict[int | None, str],
+    tables: tuple[RegisterMap, ...],
+    latency: float | None,
+    alarms: tuple[Alarm, ...],
+    output_format: str,
+    every: bool,
+    window: Window | None,
+) -> int:
+    """Count and measure what each FILE holds.
+
+    Of each bus its load and where the bytes went; of each servo and command how often, how
+    regularly, how fast and how much is missing; of each servo how far it is from its goals, how
+    its goals settle, and its extremes; of each anomaly when and how often. With --alarm RULE also
+    how long each servo met the rule.
+
+    Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is
+    counted).
+    """
+    options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms)
+    table = csv.DictWriter(sys.stdout, COLUMNS, lineterminator="\n")
+    if output_format == "csv":
+        table.writeheader()
+    status = DONE
+    for file in files:
+        with patient() as patience:
+            done = count(
+                file,
+                options,
+                input_format=input_format,
+                window=window,
+                patience=patience,
+                tell=Teller(say),
+            )
+        status = max(status, status_of(done.ending, is_lost=False))
+        figures = done.as_dict()
+        if output_format == "json":
+            click.echo(json.dumps(figures))
+        elif output_format == "csv":
+            table.writerows(rows(figures))
+        else:
+            from sniffer.sinks.stats import MOST, print_stats
+
+            if len(files) > 1:
+                click.echo(f"{file}:")
+            most = None if every else MOST
+            print_stats(figures, done.statistics, most=most, how=": --all shows them")
+    return status

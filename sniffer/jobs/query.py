@@ -1,0 +1,154 @@
+"""``sniffer.query``: SQL over the records of captures; what ``sniffer query`` calls.
+
+DuckDB reads the arrow tables where they lie. It is given nothing else: no files, no network, no
+extensions, no variables of the program, and its configuration is locked.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from sniffer.ground.model import InputError
+from sniffer.ground.needs import need_duckdb, need_pyarrow
+from sniffer.jobs.session import Ending
+from sniffer.jobs.through import hear_part
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from sniffer.decoding.options import Options
+    from sniffer.jobs.session import Patience
+    from sniffer.jobs.telling import Teller
+    from sniffer.selection.places import Window
+
+ROWS: Final = 10_000
+"""Rows that are taken at once."""
+
+_LOCKED: Final[Mapping[str, str | bool | int | float | list[str]]] = {
+    "enable_external_access": False,
+    "autoinstall_known_extensions": False,
+    "autoload_known_extensions": False,
+    "python_enable_replacements": False,
+    "lock_configuration": True,
+}
+"""What keeps a query away from everything but the tables."""
+
+_NO_TABLE: Final = re.compile(r"Table with name (\S+) does not exist")
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a query gives: the names of its columns, and its rows, once, as they are made.
+
+    ``ending`` is the worst of the captures'.
+    """
+
+    columns: tuple[str, ...]
+    ending: Ending
+    _result: Any
+
+    def __iter__(self) -> Iterator[tuple[Any, ...]]:
+        with _told():
+            while rows := self._result.fetchmany(ROWS):
+                yield from rows
+
+
+def query(
+    sql: str,
+    sources: Sequence[str | Path],
+    options: Options | None = None,
+    *,
+    input_format: str = "auto",
+    window: Window | None = None,
+    patience: Patience | None = None,
+    tell: Teller | None = None,
+) -> Answer:
+    """Answer a question in SQL about captures, over tables of their records.
+
+    The tables are ``frames``, ``transactions``, ``samples``, ``anomalies`` and ``gaps``; those that
+    the query names are built, in memory. With several captures each has a column ``file``.
+
+    Args:
+        sql: one SELECT (or WITH, EXPLAIN, DESCRIBE ...) as DuckDB has it.
+        sources: paths, or ``"-"`` for standard input.
+        options: how they are decoded; what a recording says of itself fills what is not said.
+        input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        window: which part of each; all of it where None.
+        patience: takes interruptions; what was read until then is asked.
+        tell: takes what should be told; nothing is told without.
+
+    Raises:
+        InputError: an input cannot be read, or the query cannot be answered.
+        OutputError: DuckDB is not installed.
+        SnifferError: unknown protocol or model, or a number that cannot be.
+    """
+    need_duckdb()
+    need_pyarrow()
+    import duckdb
+    import pyarrow as pa
+
+    from sniffer.sinks.relations import RELATIONS, RelationSink
+
+    with _told():
+        connection = duckdb.connect(":memory:", config=dict(_LOCKED))
+        statements = connection.extract_statements(sql)
+        kinds = {statement.type.name for statement in statements}
+        if len(statements) != 1 or not kinds <= {"SELECT", "EXPLAIN"}:
+            raise InputError("a query is one SELECT: nothing can be written, set or attached")
+        named = {name.lower() for name in connection.get_table_names(sql)}
+    endings = [Ending.DONE]
+    heard = []
+    for source in sources:
+        sink = RelationSink(
+            [name for name in RELATIONS if name in named],
+            file=str(source) if len(sources) > 1 else None,
+        )
+        endings.append(
+            hear_part(
+                source,
+                sink,
+                options,
+                input_format=input_format,
+                window=window,
+                patience=patience,
+                tell=tell,
+            )
+        )
+        heard.append(sink.tables())
+        if endings[-1] == Ending.INTERRUPTED:
+            break
+    with _told():
+        for name in heard[0]:
+            both = pa.concat_tables([tables[name] for tables in heard]).unify_dictionaries()
+            connection.register(name, both)
+        result = connection.execute(sql)
+        columns = tuple(column[0] for column in result.description)
+    return Answer(columns, max(endings, key=lambda ending: ending.value), result)
+
+
+@contextlib.contextmanager
+def _told() -> Iterator[None]:
+    """Tell what DuckDB complains of in a line."""
+    import duckdb
+
+    try:
+        yield
+    except duckdb.Error as error:
+        text = str(error).partition("\nLINE")[0]
+        unknown = _NO_TABLE.search(text)
+        if unknown is not None:
+            raise InputError(_no_table(unknown[1])) from None
+        raise InputError(f"the query: {' '.join(text.split())}") from None
+
+
+def _no_table(name: str) -> str:
+    from sniffer.sinks.relations import RELATIONS
+
+    near = difflib.get_close_matches(name, RELATIONS, 1)
+    advice = f"did you mean {near[0]}?" if near else f"one of {', '.join(RELATIONS)}"
+    return f"there is no table {name[:40]!r}: {advice}"

@@ -1,0 +1,69 @@
+"""``sniffer.stats``: figures of a capture; what ``sniffer stats`` calls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from sniffer.decoding.options import Options
+from sniffer.jobs.through import hear_part
+from sniffer.statistics import Statistics
+from sniffer.statistics.told import as_dict
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from sniffer.jobs.session import Ending, Patience
+    from sniffer.jobs.telling import Teller
+    from sniffer.selection.places import Window
+
+
+@dataclass(frozen=True, slots=True)
+class Tallied:
+    """The figures of a capture, and how its reading ended; ``source`` is its name."""
+
+    source: str
+    statistics: Statistics
+    ending: Ending
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as ``schemas/stats.schema.json`` has it."""
+        return {"source": self.source, **as_dict(self.statistics)}
+
+
+def stats(
+    source: str | Path,
+    options: Options | None = None,
+    *,
+    input_format: str = "auto",
+    window: Window | None = None,
+    patience: Patience | None = None,
+    tell: Teller | None = None,
+) -> Tallied:
+    """Count and measure a capture: load, rates, response times, errors, anomalies.
+
+    Args:
+        source: a path, or ``"-"`` for standard input.
+        options: how it is decoded; what a recording says of itself fills what is not said. How
+            long servos met the rules of ``options.alarms`` is told, too.
+        input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        window: which part of it; all of it where None.
+        patience: takes interruptions; what was read until then is counted.
+        tell: takes what should be told; nothing is told without.
+
+    Raises:
+        InputError: the input cannot be read, its protocol cannot be told, or the window is empty.
+        SnifferError: unknown protocol or model, or a number that cannot be.
+    """
+    options = options or Options()
+    told = Statistics(options.alarms)
+    ending = hear_part(
+        source,
+        told,
+        options,
+        input_format=input_format,
+        window=window,
+        patience=patience,
+        tell=tell,
+    )
+    return Tallied("standard input" if str(source) == "-" else str(source), told, ending)

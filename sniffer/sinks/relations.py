@@ -1,0 +1,207 @@
+"""Everything that is known of a capture as arrow tables in memory, for SQL.
+
+Frames and samples have the columns of the files (``tables.py``); transactions, gaps and anomalies
+are beside them. Where a column has no value it is null, never -1.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.diagnostics.found import CODES, Anomalies
+from sniffer.ground.codes import OUTCOMES
+from sniffer.ground.distinct import distinct
+from sniffer.ground.gaps import REASONS, Gaps
+from sniffer.sinks.tables import FRAMES, SAMPLES, frames_table, samples_table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.sinks.tables import Builder
+
+_NAME = pa.dictionary(pa.int32(), pa.string())
+
+TRANSACTIONS = pa.schema(
+    [
+        pa.field("t_ns", pa.int64(), metadata={"about": "end of the last frame, ns"}),
+        pa.field("bus", _NAME),
+        pa.field("servo_id", pa.int16()),
+        pa.field("op", _NAME),
+        pa.field("outcome", _NAME),
+        pa.field("response_time_ns", pa.int64()),
+        pa.field("uncertainty_ns", pa.int64()),
+        pa.field("request_offset", pa.int64()),
+        pa.field("response_offset", pa.int64()),
+        pa.field("protocol", _NAME),
+    ]
+)
+"""Columns of the transactions table."""
+
+GAPS = pa.schema(
+    [
+        pa.field("t_ns", pa.int64()),
+        pa.field("bus", _NAME),
+        pa.field("offset", pa.int64()),
+        pa.field("length", pa.int64()),
+        pa.field("reason", _NAME),
+        pa.field("protocol", _NAME),
+    ]
+)
+"""Columns of the gaps table: bytes that no frame claims."""
+
+ANOMALIES = pa.schema(
+    [
+        pa.field("t_ns", pa.int64()),
+        pa.field("bus", _NAME),
+        pa.field("servo_id", pa.int16()),
+        pa.field("severity", _NAME),
+        pa.field("group", _NAME),
+        pa.field("code", _NAME),
+        pa.field("detail", pa.string()),
+        pa.field("offset", pa.int64(), metadata={"about": "first byte of the evidence"}),
+        pa.field("length", pa.int64()),
+        pa.field("protocol", _NAME),
+    ]
+)
+"""Columns of the anomalies table."""
+
+
+def _named(index: Any, names: Sequence[str]) -> Any:
+    indices = pa.array(np.ascontiguousarray(index, np.int32))
+    told = list(dict.fromkeys(names))
+    if len(told) < len(names):  # several codes are of one group
+        place = {name: i for i, name in enumerate(told)}
+        indices = pa.array(np.array([place[n] for n in names], np.int32)[np.asarray(index)])
+    return pa.DictionaryArray.from_arrays(indices, pa.array(told, pa.string()))
+
+
+def _constant(name: str, n: int) -> Any:
+    return _named(np.zeros(n, np.int32), [name])
+
+
+def transactions_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
+    """Return a batch's transactions as an arrow table with the columns of ``TRANSACTIONS``."""
+    f, t = batch.frames, batch.transactions
+    if not len(t):
+        return TRANSACTIONS.empty_table()
+    is_asked, is_answered = t.request != -1, t.response >= 0
+    frames, rows = batch.asking(np.where(is_asked, t.request, t.response))
+    who = frames.servo_id[rows]
+    last = np.where(is_answered, t.response, np.maximum(t.request, 0))
+    who = np.where(who >= 0, who, f.servo_id[last]).astype(np.int16)
+    ops, which, _ = distinct(frames.op[rows])
+    unknown = t.response_time_ns < 0
+    answered = f.start[np.maximum(t.response, 0)] + batch.base
+    return pa.Table.from_arrays(
+        [
+            pa.array(f.t_end[last]),
+            _constant(bus, len(t)),
+            pa.array(who, mask=who < 0),
+            _named(which, [protocol.op_name(op) for op in ops.tolist()]),
+            _named(t.outcome, OUTCOMES),
+            pa.array(t.response_time_ns, mask=unknown),
+            pa.array(t.uncertainty_ns, mask=unknown | (t.uncertainty_ns < 0)),
+            pa.array(frames.start[rows] + batch.base, mask=~is_asked),
+            pa.array(answered, mask=~is_answered),
+            _constant(protocol.name, len(t)),
+        ],
+        schema=TRANSACTIONS,
+    )
+
+
+def gaps_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
+    """Return a batch's gaps as an arrow table with the columns of ``GAPS``."""
+    gaps = Gaps.of(batch.gaps)
+    return pa.Table.from_arrays(
+        [
+            pa.array(gaps.t_ns),
+            _constant(bus, len(gaps)),
+            pa.array(gaps.start + batch.base),
+            pa.array(gaps.length),
+            _named(gaps.kind, REASONS),
+            _constant(protocol.name, len(gaps)),
+        ],
+        schema=GAPS,
+    )
+
+
+def anomalies_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
+    """Return a batch's anomalies as an arrow table with the columns of ``ANOMALIES``."""
+    found = Anomalies.of(batch.anomalies)
+    known = [CATALOGUE[code] for code in CODES]
+    who = found.servo_id.astype(np.int16)
+    return pa.Table.from_arrays(
+        [
+            pa.array(found.t_ns),
+            _constant(bus, len(found)),
+            pa.array(who, mask=who < 0),
+            _named(found.code, [entry.severity.name.lower() for entry in known]),
+            _named(found.code, [entry.group for entry in known]),
+            _named(found.code, CODES),
+            pa.array([anomaly.detail for anomaly in found], pa.string()),
+            pa.array(found.at),
+            pa.array(found.length),
+            _constant(protocol.name, len(found)),
+        ],
+        schema=ANOMALIES,
+    )
+
+
+class _Relation(NamedTuple):
+    """The columns of a table, and what makes it of a batch."""
+
+    schema: Any
+    build: Builder
+
+
+RELATIONS: Final[Mapping[str, _Relation]] = MappingProxyType(
+    {
+        "frames": _Relation(FRAMES, frames_table),
+        "transactions": _Relation(TRANSACTIONS, transactions_table),
+        "samples": _Relation(SAMPLES, samples_table),
+        "anomalies": _Relation(ANOMALIES, anomalies_table),
+        "gaps": _Relation(GAPS, gaps_table),
+    }
+)
+"""The tables that SQL may name."""
+
+
+class RelationSink:
+    """A sink that keeps the tables that are asked for, all their rows.
+
+    ``file`` stands in a column of that name, in front of the others; None: there is no such column.
+    """
+
+    def __init__(self, names: Iterable[str], file: str | None = None) -> None:
+        self._parts: dict[str, list[Any]] = {name: [] for name in names}
+        self._file = file
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing: tables hold what was decoded."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Add the batch's rows."""
+        for name, parts in self._parts.items():
+            table = RELATIONS[name].build(bus, protocol, batch)
+            if len(table):
+                parts.append(table)
+
+    def close(self) -> None:
+        """Do nothing: tables are asked for afterwards."""
+
+    def tables(self) -> dict[str, Any]:
+        """Return the tables by name."""
+        out = {}
+        for name, parts in self._parts.items():
+            table = pa.concat_tables([RELATIONS[name].schema.empty_table(), *parts])
+            if self._file is not None:
+                table = table.add_column(0, "file", _constant(self._file, len(table)))
+            out[name] = table.unify_dictionaries()
+        return out

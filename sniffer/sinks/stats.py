@@ -1,0 +1,410 @@
+"""Figures of a capture as people read them: tables, the worst first, and bars for the eye."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from sniffer.decoding.summary import BINS_SHOWN, Bounds
+from sniffer.ground.model import NS
+from sniffer.ground.wording import counted, plain, short
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from sniffer.ground.model import I64
+    from sniffer.statistics.sink import Statistics
+
+BARS: Final = " ▁▂▃▄▅▆▇█"
+"""Eighths of a line; what is not nothing has one at least."""
+
+PLAIN_BARS: Final = " .:-=+*#@"
+"""The same for a terminal that has ASCII alone."""
+
+WIDE: Final = 140
+"""Columns of what goes into a pipe or a file, unless ``COLUMNS`` says otherwise."""
+
+MOST: Final = 24
+"""Rows of a table, unless all are asked for: what is worst and what is most fits on a screen."""
+
+ROOMY: Final = 100
+"""From so many columns on there are two blanks between those of a table, and bars over time."""
+
+LABEL: Final = 24
+"""Columns that stand before the bars of a histogram."""
+
+_COLOUR: Final = {"error": "red", "warn": "yellow", "note": "cyan"}
+
+Row = tuple[Any, ...]
+
+
+def print_stats(
+    figures: Mapping[str, Any],
+    statistics: Statistics,
+    console: Console | None = None,
+    *,
+    most: int | None = MOST,
+    how: str = "",
+) -> None:
+    """Print all figures, bus by bus; ``figures`` are those of ``statistics`` as a dictionary.
+
+    ``most``: so many rows of each table; all of them where None. ``how``: what is said of
+    those that are left out, behind how many they are.
+    """
+    console = console or Console(highlight=False)
+    if not console.is_terminal and "COLUMNS" not in os.environ:
+        console.width = WIDE  # nobody's window: nothing is folded
+    with console.capture() as printed:
+        for nth, bus in enumerate(figures["buses"]):
+            if nth:
+                console.print()
+            _print_bus(bus, statistics, console, most, how)
+    # tables are padded to their width: nobody wants that in a file
+    text = "".join(line.rstrip() + "\n" for line in printed.get().splitlines())
+    if not console.encoding.lower().startswith("utf"):
+        text = text.translate(str.maketrans(BARS, PLAIN_BARS))
+    console.file.write(text)
+
+
+def bars(numbers: Sequence[float], most: float | None = None) -> str:
+    """Return numbers as bars, the greatest (or ``most``) as high as the line."""
+    top = max(numbers, default=0) if most is None else most
+    if top <= 0:
+        return " " * len(numbers)
+    last = len(BARS) - 1
+    return "".join(BARS[min(int(np.ceil(last * n / top)), last) if n > 0 else 0] for n in numbers)
+
+
+def _print_bus(
+    bus: Mapping[str, Any], statistics: Statistics, console: Console, most: int | None, how: str
+) -> None:
+    title = f"{bus['bus']}: {' + '.join(bus['protocols'])} at {bus['baud']} baud"
+    console.print(Text(short(plain(title)), style="bold"))
+    for line in _about(bus, console.width):
+        console.print(Padding(Text(line), (0, 0, 0, 2)))
+    many = len(bus["protocols"]) > 1
+    first = bus["first_ns"] or 0
+    for heading, table in (
+        (
+            "traffic, most bus time first (jitter: 95 % of periods change by less)",
+            _traffic(bus, many=many),
+        ),
+        ("answers that are missing, worst first", _missing(bus, many=many)),
+        ("response times in ms, slowest first", _replies(bus, many=many)),
+        ("following error (goal less position), greatest first", _errors(bus, first)),
+        ("goal steps, slowest to settle first", _steps(bus)),
+        ("values", _values(bus, first)),
+        ("your rules", _alarms(bus)),
+        ("anomalies", _anomalies(bus, first, console.width)),
+    ):
+        if table is not None:
+            console.print()
+            console.print(Text(f" {heading}", style="dim"))
+            console.print(table.table(most, console.width))
+            left = 0 if most is None else len(table.rows) - most
+            if left > 0:
+                console.print(Text(f"  ... and {left} more{how}", style="dim"))
+        if table is not None and heading.startswith("response"):
+            _histograms(bus, statistics, console)
+
+
+def _about(bus: Mapping[str, Any], width: int) -> Iterable[str]:
+    held = np.floor(10000 * bus["bytes_in_frames"] / bus["bytes"]) / 100 if bus["bytes"] else 0.0
+    gaps = ", ".join(f"{n} {reason}" for reason, n in bus["gaps"].items())
+    line = f"{counted(bus['bytes'], 'byte')} = {bus['bytes_in_frames']} in "
+    line += f"{counted(bus['frames'], 'frame')} ({held:.2f} %) + {bus['bytes_in_gaps']} in gaps"
+    yield line + (f" ({gaps})" if gaps else "")
+    load = bus["load"]
+    if load is None:
+        yield "no clock in the input: no rates and no times"
+        return
+    yield f"over {bus['seconds']:.3f} s"
+    told = f"load {_percent(load['mean'])}, at most {_percent(load['peak'])} "
+    told += f"in {load['slice_ns'] / 1e6:.0f} ms"
+    drawn = bars(load["shares"], 1.0)
+    together = len(told) + len(drawn) + 4 <= width
+    yield f"{told}  {drawn}" if together else told
+    if not together:
+        yield drawn
+
+
+class _Tabulated:
+    """Rows under headings: what is a word stands left and is folded, numbers stand right."""
+
+    def __init__(self, *columns: str, left: Iterable[str] = ()) -> None:
+        self._columns = [*columns]
+        self._left = frozenset(left)
+        self.rows: list[tuple[Text | str, ...]] = []
+
+    def add_column(self, name: str, *, left: bool = False) -> None:
+        self._columns.append(name)
+        self._left |= {name} if left else set()
+
+    def add_row(self, *cells: Text | str) -> None:
+        self.rows.append(cells)
+
+    def table(self, most: int | None, width: int) -> Table:
+        """Return the first rows."""
+        out = Table(box=None, pad_edge=True, padding=(0, 0, 0, 2 if width >= ROOMY else 1))
+        for column in self._columns:
+            if column in self._left:
+                out.add_column(column, overflow="fold")
+            else:
+                out.add_column(column, justify="right", no_wrap=True)
+        for row in self.rows[:most]:
+            out.add_row(*row)
+        return out
+
+
+def _who(row: Mapping[str, Any], *, many: bool = False) -> str:
+    who = "-" if row["servo_id"] is None else str(row["servo_id"])
+    return f"{row['protocol']} {who}" if many else who
+
+
+def _traffic(bus: Mapping[str, Any], *, many: bool) -> _Tabulated | None:
+    clocked = bus["load"] is not None
+    columns = ("sent", "per s", "bus time") if clocked else ("sent", "bytes")
+    table = _Tabulated("servo", "command", *columns, left=("command",))
+    timed = any(c["period_ns"] for c in bus["commands"])
+    for column in ("period ms", "longest", "jitter") if timed else ():
+        table.add_column(column)
+    for c in sorted(bus["commands"], key=lambda c: (-c["bytes"], c["servo_id"] or -1, c["op"])):
+        row = [_who(c, many=many), c["op"], str(c["requests"])]
+        if clocked:
+            row += [_number(c["rate_hz"]), _percent(c["bus_time_share"])]
+        else:
+            row.append(_percent(c["bytes_share"]))
+        if timed:
+            row += [_ms(c["period_ns"], "p50"), _ms(c["period_ns"], "max")]
+            row += [_ms(c["jitter_ns"], "p95")]
+        table.add_row(*row)
+    return table if bus["commands"] else None
+
+
+def _missing(bus: Mapping[str, Any], *, many: bool) -> _Tabulated | None:
+    asked = [c for c in bus["commands"] if c["asked"]]
+    worst = [c for c in asked if c["failed"] or c["retries"]]
+    if not asked:
+        return None
+    table = _Tabulated(
+        "servo", "command", "asked", "missing", "share", "95 % sure", left=("command",)
+    )
+    for column in ("failed", "retries"):
+        table.add_column(column)
+    for c in sorted(worst, key=lambda c: (-c["missing_interval"][0], -c["failed"])):
+        low, high = c["missing_interval"]
+        told = f"{100 * low:.2g}-{_percent(high)}"
+        counts = str(c["asked"]), str(c["missing"]), _percent(c["missing_share"]), told
+        table.add_row(
+            _who(c, many=many), c["op"], *counts, str(c["failed"]), str(c["retries"] or "")
+        )
+    sound = len(asked) - len(worst)
+    if sound:
+        from sniffer.statistics.commands import wilson
+
+        n = sum(c["asked"] for c in asked if c not in worst)
+        told = f"at most {_percent(wilson(0, n)[1])}"
+        name = "all others" if worst else "all"
+        table.add_row("", name, str(n), "0", "0 %", told, "0", "")
+    return table
+
+
+def _replies(bus: Mapping[str, Any], *, many: bool) -> _Tabulated | None:
+    timed = [c for c in bus["commands"] if c["response_time_ns"]]
+    if not timed:
+        return None
+    names = ("min", "p50", "p95", "p99", "max")
+    table = _Tabulated("servo", "command", "answers", *names, left=("command",))
+    for c in sorted(timed, key=lambda c: [-c["response_time_ns"][n][1] for n in reversed(names)]):
+        q = c["response_time_ns"]
+        table.add_row(_who(c, many=many), c["op"], str(q["count"]), *(_ms(q, n) for n in names))
+    return table
+
+
+def _histograms(bus: Mapping[str, Any], statistics: Statistics, console: Console) -> None:
+    """Print how long the answers of each servo took, on one axis."""
+    sums: dict[str, tuple[I64, I64]] = {}
+    lanes = statistics.collector.lanes_of(bus["bus"])
+    for name in lanes:
+        for c in statistics.lanes[name].commands.figures():
+            if c.times.reply.count and c.servo_id >= 0:
+                who = f"{name} {c.servo_id}" if len(lanes) > 1 else f"{c.servo_id}"
+                low, high = c.times.reply.histogram()
+                before = sums.get(who)
+                sums[who] = (low, high) if before is None else (before[0] + low, before[1] + high)
+    if not sums:
+        return
+    least, most = (np.sum([pair[k] for pair in sums.values()], axis=0) for k in (0, 1))
+    held = np.flatnonzero(most)
+    low = np.flatnonzero(least)
+    low = low[low > 0]
+    begin = min(int(held[0]), int(low[0]) if len(low) else int(held[0]))
+    begin = max(begin - 1, int(held[0]) - 3 * BINS_SHOWN, 0)  # as a report's: three octaves of few
+    size = int(held[-1]) + 2 - begin
+    room = max(min(console.width, 140) - LABEL - 2, 16)
+    per = -(-size // room)
+    console.print()
+    for who, (low, high) in sums.items():
+        pair = [_folded(counts, begin, size, per) for counts in (low, high)]
+        top = max(max(row) for row in pair)
+        if pair[0] == pair[1]:
+            console.print(Text(f"  {'servo ' + who:<{LABEL - 4}}  {bars(pair[0], top)}"))
+            continue
+        for row, told in zip(pair, ("took at least", "at most"), strict=True):
+            label = f"servo {who}" if told != "at most" else ""
+            console.print(Text(f"  {label:<{LABEL - 18}}{told:>14}  {bars(row, top)}"))
+    console.print(Text(" " * LABEL + _axis(begin, size, per, console.width - LABEL), style="dim"))
+
+
+def _folded(counts: I64, begin: int, size: int, per: int) -> list[int]:
+    shown = counts[begin : begin + size].copy()
+    shown[0] += counts[:begin].sum()
+    shown = np.pad(shown, (0, -len(shown) % per))
+    out: list[int] = shown.reshape(-1, per).sum(axis=1).tolist()
+    return out
+
+
+def _axis(begin: int, size: int, per: int, room: int) -> str:
+    """Return the times below the bars: where 1, 2 and 5 of each decade stand, in ms."""
+    line = [" "] * min(-(-size // per) + 12, room)
+    free = 0
+    for decade in range(-6, 8):
+        for digit in (1, 2, 5):
+            ms = digit * 10.0**decade
+            at = int((np.log2(ms * 1e6) * BINS_SHOWN - begin) // per)
+            told = f"|{ms:g} ms"
+            if free <= at < len(line) - len(told):
+                line[at : at + len(told)] = told
+                free = at + len(told) + 1
+    return "".join(line).rstrip()
+
+
+def _errors(bus: Mapping[str, Any], first: int) -> _Tabulated | None:
+    rows: list[Row] = [(s, e) for s in bus["servos"] for e in s["following_error"]]
+    if not rows:
+        return None
+    table = _Tabulated("servo", "unit", "values", "p50", "p95", "max", "at s", "at byte")
+    for s, e in sorted(rows, key=lambda r: -r[1]["size"]["max"][1]):
+        size, worst = e["size"], e["worst"]
+        half = [_middle(size[name]) for name in ("p50", "p95")]
+        place = _seconds(worst["t_ns"], first, bus), str(worst["offset"])
+        values = str(size["count"]), *half, _number(worst["value"])
+        table.add_row(_who(s), e["unit"], *values, *place)
+    return table
+
+
+def _steps(bus: Mapping[str, Any]) -> _Tabulated | None:
+    rows: list[Row] = [(s, e) for s in bus["servos"] for e in s["steps"] if e["count"]]
+    if not rows:
+        return None
+    columns = ("servo", "steps", "settled", "in ms p50", "max", "overshoot p50", "max", "not")
+    table = _Tabulated(*columns, left=("not",))
+
+    def rank(row: Row) -> tuple[float, ...]:
+        settled = row[1]["fates"].get("settled", 0) / row[1]["count"]
+        return settled, -(row[1]["settle_ns"] or {"max": [0, 0]})["max"][1]
+
+    for s, e in sorted(rows, key=rank):
+        past = e["overshoot_percent"]
+        beyond = [f"{_middle(past[n])} %" if past else "" for n in ("p50", "max")]
+        others = [f"{n} {k.replace('_', ' ')}" for k, n in e["fates"].items() if k != "settled"]
+        settled = str(e["fates"].get("settled", 0))
+        times = [_ms(e["settle_ns"], n) for n in ("p50", "max")]
+        table.add_row(_who(s), str(e["count"]), settled, *times, *beyond, ", ".join(others))
+    return table
+
+
+def _values(bus: Mapping[str, Any], first: int) -> _Tabulated | None:
+    rows: list[Row] = [(v["quantity"], s, v) for s in bus["servos"] for v in s["values"]]
+    if not rows:
+        return None
+    table = _Tabulated(
+        "quantity",
+        "servo",
+        "values",
+        "least",
+        "at s",
+        "greatest",
+        "at s",
+        "unit",
+        left=("quantity", "unit"),
+    )
+    told = ""
+    for quantity, s, v in sorted(rows, key=lambda r: (r[0], r[2]["unit"], -r[2]["max"]["value"])):
+        ends = (v["min"], v["max"])
+        cells = [x for e in ends for x in (_number(e["value"]), _seconds(e["t_ns"], first, bus))]
+        name = quantity if quantity != told else ""
+        table.add_row(name, _who(s), str(v["count"]), *cells, v["unit"])
+        told = quantity
+    return table
+
+
+def _alarms(bus: Mapping[str, Any]) -> _Tabulated | None:
+    if not bus["alarms"]:
+        return None
+    table = _Tabulated("rule", "servo", "times", "met for s", "of s", "worst", left=("rule",))
+    for e in bus["alarms"]:
+        low, high = e["met_ns"]
+        lasted = f"{low / NS:.3f}" if low == high else f"{low / NS:.3f}-{high / NS:.3f}"
+        worst = "" if e["worst"] is None else f"{_number(e['worst']['value'])} {e['unit']}"
+        heard = f"{e['heard_ns'] / NS:.3f}"
+        table.add_row(e["rule"], _who(e), str(e["times"]), lasted, heard, worst)
+    return table
+
+
+def _anomalies(bus: Mapping[str, Any], first: int, width: int) -> _Tabulated | None:
+    if not bus["anomalies"]:
+        return None
+    drawn = "over time" if width >= ROOMY else ""
+    columns = ("anomaly", "servo", "count", "per s", "first s", "last s", "at byte")
+    table = _Tabulated(*columns, left=("anomaly",))
+    if drawn:
+        table.add_column(drawn, left=True)
+    for a in bus["anomalies"]:
+        name = Text(a["code"], style=_COLOUR[a["severity"]])
+        rate = "" if a["rate_hz"] is None else _number(a["rate_hz"])
+        ends = [_seconds(a[k], first, bus) for k in ("first_ns", "last_ns")]
+        row: list[Text | str] = [name, _who(a), str(a["count"]), rate, *ends]
+        row.append(str(a["offsets"][0]))
+        if drawn:
+            row.append(bars(_halved(a["over_time"]["counts"], width - 80)))
+        table.add_row(*row)
+    return table
+
+
+def _halved(numbers: Sequence[float], room: int) -> list[float]:
+    """Return numbers added up so that they fit."""
+    per = -(-len(numbers) // max(room, 8))
+    return [sum(numbers[k : k + per]) for k in range(0, len(numbers), per)]
+
+
+def _seconds(t_ns: int, first: int, bus: Mapping[str, Any]) -> str:
+    return "" if bus["load"] is None else f"{(t_ns - first) / NS:.3f}"
+
+
+def _ms(q: Mapping[str, Any] | None, name: str) -> str:
+    return "" if q is None else Bounds(*q[name]).ms()
+
+
+def _middle(bounds: Sequence[float]) -> str:
+    """Return a number that is known to 2 %; what is no more than a thousandth is nothing."""
+    return _number(sum(bounds) / 2 if bounds[1] > 1e-3 else 0.0)
+
+
+def _percent(share: float) -> str:
+    return f"{_number(100 * share)} %"
+
+
+def _number(value: float) -> str:
+    """Return a number with three digits, more where it is longer."""
+    if value == 0:
+        return "0"
+    digits = max(0, 2 - int(np.floor(np.log10(abs(value)))))
+    shown = f"{value:.{min(digits, 6)}f}"
+    return shown.rstrip("0").rstrip(".") if "." in shown else shown

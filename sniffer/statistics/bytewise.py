@@ -1,0 +1,169 @@
+"""Bytes of registers by servo and address, named or not, and the values that are known beside them.
+
+What is read stands in answers, what is written in requests. Nothing is guessed here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from sniffer.decoding.sink import bus_of
+from sniffer.ground.codes import OK, REQUEST, WHOLE
+from sniffer.ground.distinct import distinct
+from sniffer.ground.model import ECHO, MALFORMED, UNKNOWN
+from sniffer.statistics.thinned import Thinned
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.ground.model import I64, Batch, Chunk, Mask
+    from sniffer.protocols.base import BusProtocol
+
+SPANS: Final = 256
+"""Spans of bytes that are followed on a bus, the first ones met: each takes up to 100 kB."""
+
+WIDEST: Final = 64
+"""Bytes of a span that are followed: whoever reads a whole table at once reads it in such parts."""
+
+KNOWN: Final = 512
+"""Registers of servos whose values are kept to compare with, the first ones met."""
+
+
+class ByteSpan(NamedTuple):
+    """Bytes that are read or written in one go."""
+
+    servo_id: int
+    address: int
+    length: int
+    is_write: bool
+
+
+@dataclass(slots=True)
+class SpanBytes:
+    """What was heard of one span: its bytes over time, and of each byte exact figures.
+
+    ``series`` has times and rows of bytes. ``low`` and ``high`` are extremes, ``deltas`` how often
+    each byte changed by how much, modulo 256, from one time to the next.
+    """
+
+    series: Thinned
+    low: I64
+    high: I64
+    deltas: I64
+    last: I64 | None = None
+
+
+@dataclass(slots=True)
+class LaneBytes:
+    """One protocol on one bus."""
+
+    protocol: BusProtocol
+    spans: dict[ByteSpan, SpanBytes] = field(default_factory=dict)
+    values: dict[tuple[int, int], Thinned] = field(default_factory=dict)
+    """By servo and register (a row of the protocol's): times and values."""
+    models: dict[int, str] = field(default_factory=dict)
+    has_addresses: bool = False
+
+    def add(self, batch: Batch) -> None:
+        """Take a batch."""
+        self.models.update({servo: model for servo, (model, _) in batch.models.items()})
+        f, t = batch.frames, batch.transactions
+        self.has_addresses |= bool((f.address >= 0).any())
+        sound = f.flags & (MALFORMED | UNKNOWN | ECHO) == 0
+        writes = np.flatnonzero(
+            sound & (f.kind == REQUEST) & (f.address >= 0) & (f.data_length > 0)
+        )
+        # what is for several servos has parts, each with an address of its own
+        several = np.zeros(len(f), bool)
+        several[batch.values.row[batch.values.servo_id != f.servo_id[batch.values.row]]] = True
+        several |= np.isin(f.servo_id, [-1, *self.protocol.everyone])
+        writes = writes[~several[writes]]
+        ok = np.flatnonzero((t.outcome == OK) & (t.response >= 0) & (t.request != -1))
+        asked, which = batch.asking(t.request[ok])
+        answers = t.response[ok]
+        own = f.address[answers]
+        address = np.where(own >= 0, own, asked.address[which])
+        keep = (address >= 0) & (f.data_length[answers] > 0) & sound[answers]
+        rows = np.concatenate([answers[keep], writes])
+        places = np.concatenate([address[keep], f.address[writes]])
+        is_write = np.arange(len(rows)) >= int(keep.sum())
+        order = np.argsort(rows, kind="stable")
+        self._take(batch, rows[order], places[order], is_write[order])
+        self._compare(batch)
+
+    def _take(self, batch: Batch, rows: I64, address: I64, is_write: Mask) -> None:
+        if not len(rows):
+            return
+        f = batch.frames
+        data = np.frombuffer(batch.data, np.uint8)
+        length = f.data_length[rows]
+        key = ((f.servo_id[rows].astype(np.int64) << 20 | address) << 16 | length) << 1 | is_write
+        keys, group, _ = distinct(key)
+        first = np.full(len(keys), len(group))
+        np.minimum.at(first, group, np.arange(len(group)))
+        for k in np.argsort(first).tolist():
+            mine = rows[group == k]
+            lead = int(first[k])
+            servo, size = int(f.servo_id[mine[0]]), int(length[lead])
+            for at in range(0, size, WIDEST):
+                wide = min(WIDEST, size - at)
+                span = ByteSpan(servo, int(address[lead]) + at, wide, bool(is_write[lead]))
+                if span not in self.spans and len(self.spans) >= SPANS:
+                    continue
+                place = f.data_start[mine][:, None] + at + np.arange(wide)
+                self._hear(span, f.t_end[mine], data[place])
+
+    def _hear(self, span: ByteSpan, t_ns: I64, said: I64) -> None:
+        wide = span.length
+        heard = self.spans.get(span)
+        if heard is None:
+            edges = np.full(wide, 255), np.zeros(wide, np.int64)
+            heard = SpanBytes(Thinned(), *edges, np.zeros((wide, 256), np.int64))
+            self.spans[span] = heard
+        heard.series.add(t_ns, said)
+        heard.low = np.minimum(heard.low, said.min(axis=0))
+        heard.high = np.maximum(heard.high, said.max(axis=0))
+        wider = said.astype(np.int64)
+        if heard.last is not None:
+            wider = np.concatenate([heard.last[None, :], wider])
+        delta = np.diff(wider, axis=0) % 256
+        np.add.at(heard.deltas, (np.broadcast_to(np.arange(wide), delta.shape), delta), 1)
+        heard.last = wider[-1]
+
+    def _compare(self, batch: Batch) -> None:
+        """Keep the values that are known."""
+        v = batch.samples
+        value = np.where(np.isnan(v.value), v.raw, v.value)
+        rows = np.flatnonzero((v.part == WHOLE) & (v.servo_id >= 0))
+        keys, which, _ = distinct(v.servo_id[rows].astype(np.int64) << 32 | v.register[rows])
+        first = np.full(len(keys), len(which))
+        np.minimum.at(first, which, np.arange(len(which)))
+        for k in np.argsort(first).tolist():
+            key = int(keys[k]) >> 32, int(keys[k]) & 0xFFFFFFFF
+            if key not in self.values and len(self.values) >= KNOWN:
+                continue
+            mine = rows[which == k]
+            self.values.setdefault(key, Thinned()).add(v.t_ns[mine], value[mine])
+
+
+class Bytewise:
+    """A sink that follows the bytes of all registers."""
+
+    def __init__(self) -> None:
+        self.lanes: dict[str, LaneBytes] = {}
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing: batches hold every byte."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Take a batch."""
+        name = bus_of(bus, protocol, batch)
+        if name not in self.lanes:
+            self.lanes[name] = LaneBytes(protocol)
+        self.lanes[name].add(batch)
+
+    def close(self) -> None:
+        """Do nothing: what was heard is asked for afterwards."""

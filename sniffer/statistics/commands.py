@@ -1,0 +1,228 @@
+"""Servo by servo and command by command: how often, how regularly, how fast, what is missing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from sniffer.decoding.summary import Quantiles
+from sniffer.diagnosis.buckets import Buckets
+from sniffer.diagnosis.ledger import pair_key
+from sniffer.ground.codes import NO_RESPONSE, NOT_EXPECTED, OK, REQUEST, UNSOLICITED
+from sniffer.ground.distinct import distinct
+from sniffer.ground.model import ECHO
+from sniffer.statistics.retries import FAILED, Retries
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import I64, Batch
+    from sniffer.protocols.base import BusProtocol
+
+TIMED: Final = 256
+"""Servos times commands whose times are kept, the first ones met: each takes 100 kB, and 16 servos
+that are asked 16 things are as many."""
+
+CYCLES: Final = 4096
+"""Requests that are alike whose period is followed, the first ones met."""
+
+_SUMS: Final = ("requests", "responses", "bytes", "asked", "ok", "missing", "failed", "unasked")
+
+Z95: Final = 1.959963984540054
+"""The normal distribution's 97.5 % point: an interval that holds in 95 of 100 cases."""
+
+
+def wilson(k: int, n: int) -> tuple[float, float]:
+    """Return between which shares the true one lies where k of n were met, with 95 % confidence.
+
+    Wilson's score interval (1927): sound for few cases and for none, where k / n says too much.
+    """
+    if not n:
+        return 0.0, 1.0
+    share, square = k / n, Z95 * Z95 / n
+    middle = (share + square / 2) / (1 + square)
+    half = Z95 / (1 + square) * math.sqrt(share * (1 - share) / n + square / (4 * n))
+    # at the ends rounding leaves some 1e-18 where there is nothing
+    return (max(0.0, middle - half) if k else 0.0), (min(1.0, middle + half) if k < n else 1.0)
+
+
+@dataclass(slots=True)
+class Times:
+    """Durations of one command of one servo, in ns, each known within bounds.
+
+    ``period``: from a request to the next like it; ``jitter``: between two such periods that follow
+    each other, without sign; ``reply``: response times.
+    """
+
+    period: Quantiles = field(default_factory=Quantiles)
+    jitter: Quantiles = field(default_factory=Quantiles)
+    reply: Quantiles = field(default_factory=Quantiles)
+
+
+@dataclass(frozen=True, slots=True)
+class CommandFigures:
+    """One command of one servo; servo -1 is nobody's.
+
+    ``asked`` are requests whose answer had to come, ``failed`` those of them that had none that
+    fits (``missing``: nothing at all), ``unasked`` answers that fit no request.
+    """
+
+    servo_id: int
+    op: int
+    requests: int
+    responses: int
+    bytes: int
+    asked: int
+    ok: int
+    missing: int
+    failed: int
+    unasked: int
+    retries: int
+    times: Times
+
+    @property
+    def missing_share(self) -> float | None:
+        """The share of requests that nothing came for; None: none had to be answered."""
+        return self.missing / self.asked if self.asked else None
+
+
+class _Cycle(NamedTuple):
+    """The last two requests that are alike, or the only one: when, and how uncertain."""
+
+    t_ns: tuple[int, ...]
+    spread: tuple[int, ...]
+
+
+_NEW: Final = _Cycle((), ())
+
+
+class CommandBook:
+    """Counts what one protocol says on one bus."""
+
+    def __init__(self, protocol: BusProtocol) -> None:
+        self._counts = Buckets(dict.fromkeys(_SUMS, "sum"))
+        self._times: dict[int, Times] = {}
+        self._cycles: dict[tuple[int, int], _Cycle] = {}
+        self._retries = Retries()
+        self._nobody = np.array([-1, *protocol.everyone])
+
+    def add(self, batch: Batch) -> None:
+        """Count a batch in."""
+        f = batch.frames
+        if len(f):
+            asks = (f.kind == REQUEST) & (f.flags & ECHO == 0)
+            said = (f.kind != REQUEST) & (f.flags & ECHO == 0)
+            key = pair_key(f.servo_id.astype(np.int64), f.op)
+            self._meet(key)
+            self._count(key, asks, said, f.length)
+            self._follow(batch, np.flatnonzero(asks))
+        self._retries.add(batch)
+        if len(batch.transactions):
+            self._judge(batch)
+
+    def _meet(self, key: I64) -> None:
+        """Keep times of those whose frames come first."""
+        keys, which, _ = distinct(key)
+        first = np.full(len(keys), len(which))
+        np.minimum.at(first, which, np.arange(len(which)))
+        for pair in keys[np.argsort(first)].tolist():
+            if len(self._times) < TIMED:
+                self._times.setdefault(pair, Times())
+
+    def _count(self, key: I64, asks: I64, said: I64, length: I64) -> None:
+        none = dict.fromkeys(_SUMS[3:], 0)
+        self._counts.add(key, requests=asks, responses=said, bytes=length, **none)
+
+    def _judge(self, batch: Batch) -> None:
+        """Count what became of requests, and how long the answers took."""
+        f, t = batch.frames, batch.transactions
+        asked, which = batch.asking(np.where(t.request == -1, 0, t.request))
+        is_asked = t.request != -1
+        answer = np.maximum(t.response, 0)
+        who = np.where(is_asked, asked.servo_id[which], f.servo_id[answer]).astype(np.int64)
+        op = np.where(is_asked, asked.op[which], f.op[answer])
+        # what is said to all is answered under the servo's own id
+        bare = np.isin(who, self._nobody) & (t.response >= 0)
+        who[bare] = f.servo_id[t.response[bare]]
+        key = pair_key(who, op)
+        wanted = is_asked & (t.outcome != NOT_EXPECTED)
+        self._counts.add(
+            key,
+            requests=0,
+            responses=0,
+            bytes=0,
+            asked=wanted,
+            ok=wanted & (t.outcome == OK),
+            missing=wanted & (t.outcome == NO_RESPONSE),
+            failed=wanted & np.isin(t.outcome, FAILED),
+            unasked=t.outcome == UNSOLICITED,
+        )
+        known = (t.outcome == OK) & (t.response_time_ns >= 0)
+        took, spread = t.response_time_ns[known], t.uncertainty_ns[known]
+        self._time("reply", key[known], took, spread)
+
+    def _follow(self, batch: Batch, rows: I64) -> None:
+        """Measure from each request to the one before that is like it."""
+        f = batch.frames
+        rows = rows[f.uncertainty[rows] >= 0]
+        if not len(rows):
+            return
+        pair = pair_key(f.servo_id[rows].astype(np.int64), f.op[rows])
+        # two registers that are polled in turn are two cycles
+        order = np.lexsort((f.data_length[rows], f.address[rows], pair))
+        columns = (pair[order], f.address[rows][order], f.data_length[rows][order])
+        new = np.any([c[1:] != c[:-1] for c in columns], axis=0)
+        begins = np.flatnonzero(np.concatenate([[True], new]))
+        t, u = f.t_start[rows][order], f.uncertainty[rows][order]
+        ends = np.append(begins[1:], len(order))
+        for k in np.argsort(order[begins]).tolist():
+            a, b = int(begins[k]), int(ends[k])
+            of = int(columns[0][a]), int(columns[1][a]) << 16 | int(columns[2][a])
+            last = self._cycles.get(of, _NEW)
+            if last is _NEW and len(self._cycles) >= CYCLES:
+                continue
+            at = np.array([*last.t_ns, *t[a:b].tolist()], np.int64)
+            unsure = np.array([*last.spread, *u[a:b].tolist()], np.int64)
+            self._measure(of[0], at, unsure, len(last.t_ns))
+            self._cycles[of] = _Cycle(tuple(at[-2:].tolist()), tuple(unsure[-2:].tolist()))
+
+    def _measure(self, pair: int, t: I64, u: I64, known: int) -> None:
+        """Count periods and their changes; the first ``known`` requests were there before.
+
+        A stamp is the latest moment: a request was up to its uncertainty earlier, never later.
+        """
+        period = np.maximum(np.diff(t), 0)
+        new = max(known - 1, 0)
+        key = np.full(len(period) - new, pair)
+        self._time("period", key, period[new:], np.maximum(u[1:], u[:-1])[new:])
+        change = np.abs(np.diff(np.diff(t)))
+        spread = np.maximum(u[2:] + u[:-2], 2 * u[1:-1])
+        new = max(known - 2, 0)
+        self._time("jitter", np.full(len(change) - new, pair), change[new:], spread[new:])
+
+    def _time(self, name: str, key: I64, ns: I64, spread: I64) -> None:
+        if not len(key):
+            return
+        keys, which, _ = distinct(key)
+        for k, pair in enumerate(keys.tolist()):
+            if pair in self._times:
+                times: Quantiles = getattr(self._times[pair], name)
+                mine = which == k
+                times.add(ns[mine], spread[mine])
+
+    def figures(self) -> list[CommandFigures]:
+        """Return the figures of all commands, by servo and number of the command."""
+        key, columns = self._counts.table()
+        out = []
+        for i, pair in enumerate(key.tolist()):
+            servo, op = (pair >> 32) - 1, _signed(pair & 0xFFFFFFFF)
+            sums = {name: int(columns[name][i]) for name in _SUMS}
+            times, retries = self._times.get(pair, Times()), self._retries.counts[servo, op]
+            out.append(CommandFigures(servo, op, **sums, retries=retries, times=times))
+        return out
+
+
+def _signed(op: int) -> int:
+    """Return the command of a key: 32 bits of a number that may be below 0."""
+    return op - (1 << 32) if op >> 31 else op

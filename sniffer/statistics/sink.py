@@ -1,0 +1,121 @@
+"""A sink that counts and measures a capture: what ``sniffer stats`` tells."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from sniffer.decoding.sink import bus_of
+from sniffer.decoding.summary import accounted
+from sniffer.ground.distinct import distinct
+from sniffer.ground.gaps import REASONS, Gaps
+from sniffer.ground.timing import byte_time_ns
+from sniffer.statistics.collector import Collector
+from sniffer.statistics.commands import CommandBook
+from sniffer.statistics.exceeding import Exceedings
+from sniffer.statistics.troubles import TroubleBook
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.decoding.pacing import Pace
+    from sniffer.diagnostics.alarms import Alarm
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
+
+
+@dataclass(slots=True)
+class LaneNumbers:
+    """What one protocol says on one bus, beside what the collector keeps."""
+
+    protocol: BusProtocol
+    commands: CommandBook
+    troubles: TroubleBook
+    exceedings: Exceedings
+
+
+@dataclass(slots=True)
+class WireBytes:
+    """Where the bytes of a bus went, and from when to when it was heard."""
+
+    bytes: int = 0
+    frames: int = 0
+    in_frames: int = 0
+    in_gaps: int = 0
+    gaps: Counter[str] = field(default_factory=Counter)
+    """By reason, how many."""
+    baud: int = 0
+    first_ns: int | None = None
+    last_ns: int = 0
+
+    @property
+    def span_ns(self) -> int:
+        """How long the bus was heard, by the times of its frames."""
+        return 0 if self.first_ns is None else self.last_ns - self.first_ns
+
+    @property
+    def byte_ns(self) -> int:
+        """How long a byte takes."""
+        return byte_time_ns(self.baud)
+
+    def add(self, batch: Batch) -> None:
+        """Count a batch in."""
+        f = batch.frames
+        self.bytes += accounted(batch)
+        if len(batch.gaps):
+            gaps = Gaps.of(batch.gaps)
+            self.in_gaps += int(gaps.length.sum())
+            kinds, _, counts = distinct(gaps.kind)
+            for kind, n in zip(kinds.tolist(), counts.tolist(), strict=True):
+                self.gaps[REASONS[kind]] += n
+        if len(f):
+            self.frames += len(f)
+            self.in_frames += int(f.length.sum())
+            first, last = int(f.t_start.min()), int(f.t_end.max())
+            if self.first_ns is None:
+                self.first_ns, self.last_ns = first, last
+            self.first_ns, self.last_ns = min(self.first_ns, first), max(self.last_ns, last)
+
+
+class Statistics:
+    """A sink that keeps what ``sniffer stats`` tells, in memory that does not grow with the time.
+
+    ``alarms`` are rules of the user's own: how long they were met is told, too.
+    """
+
+    def __init__(self, alarms: Sequence[Alarm] = ()) -> None:
+        self.collector = Collector()
+        self.lanes: dict[str, LaneNumbers] = {}
+        self.wires: dict[str, WireBytes] = {}
+        self._alarms = alarms
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing: batches hold every byte."""
+
+    def pace(self, bus: str, told: Pace) -> None:
+        """Take what a bus is timed by."""
+        self.collector.pace(bus, told)
+        self._wire(bus).baud = told.baud
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Count a batch in."""
+        self.collector.write(bus, protocol, batch)
+        wire = self._wire(bus)
+        wire.baud = wire.baud or protocol.baud
+        wire.add(batch)
+        name = bus_of(bus, protocol, batch)
+        lane = self.lanes.get(name)
+        if lane is None:
+            exceedings = Exceedings(protocol, self._alarms)
+            lane = LaneNumbers(protocol, CommandBook(protocol), TroubleBook(), exceedings)
+            self.lanes[name] = lane
+        lane.commands.add(batch)
+        lane.troubles.add(batch, self.collector.grid)
+        lane.exceedings.add(batch)
+
+    def close(self) -> None:
+        """Do nothing: what was counted is asked for afterwards."""
+
+    def _wire(self, bus: str) -> WireBytes:
+        return self.wires.setdefault(bus, WireBytes())

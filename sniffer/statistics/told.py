@@ -1,0 +1,215 @@
+"""The figures of a capture as ``schemas/stats.schema.json`` has them.
+
+A duration is an interval ``[at least, at most]`` in ns, a quantile that of the quantile: what
+stamps cannot carry is never a number.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+from sniffer.ground.model import NS, Clock
+from sniffer.statistics.commands import wilson
+from sniffer.statistics.figures import BYTES
+from sniffer.statistics.load import profile
+from sniffer.statistics.motion import MILLI
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sniffer.decoding.summary import Quantiles
+    from sniffer.statistics.collector import LaneFigures
+    from sniffer.statistics.commands import CommandFigures
+    from sniffer.statistics.exceeding import ExceedingFigures
+    from sniffer.statistics.figures import Extreme, ServoFigures
+    from sniffer.statistics.goalsteps import StepFigures
+    from sniffer.statistics.motion import ErrorFigures
+    from sniffer.statistics.sink import LaneNumbers, Statistics, WireBytes
+    from sniffer.statistics.troubles import TroubleFigures
+
+SHARES: Final[Mapping[str, float]] = {
+    "min": 0.0,
+    "p50": 0.5,
+    "p95": 0.95,
+    "p99": 0.99,
+    "max": 1.0,
+}
+"""The figures that are told of many numbers, and the share of all that stay below."""
+
+
+def as_dict(told: Statistics) -> dict[str, Any]:
+    """Return all figures, bus by bus."""
+    return {"buses": [_bus(told, bus) for bus in told.wires]}
+
+
+def _bus(told: Statistics, bus: str) -> dict[str, Any]:
+    wire = told.wires[bus]
+    clock = told.collector.wires[bus].clock if bus in told.collector.wires else Clock.NONE
+    clocked = clock != Clock.NONE and wire.span_ns > 0
+    lanes = {name: told.lanes[name] for name in told.collector.lanes_of(bus)}
+    return {
+        "bus": bus,
+        "protocols": [lane.protocol.name for lane in lanes.values()],
+        "clock": clock.name.lower(),
+        "baud": wire.baud,
+        "first_ns": wire.first_ns,
+        "last_ns": wire.last_ns if wire.first_ns is not None else None,
+        "seconds": wire.span_ns / NS if clocked else None,
+        "bytes": wire.bytes,
+        "frames": wire.frames,
+        "bytes_in_frames": wire.in_frames,
+        "bytes_in_gaps": wire.in_gaps,
+        "gaps": dict(sorted(wire.gaps.items())),
+        "load": _load(told, bus, wire) if clocked else None,
+        "commands": [
+            _command(lane, c, wire, clocked=clocked)
+            for lane in lanes.values()
+            for c in lane.commands.figures()
+        ],
+        "servos": [
+            _servo(lane.protocol.name, servo, mine, told.collector.lanes[name])
+            for name, lane in lanes.items()
+            for servo, mine in sorted(told.collector.lanes[name].servos.items())
+        ],
+        "anomalies": [
+            _trouble(lane, t, told, wire, clocked=clocked)
+            for lane in lanes.values()
+            for t in lane.troubles.figures()
+        ],
+        "alarms": [_alarm(e) for lane in lanes.values() for e in lane.exceedings.figures()],
+    }
+
+
+def _load(told: Statistics, bus: str, wire: WireBytes) -> dict[str, Any]:
+    grid = told.collector.grid
+    over = profile(grid, told.collector.wires[bus].curves[BYTES])
+    shares = [round(n * wire.byte_ns / over.width_ns, 6) for n in over.sums]
+    return {
+        "mean": wire.bytes * wire.byte_ns / wire.span_ns,
+        "peak": max(shares),
+        "first_ns": over.first_ns,
+        "slice_ns": over.width_ns,
+        "shares": shares,
+    }
+
+
+def _command(
+    lane: LaneNumbers, c: CommandFigures, wire: WireBytes, *, clocked: bool
+) -> dict[str, Any]:
+    times = c.times
+    return {
+        "protocol": lane.protocol.name,
+        "servo_id": c.servo_id if c.servo_id >= 0 else None,
+        "op": lane.protocol.op_name(c.op),
+        "requests": c.requests,
+        "responses": c.responses,
+        "bytes": c.bytes,
+        "bytes_share": c.bytes / wire.bytes if wire.bytes else 0.0,
+        "bus_time_share": c.bytes * wire.byte_ns / wire.span_ns if clocked else None,
+        "rate_hz": c.requests * NS / wire.span_ns if clocked else None,
+        "period_ns": quantiles(times.period),
+        "jitter_ns": quantiles(times.jitter),
+        "response_time_ns": quantiles(times.reply),
+        "asked": c.asked,
+        "ok": c.ok,
+        "missing": c.missing,
+        "missing_share": c.missing_share,
+        "missing_interval": list(wilson(c.missing, c.asked)) if c.asked else None,
+        "failed": c.failed,
+        "unasked": c.unasked,
+        "retries": c.retries,
+    }
+
+
+def quantiles(q: Quantiles, per: int = 1) -> dict[str, Any] | None:
+    """Return count and figures of many numbers, each an interval; None: there are none."""
+    out: dict[str, Any] = {"count": q.count}
+    for name, share in SHARES.items():
+        bounds = q.at(share)
+        if bounds is None:
+            return None
+        out[name] = list(bounds) if per == 1 else [bound / per for bound in bounds]
+    return out
+
+
+def _servo(protocol: str, servo: int, mine: ServoFigures, lane: LaneFigures) -> dict[str, Any]:
+    motion = lane.motion
+    steps = motion.steps.figures()
+    return {
+        "protocol": protocol,
+        "servo_id": servo,
+        "responses": mine.responses,
+        "goals": dict(sorted(mine.goals.items())),
+        "values": [
+            {
+                "quantity": quantity,
+                "unit": unit,
+                "count": r.count,
+                "min": _extreme(r.least),
+                "max": _extreme(r.most),
+            }
+            for (quantity, unit), r in sorted(mine.values.items())
+        ],
+        "following_error": [
+            _error(unit, e) for (who, unit), e in motion.errors.items() if who == servo
+        ],
+        "steps": [_steps(unit, s) for (who, unit), s in steps.items() if who == servo],
+    }
+
+
+def _extreme(end: Extreme | None) -> dict[str, Any] | None:
+    if end is None:
+        return None
+    return {"value": round(end.value, 9), "t_ns": end.t_ns, "offset": end.offset}
+
+
+def _error(unit: str, e: ErrorFigures) -> dict[str, Any]:
+    return {"unit": unit, "size": quantiles(e.size, MILLI), "worst": _extreme(e.worst)}
+
+
+def _steps(unit: str, s: StepFigures) -> dict[str, Any]:
+    return {
+        "unit": unit,
+        "count": s.steps,
+        "fates": dict(sorted(s.fates.items())),
+        "settle_ns": quantiles(s.settle),
+        "overshoot_percent": quantiles(s.overshoot, MILLI),
+        "worst_overshoot": _extreme(s.worst),
+    }
+
+
+def _trouble(
+    lane: LaneNumbers, t: TroubleFigures, told: Statistics, wire: WireBytes, *, clocked: bool
+) -> dict[str, Any]:
+    over = profile(told.collector.grid, t.curve)
+    return {
+        "protocol": lane.protocol.name,
+        "code": t.code,
+        "severity": t.severity.name.lower(),
+        "servo_id": t.servo_id if t.servo_id >= 0 else None,
+        "count": t.count,
+        "rate_hz": t.count * NS / wire.span_ns if clocked else None,
+        "first_ns": t.first_ns,
+        "last_ns": t.last_ns,
+        "t_ns": t.times,
+        "offsets": t.offsets,
+        "over_time": {
+            "first_ns": over.first_ns,
+            "slice_ns": over.width_ns,
+            "counts": [round(n) for n in over.sums],
+        },
+    }
+
+
+def _alarm(e: ExceedingFigures) -> dict[str, Any]:
+    return {
+        "rule": e.rule,
+        "servo_id": e.servo_id,
+        "unit": e.unit,
+        "values": e.count,
+        "met": e.met,
+        "times": e.spans,
+        "met_ns": [e.least_ns, e.most_ns],
+        "heard_ns": e.heard_ns,
+        "worst": _extreme(e.worst),
+    }

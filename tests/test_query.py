@@ -1,0 +1,189 @@
+"""``sniffer query``: the tables are the records, and a query sees nothing else."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import sys
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+import sniffer
+from sniffer.decoding.fields import tidy
+from sniffer.sinks.relations import RELATIONS
+from tests.commands import Ran, within
+from tests.golden import CAPTURES
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from sniffer.ground.model import Batch
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.sinks.tables import Builder
+
+pytest.importorskip("duckdb")
+
+DAMAGED = [CAPTURES / "mightyzap_damaged.log", CAPTURES / "wck_damaged.log"]
+ONE = CAPTURES / "mightyzap_damaged.log"
+
+
+class Asking:
+    """The command, within this process."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self._capsys = capsys
+
+    def says(self, sql: str, *arguments: str | Path) -> Ran:
+        return within(self._capsys, "query", sql, *(arguments or (ONE,)))
+
+    def rows(self, sql: str, *arguments: str | Path) -> list[dict[str, Any]]:
+        done = self.says(sql, *(arguments or (ONE,)), "--format", "json")
+        assert done.status == 0, done.err
+        return [json.loads(line) for line in done.out.splitlines()]
+
+
+@pytest.fixture
+def query(capsys: pytest.CaptureFixture[str]) -> Asking:
+    return Asking(capsys)
+
+
+def as_row(record: Any, table: str) -> dict[str, Any]:
+    """Return a record as a row of its table."""
+    told = {name: getattr(record, name, None) for name in RELATIONS[table].schema.names}
+    if table == "anomalies":
+        told["offset"], told["length"] = record.evidence[0]
+    return told
+
+
+@pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: p.name)
+def test_the_tables_hold_the_records_of_the_json_lines(query: Asking, capture: Path) -> None:
+    kinds = {"anomaly": "anomalies"}
+    records: dict[str, list[Any]] = {name: [] for name in RELATIONS}
+    for record in sniffer.decode(capture):
+        table = kinds.get(record.type, f"{record.type}s")
+        records[table].append(as_row(record, table))
+    for table, mine in records.items():
+        assert mine
+        rows = query.rows(f"SELECT * FROM {table}", capture)
+        ours = set(RELATIONS[table].schema.names)
+        # these are told in other words: bits by name, the protocol where there are two
+        left_out = {"flags", "protocol", "part", "address", "data_length", "status"}
+        if table == "transactions":
+            left_out |= {"t_ns"}
+        shared = sorted(ours - left_out)
+        pick = [tuple(_plain(row[name]) for name in shared) for row in rows]
+        assert sorted(pick, key=repr) == sorted(
+            (tuple(_plain(row[name]) for name in shared) for row in mine), key=repr
+        )
+        assert {row["protocol"] for row in rows} == {capture.name.split("_")[0]}
+
+
+def _plain(value: Any) -> Any:
+    return tidy(value) if isinstance(value, float) else value
+
+
+def test_a_question_is_answered_as_a_table_for_people(query: Asking) -> None:
+    done = query.says("SELECT op, count(*) AS n FROM frames GROUP BY op ORDER BY n DESC LIMIT 2")
+    assert done.out.splitlines()[0].split() == ["op", "n"]
+    assert done.out.splitlines()[1].split()[0] == "load_data"
+    assert query.says("SELECT NULL AS a, 0.5 AS b").out == "a    b\n   0.5\n"
+    assert query.says("SELECT 1 AS a WHERE false").out == "a\n"
+
+
+def test_a_table_is_csv_where_that_is_asked_for(query: Asking) -> None:
+    done = query.says("SELECT code, detail FROM anomalies", ONE, "--format", "csv")
+    rows = list(csv.DictReader(io.StringIO(done.out)))
+    assert [row["code"] for row in rows] == [
+        row["code"] for row in query.rows("SELECT code FROM anomalies")
+    ]
+
+
+def test_several_files_are_one_table_that_tells_them_apart(query: Asking) -> None:
+    two = CAPTURES / "mightyzap_clean.log", ONE
+    rows = query.rows("SELECT file, count(*) AS n FROM frames GROUP BY file ORDER BY file", *two)
+    assert [row["file"] for row in rows] == sorted(map(str, two))
+    assert [row["n"] for row in rows] == [
+        query.rows("SELECT count(*) AS n FROM frames", path)[0]["n"] for path in sorted(two)
+    ]
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        "SELECT * FROM read_text('/etc/hostname')",
+        "SELECT * FROM read_csv('https://example.org/x.csv')",
+        "SELECT * FROM '{here}/there.csv'",
+        "COPY frames TO '{here}/out.csv'",
+        "ATTACH '{here}/out.db'",
+        "INSTALL httpfs",
+        "SET enable_external_access = true",
+        "CREATE TABLE x AS SELECT 1",
+        "SELECT 1; DROP TABLE frames",
+        "SELECT * FROM sql",
+        "SELECT * FROM sources",
+        "",
+    ],
+)
+def test_a_query_reaches_nothing_but_the_tables(query: Asking, sql: str, tmp_path: Path) -> None:
+    (tmp_path / "there.csv").write_text("a\n1\n", encoding="ascii")
+    done = query.says(sql.format(here=tmp_path))
+    assert done.status == 2
+    assert done.complaint
+    assert not done.out
+    assert [path.name for path in tmp_path.iterdir()] == ["there.csv"]
+
+
+@pytest.mark.parametrize(
+    ("sql", "said"),
+    [
+        ("SELECT * FROM frame", "there is no table 'frame': did you mean frames?"),
+        ("SELECT * FROM x", "one of frames, transactions, samples, anomalies, gaps"),
+        ("SELECT xx FROM frames", 'column "xx" not found'),
+        ("SELCT 1", 'syntax error at or near "SELCT"'),
+        ("SELECT cast('x' AS INT)", "Could not convert"),
+    ],
+)
+def test_a_mistake_in_a_query_is_a_line(query: Asking, sql: str, said: str) -> None:
+    done = query.says(sql)
+    assert done.status == 2
+    assert said in done.complaint
+
+
+def test_only_the_tables_that_are_named_are_built(
+    query: Asking, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    built: list[str] = []
+
+    def watched(name: str, build: Builder) -> Builder:
+        def watch(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
+            built.append(name)
+            return build(bus, protocol, batch)
+
+        return watch
+
+    told = {n: r._replace(build=watched(n, r.build)) for n, r in RELATIONS.items()}
+    monkeypatch.setattr("sniffer.sinks.relations.RELATIONS", told)
+    query.rows("WITH f AS (SELECT * FROM Gaps) SELECT count(*) FROM f")
+    assert set(built) == {"gaps"}
+
+
+def test_without_duckdb_a_line_says_what_to_install(
+    query: Asking, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "duckdb", None)
+    done = query.says("SELECT 1")
+    assert done.status == 2
+    assert "pip install 'servo-sniffer[query]'" in done.complaint
+
+
+def test_only_a_part_is_asked_where_one_is_meant(query: Asking) -> None:
+    sql = "SELECT (max(t_ns) - min(t_ns)) / 1e9 AS s FROM frames"
+    assert query.rows(sql, ONE, "--from", "1", "--to", "2")[0]["s"] == pytest.approx(1, abs=0.1)
+
+
+def test_the_library_call_gives_rows() -> None:
+    answer = sniffer.query("SELECT kind, count(*) FROM frames GROUP BY kind ORDER BY kind", [ONE])
+    assert answer.columns == ("kind", "count_star()")
+    assert [kind for kind, _ in answer] == ["request", "response"]

@@ -1,0 +1,452 @@
+"""``sniffer stats``: figures that a slow count of the JSON lines has, too, within honest bounds."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import json
+import math
+from collections import defaultdict
+from typing import TYPE_CHECKING, Any
+
+import jsonschema
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import sniffer
+from sniffer.decoding.pipeline import Options, Pipeline
+from sniffer.ground.model import Chunk, Clock
+from sniffer.ground.registers import schema_path
+from sniffer.protocols import PROTOCOLS
+from sniffer.protocols.base import ends_goal
+from sniffer.simulation.buses import BUSES
+from sniffer.statistics import Statistics
+from sniffer.statistics.commands import wilson
+from sniffer.statistics.flat import COLUMNS, rows
+from sniffer.statistics.told import as_dict
+from tests.commands import Ran, within
+from tests.golden import CAPTURES, captures
+from tests.recordings import talk
+from tests.streams.mightyzap import packet
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+SCHEMA = json.loads(schema_path("stats.schema.json").read_text(encoding="utf-8"))
+
+DAMAGED = [path for path in captures() if "damaged" in path.name]
+
+BIN = 2 ** (1 / 32) + 1e-6
+"""A figure is known to so much, apart from what its stamps leave open."""
+
+MS = 1_000_000
+
+
+class Counting:
+    """The command, within this process."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self._capsys = capsys
+
+    def says(self, *arguments: str | Path) -> Ran:
+        return within(self._capsys, "stats", *arguments)
+
+    def bus(self, *arguments: str | Path) -> dict[str, Any]:
+        done = self.says(*arguments, "--format", "json")
+        assert done.status == 0, done.err
+        found: dict[str, Any] = json.loads(done.out)
+        jsonschema.validate(found, SCHEMA)
+        (bus,) = found["buses"]
+        return dict(bus)
+
+
+@pytest.fixture
+def stats(capsys: pytest.CaptureFixture[str]) -> Counting:
+    return Counting(capsys)
+
+
+def counted(
+    protocol: str, chunks: Sequence[Chunk], cuts: Sequence[int] = (), baud: int | None = None
+) -> dict[str, Any]:
+    """Return the figures of chunks that come in groups."""
+    told = Statistics()
+    pipeline = Pipeline(Options(protocol=protocol, baud=baud), [told], ahead=chunks)
+    edges = sorted({0, len(chunks), *(c % len(chunks) for c in cuts)})
+    for a, b in itertools.pairwise(edges):
+        pipeline.feed(chunks[a:b])
+    pipeline.close()
+    pipeline.finish()
+    assert pipeline.failure is None
+    return as_dict(told)
+
+
+def exchange(at_ms: float, value: int = 0, *, took_ms: float = 0.5, servo: int = 1) -> list[Chunk]:
+    """Return a request for a position and its answer, on a line whose stamps are exact."""
+    byte_ns = 10**10 // 57600
+    ask = packet(servo, 0xF2, b"\x8c\x02")
+    answer = packet(servo, 0, value.to_bytes(2, "little"))
+    t = round(at_ms * MS) + len(ask) * byte_ns
+    then = t + round(took_ms * MS) + len(answer) * byte_ns
+    return [Chunk(ask, t, Clock.SAMPLE), Chunk(answer, then, Clock.SAMPLE)]
+
+
+@pytest.mark.parametrize("capture", captures(), ids=lambda p: p.name)
+def test_what_is_told_is_as_the_schema_has_it_and_every_byte_is_accounted_for(
+    stats: Counting, capture: Path
+) -> None:
+    bus = stats.bus(capture)
+    assert bus["bytes"] == bus["bytes_in_frames"] + bus["bytes_in_gaps"]
+    assert sum(c["bytes"] for c in bus["commands"]) == bus["bytes_in_frames"]
+    if bus["load"] is not None:
+        on_the_line = sum(c["bus_time_share"] for c in bus["commands"])
+        assert on_the_line == pytest.approx(
+            bus["load"]["mean"] * bus["bytes_in_frames"] / bus["bytes"]
+        )
+    assert all(
+        low <= high
+        for c in bus["commands"]
+        for q in (c["period_ns"], c["jitter_ns"], c["response_time_ns"])
+        if q is not None
+        for low, high in (q[name] for name in ("min", "p50", "p95", "p99", "max"))
+    )
+
+
+@pytest.mark.parametrize("protocol", BUSES)
+@settings(max_examples=12)
+@given(data=st.data())
+def test_figures_do_not_depend_on_how_the_stream_was_cut(
+    protocol: str, data: st.DataObject
+) -> None:
+    chunks = talk(protocol, 0.3, data.draw(st.integers(0, 3)))
+    cuts = data.draw(st.lists(st.integers(1, 10**6), max_size=8))
+    assert counted(protocol, chunks, cuts) == counted(protocol, chunks)
+
+
+def told_of(path: Path) -> list[Any]:
+    """Return all records, one by one."""
+    return list(sniffer.decode(path))
+
+
+def bounds(pairs: Sequence[tuple[int, int]], share: float) -> tuple[int, int]:
+    """Return a quantile the slow way: that of the lower bounds, that of the upper ones."""
+    place = max(math.ceil(share * len(pairs) - 1e-9) - 1, 0)
+    return sorted(low for low, _ in pairs)[place], sorted(high for _, high in pairs)[place]
+
+
+@pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: p.name)
+def test_commands_are_counted_as_a_slow_count_of_the_rows_has_it(
+    stats: Counting, capture: Path
+) -> None:
+    sent: defaultdict[Any, int] = defaultdict(int)
+    took: defaultdict[Any, list[tuple[int, int]]] = defaultdict(list)
+    outcomes: defaultdict[Any, list[str]] = defaultdict(list)
+    said: dict[int, str] = {}
+    exchanges: list[Any] = []
+    row: Any
+    for row in told_of(capture):
+        if row.type == "frame":
+            said[row.offset] = row.hex
+            if row.kind == "request" and "echo" not in row.flags:
+                sent[row.servo_id, row.op] += 1
+        elif row.type == "transaction" and row.request_offset is not None:
+            who = row.servo_id, row.op
+            outcomes[who].append(row.outcome)
+            exchanges.append(row)
+            if row.outcome == "ok" and row.response_time_ns is not None:
+                t, u = row.response_time_ns, row.uncertainty_ns or 0
+                took[who].append((max(t - u, 0), t + u))
+    retries: defaultdict[Any, int] = defaultdict(int)
+    last: dict[Any, Any] = {}
+    for row in exchanges:
+        before = last.get(row.servo_id)
+        if before is not None and before.outcome in ("no_response", "damaged", "mismatched"):
+            same = said[before.request_offset] == said[row.request_offset]
+            retries[row.servo_id, row.op] += same
+        last[row.servo_id] = row
+    assert took
+    assert retries or capture.name.startswith("lss")  # its controller asks nothing twice
+    everyone = {None, *PROTOCOLS[capture.name.split("_")[0]].everyone}
+    bus = stats.bus(capture)
+    for c in bus["commands"]:
+        who = c["servo_id"], c["op"]
+        assert c["requests"] == sent[who]
+        if c["servo_id"] in everyone:
+            continue  # what is said to all is answered by each for itself
+        wanted = [outcome for outcome in outcomes[who] if outcome != "not_expected"]
+        assert c["asked"] == len(wanted)
+        assert c["missing"] == wanted.count("no_response")
+        assert c["failed"] == len(wanted) - wanted.count("ok")
+        assert c["retries"] == retries[who]
+        q = c["response_time_ns"]
+        assert (q is None) == (not took[who])
+        if q is None:
+            continue
+        assert q["count"] == len(took[who])
+        for name, share in {"min": 0.0, "p50": 0.5, "p95": 0.95, "p99": 0.99, "max": 1.0}.items():
+            low, high = bounds(took[who], share)
+            told = q[name]
+            assert low / BIN - 1 <= told[0] <= low
+            assert high <= told[1] <= high * BIN + 1
+
+
+@pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: p.name)
+def test_following_errors_and_extremes_are_those_of_the_samples(
+    stats: Counting, capture: Path
+) -> None:
+    protocol = PROTOCOLS[capture.name.split("_")[0]]
+    ends = {protocol.op_name(op) for op in ends_goal(protocol)}
+    goals: dict[Any, float] = {}
+    errors: defaultdict[Any, list[float]] = defaultdict(list)
+    extremes: dict[Any, tuple[float, float]] = {}
+    for row in told_of(capture):
+        if row.type == "frame" and row.kind == "request" and row.op in ends:
+            goals = {who: g for who, g in goals.items() if who[0] != row.servo_id}
+        if row.type != "sample" or row.value is None or row.part:
+            continue
+        who = row.servo_id, row.unit
+        if row.quantity:
+            low, high = extremes.get((*who, row.quantity), (row.value, row.value))
+            extremes[*who, row.quantity] = min(low, row.value), max(high, row.value)
+        if row.quantity == "goal_position":
+            goals = {g: v for g, v in goals.items() if g[0] != row.servo_id} | {who: row.value}
+        elif row.quantity == "position" and who in goals:
+            errors[who].append(goals[who] - row.value)
+    assert errors
+    for servo in stats.bus(capture)["servos"]:
+        for value in servo["values"]:
+            told = value["min"]["value"], value["max"]["value"]
+            mine = servo["servo_id"], value["unit"], value["quantity"]
+            assert told == pytest.approx(extremes[mine])
+        for error in servo["following_error"]:
+            slow = errors[servo["servo_id"], error["unit"]]
+            assert error["size"]["count"] == len(slow)
+            assert error["worst"]["value"] == pytest.approx(max(slow, key=abs))
+            size = sorted(map(abs, slow))
+            low, high = error["size"]["p50"]
+            middle = size[math.ceil(len(size) / 2) - 1]
+            assert low - 0.0011 <= middle <= high + 0.0011
+
+
+def test_an_anomaly_is_told_by_code_and_servo_with_its_times(stats: Counting) -> None:
+    path = CAPTURES / "mightyzap_damaged.log"
+    times: defaultdict[Any, list[int]] = defaultdict(list)
+    for row in told_of(path):
+        if row.type == "anomaly":
+            times[row.code, row.servo_id].append(row.t_ns)
+    found = stats.bus(path)["anomalies"]
+    assert {(a["code"], a["servo_id"]): a["count"] for a in found} == {
+        who: len(when) for who, when in times.items()
+    }
+    for a in found:
+        mine = times[a["code"], a["servo_id"]]
+        assert (a["first_ns"], a["last_ns"]) == (min(mine), max(mine))
+        assert sorted(a["t_ns"]) == sorted(mine)[: len(a["t_ns"])]
+        assert sum(a["over_time"]["counts"]) == a["count"]
+    worst = [a["severity"] for a in found]
+    assert worst == sorted(worst, key=["error", "warn", "note"].index)
+
+
+def test_a_period_and_its_jitter_are_known_to_the_stamps() -> None:
+    chunks = [c for k in range(50) for c in exchange(20.0 * k + (1.0 if k % 2 else 0.0))]
+    (command,) = counted("mightyzap", chunks, baud=57600)["buses"][0]["commands"]
+    assert command["period_ns"]["min"] == pytest.approx([19 * MS, 19 * MS], rel=0.01)
+    assert command["period_ns"]["max"] == pytest.approx([21 * MS, 21 * MS], rel=0.01)
+    low, high = command["jitter_ns"]["p50"]
+    assert low <= 2 * MS <= high <= 2.2 * MS
+    low, high = command["response_time_ns"]["p50"]
+    assert 0.45 * MS <= low <= 0.5 * MS <= high <= 0.55 * MS
+
+
+def test_no_response_time_is_a_point_that_the_stamps_do_not_carry(stats: Counting) -> None:
+    bus = stats.bus(CAPTURES / "mightyzap_damaged.log", "--latency", "16")
+    worst = max(c["response_time_ns"]["p50"][1] for c in bus["commands"] if c["response_time_ns"])
+    assert worst >= 16 * MS
+    done = stats.says(CAPTURES / "mightyzap_damaged.log", "--latency", "16")
+    assert "<16" in done.out
+
+
+def goal(at_ms: float, value: int) -> list[Chunk]:
+    byte_ns = 10**10 // 57600
+    data = packet(1, 0xF3, b"\x86" + value.to_bytes(2, "little"))
+    return [Chunk(data, round(at_ms * MS) + len(data) * byte_ns, Clock.SAMPLE)]
+
+
+def test_a_goal_step_settles_between_two_positions_and_overshoots_as_seen() -> None:
+    way = [0, 1000, 1800, 2200, 2050, 2000, 2000, 2000]
+    chunks = [c for k in range(5) for c in exchange(10.0 * k)]
+    chunks += goal(50, 2000)
+    for k, value in enumerate(way):
+        chunks += exchange(60.0 + 10 * k, value)
+    (servo,) = counted("mightyzap", chunks, baud=57600)["buses"][0]["servos"]
+    (steps,) = servo["steps"]
+    assert steps["count"] == 1
+    assert steps["fates"] == {"settled": 1}
+    # 2200 of 2000 is 10 % beyond, and outside; 2050 is inside
+    assert steps["overshoot_percent"]["max"] == pytest.approx([10, 10], rel=0.03)
+    low, high = steps["settle_ns"]["p50"]
+    assert low <= 42 * MS
+    assert high >= 48 * MS
+    assert high - low <= 14 * MS
+
+
+def slow_steps(course: Sequence[tuple[str, float]], count: float) -> dict[str, int]:
+    """Return what becomes of steps, one event after the other."""
+    out: defaultdict[str, int] = defaultdict(int)
+    now = last = math.nan
+    step: list[float] | None = None
+
+    def end(fate: str) -> None:
+        if step is not None:
+            travel, target, *seen = step
+            band = max(0.05 * abs(travel), 4 * count)
+            inside = list(itertools.takewhile(lambda x: abs(x - target) <= band, reversed(seen)))
+            unseen = "unseen" if fate == "overtaken" and not seen else fate
+            out["settled" if len(inside) >= 2 else unseen] += 1
+
+    for kind, value in course:
+        if kind == "at":
+            last = value
+            if step is not None:
+                step.append(value)
+        elif value != now:
+            end("overtaken")
+            now, travel = value, value - last
+            step = [travel, value] if abs(travel) > 8 * count else None
+    end("under_way")
+    return dict(out)
+
+
+@given(
+    course=st.lists(
+        st.tuples(st.sampled_from(["at", "at", "to"]), st.integers(0, 400)), max_size=30
+    ),
+    cuts=st.lists(st.integers(1, 10**6), max_size=4),
+)
+@settings(max_examples=40)
+def test_steps_are_judged_as_one_by_one(course: list[tuple[str, int]], cuts: list[int]) -> None:
+    # so no position lies right on an edge of a band, where rounding would decide
+    course = [("at", 0), *((kind, value // 11 * 11 + (kind == "to")) for kind, value in course)]
+    chunks = [
+        c
+        for k, (kind, value) in enumerate(course)
+        for c in (exchange(10.0 * k, value) if kind == "at" else goal(10.0 * k, value))
+    ]
+    (servo,) = counted("mightyzap", chunks, cuts, 57600)["buses"][0]["servos"]
+    fates = {name: n for s in servo["steps"] for name, n in s["fates"].items()}
+    assert fates == slow_steps([(kind, float(value)) for kind, value in course], 1.0)
+
+
+def test_how_long_a_rule_was_met_lies_between_the_values_around_it(stats: Counting) -> None:
+    path = CAPTURES / "mightyzap_damaged.log"
+    bus = stats.bus(path, "--alarm", "3.temperature > 31")
+    (rule,) = bus["alarms"]
+    met = [
+        (row.t_ns, row.value > 31)
+        for row in told_of(path)
+        if row.type == "sample" and row.servo_id == 3 and row.register == "present_temperature"
+        if row.value is not None
+    ]
+    pairs = list(itertools.pairwise(met))
+    assert rule["values"] == len(met)
+    assert rule["met_ns"] == [
+        sum(b[0] - a[0] for a, b in pairs if a[1] and b[1]),
+        sum(b[0] - a[0] for a, b in pairs if a[1] or b[1]),
+    ]
+    assert rule["worst"]["value"] == 32
+    done = stats.says(path, "--alarm", "3.temperature > 31")
+    assert "3.temperature > 31" in done.out
+
+
+@pytest.mark.parametrize(
+    ("k", "n", "low", "high"),
+    # R: binom::binom.wilson(k, n), rounded to six places
+    [(0, 10, 0.0, 0.277533), (1, 10, 0.017876, 0.404150), (10, 10, 0.722467, 1.0)],
+)
+def test_a_share_has_the_interval_of_wilson(k: int, n: int, low: float, high: float) -> None:
+    assert wilson(k, n) == pytest.approx((low, high), abs=1e-6)
+
+
+@given(n=st.integers(0, 10**6), data=st.data())
+def test_the_share_itself_lies_in_its_interval(n: int, data: st.DataObject) -> None:
+    k = data.draw(st.integers(0, n))
+    low, high = wilson(k, n)
+    assert 0 <= low <= (k / n if n else 0) <= high <= 1 or not n
+
+
+def test_an_input_without_clock_has_no_rates_and_no_times(stats: Counting) -> None:
+    bus = stats.bus(CAPTURES / "lss_clean.bin")
+    assert bus["load"] is None
+    assert all(c["rate_hz"] is None and c["response_time_ns"] is None for c in bus["commands"])
+    assert sum(c["bytes_share"] for c in bus["commands"]) == pytest.approx(1)
+    assert "no clock in the input" in stats.says(CAPTURES / "lss_clean.bin").out
+
+
+def test_a_table_has_a_row_a_figure_and_all_figures_of_the_json(stats: Counting) -> None:
+    path = CAPTURES / "rs30x_damaged.log"
+    done = stats.says(path, "--format", "csv")
+    table = list(csv.DictReader(io.StringIO(done.out)))
+    assert tuple(table[0]) == COLUMNS
+    told = json.loads(stats.says(path, "--format", "json").out)
+    assert len(table) == len(list(rows(told)))
+    (bus,) = told["buses"]
+    p99 = {
+        (row["servo_id"], row["name"]): [int(row["low"]), int(row["high"])]
+        for row in table
+        if row["figure"] == "response_time_ns.p99"
+    }
+    assert p99 == {
+        ("" if c["servo_id"] is None else str(c["servo_id"]), c["op"]): c["response_time_ns"]["p99"]
+        for c in bus["commands"]
+        if c["response_time_ns"]
+    }
+
+
+@pytest.mark.parametrize("width", [80, 140])
+@pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: p.name)
+def test_the_text_keeps_within_the_terminal_and_cuts_no_word(
+    stats: Counting, capture: Path, width: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(width))
+    done = stats.says(capture, "--all")
+    assert done.status == 0
+    lines = done.out.splitlines()
+    assert max(map(len, lines)) <= width
+    assert "…" not in done.out
+    headings = [line for line in lines if line.startswith(" ") and not line.startswith("  ")]
+    assert any("traffic" in line for line in headings)
+    assert any("anomalies" in line for line in headings)
+
+
+def test_the_worst_stands_first(stats: Counting) -> None:
+    done = stats.says(CAPTURES / "wck_damaged.log")
+    part = done.out.partition("worst first\n")[2].splitlines()
+    shares = [float(line.split("%")[0].split()[-1]) for line in part[1:] if "%" in line]
+    assert shares
+    head = done.out.partition("slowest first\n")[2].splitlines()[1]
+    assert "boundary_set" in head
+
+
+def test_only_a_part_is_counted_where_one_is_asked_for(stats: Counting) -> None:
+    path = CAPTURES / "mightyzap_clean.log"
+    part = stats.bus(path, "--from", "1", "--to", "2")
+    assert part["seconds"] == pytest.approx(1, abs=0.1)
+    done = stats.says(path, "--from", "2", "--to", "1")
+    assert done.status == 2
+    assert "--to must lie behind --from" in done.err
+
+
+def test_a_file_that_is_not_there_is_a_line(stats: Counting) -> None:
+    done = stats.says("nowhere.mcap")
+    assert done.status == 2
+    assert "nowhere.mcap" in done.complaint
+
+
+def test_the_library_call_counts_what_the_command_does(stats: Counting) -> None:
+    path = CAPTURES / "wck_clean.log"
+    done = sniffer.stats(path)
+    assert done.as_dict()["buses"] == [stats.bus(path)]
+    assert np.isfinite([c.ok for c in done.statistics.lanes["bus0"].commands.figures()]).all()
