@@ -17,9 +17,10 @@ from hypothesis import strategies as st
 
 from sniffer.ground.model import Chunk, Clock
 from sniffer.ground.registers import schema_path
-from sniffer.reports.runs import KEPT, Thinned
+from sniffer.reports.runs import KEPT
 from sniffer.reports.significance import ALPHA, holm, mann_whitney, rates, shares
 from sniffer.sinks.raw import LogFile
+from sniffer.statistics.thinned import Thinned
 from tests.commands import within
 from tests.recordings import START_NS
 from tests.streams.mightyzap import packet
@@ -327,7 +328,7 @@ def test_a_corrected_chance_is_never_smaller_and_keeps_the_order(chances: list[f
 @settings(max_examples=20)
 @given(st.lists(st.integers(0, 9000), min_size=1, max_size=12))
 def test_a_long_series_is_thinned_evenly_however_it_comes(sizes: list[int]) -> None:
-    series, at = Thinned(), 0
+    series, at = Thinned(KEPT), 0
     for size in sizes:
         series.add(np.arange(at, at + size, dtype=float))
         at += size

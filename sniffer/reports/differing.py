@@ -22,7 +22,8 @@ from sniffer.reports.significance import (
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from sniffer.reports.runs import RunFigures, Thinned
+    from sniffer.reports.runs import RunFigures
+    from sniffer.statistics.thinned import Thinned
 
 _EFFECTS: Final = {"missing": "share", "command": "share", "error": "log2 of the ratio"}
 

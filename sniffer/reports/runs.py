@@ -12,11 +12,12 @@ from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED, OK, OUTCOMES, REQUEST
 from sniffer.ground.model import NS, Severity
 from sniffer.mcapfile.fields import state_field
+from sniffer.statistics.thinned import Thinned
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from sniffer.ground.model import F64, I16, I64, Batch, Chunk
+    from sniffer.ground.model import I16, I64, Batch, Chunk
     from sniffer.protocols.base import BusProtocol
 
 KEPT: Final = 1 << 14
@@ -36,31 +37,6 @@ class Who(NamedTuple):
 
     bus: str
     servo_id: int | None
-
-
-class Thinned:
-    """A series of numbers, thinned evenly where it is long; ``count`` is how many there were."""
-
-    def __init__(self) -> None:
-        self._parts: list[F64] = []
-        self._step = 1
-        self._size = 0
-        self.count = 0
-
-    def add(self, numbers: F64) -> None:
-        """Take numbers, in order."""
-        kept = numbers[-self.count % self._step :: self._step]
-        self.count += len(numbers)
-        self._parts.append(kept)
-        self._size += len(kept)
-        while self._size > KEPT:
-            self._step *= 2
-            self._parts = [np.concatenate(self._parts)[::2]]
-            self._size = len(self._parts[0])
-
-    def values(self) -> F64:
-        """Return what is kept."""
-        return np.concatenate(self._parts) if self._parts else np.empty(0)
 
 
 class RunFigures:
@@ -145,7 +121,7 @@ class RunFigures:
                 times = f.t_end[rows]
                 last = self._last.get((who, name))
                 steps = np.diff(times) if last is None else np.diff(times, prepend=last)
-                self.period_ms.setdefault((who, name), Thinned()).add(steps / 1e6)
+                self.period_ms.setdefault((who, name), Thinned(KEPT)).add(steps / 1e6)
                 self._last[who, name] = int(times[-1])
 
     def _answers(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
@@ -161,9 +137,9 @@ class RunFigures:
             self.missing[who] += int((~ok).sum())
             known = mine[ok & (t.response_time_ns[mine] >= 0)]
             took = t.response_time_ns[known] / 1e6
-            self.response_ms.setdefault((who, name), Thinned()).add(took)
+            self.response_ms.setdefault((who, name), Thinned(KEPT)).add(took)
             doubt = np.maximum(t.uncertainty_ns[known], 0) / 1e6
-            self.doubt_ms.setdefault((who, name), Thinned()).add(doubt)
+            self.doubt_ms.setdefault((who, name), Thinned(KEPT)).add(doubt)
 
     def _values(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         v = batch.samples
@@ -184,7 +160,7 @@ class RunFigures:
                     continue
                 series = {MEASURED: self.measured, COMMANDED: self.commanded}.get(role)
                 if series is not None:
-                    series.setdefault((who, field), Thinned()).add(value)
+                    series.setdefault((who, field), Thinned(KEPT)).add(value)
 
 
 def _by(

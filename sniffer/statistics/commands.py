@@ -48,7 +48,7 @@ def wilson(k: int, n: int) -> tuple[float, float]:
 
 
 @dataclass(slots=True)
-class Times:
+class Durations:
     """Durations of one command of one servo, in ns, each known within bounds.
 
     ``period``: from a request to the next like it; ``jitter``: between two such periods that follow
@@ -79,7 +79,7 @@ class CommandFigures:
     failed: int
     unasked: int
     retries: int
-    times: Times
+    times: Durations
 
     @property
     def missing_share(self) -> float | None:
@@ -102,7 +102,7 @@ class CommandBook:
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._counts = Buckets(dict.fromkeys(_SUMS, "sum"))
-        self._times: dict[int, Times] = {}
+        self._times: dict[int, Durations] = {}
         self._cycles: dict[tuple[int, int], _Cycle] = {}
         self._retries = Retries()
         self._nobody = np.array([-1, *protocol.everyone])
@@ -128,7 +128,7 @@ class CommandBook:
         np.minimum.at(first, which, np.arange(len(which)))
         for pair in keys[np.argsort(first)].tolist():
             if len(self._times) < TIMED:
-                self._times.setdefault(pair, Times())
+                self._times.setdefault(pair, Durations())
 
     def _count(self, key: I64, asks: I64, said: I64, length: I64) -> None:
         none = dict.fromkeys(_SUMS[3:], 0)
@@ -218,7 +218,7 @@ class CommandBook:
         for i, pair in enumerate(key.tolist()):
             servo, op = (pair >> 32) - 1, _signed(pair & 0xFFFFFFFF)
             sums = {name: int(columns[name][i]) for name in _SUMS}
-            times, retries = self._times.get(pair, Times()), self._retries.counts[servo, op]
+            times, retries = self._times.get(pair, Durations()), self._retries.counts[servo, op]
             out.append(CommandFigures(servo, op, **sums, retries=retries, times=times))
         return out
 

@@ -18,7 +18,7 @@ SHORTEST_NS: Final = 50_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
+class Slices:
     """Sums of a curve in slices of one width; slice k begins at ``first_ns + k * width_ns``."""
 
     first_ns: int
@@ -26,7 +26,7 @@ class Profile:
     sums: list[float]
 
 
-def profile(grid: Grid, curve: int) -> Profile:
+def profile(grid: Grid, curve: int) -> Slices:
     """Return the sums of a curve over time, in few slices."""
     width = grid.width_ns
     first = grid.first_ns
@@ -39,4 +39,4 @@ def profile(grid: Grid, curve: int) -> Profile:
     if trace is not None and len(trace):
         at = (first + trace.at * grid.width_ns) // width - begin
         np.add.at(sums, at, trace.mean * trace.n)
-    return Profile(begin * width, width, np.round(sums, 3).tolist())
+    return Slices(begin * width, width, np.round(sums, 3).tolist())

@@ -20,7 +20,7 @@ from sniffer.sinks.rerun.plots import (
     RESPONSE_TIME,
     TOGETHER,
     Plots,
-    Times,
+    TimeRange,
     Track,
 )
 
@@ -95,7 +95,7 @@ def application_id(name: str) -> str:
 def blueprint(
     tracks: Sequence[Track],
     logs: Mapping[str, Sequence[str]],
-    times: Times,
+    times: TimeRange,
     *,
     doubt_ns: Mapping[str, int] | None = None,
 ) -> rrb.Blueprint | None:

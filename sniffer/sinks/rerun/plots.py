@@ -66,7 +66,7 @@ class Track:
 
 
 @dataclass(frozen=True, slots=True)
-class Times:
+class TimeRange:
     """Which times the plots show: all plots move together, those by the second on their own.
 
     Args:
@@ -127,7 +127,7 @@ def _between(first: int, last: int) -> Any:
 class Plots:
     """Makes the plots of some servos of a bus."""
 
-    def __init__(self, tracks: Sequence[Track], times: Times, doubt_ns: int) -> None:
+    def __init__(self, tracks: Sequence[Track], times: TimeRange, doubt_ns: int) -> None:
         self.times = times
         self._tracks, self._doubt_ns = tracks, doubt_ns
 

@@ -24,7 +24,7 @@ from sniffer.sinks.rerun.derived import groups
 from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Log, LogLine, Strip
 from sniffer.sinks.rerun.gauges import Gauges
 from sniffer.sinks.rerun.layout import TIMELINE, Colours, Rgb, application_id, blueprint
-from sniffer.sinks.rerun.plots import ALARMS, EVERYONE, POSITION, RESPONSE_TIME, Times, Track
+from sniffer.sinks.rerun.plots import ALARMS, EVERYONE, POSITION, RESPONSE_TIME, TimeRange, Track
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -337,7 +337,7 @@ class RerunSink:
         plan = blueprint(
             tracks,
             logs,
-            Times(self._span, self._window_s, self._first_error, is_live=self._live),
+            TimeRange(self._span, self._window_s, self._first_error, is_live=self._live),
             doubt_ns={
                 bus: bounds.high
                 for bus, q in self._doubt.items()
