@@ -278,7 +278,7 @@ def test_the_stored_sample_is_refused_by_name(name: str) -> None:
         (b"PK\x03\x04" + bytes(30), "zip"),
         (b"RRF2\0\x29\0\0", "Rerun recording"),
         (b"\x1f\x8b\x08\0\0\0", "cut off before anything is in it"),
-        (gzip.compress(gzip.compress(b"ff ff"), mtime=0), "gunzip"),
+        (gzip.compress(gzip.compress(b"ff ff", mtime=0), mtime=0), "gunzip"),
         (b"PAR1\x15\x04", "Parquet"),
         ("00000000: faaf".encode("utf-16"), "UTF-8"),
         ("﻿ff ff ff".encode("utf-16-be"), "UTF-8"),
