@@ -36,6 +36,10 @@ LATE: Final = "The requested Wait timed out before the submission was completed"
 """What viewer 0.41 says where a busy machine takes long to draw a picture, which is taken again."""
 
 
+SOFTWARE: Final = "Software rasterizer detected"
+"""What it says where there is no graphics card, at some moment."""
+
+
 class PatientClient:
     """The SDK's client, which asks again where a busy viewer does not answer in the SDK's time."""
 
@@ -110,7 +114,7 @@ class HeadlessViewer:
         logs = [
             f"viewer log: {e.level}: {e.message}"
             for e in self._new_logs("WARN", "ERROR")
-            if LATE not in e.message
+            if not any(words in e.message for words in (LATE, SOFTWARE))
         ]
         return reports + logs
 

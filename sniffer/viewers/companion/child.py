@@ -122,6 +122,7 @@ class Watcher:
                 self._pipeline.close()
             self._flush()
             self._tell(DONE, "")
+            self._recording.disconnect()  # a viewer calls a line that only breaks off an error
             if self._viewer is not None and self._setup.mode == WINDOW and self._has_shown:
                 self._viewer.wait()
 
