@@ -11,6 +11,7 @@ import pytest
 
 from sniffer.cli.profiles import KEYS, files
 from tests.commands import talk, within
+from tests.recorder import facts
 from tests.streams.mightyzap import packet
 
 Capsys = pytest.CaptureFixture[str]
@@ -56,6 +57,13 @@ def test_the_environment_names_a_profile_and_the_folders_file_comes_first(
     assert "bus0: rs30x" in within(capsys, "decode", "capture.bin", "--summary").out
     write('[profile.leg]\nprotocol = "rs30x"\n')
     assert "bus0: lss" in within(capsys, "decode", "capture.bin", "--summary").out
+
+
+def test_names_of_a_profile_are_kept_by_what_is_made_with_it(capsys: Capsys) -> None:
+    write('[profile.arm]\nnames = { 1 = "left knee" }\n')
+    out = ("-o", "out.mcap", "--quiet")
+    assert within(capsys, "decode", "capture.bin", "--profile", "arm", *out).status == 0
+    assert facts(Path("out.mcap"))["name.1"] == "left knee"
 
 
 def test_rules_and_rates_of_a_profile_are_those_of_the_options(capsys: Capsys) -> None:
@@ -105,6 +113,7 @@ def test_ports_of_a_profile_are_opened_and_one_must_be_named_where_one_is_asked(
         ('[profile.arm]\nprotocol = "wkc"\n', "sniffer.toml:2: protocol: 'wkc' is not one of"),
         ("[profile.arm]\nbaud = true\n", "sniffer.toml:2: baud: write a number"),
         ("[profile.arm]\nmodels = 3\n", "sniffer.toml:2: models: write ids and models"),
+        ('[profile.arm]\nnames = "x"\n', "sniffer.toml:2: names: write ids and names"),
         ("[profile.arm.models]\n300 = 'wck'\n", "toml:1: models: '300=wck': write ID=MODEL"),
         ("[profile.arm]\nalarms = ['voltage >']\n", "sniffer.toml:2: alarms: "),
         ("[profile.arm]\nregisters = 'no.toml'\n", "no.toml"),

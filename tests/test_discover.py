@@ -77,7 +77,7 @@ def test_the_table_that_comes_of_it_is_taken_and_names_the_bytes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = planted(tmp_path / "a.log")
-    done = within(capsys, "discover", log, "--format", "toml", "--name", "my-zap")
+    done = within(capsys, "discover", log, "--format", "toml", "--model-name", "my-zap")
     table = tmp_path / "my_zap.toml"
     table.write_text(done.out, encoding="utf-8")
     entries = {r["name"]: r for r in tomllib.loads(done.out)["register"]}
@@ -130,7 +130,7 @@ def test_a_protocol_without_addresses_is_told_in_a_line(
 
 def test_a_name_that_no_model_can_have_is_a_line(capsys: pytest.CaptureFixture[str]) -> None:
     log = CAPTURES / "mightyzap_clean.log"
-    done = within(capsys, "discover", log, "--format", "toml", "--name", 'a"b')
+    done = within(capsys, "discover", log, "--format", "toml", "--model-name", 'a"b')
     assert done.status == 2
     assert done.complaint
     assert not done.out

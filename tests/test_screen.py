@@ -277,7 +277,8 @@ def test_a_log_has_every_frame_and_statistics_go_beside_it() -> None:
     frames = sum(len(b.frames) for b in w.batches[: len(w.groups)])
     table = texts[log].decode().partition("\n\n")[0].splitlines()
     assert (
-        sum(1 for one in table if re.match(r"\d\d:\d\d:\d\d\.\d+ +(\S+ +)?\S+ [<>] ", one)) == frames
+        sum(1 for one in table if re.match(r"\d\d:\d\d:\d\d\.\d+ +(\S+ +)?\S+ [<>] ", one))
+        == frames
     )
     assert "/dev/serial/by-id/arm" in texts[notes].decode()
 

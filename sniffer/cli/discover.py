@@ -38,7 +38,7 @@ from sniffer.statistics.guesses import FieldGuess, place, runs
     help="What is printed: toml is a register table to begin with.",
 )
 @click.option(
-    "--name",
+    "--model-name",
     "model_name",
     default="my-servo",
     show_default=True,

@@ -135,6 +135,13 @@ def _by_servo(value: Any, profile: Profile) -> list[str]:
     return [each if who == ALL else f"{who}={each}" for who, each in told.items()]
 
 
+def _names(value: Any, profile: Profile) -> list[str]:
+    """Return ``ID=NAME``."""
+    if not isinstance(value, dict) or not all(isinstance(each, str) for each in value.values()):
+        raise ValueError('write ids and names: { 3 = "left_knee" }')
+    return [f"{who}={name}" for who, name in value.items()]
+
+
 def _beside(value: Any, profile: Profile) -> list[str]:
     """Return paths, which count from the folder of the profile's file."""
     return [str(profile.file.parent / each) for each in _texts(value, profile)]
@@ -147,6 +154,7 @@ _KEYS: Final[Mapping[str, tuple[str, Callable[[Any, Profile], str | list[str]]]]
     "latency": ("--latency", _number),
     "models": ("--model", _by_servo),
     "registers": ("--registers", _beside),
+    "names": ("--name", _names),
     "alarms": ("--alarm", _texts),
 }
 """Each key: the option (or argument) that it states, and how its value is read."""
