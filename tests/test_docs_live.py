@@ -63,6 +63,13 @@ def row(text: str, beginning: str) -> list[str]:
 # --- options -----------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("name", sorted(cli.commands))
+def test_the_examples_of_a_commands_help_have_options_that_there_are(name: str) -> None:
+    for command, given in re.findall(r"sniffer (\w+)([^|&]*)", cli.commands[name].epilog or ""):
+        unquoted = re.sub(r"'[^']*'|\"[^\"]*\"", "", given)
+        assert set(re.findall(r"(?<!\S)--?[a-z][\w-]*", unquoted)) <= options_of(command), given
+
+
 @pytest.mark.parametrize("page", WRITTEN, ids=lambda p: str(p.relative_to(ROOT)))
 def test_every_option_a_page_shows_is_an_option_of_its_command(page: Path) -> None:
     for command, given in calls(page.read_text(encoding="utf-8")):

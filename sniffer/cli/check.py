@@ -8,14 +8,14 @@ from typing import Final
 import click
 
 from sniffer.cli.naming import worded
-from sniffer.cli.options import decoding, examples, files_here, pipeline_options, with_force
+from sniffer.cli.options import decoding, examples, files_here, with_force
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, INTERRUPTED, MISTAKE, status_of
 from sniffer.cli.streams import say
+from sniffer.decoding.options import Options
 from sniffer.ground.files import open_text, writing
 from sniffer.ground.model import InputError
-from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import plain
 from sniffer.jobs.check import Checked
 from sniffer.jobs.check import check as hold
@@ -76,12 +76,8 @@ def _example(context: click.Context, parameter: click.Parameter, asked: bool) ->
 def check(
     files: tuple[str, ...],
     rules_file: Path,
-    protocol: str,
+    options: Options,
     input_format: str,
-    baud: int | None,
-    models: dict[int | None, str],
-    tables: tuple[RegisterMap, ...],
-    latency: float | None,
     junit_file: Path | None,
     force: bool,
     window: Window | None,
@@ -95,7 +91,6 @@ def check(
     rules = read_rules(rules_file)
     if junit_file is not None:
         check_outputs([junit_file], [*files, str(rules_file)], force=force, later=True)
-    options = pipeline_options(protocol, baud, models, latency, tables)
     for file in files:
         if file != "-" and not Path(file).exists():
             raise InputError(f"{file}: there is no such file")  # before anything is judged

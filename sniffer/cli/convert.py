@@ -6,13 +6,11 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options, with_alarms, with_force
+from sniffer.cli.options import decoding, examples, files_here, with_alarms, with_force
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
-from sniffer.cli.streams import say
-from sniffer.diagnostics.alarms import Alarm
-from sniffer.ground.registers import RegisterMap
-from sniffer.ground.wording import and_
+from sniffer.cli.streams import say, wrote
+from sniffer.decoding.options import Options
 from sniffer.jobs.convert import convert as made
 from sniffer.jobs.outputs import Wide
 from sniffer.jobs.telling import Teller
@@ -27,7 +25,7 @@ from sniffer.jobs.telling import Teller
         "sniffer convert run.mcap shared.mcap --anonymise",
     ),
 )
-@click.argument("file")
+@click.argument("file", shell_complete=files_here)
 @click.argument(
     "outputs", metavar="OUT...", nargs=-1, required=True, type=click.Path(path_type=Path)
 )
@@ -46,17 +44,12 @@ from sniffer.jobs.telling import Teller
     help="Times count from zero; names, ports and serial numbers are left out.",
 )
 @with_force
-@click.option("--quiet", is_flag=True, help="Say only what goes wrong.")
+@click.option("-q", "--quiet", is_flag=True, help="Say only what goes wrong.")
 def convert(
     file: str,
     outputs: tuple[Path, ...],
-    protocol: str,
+    options: Options,
     input_format: str,
-    baud: int | None,
-    models: dict[int | None, str],
-    tables: tuple[RegisterMap, ...],
-    latency: float | None,
-    alarms: tuple[Alarm, ...],
     wide: bool,
     hold: bool,
     anonymise: bool,
@@ -73,7 +66,6 @@ def convert(
         raise click.UsageError("--hold goes with --wide")
     if wide and not any(out.suffix.lower() in (".csv", ".parquet") for out in outputs):
         raise click.UsageError("--wide is about tables: name a .csv or a .parquet")
-    options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms)
     tell = Teller(say, quiet=quiet)
     with patient() as patience:
         done = made(
@@ -89,5 +81,5 @@ def convert(
         )
     status = status_of(done.ending, is_lost=bool(done.gone))
     if not status:
-        tell.talk(f"wrote {and_([str(out) for out in outputs])}")
+        tell.talk(wrote(outputs))
     return status

@@ -9,16 +9,15 @@ import click
 from sniffer.cli.options import (
     decoding,
     examples,
-    pipeline_options,
+    files_here,
     with_force,
     with_outputs,
 )
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
-from sniffer.cli.streams import say
-from sniffer.ground.registers import RegisterMap
-from sniffer.ground.wording import and_
+from sniffer.cli.streams import say, wrote
+from sniffer.decoding.options import Options
 from sniffer.jobs.cut import cut as cut_out
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
@@ -32,19 +31,15 @@ from sniffer.selection.places import Window
         "sniffer cut capture.log --to 1.5 -o begin.log",
     ),
 )
-@click.argument("file")
+@click.argument("file", shell_complete=files_here)
 @decoding
 @with_part
 @with_outputs("The part")
 @with_force
 def cut(
     file: str,
-    protocol: str,
+    options: Options,
     input_format: str,
-    baud: int | None,
-    models: dict[int | None, str],
-    tables: tuple[RegisterMap, ...],
-    latency: float | None,
     window: Window | None,
     outputs: tuple[Path, ...],
     force: bool,
@@ -56,7 +51,6 @@ def cut(
     """
     if window is None or not window.is_part:
         raise click.UsageError("say which part: --from, --to or both")
-    options = pipeline_options(protocol, baud, models, latency, tables)
     with patient() as patience:
         done = cut_out(
             file,
@@ -70,5 +64,5 @@ def cut(
         )
     status = status_of(done.ending, is_lost=bool(done.gone))
     if not status:
-        say(f"wrote {and_([str(out) for out in outputs])}")
+        say(wrote(outputs))
     return status

@@ -14,11 +14,10 @@ from sniffer.cli.options import (
     decoding,
     examples,
     files_here,
-    pipeline_options,
-    printed,
     with_alarms,
     with_color,
     with_force,
+    with_format,
     with_names,
     with_times,
 )
@@ -27,14 +26,13 @@ from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
 from sniffer.decoding.sink import Sink
-from sniffer.diagnostics.alarms import Alarm
 from sniffer.ground.model import Severity
-from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.convert import convert
 from sniffer.jobs.telling import Teller
 from sniffer.sinks.standard import Standard
 
 if TYPE_CHECKING:
+    from sniffer.decoding.options import Options
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
 
@@ -58,7 +56,7 @@ if TYPE_CHECKING:
 @decoding
 @with_names
 @with_alarms
-@printed
+@with_format("text", "jsonl")
 @with_times
 @with_color
 @click.option(
@@ -88,14 +86,8 @@ if TYPE_CHECKING:
 )
 def decode(
     files: tuple[str, ...],
-    protocol: str,
+    options: Options,
     input_format: str,
-    baud: int | None,
-    models: dict[int | None, str],
-    tables: tuple[RegisterMap, ...],
-    latency: float | None,
-    names: dict[int, str],
-    alarms: tuple[Alarm, ...],
     output_format: str,
     times: str,
     color: bool | None,
@@ -115,7 +107,6 @@ def decode(
     What goes wrong on the bus is part of the output. Exit status: 0 done; 1 anomalies at or above
     --fail-on; 2 a mistake of yours; 3 the input breaks off (what could be read is written).
     """
-    options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms, names=names)
     printed: list[Sink] = []
     diagnosis = None
     if summary and not quiet and output_format == "text":

@@ -10,16 +10,15 @@ from sniffer.cli.options import (
     decoding,
     examples,
     files_here,
-    pipeline_options,
     with_alarms,
     with_color,
+    with_format,
 )
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
 from sniffer.cli.streams import say
-from sniffer.diagnostics.alarms import Alarm
-from sniffer.ground.registers import RegisterMap
+from sniffer.decoding.options import Options
 from sniffer.jobs.diagnose import diagnose as diagnose_file
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
@@ -38,25 +37,13 @@ from sniffer.selection.places import Window
 @with_part
 @decoding
 @with_alarms
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "json"]),
-    default="text",
-    show_default=True,
-    help="What is printed.",
-)
+@with_format("text", "json")
 @click.option("--why", metavar="ID", help="Show how the causes of an incident were weighed.")
 @with_color
 def diagnose(
     files: tuple[str, ...],
-    protocol: str,
+    options: Options,
     input_format: str,
-    baud: int | None,
-    models: dict[int | None, str],
-    tables: tuple[RegisterMap, ...],
-    latency: float | None,
-    alarms: tuple[Alarm, ...],
     output_format: str,
     why: str | None,
     window: Window | None,
@@ -66,7 +53,6 @@ def diagnose(
 
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is judged).
     """
-    options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms)
     status = DONE
     for file in files:
         with patient() as patience:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options, with_force
+from sniffer.cli.options import decoding, examples, files_here, with_force, with_format
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
-from sniffer.ground.registers import RegisterMap
+from sniffer.decoding.options import Options
 from sniffer.jobs.diff import diff as compared
 from sniffer.jobs.telling import Teller
 
@@ -24,17 +24,10 @@ from sniffer.jobs.telling import Teller
         "sniffer diff before.mcap after.mcap -o both.rrd",
     ),
 )
-@click.argument("a", metavar="A")
-@click.argument("b", metavar="B")
+@click.argument("a", shell_complete=files_here, metavar="A")
+@click.argument("b", shell_complete=files_here, metavar="B")
 @decoding
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "json"]),
-    default="text",
-    show_default=True,
-    help="What is printed.",
-)
+@with_format("text", "json")
 @click.option(
     "-o",
     "--output",
@@ -45,12 +38,8 @@ from sniffer.jobs.telling import Teller
 def diff(
     a: str,
     b: str,
-    protocol: str,
+    options: Options,
     input_format: str,
-    baud: int | None,
-    models: dict[int | None, str],
-    tables: tuple[RegisterMap, ...],
-    latency: float | None,
     output_format: str,
     output: Path | None,
     force: bool,
@@ -61,7 +50,6 @@ def diff(
     that was compared. Exit status: 0 the same as far as can be told; 1 they differ; 2 a mistake of
     yours; 3 an input breaks off (what could be read is compared).
     """
-    options = pipeline_options(protocol, baud, models, latency, tables)
     with patient() as patience:
         done = compared(
             a,

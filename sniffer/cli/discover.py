@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options
+from sniffer.cli.options import decoding, examples, files_here, with_format
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
+from sniffer.decoding.options import Options
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import and_, plain
 from sniffer.jobs.discover import Discovered
@@ -22,24 +23,16 @@ from sniffer.statistics.guesses import FieldGuess, place, runs
     short_help="Find registers that no table names.",
     epilog=examples(
         "sniffer discover run.mcap",
-        "sniffer discover run.mcap --format toml --name my-servo > my_servo.toml",
+        "sniffer discover run.mcap --format toml --model-name my-servo > my_servo.toml",
         "sniffer decode run.mcap --registers my_servo.toml --model my-servo",
     ),
 )
-@click.argument("file")
+@click.argument("file", shell_complete=files_here)
 @with_part
 @decoding
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "toml"]),
-    default="text",
-    show_default=True,
-    help="What is printed: toml is a register table to begin with.",
-)
+@with_format("text", "toml", about="What is printed: toml is a register table to begin with.")
 @click.option(
     "--model-name",
-    "model_name",
     default="my-servo",
     show_default=True,
     metavar="MODEL",
@@ -47,12 +40,8 @@ from sniffer.statistics.guesses import FieldGuess, place, runs
 )
 def discover(
     file: str,
-    protocol: str,
+    options: Options,
     input_format: str,
-    baud: int | None,
-    models: dict[int | None, str],
-    tables: tuple[RegisterMap, ...],
-    latency: float | None,
     output_format: str,
     model_name: str,
     window: Window | None,
@@ -63,7 +52,6 @@ def discover(
     known values (goals, positions, loads ...) they go with. With --format toml it is a register
     table, the one that the servos are read by with what was found behind it; --registers takes it.
     """
-    options = pipeline_options(protocol, baud, models, latency, tables)
     with patient() as patience:
         done = find(
             file,

@@ -21,8 +21,8 @@ from sniffer.cli.options import (
     Whole,
     examples,
     files_here,
-    printed,
     with_color,
+    with_format,
 )
 from sniffer.cli.profiles import Ports, with_profile
 from sniffer.cli.streams import say
@@ -82,7 +82,7 @@ _TEXT: Final = 16
     "is connected; it holds until the adapter is unplugged.",
 )
 @with_profile
-@printed
+@with_format("text", "jsonl")
 @with_color
 def doctor(
     port: str,

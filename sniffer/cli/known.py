@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from sniffer.cli.options import examples, printed
+from sniffer.cli.options import examples, with_format
 from sniffer.cli.streams import width_of_terminal
 from sniffer.ground.codes import ROLES
 from sniffer.ground.registers import Register, RegisterMap
@@ -52,7 +52,7 @@ def _models() -> dict[str, RegisterMap]:
     ),
 )
 @click.argument("model", required=False)
-@printed
+@with_format("text", "jsonl")
 def registers(model: str | None, output_format: str) -> None:
     """Show the register table of MODEL (or those of a protocol), or which models there are.
 

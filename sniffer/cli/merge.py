@@ -6,13 +6,12 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options, with_force, with_outputs
+from sniffer.cli.options import decoding, examples, files_here, with_force, with_outputs
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
-from sniffer.cli.streams import say
+from sniffer.cli.streams import say, wrote
+from sniffer.decoding.options import Options
 from sniffer.ground.amounts import time_in
-from sniffer.ground.registers import RegisterMap
-from sniffer.ground.wording import and_
 from sniffer.jobs.merge import merge as merge_all
 from sniffer.jobs.telling import Teller
 
@@ -41,7 +40,7 @@ def offsets_of(
         "sniffer merge controller.log servos.log --pair -o bus.mcap",
     ),
 )
-@click.argument("files", metavar="FILE FILE...", nargs=-1, required=True)
+@click.argument("files", shell_complete=files_here, metavar="FILE FILE...", nargs=-1, required=True)
 @decoding
 @click.option(
     "--offset",
@@ -67,12 +66,8 @@ def offsets_of(
 @with_force
 def merge(
     files: tuple[str, ...],
-    protocol: str,
+    options: Options,
     input_format: str,
-    baud: int | None,
-    models: dict[int | None, str],
-    tables: tuple[RegisterMap, ...],
-    latency: float | None,
     offsets: dict[str, int],
     align: bool,
     pair: bool,
@@ -86,7 +81,6 @@ def merge(
     """
     if len(files) < 2:
         raise click.UsageError("merge takes two files or more")
-    options = pipeline_options(protocol, baud, models, latency, tables)
     with patient() as patience:
         done = merge_all(
             files,
@@ -102,5 +96,5 @@ def merge(
         )
     status = status_of(done.ending, is_lost=bool(done.gone))
     if not status:
-        say(f"wrote {and_([str(out) for out in outputs])}")
+        say(wrote(outputs))
     return status

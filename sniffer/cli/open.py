@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options
+from sniffer.cli.options import decoding, examples, files_here
 from sniffer.cli.statuses import DONE
 from sniffer.cli.streams import say
-from sniffer.ground.registers import RegisterMap
+from sniffer.decoding.options import AUTO, Options
 
 
 @click.command(
@@ -21,7 +21,7 @@ from sniffer.ground.registers import RegisterMap
         "sniffer open /dev/ttyUSB0=mightyzap@57600 -o run.mcap",
     ),
 )
-@click.argument("file", metavar="FILE|PORT")
+@click.argument("file", shell_complete=files_here, metavar="FILE|PORT")
 @decoding
 @click.option("--follow", is_flag=True, help="FILE is being written: show what comes.")
 @click.option(
@@ -32,12 +32,8 @@ from sniffer.ground.registers import RegisterMap
 )
 def open(
     file: str,
-    protocol: str,
+    options: Options,
     input_format: str,
-    baud: int | None,
-    models: dict[int | None, str],
-    tables: tuple[RegisterMap, ...],
-    latency: float | None,
     follow: bool,
     output: Path | None,
 ) -> int:
@@ -47,26 +43,32 @@ def open(
     """
     from sniffer.inside.session import is_port, look_at_port, look_inside
 
-    options = pipeline_options(protocol, baud, models, latency, tables)
     if not is_port(file):
         if output is not None:
             raise click.UsageError("-o is where a port is recorded to: FILE is there already")
         look_inside(file, options, input_format=input_format, follow=follow)
         return DONE
-    if tables:
+    if options.tables:
         raise click.UsageError("--registers is not for a port: record it, then open the recording")
     now = datetime.datetime.now()
     path = output or Path(f"sniffer-{now:%Y%m%d-%H%M%S}.mcap")
-    told = {"--protocol": None if protocol == "auto" else protocol, "--baud": baud}
-    more = [file, "--quiet", f"--output={path}"]
-    more += [f"{option}={value}" for option, value in told.items() if value is not None]
-    more += [f"--latency={latency}"] if latency is not None else []
-    more += [
-        f"--model={model if who is None else f'{who}={model}'}" for who, model in models.items()
-    ]
     try:
-        look_at_port(more, path, options)
+        look_at_port(_arguments(file, path, options), path, options)
     finally:
         if path.exists():
             say(f"recorded in {path}")
     return DONE
+
+
+def _arguments(port: str, path: Path, options: Options) -> list[str]:
+    """Return what ``sniffer record`` is called with."""
+    told: list[tuple[str, object]] = []
+    if options.protocol != AUTO:
+        told.append(("protocol", options.protocol))
+    if options.baud is not None:
+        told.append(("baud", options.baud))
+    if options.latency_ns is not None:
+        told.append(("latency", options.latency_ns / 1e6))
+    for who, model in options.models.items():
+        told.append(("model", model if who is None else f"{who}={model}"))
+    return [port, "--quiet", f"--output={path}", *(f"--{name}={value}" for name, value in told)]

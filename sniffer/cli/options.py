@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -27,18 +27,39 @@ if TYPE_CHECKING:
 else:
     _Name = click.ParamType  # click 8.1 has no other name for it
 
+Command = Callable[..., Any]
+Gather = Callable[[dict[str, Any]], dict[str, Any]]
+
 SHARED: Final = "Open a port that another program has open, too; its settings change under it."
 """What ``--shared`` does, in the commands that open ports."""
 
-printed = click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "jsonl"]),
-    default="text",
-    show_default=True,
-    help="What is printed.",
-)
-"""For people, or for scripts."""
+
+def with_format(*forms: str, about: str = "What is printed.") -> Callable[[Command], Command]:
+    """Return ``--format``, the first form being the usual one: for people, or for scripts."""
+    return click.option(
+        "--format",
+        "output_format",
+        type=click.Choice(forms),
+        default=forms[0],
+        show_default=True,
+        help=about,
+    )
+
+
+def gathered(
+    command: Command, options: Sequence[Callable[[Command], Command]], gather: Gather
+) -> Command:
+    """Add options to a command, which gets what ``gather`` makes of all that is given."""
+    import functools
+
+    @functools.wraps(command)
+    def called(**given: Any) -> Any:
+        return command(**gather(given))
+
+    out: Command = called
+    for option in reversed(options):
+        out = option(out)
+    return out
 
 
 class Renamed(click.Option):
@@ -87,7 +108,7 @@ with_force = click.option("--force", is_flag=True, help="Replace files that are 
 """Of every command that writes a file."""
 
 
-def with_outputs(about: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def with_outputs(about: str) -> Callable[[Command], Command]:
     """Return ``-o``, of commands whose files are what is asked for."""
     return click.option(
         "-o",
@@ -286,12 +307,16 @@ with_alarms = click.option(
 """Of every command that judges values by rules of the user's own."""
 
 
-def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say how bytes are to be read."""
+def decoding(command: Command) -> Command:
+    """Add the options that say how bytes are to be read; ``options`` is what they say.
+
+    So it is of ``with_alarms`` and ``with_names``, where a command has them.
+    """
     from sniffer.decoding.options import AUTO
     from sniffer.sources import SOURCES
 
-    for option in reversed(
+    return gathered(
+        command,
         (
             click.option(
                 "--protocol",
@@ -324,10 +349,17 @@ def decoding(command: Callable[..., Any]) -> Callable[..., Any]:
                 help="How long the adapter may have held bytes back.",
             ),
             with_profile,
-        )
-    ):
-        command = option(command)
-    return command
+        ),
+        _options,
+    )
+
+
+def _options(given: dict[str, Any]) -> dict[str, Any]:
+    told = {name: given.pop(name) for name in _DECODING if name in given}
+    return {**given, "options": pipeline_options(**told)}
+
+
+_DECODING: Final = ("protocol", "baud", "models", "latency", "tables", "alarms", "names")
 
 
 def pipeline_options(

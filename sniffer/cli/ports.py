@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import click
 
-from sniffer.cli.options import examples, printed
+from sniffer.cli.options import examples, with_format
 from sniffer.cli.streams import say, width_of_terminal
 from sniffer.ports.listing import READY, REFUSED, PortInfo
 from sniffer.ports.listing import ports as listed
@@ -33,7 +33,7 @@ _INDENT: Final = " " * 4
     short_help="List the serial ports.",
     epilog=examples("sniffer ports", "sniffer ports --format jsonl"),
 )
-@printed
+@with_format("text", "jsonl")
 def ports(output_format: str) -> None:
     """List the serial ports: adapter, driver, latency timer, who has it open, lasting name.
 

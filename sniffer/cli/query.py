@@ -12,12 +12,12 @@ from typing import Any, Final
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options
+from sniffer.cli.options import decoding, examples, files_here, with_format
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
-from sniffer.ground.registers import RegisterMap
+from sniffer.decoding.options import Options
 from sniffer.ground.wording import plain
 from sniffer.jobs.query import Answer
 from sniffer.jobs.query import query as ask
@@ -37,26 +37,15 @@ LOOK: Final = 1000
     ),
 )
 @click.argument("sql", metavar="SQL")
-@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.argument("files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True)
 @with_part
 @decoding
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "json", "csv"]),
-    default="text",
-    show_default=True,
-    help="What is printed: json is a line a row.",
-)
+@with_format("text", "json", "csv", about="What is printed: json is a line a row.")
 def query(
     sql: str,
     files: tuple[str, ...],
-    protocol: str,
+    options: Options,
     input_format: str,
-    baud: int | None,
-    models: dict[int | None, str],
-    tables: tuple[RegisterMap, ...],
-    latency: float | None,
     output_format: str,
     window: Window | None,
 ) -> int:
@@ -68,7 +57,6 @@ def query(
 
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is asked).
     """
-    options = pipeline_options(protocol, baud, models, latency, tables)
     with patient() as patience:
         answer = ask(
             sql,

@@ -14,7 +14,6 @@ from sniffer.cli.options import (
     decoding,
     examples,
     files_here,
-    pipeline_options,
     with_color,
     with_force,
     with_names,
@@ -24,9 +23,9 @@ from sniffer.cli.selecting import with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
+from sniffer.decoding.options import Options
 from sniffer.decoding.sink import Sink
 from sniffer.ground.needs import need_rerun
-from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.replay import replay as played
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
@@ -74,13 +73,8 @@ from sniffer.sinks.standard import Standard
 @with_force
 def replay(
     file: str,
-    protocol: str,
+    options: Options,
     input_format: str,
-    baud: int | None,
-    models: dict[int | None, str],
-    tables: tuple[RegisterMap, ...],
-    latency: float | None,
-    names: dict[int, str],
     speed: float,
     times: str,
     color: bool | None,
@@ -96,7 +90,6 @@ def replay(
 
     An input without times is played at the pace of its baud rate.
     """
-    options = pipeline_options(protocol, baud, models, latency, tables, names=names)
     if redecode and in_rerun:
         raise click.UsageError("--redecode compares, --rerun shows: choose one")
     if redecode and (window is not None or selection is not None):
@@ -111,7 +104,7 @@ def replay(
         return 0 if report.equal else 1
     if in_rerun:
         need_rerun()
-        shown = functools.partial(_rerun, Path(file).stem, names)
+        shown = functools.partial(_rerun, Path(file).stem, options.names)
     else:
         shown = functools.partial(_console, times, color)
     with patient() as patience:

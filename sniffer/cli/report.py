@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, files_here, pipeline_options, with_force
+from sniffer.cli.options import decoding, examples, files_here, with_force
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import MISTAKE, status_of
 from sniffer.cli.streams import say
-from sniffer.ground.registers import RegisterMap
+from sniffer.decoding.options import Options
 from sniffer.ground.wording import counted
 from sniffer.jobs.report import report as write_report
 from sniffer.jobs.telling import Teller
@@ -38,12 +38,8 @@ from sniffer.selection.places import Window
 @with_force
 def report(
     file: str,
-    protocol: str,
+    options: Options,
     input_format: str,
-    baud: int | None,
-    models: dict[int | None, str],
-    tables: tuple[RegisterMap, ...],
-    latency: float | None,
     output: Path | None,
     force: bool,
     window: Window | None,
@@ -54,7 +50,6 @@ def report(
     each byte is. The page is one file: it fetches nothing. Exit status: 0 written; 2 a mistake of
     yours; 3 the input breaks off (the report is on what could be read).
     """
-    options = pipeline_options(protocol, baud, models, latency, tables)
     with patient() as patience:
         done = write_report(
             file,

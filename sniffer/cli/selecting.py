@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from sniffer.cli.naming import worded
-from sniffer.cli.options import Whole
+from sniffer.cli.options import Command, Whole, gathered
 from sniffer.ground.amounts import time_in
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import InputError
@@ -16,8 +15,6 @@ from sniffer.ground.model import InputError
 if TYPE_CHECKING:
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
-
-Command = Callable[..., Any]
 
 
 def _listed(
@@ -111,28 +108,13 @@ _ROWS = (
 
 
 def with_part(command: Command) -> Command:
-    """Add the options that say which part of a capture is meant; ``part`` is the window."""
-    return _gathered(command, _PART, _window)
+    """Add the options that say which part of a capture is meant; ``window`` is what they say."""
+    return gathered(command, _PART, _window)
 
 
 def with_rows(command: Command) -> Command:
     """Add the options that say which records are shown; ``selection`` is what they say."""
-    return _gathered(command, _ROWS, _selection)
-
-
-def _gathered(
-    command: Command, options: tuple[Callable[[Command], Command], ...], gather: Command
-) -> Command:
-    import functools
-
-    @functools.wraps(command)
-    def called(**given: Any) -> Any:
-        return command(**gather(given))
-
-    out: Command = called
-    for option in reversed(options):
-        out = option(out)
-    return out
+    return gathered(command, _ROWS, _selection)
 
 
 def _window(given: dict[str, Any]) -> dict[str, Any]:

@@ -8,13 +8,12 @@ import sys
 
 import click
 
-from sniffer.cli.options import decoding, examples, pipeline_options, with_alarms
+from sniffer.cli.options import decoding, examples, files_here, with_alarms, with_format
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
 from sniffer.cli.streams import say
-from sniffer.diagnostics.alarms import Alarm
-from sniffer.ground.registers import RegisterMap
+from sniffer.decoding.options import Options
 from sniffer.jobs.stats import stats as count
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
@@ -30,28 +29,18 @@ from sniffer.statistics.flat import COLUMNS, rows
         "sniffer stats a.log b.log --format csv > figures.csv",
     ),
 )
-@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.argument("files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True)
 @with_part
 @decoding
 @with_alarms
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "json", "csv"]),
-    default="text",
-    show_default=True,
-    help="What is printed: json is a line a file, csv a row a figure.",
+@with_format(
+    "text", "json", "csv", about="What is printed: a line a file (json), a row a figure (csv)."
 )
 @click.option("--all", "every", is_flag=True, help="Print all rows of long tables.")
 def stats(
     files: tuple[str, ...],
-    protocol: str,
+    options: Options,
     input_format: str,
-    baud: int | None,
-    models: dict[int | None, str],
-    tables: tuple[RegisterMap, ...],
-    latency: float | None,
-    alarms: tuple[Alarm, ...],
     output_format: str,
     every: bool,
     window: Window | None,
@@ -66,7 +55,6 @@ def stats(
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is
     counted).
     """
-    options = pipeline_options(protocol, baud, models, latency, tables, alarms=alarms)
     table = csv.DictWriter(sys.stdout, COLUMNS, lineterminator="\n")
     if output_format == "csv":
         table.writeheader()

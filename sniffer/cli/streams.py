@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 
 import click
 
 from sniffer.cli.naming import worded
 from sniffer.ground.streams import silence
-from sniffer.ground.wording import one_line
+from sniffer.ground.wording import and_, one_line
 
 
 def silence_stdout() -> None:
@@ -22,6 +24,11 @@ def say(message: str) -> None:
     """Talk to the user: one line on standard error; where that cannot be written, nobody hears."""
     with contextlib.suppress(OSError):
         click.echo(f"sniffer: {one_line(worded(message))}", err=True)
+
+
+def wrote(files: Sequence[Path]) -> str:
+    """Return what is said of files that are written."""
+    return f"wrote {and_([str(file) for file in files])}"
 
 
 def width_of_terminal() -> int:

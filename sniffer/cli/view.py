@@ -11,7 +11,6 @@ from sniffer.cli.options import (
     decoding,
     examples,
     files_here,
-    pipeline_options,
     with_force,
     with_names,
 )
@@ -19,8 +18,8 @@ from sniffer.cli.selecting import with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
+from sniffer.decoding.options import Options
 from sniffer.ground.needs import need_rerun
-from sniffer.ground.registers import RegisterMap
 from sniffer.jobs.convert import convert
 from sniffer.jobs.telling import Teller
 from sniffer.jobs.view import view as shown
@@ -53,13 +52,8 @@ from sniffer.selection.selection import Selection
 @click.option("--port", type=Whole(1, 65535), help="Port of the web page.")
 def view(
     file: str,
-    protocol: str,
+    options: Options,
     input_format: str,
-    baud: int | None,
-    models: dict[int | None, str],
-    tables: tuple[RegisterMap, ...],
-    latency: float | None,
-    names: dict[int, str],
     output: Path | None,
     force: bool,
     web: bool,
@@ -73,7 +67,6 @@ def view(
     if port is not None and not web:
         raise click.UsageError("--port goes with --web")
     need_rerun()
-    options = pipeline_options(protocol, baud, models, latency, tables, names=names)
     tell = Teller(say)
     with patient() as patience:
         if output is None:

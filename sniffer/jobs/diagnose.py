@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.options import Options
 from sniffer.diagnosis import Diagnosis
-from sniffer.jobs.convert import convert
+from sniffer.jobs.through import hear_part
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -61,15 +62,20 @@ def diagnose(
         InputError: the input cannot be read, its protocol cannot be told, or the window is empty.
         SnifferError: unknown protocol or model, or a number that cannot be.
     """
+    options = options or Options()
+    diagnosis = Diagnosis()
+    hear = functools.partial(
+        hear_part, source, input_format=input_format, window=window, patience=patience, tell=tell
+    )
     try:
-        diagnosis, ending = _diagnosed(source, options, input_format, window, patience, tell)
+        ending = hear(diagnosis, options)
     except UndecidedError:
         if str(source) == "-":
             raise  # standard input can be read only once
         # What nothing explains may have been read at a wrong rate. Whose frames it is not is the
         # same then: it is judged as the first protocol's.
-        first = replace(options or Options(), protocol=next(iter(PROTOCOLS)))
-        diagnosis, ending = _diagnosed(source, first, input_format, window, patience, tell)
+        diagnosis = Diagnosis()
+        ending = hear(diagnosis, replace(options, protocol=next(iter(PROTOCOLS))))
         if not diagnosis.incidents():
             raise
     return Diagnosed(
@@ -79,26 +85,3 @@ def diagnose(
         diagnosis.has_clock,
         ending,
     )
-
-
-def _diagnosed(
-    source: str | Path,
-    options: Options | None,
-    input_format: str,
-    window: Window | None,
-    patience: Patience | None,
-    tell: Teller | None,
-) -> tuple[Diagnosis, Ending]:
-    """Decode a capture into a diagnosis."""
-    diagnosis = Diagnosis()
-    ending = convert(
-        source,
-        (),
-        options,
-        input_format=input_format,
-        sinks=[diagnosis],
-        window=window,
-        patience=patience,
-        tell=tell,
-    ).ending
-    return diagnosis, ending
