@@ -154,6 +154,8 @@ def test_a_filter_line_is_completed_by_what_was_met(
         ("@byte:1052", 81),
         ("@first-error", 81),
         ("22:55:06.365", 81),
+        ("@no-response", 81),
+        ("@anomaly:1", 81),
         ("0", 1),
         ("+0ms", 1),
     ],
@@ -168,7 +170,9 @@ def test_a_place_may_be_a_time_a_byte_or_a_line(place: str, line: int, index: Ca
         ("99999", "behind the end"),
         ("@999999", "byte 999999 is not there: bus0 has 18442 so far"),
         ("#0", "behind the end"),
-        ("over there", "is no place: write 12.5"),
+        ("over there", "is no place in a capture: write it like 10"),
+        ("@anomaly:99999", "anomalies were found so far"),
+        ("@clock-step", "none was found so far"),
     ],
 )
 def test_a_place_that_is_not_there_is_told(place: str, told: str, index: CaptureIndex) -> None:

@@ -24,7 +24,7 @@ def offsets_of(
     for text in given:
         file, equals, amount = text.rpartition("=")
         sign, size = (amount[:1], amount[1:]) if amount[:1] in ("+", "-") else ("", amount)
-        ns = time_in(size, bare=True) if equals and file else None
+        ns = time_in(size, bare=True, least=0) if equals and file else None
         if ns is None:
             raise click.BadParameter(f"{text[:80]!r}: write FILE=+1.25s or FILE=-300ms")
         out[file] = -ns if sign == "-" else ns

@@ -28,17 +28,20 @@ _LETTERS: Final = {letter: 1000**n for n, letter in enumerate("KMGT", 1)}
 _AMOUNT: Final = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*([a-zA-Z]*)")
 
 
-def time_in(text: str, *, bare: bool) -> int | None:
-    """Return a time in ns, None where it is none; ``bare``: a number alone is one in seconds."""
+def time_in(text: str, *, bare: bool, least: int = 1) -> int | None:
+    """Return a time in ns, None where it is none; ``bare``: a number alone is one in seconds.
+
+    ``least``: a shorter one is none, in ns.
+    """
     amount, unit = _parts(text)
-    return _product(amount, _NS.get(unit, NS if bare and not unit else None))
+    return _product(amount, _NS.get(unit, NS if bare and not unit else None), least)
 
 
 def size_in(text: str, *, bare: bool) -> int | None:
     """Return a size in bytes, None where it is none; ``bare``: a number alone is one in bytes."""
     amount, unit = _parts(text)
     known = _LETTERS.get(unit) or _BYTES.get(unit.lower())
-    return _product(amount, known or (1 if bare and not unit else None))
+    return _product(amount, known or (1 if bare and not unit else None), 1)
 
 
 def time_as(ns: int) -> str:
@@ -50,9 +53,9 @@ def time_as(ns: int) -> str:
 
 def _parts(text: str) -> tuple[float, str]:
     match = _AMOUNT.fullmatch(text.strip())
-    return (float(match[1]), match[2]) if match is not None else (0.0, "")
+    return (float(match[1]), match[2]) if match is not None else (-1.0, "")
 
 
-def _product(amount: float, unit: int | None) -> int | None:
-    total = amount * unit if unit is not None else 0.0
-    return round(total) if math.isfinite(total) and total >= 1 else None
+def _product(amount: float, unit: int | None, least: int) -> int | None:
+    total = amount * unit if unit is not None else -1.0
+    return round(total) if math.isfinite(total) and total >= least else None

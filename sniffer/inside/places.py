@@ -1,35 +1,25 @@
-"""Where to go in a capture: a time, a byte, a line, as people write them."""
+"""Where to go in a capture: a place as ``--from`` takes it, or a line."""
 
 from __future__ import annotations
 
-import datetime
 import re
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.ground.model import NS, InputError, Severity
+from sniffer.diagnostics.found import CODES, SEVERITY
+from sniffer.ground.model import InputError
+from sniffer.selection.places import FOUND, CapturePlace, place_in
 
 if TYPE_CHECKING:
     from sniffer.inside.index import CaptureIndex
-
-_UNITS: Final = {"": 1.0, "ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
-_AFTER: Final = re.compile(r"\+?(\d+(?:\.\d+)?)\s*(ns|us|ms|s|min|h|)")
-_CLOCK: Final = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2})(\.\d+)?)?")
-_DAY_NS: Final = 86_400 * NS
-
-FORMS: Final = (
-    "12.5 (seconds since the beginning), 10min, 20:35:20.5, an ISO time, @byte:12175 or @12175, "
-    "#300 (a line), @first-error"
-)
-"""What ``line_of`` reads."""
 
 
 def line_of(text: str, index: CaptureIndex, bus: int = 0) -> int:
     """Return the line that a place means, the one behind it where none is exactly there.
 
     Args:
-        text: as ``FORMS`` says.
+        text: a place (``selection.places``), ``@12175`` (a byte), or ``#300`` (a line).
         index: the capture.
         bus: whose bytes an offset counts.
 
@@ -40,36 +30,36 @@ def line_of(text: str, index: CaptureIndex, bus: int = 0) -> int:
     lines = index.lines
     if not len(lines):
         raise InputError("there is nothing yet")
-    if text == "@first-error":
-        return _first_error(index)
     if found := re.fullmatch(r"#(\d+)", text):
         return _within(int(found[1]) - 1, index, text)
-    if found := re.fullmatch(r"@(?:byte:)?(\d+)", text):
-        return _at_byte(int(found[1]), index, bus)
-    return _within(int(np.searchsorted(lines["t"], _time(text, index), "left")), index, text)
+    byte = re.fullmatch(r"@(\d+)", text)
+    place = place_in(f"@byte:{byte[1]}" if byte else text.removeprefix("+"))
+    if place.kind == FOUND:
+        return _sought(place, index, bus)
+    t_ns = place.at(int(lines["t"][0]) if index.has_clock else None)
+    return _within(int(np.searchsorted(lines["t"], t_ns, "left")), index, text)
 
 
-def _time(text: str, index: CaptureIndex) -> int:
-    """Return the time that a text means, in ns.
+def _sought(place: CapturePlace, index: CaptureIndex, bus: int) -> int:
+    if place.sought == "byte":
+        return _at_byte(place.number, index, bus)
+    found = index.found
+    if place.sought == "anomaly":
+        if place.number > len(found):
+            raise InputError(f"{place.text}: {len(found)} anomalies were found so far")
+        return _line_of(found[place.number - 1], index)
+    named = [n for n, code in enumerate(CODES) if place.sought in (code, SEVERITY[n].name.lower())]
+    mine = np.isin(found["code"], named)
+    if not mine.any():
+        raise InputError(f"{place.text}: none was found so far")
+    return _line_of(found[int(mine.argmax())], index)
 
-    Raises:
-        InputError: it is none.
-    """
-    first = int(index.lines["t"][0])
-    if found := _AFTER.fullmatch(text):
-        return first + round(float(found[1]) * _UNITS[found[2]] * NS)
-    if found := _CLOCK.fullmatch(text):
-        hours, minutes, seconds = (int(part or 0) for part in found.groups()[:3])
-        moment = ((hours * 60 + minutes) * 60 + seconds) * NS + round(float(found[4] or 0) * NS)
-        day = first - first % _DAY_NS
-        return day + moment + (_DAY_NS if day + moment < first - _DAY_NS // 2 else 0)
-    try:
-        when = datetime.datetime.fromisoformat(text)
-    except ValueError:
-        raise InputError(f"{text!r} is no place: write {FORMS}") from None
-    told = when if when.tzinfo else when.replace(tzinfo=datetime.UTC)
-    since = told - datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
-    return (since.days * 86_400 + since.seconds) * NS + since.microseconds * 1000
+
+def _line_of(one: np.void, index: CaptureIndex) -> int:
+    """Return the line of an anomaly; where its evidence is long past, that of its time."""
+    line = int(one["line"])
+    last = len(index.lines) - 1
+    return line if line >= 0 else min(int(np.searchsorted(index.lines["t"], one["t"])), last)
 
 
 def _at_byte(offset: int, index: CaptureIndex, bus: int) -> int:
@@ -83,18 +73,16 @@ def _at_byte(offset: int, index: CaptureIndex, bus: int) -> int:
     return int(mine[k])
 
 
-def _first_error(index: CaptureIndex) -> int:
-    wrong = index.lines["severity"] == Severity.ERROR + 1
-    at = int(wrong.argmax()) if len(wrong) else 0
-    if not wrong[at]:
-        raise InputError("no error was found so far")
-    return at
-
-
 def _within(line: int, index: CaptureIndex, text: str) -> int:
     if not 0 <= line < len(index.lines):
         raise InputError(f"{text} is behind the end: there are {len(index.lines)} lines so far")
     return line
+
+
+LIKE_MOST: Final = 1 << 17
+"""How far back a like frame is looked for, in lines."""
+
+_STEP: Final = 1 << 12
 
 
 def like_before(index: CaptureIndex, line: int) -> int:
@@ -117,9 +105,3 @@ def like_before(index: CaptureIndex, line: int) -> int:
             return begin + int(found[-1])
         end = begin
     return -1
-
-
-LIKE_MOST: Final = 1 << 17
-"""How far back a like frame is looked for, in lines."""
-
-_STEP: Final = 1 << 12

@@ -81,7 +81,7 @@ def place_in(text: str) -> CapturePlace:
     if _SECONDS.fullmatch(plain):
         whole, _, part = plain.partition(".")
         return CapturePlace(plain, SINCE, int(whole or "0") * NS + _ns(part))
-    if (ns := time_in(plain, bare=True)) is not None:
+    if (ns := time_in(plain, bare=True, least=0)) is not None:
         return CapturePlace(plain, SINCE, ns)
     if (match := _CLOCK.fullmatch(plain)) is not None:
         hours, minutes, seconds = (int(part or "0") for part in match.groups()[:3])
