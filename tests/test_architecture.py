@@ -54,7 +54,7 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     "click": ("cli/",),
     "rich": (
         *("cli/", "inside/", "viewers/", "sinks/consoles.py"),
-        *("sinks/text.py", "sinks/report.py", "sinks/stats.py", "sinks/story.py"),
+        *("sinks/bars.py", "sinks/text.py", "sinks/report.py", "sinks/stats.py", "sinks/story.py"),
     ),
     "threading": (
         *("cli/", "ports/", "tap/", "viewers/", "sinks/rerun/", "simulation/play/", "inside/"),

@@ -1,4 +1,4 @@
-"""What a controller does wrong: how it waits, what it writes, in which form, how often."""
+"""What a controller does wrong: how it waits, what it writes, where, how often."""
 
 from __future__ import annotations
 
@@ -333,81 +333,7 @@ def test_a_path_that_went_on_while_the_loop_stood_still_does_not_jump() -> None:
     assert "goal-jump" not in codes(talk.diagnosed())
 
 
-# ------------------------------------------------------------------------------------ in which form
-
-
-@pytest.mark.parametrize(
-    ("protocol", "request_"),
-    [
-        ("mightyzap", mightyzap.packet(254, 0x73, b"\x86\x02\x01\x00\x08\x02\x00")),
-        ("mightyzap", mightyzap.packet(2, 0xE7, b"\x01")),
-        ("rs30x", rs30x.packet(0, 0, 0x1E, 1, 3, bytes([1, 2, 3]))),
-        ("lss", b"#2XYZ5\r"),
-    ],
-)
-def test_frames_in_a_form_that_no_manual_has_are_malformed(protocol: str, request_: bytes) -> None:
-    def also(talk: Conversation, cycle: int) -> None:
-        if cycle % 10 == 0:
-            talk.write(request_)
-
-    told = robot(protocol, 6, behind=also).diagnosed()
-    assert "odd-commands" in codes(told)
-    assert [cause for cause, _ in verdicts(told.incidents())] == ["malformed-command"]
-
-
-@pytest.mark.parametrize(
-    ("protocol", "bytes_"),
-    [("lss", b"#2D1 5\r"), ("rs30x", b"\xfa\xaf\x02\x00\x1e\x02\x01\x01\x02\x55")],
-)
-def test_the_same_bytes_that_are_no_frame_again_and_again_are_sent_so(
-    protocol: str, bytes_: bytes
-) -> None:
-    def also(talk: Conversation, cycle: int) -> None:
-        if cycle % 10 == 0:
-            talk.write(bytes_)
-            talk.rest(2)
-
-    told = robot(protocol, 6, behind=also).diagnosed()
-    assert "same-bytes-torn" in codes(told)
-    assert [cause for cause, _ in verdicts(told.incidents())] == ["malformed-command"]
-
-
-def test_a_modifier_that_its_command_does_not_have_is_misused() -> None:
-    talk = robot("lss", 5, behind=lambda talk, n: talk.write(b"#2WD90T500\r"))
-    assert "modifier-misused" in codes(talk.diagnosed())
-    sound = robot("lss", 5, behind=lambda talk, n: talk.write(b"#2P1500S750T20\r"))
-    assert "modifier-misused" not in codes(sound.diagnosed())
-
-
-def test_a_gain_read_that_sets_the_id_is_told() -> None:
-    def mixed_up(talk: Conversation, cycle: int) -> None:
-        if cycle == 50:
-            talk.write(wck.command(7 << 5 | 2, 0x0C, b"\0\0"))
-            talk.say(b"\0\0")
-            talk.rest(1)
-
-    def scan(talk: Conversation, cycle: int) -> None:
-        if cycle == 50:
-            talk.write(wck.command(7 << 5 | 2, 0x0C, b"\2\2"))
-            talk.say(b"\2\2")
-            talk.rest(1)
-
-    assert "gain-read-sets-id" in codes(robot("wck", 4, behind=mixed_up).diagnosed())
-    assert "gain-read-sets-id" not in codes(robot("wck", 4, behind=scan).diagnosed())
-
-
-def test_a_form_that_noise_makes_by_chance_is_no_mistake_of_the_controller() -> None:
-    talk = robot("lss", 10)
-    rng = random.Random(8)
-    heard = []
-    for chunk in talk.chunks:
-        if rng.random() < 0.02:
-            torn = bytearray(chunk.data)
-            torn[rng.randrange(1, len(torn) - 1)] ^= 1 << rng.randrange(5)
-            chunk = replace(chunk, data=bytes(torn))
-        heard.append(chunk)
-    causes = [cause for cause, _ in verdicts(talk.diagnosed(heard).incidents())]
-    assert "malformed-command" not in causes
+# ---------------------------------------------------------------------------------- what overlaps
 
 
 def test_requests_that_overlap_answers_are_told_by_exact_stamps_only() -> None:

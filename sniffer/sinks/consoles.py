@@ -38,11 +38,11 @@ def console_for(
     return console
 
 
-def room_in(stream: TextIO, console: Console) -> int | None:
+def room_in(console: Console) -> int | None:
     """Return how many columns a line may have; None: any, for nobody looks at a screen.
 
     What ``COLUMNS`` states holds for pipes, too.
     """
     stated = os.environ.get("COLUMNS", "")
     is_stated = stated.isdecimal() and int(stated[:6]) > 0
-    return console.width if is_stated or stream.isatty() else None
+    return console.width if is_stated or console.file.isatty() else None

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from sniffer.decoding.summary import BINS_SHOWN, Bounds
+from sniffer.decoding.summary import Bounds
 from sniffer.ground.model import NS
 from sniffer.ground.wording import counted, plain, short
+from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
+from sniffer.sinks.consoles import console_for, room_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from sniffer.ground.model import I64
+    from rich.console import Console
+
     from sniffer.statistics.sink import Statistics
-
-BARS: Final = " ▁▂▃▄▅▆▇█"
-"""Eighths of a line; what is not nothing has one at least."""
-
-PLAIN_BARS: Final = " .:-=+*#@"
-"""The same for a terminal that has ASCII alone."""
 
 WIDE: Final = 140
 """Columns of what goes into a pipe or a file, unless ``COLUMNS`` says otherwise."""
@@ -35,9 +30,6 @@ MOST: Final = 24
 
 ROOMY: Final = 100
 """From so many columns on there are two blanks between those of a table, and bars over time."""
-
-LABEL: Final = 24
-"""Columns that stand before the bars of a histogram."""
 
 _COLOUR: Final = {"error": "red", "warn": "yellow", "note": "cyan"}
 
@@ -57,8 +49,8 @@ def print_stats(
     ``most``: so many rows of each table; all of them where None. ``how``: what is said of
     those that are left out, behind how many they are.
     """
-    console = console or Console(highlight=False)
-    if not console.is_terminal and "COLUMNS" not in os.environ:
+    console = console or console_for()
+    if room_in(console) is None:
         console.width = WIDE  # nobody's window: nothing is folded
     with console.capture() as printed:
         for nth, bus in enumerate(figures["buses"]):
@@ -70,15 +62,6 @@ def print_stats(
     if not console.encoding.lower().startswith("utf"):
         text = text.translate(str.maketrans(BARS, PLAIN_BARS))
     console.file.write(text)
-
-
-def bars(numbers: Sequence[float], most: float | None = None) -> str:
-    """Return numbers as bars, the greatest (or ``most``) as high as the line."""
-    top = max(numbers, default=0) if most is None else most
-    if top <= 0:
-        return " " * len(numbers)
-    last = len(BARS) - 1
-    return "".join(BARS[min(int(np.ceil(last * n / top)), last) if n > 0 else 0] for n in numbers)
 
 
 def _print_bus(
@@ -111,7 +94,7 @@ def _print_bus(
             if left > 0:
                 console.print(Text(f"  ... and {left} more{how}", style="dim"))
         if table is not None and heading.startswith("response"):
-            _histograms(bus, statistics, console)
+            print_histograms(bus, statistics, console)
 
 
 def _about(bus: Mapping[str, Any], width: int) -> Iterable[str]:
@@ -227,64 +210,6 @@ def _replies(bus: Mapping[str, Any], *, many: bool) -> _Tabulated | None:
     return table
 
 
-def _histograms(bus: Mapping[str, Any], statistics: Statistics, console: Console) -> None:
-    """Print how long the answers of each servo took, on one axis."""
-    sums: dict[str, tuple[I64, I64]] = {}
-    lanes = statistics.collector.lanes_of(bus["bus"])
-    for name in lanes:
-        for c in statistics.lanes[name].commands.figures():
-            if c.times.reply.count and c.servo_id >= 0:
-                who = f"{name} {c.servo_id}" if len(lanes) > 1 else f"{c.servo_id}"
-                low, high = c.times.reply.histogram()
-                before = sums.get(who)
-                sums[who] = (low, high) if before is None else (before[0] + low, before[1] + high)
-    if not sums:
-        return
-    least, most = (np.sum([pair[k] for pair in sums.values()], axis=0) for k in (0, 1))
-    held = np.flatnonzero(most)
-    low = np.flatnonzero(least)
-    low = low[low > 0]
-    begin = min(int(held[0]), int(low[0]) if len(low) else int(held[0]))
-    begin = max(begin - 1, int(held[0]) - 3 * BINS_SHOWN, 0)  # as a report's: three octaves of few
-    size = int(held[-1]) + 2 - begin
-    room = max(min(console.width, 140) - LABEL - 2, 16)
-    per = -(-size // room)
-    console.print()
-    for who, (low, high) in sums.items():
-        pair = [_folded(counts, begin, size, per) for counts in (low, high)]
-        top = max(max(row) for row in pair)
-        if pair[0] == pair[1]:
-            console.print(Text(f"  {'servo ' + who:<{LABEL - 4}}  {bars(pair[0], top)}"))
-            continue
-        for row, told in zip(pair, ("took at least", "at most"), strict=True):
-            label = f"servo {who}" if told != "at most" else ""
-            console.print(Text(f"  {label:<{LABEL - 18}}{told:>14}  {bars(row, top)}"))
-    console.print(Text(" " * LABEL + _axis(begin, size, per, console.width - LABEL), style="dim"))
-
-
-def _folded(counts: I64, begin: int, size: int, per: int) -> list[int]:
-    shown = counts[begin : begin + size].copy()
-    shown[0] += counts[:begin].sum()
-    shown = np.pad(shown, (0, -len(shown) % per))
-    out: list[int] = shown.reshape(-1, per).sum(axis=1).tolist()
-    return out
-
-
-def _axis(begin: int, size: int, per: int, room: int) -> str:
-    """Return the times below the bars: where 1, 2 and 5 of each decade stand, in ms."""
-    line = [" "] * min(-(-size // per) + 12, room)
-    free = 0
-    for decade in range(-6, 8):
-        for digit in (1, 2, 5):
-            ms = digit * 10.0**decade
-            at = int((np.log2(ms * 1e6) * BINS_SHOWN - begin) // per)
-            told = f"|{ms:g} ms"
-            if free <= at < len(line) - len(told):
-                line[at : at + len(told)] = told
-                free = at + len(told) + 1
-    return "".join(line).rstrip()
-
-
 def _errors(bus: Mapping[str, Any], first: int) -> _Tabulated | None:
     rows: list[Row] = [(s, e) for s in bus["servos"] for e in s["following_error"]]
     if not rows:
@@ -373,15 +298,9 @@ def _anomalies(bus: Mapping[str, Any], first: int, width: int) -> _Tabulated | N
         row: list[Text | str] = [name, _who(a), str(a["count"]), rate, *ends]
         row.append(str(a["offsets"][0]))
         if drawn:
-            row.append(bars(_halved(a["over_time"]["counts"], width - 80)))
+            row.append(bars(halved(a["over_time"]["counts"], width - 80)))
         table.add_row(*row)
     return table
-
-
-def _halved(numbers: Sequence[float], room: int) -> list[float]:
-    """Return numbers added up so that they fit."""
-    per = -(-len(numbers) // max(room, 8))
-    return [sum(numbers[k : k + per]) for k in range(0, len(numbers), per)]
 
 
 def _seconds(t_ns: int, first: int, bus: Mapping[str, Any]) -> str:

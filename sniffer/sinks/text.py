@@ -89,7 +89,7 @@ class TextSink:
         self._console = console_for(stream, color=color, width=width)
         self._stream = stream
         self._color = self._console.color_system is not None and not self._console.no_color
-        self._is_cut = width is not None or room_in(stream, self._console) is not None
+        self._is_cut = width is not None or room_in(self._console) is not None
         self._width = self._console.width if self._is_cut else UNCUT
         self._times = times
         self._first_ns: int | None = None

@@ -1,0 +1,114 @@
+"""What a curve of Rerun shows: to the end, in points, steps and holes, by the second."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from sniffer.decoding.decoder import Decoder
+from sniffer.ground.model import Chunk, Clock
+from sniffer.sinks.rerun.sink import RerunSink
+from tests.streams.mightyzap import packet
+from tests.test_rerun import START_NS, Bus, read, write
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+
+LOAD, STORE, SYMMETRIC_STORE = 0xF2, 0xF3, 0x73
+
+
+def test_a_goal_is_drawn_on_to_the_end(tmp_path: Path) -> None:
+    bus = Bus()
+    bus.say(packet(1, STORE, b"\x86\x10\x08"))
+    bus.say(packet(1, 0))
+    for _ in range(3):
+        bus.ask(1, 0x92, b"\x78", 0)
+    write(tmp_path / "a.rrd", bus.chunks)
+    rows, static = read(tmp_path / "a.rrd")
+    ((told, goal),) = rows["/bus0/servo/1/goal_position"]
+    assert rows["/bus0/servo/1/goal_position/held"] == [(told, goal), (bus.now_ns, goal)]
+    assert static["/bus0/servo/1/goal_position/held"] == static["/bus0/servo/1/goal_position"]
+
+
+def test_a_register_that_repeats_another_now_and_then_is_drawn_as_points(tmp_path: Path) -> None:
+    decoder, sink = Decoder("lss"), RerunSink(tmp_path / "a.rrd")
+    said = [f"#5D{900 - 10 * k}\r".encode() for k in range(9)] + [b"#5QDT\r", b"*5QDT850\r"]
+    chunks = [Chunk(line, START_NS + k * 10_000_000, Clock.SAMPLE) for k, line in enumerate(said)]
+    for batch in (decoder.feed(*chunks), decoder.close()):
+        sink.write("bus0", decoder.protocol, batch)
+    sink.close()
+    rows, static = read(tmp_path / "a.rrd")
+    assert [value for _, value in rows["/bus0/servo/5/target_position"]] == [85.0]
+    assert "SeriesPoints:markers" in static["/bus0/servo/5/target_position"]
+    assert "SeriesLines:names" in static["/bus0/servo/5/goal_position"]
+    # what was told last is the second register's: the first is not drawn on
+    assert not any(entity.endswith("/held") for entity in rows)
+
+
+def test_the_following_error_is_the_position_minus_the_last_goal(tmp_path: Path) -> None:
+    bus, expected = Bus(), []
+    for goal, position in ((2000, 2100), (3000, 2900), (None, 3000)):
+        if goal is not None:
+            bus.say(packet(1, STORE, b"\x86" + struct.pack("<H", goal)))
+            bus.say(packet(1, 0))
+        bus.ask(1, 0x8C, struct.pack("<H", position))
+        expected.append(position - (goal or 3000))
+    write(tmp_path / "a.rrd", bus.chunks)
+    rows, _ = read(tmp_path / "a.rrd")
+    errors = [value for _, value in rows["/bus0/servo/1/following_error"]]
+    assert np.array(errors) / errors[0] * expected[0] == pytest.approx(expected)
+    positions = [t for t, _ in rows["/bus0/servo/1/present_position"]]
+    assert [t for t, _ in rows["/bus0/servo/1/following_error"]] == positions
+
+
+def polled(path: Path, times_ms: Sequence[int]) -> tuple[list[float], dict[str, Any]]:
+    """Return the positions drawn of a servo that is asked at these times, and how."""
+    bus = Bus()
+    for ms in times_ms:
+        bus.now_ns = START_NS + ms * 1_000_000
+        bus.ask(1, 0x8C, b"\x10\x08")
+    write(path, bus.chunks)
+    rows, static = read(path)
+    entity = "/bus0/servo/1/present_position"
+    return [value for _, value in rows[entity]], static[entity]
+
+
+def test_a_slow_poll_is_no_ramp_and_a_quick_one_is_a_line(tmp_path: Path) -> None:
+    _, slow = polled(tmp_path / "slow.rrd", range(0, 20_000, 2000))
+    _, quick = polled(tmp_path / "quick.rrd", range(0, 200, 20))
+    step, line = (style["SeriesLines:interpolation_mode"] for style in (slow, quick))
+    assert (step, line) == ([2], [1])
+
+
+def test_a_hole_is_a_hole_and_a_few_lost_answers_are_none(tmp_path: Path) -> None:
+    drawn, _ = polled(tmp_path / "a.rrd", [*range(0, 400, 20), *range(3000, 3400, 20)])
+    assert [math.isnan(value) for value in drawn] == [False] * 20 + [True] + [False] * 20
+    drawn, _ = polled(tmp_path / "b.rrd", [*range(0, 400, 20), *range(440, 800, 20)])
+    assert not any(map(math.isnan, drawn))
+
+
+def test_missing_answers_and_bus_load_are_told_by_the_second(tmp_path: Path) -> None:
+    bus = Bus()
+    for tick in range(40):
+        bus.now_ns = START_NS + tick * 100_000_000
+        bus.ask(1, 0x8C, b"\x10\x08")
+        if 10 <= tick < 20 and tick % 2:
+            bus.say(packet(2, LOAD, b"\x8c\x02"))
+        elif tick % 2:
+            bus.ask(2, 0x8C, b"\x10\x08")
+    write(tmp_path / "a.rrd", bus.chunks)
+    rows, _ = read(tmp_path / "a.rrd")
+    missing = {t - START_NS: n for t, n in rows["/bus0/servo/2/missing_answers"]}
+    assert [missing[s * 1_000_000_000] for s in range(4)] == [0, 5, 0, 0]
+    assert {n for _, n in rows["/bus0/servo/1/missing_answers"]} == {0}
+    load = [percent for _, percent in rows["/bus0/bus_load"]]
+    said = sum(len(chunk.data) for chunk in bus.chunks)
+    assert sum(load[:-1]) == pytest.approx(said * 40_000 / 1e7, rel=0.01)
+    marks = [t for t, _ in rows["/bus0/servo/2/marks/position/error"]]
+    assert len(marks) == 5
