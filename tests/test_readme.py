@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from typing import TYPE_CHECKING
 
 import pytest
 
 from sniffer.cli import cli
+from tests.commands import environment
+from tests.terminals import PATIENCE_S
 from tests.transcripts import (
     ROOT,
     Stage,
@@ -48,6 +52,25 @@ def test_every_transcript_is_what_the_command_prints(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", sorted(cli.commands))
 def test_every_command_is_in_the_readme(name: str) -> None:
     assert re.search(rf"\bsniffer {name}\b", TEXT)
+
+
+def test_the_demo_tells_its_story_on_one_screen(tmp_path: Path) -> None:
+    (tmp_path / "sample_captures").symlink_to(ROOT / "sample_captures")
+    done = subprocess.run(
+        [sys.executable, "-m", "sniffer.cli.demo"],
+        cwd=tmp_path,
+        env=environment(COLUMNS="80", DISPLAY="", WAYLAND_DISPLAY=""),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=True,
+    )
+    assert done.stderr == ""
+    assert len(done.stdout.splitlines()) <= 40
+    assert "brownout, 99 % sure" in done.stdout
+    assert "duplicate-id" in done.stdout
+    made = {path.name for path in (tmp_path / "demo-out").iterdir()}
+    assert made == {"demo.mcap", "demo.rrd", "demo.html"}
 
 
 @pytest.mark.parametrize("target", ["demo", "test"])

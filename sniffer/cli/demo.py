@@ -1,4 +1,4 @@
-"""``make demo``: decode the sample captures, record and plot them; no hardware needed."""
+"""``make demo``: decode the sample captures, record, plot and diagnose; no hardware needed."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import sys
 from pathlib import Path
 
 from rich.console import Console
+from rich.table import Table
 
 from sniffer.cli.naming import worded
 from sniffer.cli.streams import say
 from sniffer.ground.model import SnifferError
-from sniffer.jobs.demo import record_damaged, summaries
-from sniffer.sinks.report import print_summary
+from sniffer.jobs.demo import STORY, record_damaged, summaries
+from sniffer.jobs.report import report
 
 OUT = Path("demo-out")
 
@@ -21,14 +22,22 @@ def demo() -> None:
     from sniffer.viewers import viewer
 
     console = Console(highlight=False)
-    for summary in summaries():
-        console.print()
-        print_summary(summary, console)
+    console.print("The sample captures, decoded (all of one: sniffer decode FILE --summary):\n")
+    _print_totals(console)
     OUT.mkdir(exist_ok=True)
-    recording, plots = OUT / "demo.mcap", OUT / "demo.rrd"
+    recording, plots, page = (OUT / f"demo.{suffix}" for suffix in ("mcap", "rrd", "html"))
     record_damaged([recording, plots])
-    console.print()
-    console.print(f"wrote {recording} (the recording) and {plots} (its plots)", soft_wrap=True)
+    found = report(STORY, page, overwrite=True).content.incidents
+    console.print(f"\nWhat is wrong in {STORY} (how it is known: sniffer diagnose):\n")
+    for incident in found:
+        first = incident.causes[0]
+        console.print(f"-  {incident.story}")
+        console.print(f"   {first.cause}, {100 * first.confidence:.0f} % sure. {incident.next}")
+    console.print(
+        f"\nwrote {recording} (the damaged captures as one recording), {plots} (its plots) and "
+        f"{page}\n(all of the story, with its bytes and curves: open it in a browser)",
+        soft_wrap=True,
+    )
     try:
         viewer.need_display(str(recording))
     except SnifferError:
@@ -39,6 +48,21 @@ def demo() -> None:
         )
     else:
         viewer.show(plots, web=False, say=say)
+
+
+def _print_totals(console: Console) -> None:
+    """Print a line a capture."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    table.add_column("capture")
+    table.add_column("protocol")
+    for name in ("bytes", "in frames", "frames", "anomalies"):
+        table.add_column(name, justify="right")
+    for summary in summaries():
+        for capture, totals in summary.buses.items():
+            share = f"{100 * totals.bytes_in_frames / max(totals.bytes, 1):.2f} %"
+            counts = totals.bytes, share, totals.kinds.total(), totals.severities.total()
+            table.add_row(capture, totals.protocol, *map(str, counts))
+    console.print(table)
 
 
 if __name__ == "__main__":

@@ -88,4 +88,6 @@ def exits_on_signals(leave: Callable[[], None]) -> None:
             try:
                 loop.add_signal_handler(number, leave)
             except (NotImplementedError, RuntimeError, ValueError):
-                break  # not on this system, or not in this thread: the default holds
+                # Windows has none, nor has any thread but the first: the system's own way of ending
+                # a program holds there, and the terminal is put right by whoever started it.
+                return

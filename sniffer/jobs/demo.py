@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 CAPTURES: Final = Path("sample_captures")
 
+STORY: Final = CAPTURES / "mightyzap_damaged.log"
+"""The capture that is told at length: a supply that sags, noise, and two servos with one id."""
+
 
 def captures() -> list[Path]:
     """Return the sample captures, protocol by protocol.
