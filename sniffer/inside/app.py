@@ -17,6 +17,7 @@ from textual.widgets import ContentSwitcher, Input, OptionList, Static
 from sniffer.ground.model import InputError, OutputError, SnifferError
 from sniffer.ground.wording import plain
 from sniffer.inside.chrome import ASKED, CSS, HelpPage, LineSuggester, exits_on_signals
+from sniffer.inside.columns import ERROR, WARN
 from sniffer.inside.detail import detail_of
 from sniffer.inside.figures import figures_of
 from sniffer.inside.filters import completions, filter_of
@@ -134,7 +135,6 @@ class LookingGlass(App[None]):
     def _tick(self) -> None:
         """Show what has come since; go on with what takes long."""
         self.view.steps()
-        had = self.list.line >= 0 or self.view.count > 0
         before = self.list.virtual_size.height
         self.list.grown()
         if self._wanted is not None and (
@@ -142,7 +142,7 @@ class LookingGlass(App[None]):
         ):
             wanted, self._wanted = self._wanted, None
             self.list.go(self.view.position(wanted), by_hand=False, middle=True)
-        elif self.view.count > before and (self._follow or not before) and had:
+        elif self.view.count > before and (self._follow or not before):
             self.list.go(self.view.count - 1 if self._follow else self.list.cursor, by_hand=False)
         if self._search is not None:
             self._look_on()
@@ -230,13 +230,13 @@ class LookingGlass(App[None]):
     def action_wrong(self, by: int, least: int = 0) -> None:
         """Go to the next or previous finding: errors, or warnings where there is no error."""
         back = by < 0
-        for severity in [least] if least else [3, 2]:
+        for severity in [least] if least else [ERROR, WARN]:
             at = self.view.next_wrong(self.list.cursor, severity, back=back)
             if at >= 0:
                 self.list.go(at, middle=True)
                 return
-            if severity == 3 and self.view.next_wrong(self.list.cursor, 3, back=not back) >= 0:
-                break  # there are errors, on the other side
+            if self.view.next_wrong(self.list.cursor, severity, back=not back) >= 0:
+                break  # there are some on the other side
         self.say(f"nothing more is wrong {'before' if back else 'behind'} this line")
 
     def action_ask(self, what: str) -> None:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sniffer.ground.model import Severity
+
 if TYPE_CHECKING:
     import numpy.typing as npt
 
@@ -56,6 +58,10 @@ GAP: Final = 2
 """``kind`` of bytes that no frame claims; below it are ``codes.Kind``."""
 
 NO_FINDING: Final = 0
+"""Of ``severity``; what was found has one more than the level itself."""
+
+ERROR: Final = Severity.ERROR + 1
+WARN: Final = Severity.WARN + 1
 NO_OUTCOME: Final = 255
 
 Table = Any

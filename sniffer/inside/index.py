@@ -17,8 +17,7 @@ from sniffer.decoding.sink import bus_of
 from sniffer.diagnostics.found import SEVERITY, Anomalies
 from sniffer.ground.codes import NOT_EXPECTED, OK
 from sniffer.ground.gaps import BLANK, NOISE, Gaps
-from sniffer.ground.model import Severity
-from sniffer.inside.columns import FOUND, GAP, LINE, NO_FINDING, NO_OUTCOME, Growing
+from sniffer.inside.columns import ERROR, FOUND, GAP, LINE, NO_FINDING, NO_OUTCOME, WARN, Growing
 from sniffer.inside.pages import LastValue, Page, Pages
 
 if TYPE_CHECKING:
@@ -160,7 +159,7 @@ class CaptureIndex:
         rest["severity"] = np.where(
             gaps.kind == BLANK,
             NO_FINDING,
-            np.where(gaps.kind == NOISE, Severity.WARN + 1, Severity.ERROR + 1),
+            np.where(gaps.kind == NOISE, WARN, ERROR),
         )
         return out[np.argsort(out["at"], kind="stable")] if len(gaps) else out
 
@@ -200,7 +199,7 @@ class CaptureIndex:
         some = (shown >= 0) & (t.outcome != NOT_EXPECTED)
         lines["outcome"][shown[some]] = t.outcome[some]
         odd = shown[some & (t.outcome != OK)]
-        lines["severity"][odd] = np.maximum(lines["severity"][odd], Severity.WARN + 1)
+        lines["severity"][odd] = np.maximum(lines["severity"][odd], WARN)
         gone = (asked >= 0) & (t.outcome != OK) & (t.outcome != NOT_EXPECTED)
         lines["outcome"][asked[gone]] = t.outcome[gone]
 

@@ -24,7 +24,6 @@ class Copies:
 
     def __init__(self, files: Sequence[RawFile]) -> None:
         self._files = list(files)
-        self._every = list(files)
         self._failure: OutputError | None = None
 
     def of(self, groups: Iterable[_Group]) -> Iterator[_Group]:

@@ -37,7 +37,6 @@ class Ailments:
         self._mischief = mischief
         self._until: dict[Servo, dict[str, int]] = {}
         self._next_reset: dict[Servo, int] = {}
-        self._had: set[tuple[Servo, str]] = set()
 
     @property
     def _rng(self) -> random.Random:
