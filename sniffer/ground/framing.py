@@ -158,7 +158,7 @@ def in_order(answers: Mask) -> I64:
 
         row        0  1  2  3  4  5  6
         kind       Q  Q  Q  A  A  Q  A
-        before    -1 -1 -1  2  2 -1  5      the last request before the answers
+        before     -  -  -  2  2  -  5      the last request before the answers
         behind     -  -  -  5  5  -  7      the first row behind the answers
         asked      -  -  -  1  2  -  5
 
