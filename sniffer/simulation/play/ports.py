@@ -126,6 +126,10 @@ class Pty:
         with self._slave() as slave:
             while empty < 2 and time.monotonic() < deadline:
                 time.sleep(SETTLE_S)
+                # What was written may still be on its way to the reader's end, for long where the
+                # machine is busy; who asks whether there is something to read waits for it (Linux,
+                # n_tty_poll), who asks how much there is does not.
+                select.select([slave], [], [], 0)
                 waiting = fcntl.ioctl(slave, termios.FIONREAD, bytes(4))
                 if waiting != before:  # it fetches, however slowly
                     deadline, before = time.monotonic() + FETCH_S, waiting
