@@ -146,7 +146,10 @@ def test_nothing_is_replaced_that_nobody_asked_to_be(
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("x.txt",), "x.txt: the suffix must be one of .jsonl, .csv, .parquet, .mcap, .rrd, .log"),
+        (
+            ("x.txt",),
+            "x.txt: the suffix must be one of .jsonl, .csv, .parquet, .mcap, .rrd, .pcapng, .log",
+        ),
         (("x.csv", "--hold"), "--hold goes with --wide"),
         (("x.log", "--wide"), "--wide is about tables: name a .csv or a .parquet"),
     ],

@@ -21,6 +21,7 @@ from sniffer.jobs.telling import Teller
     epilog=examples(
         "sniffer convert run.mcap run.log",
         "sniffer convert capture.log capture.mcap capture.rrd",
+        "sniffer convert run.mcap run.pcapng",
         "sniffer convert run.mcap wide.csv --wide --hold",
         "sniffer convert run.mcap shared.mcap --anonymise",
     ),
@@ -59,8 +60,8 @@ def convert(
     """Make each OUT of FILE (- is standard input); its suffix says what.
 
     The bytes alone: .log (lines as candump -L writes them), .bin, .hex. What they mean: .jsonl
-    .csv .parquet. Both: .mcap. Plots: .rrd. Exit status: 0 done; 2 a mistake of yours; 3 the input
-    breaks off (what could be read is written).
+    .csv .parquet. Both: .mcap, and .pcapng for Wireshark. Plots: .rrd. Exit status: 0 done; 2 a
+    mistake of yours; 3 the input breaks off (what could be read is written).
     """
     if hold and not wide:
         raise click.UsageError("--hold goes with --wide")

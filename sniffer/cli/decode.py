@@ -6,7 +6,7 @@ import io
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import click
 
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
 
+STDOUT: Final = "-"
+
 
 @click.command(
     short_help="Decode a capture, a dump, a log or a recording.",
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
         "sniffer decode run.mcap --where \"quantity = 'voltage' AND value < 9\"",
         "sniffer decode walk.mcap --alarm 'temperature > 70 for 2s' --fail-on warn",
         "candump-like-logger | sniffer decode - --format jsonl",
+        "sniffer decode run.mcap --format pcapng | wireshark -k -i -",
     ),
 )
 @click.argument("files", metavar="FILE...", nargs=-1, required=True, shell_complete=files_here)
@@ -56,7 +59,7 @@ if TYPE_CHECKING:
 @decoding
 @with_names
 @with_alarms
-@with_format("text", "jsonl")
+@with_format("text", "jsonl", "pcapng")
 @with_times
 @with_color
 @click.option(
@@ -65,8 +68,8 @@ if TYPE_CHECKING:
     "outputs",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Also write a file; its suffix says what: .jsonl .csv .parquet .mcap .rrd. "
-    "May be repeated.",
+    help="Also write a file; its suffix says what: .jsonl .csv .parquet .mcap .rrd .pcapng. "
+    "May be repeated. - is standard output, to which goes what --format says.",
 )
 @with_force
 @click.option(
@@ -107,6 +110,7 @@ def decode(
     What goes wrong on the bus is part of the output. Exit status: 0 done; 1 anomalies at or above
     --fail-on; 2 a mistake of yours; 3 the input breaks off (what could be read is written).
     """
+    outputs = _files(outputs, output_format, is_silent=quiet or summary)
     printed: list[Sink] = []
     diagnosis = None
     if summary and not quiet and output_format == "text":
@@ -115,7 +119,11 @@ def decode(
         printed.append(diagnosis := Diagnosis())
     if not quiet and not summary:
         printed.append(
-            Standard(_printer(output_format, times, color), sys.stdout, alone=not outputs)
+            Standard(
+                _printer(output_format, times, color, " ".join(files), options),
+                sys.stdout,
+                alone=not outputs,
+            )
         )
     with patient() as patience:
         done = convert(
@@ -147,7 +155,32 @@ def decode(
     return status
 
 
-def _printer(output_format: str, times: str, color: bool | None) -> Sink:
+def _files(outputs: tuple[Path, ...], output_format: str, *, is_silent: bool) -> tuple[Path, ...]:
+    """Return the outputs that are files; ``-`` is what is printed anyhow."""
+    if output_format == "pcapng" and is_silent:
+        raise click.UsageError("--format pcapng goes to standard output: leave --summary or -q out")
+    files = tuple(path for path in outputs if str(path) != STDOUT)
+    if len(files) < len(outputs) and (output_format == "text" or is_silent):
+        raise click.UsageError(
+            "-o - writes to standard output what --format says: pcapng for "
+            "`| wireshark -k -i -`, or jsonl"
+        )
+    return files
+
+
+def _printer(
+    output_format: str, times: str, color: bool | None, source: str, options: Options
+) -> Sink:
+    if output_format == "pcapng":
+        if sys.stdout.isatty():
+            raise click.UsageError(
+                "--format pcapng is no text: pipe it into `wireshark -k -i -`, or write a file "
+                "with -o x.pcapng"
+            )
+        from sniffer.jobs.outputs import session_facts
+        from sniffer.pcapfile.sink import PcapngSink
+
+        return PcapngSink(sys.stdout.buffer, session_facts(source, options))
     if output_format == "jsonl":
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(encoding="utf-8", newline="\n")  # whatever the terminal speaks

@@ -62,8 +62,8 @@ def convert(
     Args:
         source: a path, or ``"-"`` for standard input; of several, such as the files of a rotation,
             each is read behind the other, as one capture.
-        outputs: the files; their suffixes say what (.jsonl .csv .parquet .mcap .rrd, and .log .bin
-            .hex).
+        outputs: the files; their suffixes say what (.jsonl .csv .parquet .mcap .rrd .pcapng, and
+            .log .bin .hex).
         options: how it is decoded; what a recording says of itself fills what is not said.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         overwrite: files that are there already are replaced.

@@ -43,8 +43,15 @@ def _rerun(path: Path, session: Session) -> Sink:
     return RerunSink(path, names=names_in(session))
 
 
+def _pcapng(path: Path, session: Session) -> Sink:
+    from sniffer.pcapfile.sink import PcapngSink
+
+    return PcapngSink(path, session)
+
+
 SINKS: Final[Mapping[str, Callable[[Path, Session], Sink]]] = MappingProxyType(
     {".jsonl": _jsonl, ".csv": _table, ".parquet": _table, ".mcap": _mcap, ".rrd": _rerun}
+    | {".pcapng": _pcapng}
 )
 """Makers of outputs by suffix, of what was decoded."""
 

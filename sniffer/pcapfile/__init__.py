@@ -1,0 +1,1 @@
+"""Captures in pcap and pcapng: what Wireshark and its kin write and read."""
