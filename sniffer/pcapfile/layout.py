@@ -95,6 +95,12 @@ PROTOCOLS: Final[Mapping[str, int]] = MappingProxyType(
 )
 """Protocols by their number in the footer; 0 is any other."""
 
+RATE: Final = ", rate "
+"""In an interface's description, before how its rate is known, where nobody stated it."""
+
+NO_TIMES: Final = ", no times"
+"""In an interface's description, where its times are only counted from the bytes."""
+
 HEAD: Final = struct.Struct(">IIBBH")
 """RTAC head: seconds and microseconds, event, control lines, footer."""
 

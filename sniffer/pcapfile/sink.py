@@ -32,8 +32,10 @@ from sniffer.pcapfile.chunkends import ChunkEnds
 from sniffer.pcapfile.layout import (
     EVENTS,
     INBOUND,
+    NO_TIMES,
     OUTBOUND,
     PROTOCOLS,
+    RATE,
     RTAC_SERIAL,
     RtacEvent,
     RtacFooter,
@@ -181,8 +183,8 @@ class PcapngSink:
         name = "+".join(protocol.name for protocol, _ in parts)
         how = pace.rate if pace and bus not in self._rates else STATED
         told = f"{name} servo bus, {baud} baud, 8N1"
-        told += f", rate {how}" if how != STATED else ""
-        told += ", no times" if parts[0][1].clock == Clock.NONE else ""
+        told += f"{RATE}{how}" if how != STATED else ""
+        told += NO_TIMES if parts[0][1].clock == Clock.NONE else ""
         facts = {f"protocol.{bus}": name}
         if self._session.get("rate") != ASSUMED or f"{SINCE}.{bus}" in self._session:
             facts[f"baud.{bus}"] = str(baud)

@@ -60,6 +60,15 @@ def _read_mcap(opened: Opened) -> Iterator[Chunk]:
         raise type(error)(told) from None
 
 
+def _read_pcap(opened: Opened) -> Iterator[Chunk]:
+    from sniffer.pcapfile.source import PcapSource
+
+    try:
+        yield from PcapSource(opened.stream, opened.bus, opened.notes)
+    except SnifferError as error:
+        raise type(error)(f"{opened.name}: {error}") from None
+
+
 SOURCES: Final[Mapping[str, Reader]] = MappingProxyType(
     {
         "bin": read_binary,
@@ -70,9 +79,13 @@ SOURCES: Final[Mapping[str, Reader]] = MappingProxyType(
         "od": read_od,
         "candump": read_candump,
         "jsonl": read_jsonl,
+        "pcap": _read_pcap,
         "mcap": _read_mcap,
     }
 )
+
+_BINARY: Final = frozenset({"bin", "pcap", "mcap"})
+"""Formats that are no text: they have no lines."""
 
 MIXED: Final = frozenset({"candump"})
 """Formats of inputs that name a wire and may be mixed; what this tool wrote has one order."""
@@ -87,6 +100,7 @@ _LABELS: Final[Mapping[str, str]] = {
     "od": "an od -tx1 dump, no times",
     "candump": "log lines with times in the manner of candump -L",
     "jsonl": "frames and gaps as this tool writes them to JSON lines",
+    "pcap": "a capture of Wireshark's kind (pcap, pcapng)",
     "mcap": "an MCAP recording",
 }
 
@@ -154,11 +168,21 @@ class Source:
 
     def facts(self) -> Mapping[str, str]:
         """Return what a recording knows about itself: protocol and baud by bus, models."""
+        if self.format == "pcap":
+            return self._facts_of_pcap()
         if self.format != "mcap" or self._origin.path is None:
             return {}
         from sniffer.mcapfile import source
 
         return source.session(self._origin.path)
+
+    def _facts_of_pcap(self) -> Mapping[str, str]:
+        from sniffer.pcapfile.source import facts_of
+
+        if self._origin.live:  # what is read of it now would be missing later
+            return facts_of(io.BytesIO(self._origin.head), self._bus)
+        with self._origin.open() as stream:
+            return facts_of(stream, self._bus)
 
     def tables(self) -> list[RegisterMap]:
         """Return the register tables that are attached to a recording."""
@@ -171,7 +195,7 @@ class Source:
     def rehearse(self) -> None:
         """Read the head only, so that a mistake in the first lines shows before any output."""
         head = self._origin.head
-        if len(head) >= HEAD:
+        if len(head) >= HEAD and self.format not in _BINARY:
             head = head[: head.rfind(b"\n") + 1]
         opened = Opened(io.BytesIO(head), self.name, self._origin.path, self._bus)
         with contextlib.suppress(DamagedInputError):  # it comes again, behind what can be read
@@ -259,7 +283,7 @@ def _chosen(origin: Origin, input_format: str, *, decimal: bool) -> str:
     try:
         if input_format == "auto":
             return recognise(origin.head, origin.suffix.lower(), decimal=decimal)
-        if input_format not in ("bin", "mcap"):
+        if input_format not in _BINARY:
             refuse_utf16(origin.head)
     except InputError as error:
         raise InputError(Sentence("{name}: {error}", name=origin.name, error=error)) from None

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final, Protocol
 
 from sniffer.ground.model import DamagedInputError, InputError
-from sniffer.sources.recognise import HEAD
+from sniffer.sources.recognise import HEAD, PCAP_MAGICS, PCAPNG_MAGIC
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -124,6 +124,7 @@ class Pipe:
                 break
             self._read += read
         # a line that has half come would look like nonsense
+        whole = whole or self._read.startswith((*PCAP_MAGICS, PCAPNG_MAGIC))
         end = len(self._read) if whole else self._read.rfind(b"\n") + 1
         self.head = self._read[:end] or self._read
 

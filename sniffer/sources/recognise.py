@@ -29,6 +29,13 @@ HEAD: Final = 1 << 16
 
 RAW_SUFFIXES: Final = frozenset({".bin", ".dat", ".raw"})
 MCAP_MAGIC: Final = b"\x89MCAP"
+PCAP_MAGICS: Final = tuple(
+    magic.to_bytes(4, order) for magic in (0xA1B2C3D4, 0xA1B23C4D) for order in ("big", "little")
+)
+"""A pcap with times in us or ns, in both orders of bytes (draft-ietf-opsawg-pcap)."""
+PCAPNG_MAGIC: Final = b"\x0a\x0d\x0d\x0a"
+"""A pcapng, if the order of its bytes follows: a servo bus may say that, too."""
+_BYTE_ORDER: Final = (b"\x1a\x2b\x3c\x4d", b"\x4d\x3c\x2b\x1a")
 
 _CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\v\f\r")) + b"\x7f"
 _CARRIAGE: Final = later(rb"\r(?!\n)")
@@ -54,6 +61,8 @@ def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
         return "bin"
     if head.startswith(MCAP_MAGIC):
         return "mcap"
+    if _is_pcap(head):
+        return "pcap"
     refuse_binary(head)
     refuse_utf16(head)
     text = head.removeprefix(UTF8_BOM)
@@ -75,6 +84,12 @@ def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
     if _is_plain_hex(lines, suffix in RAW_SUFFIXES):
         return "hex"
     return _raw_or_refused(text, suffix, _why_not(lines))
+
+
+def _is_pcap(head: bytes) -> bool:
+    return head.startswith(PCAP_MAGICS) or (
+        head.startswith(PCAPNG_MAGIC) and head[8:12] in _BYTE_ORDER
+    )
 
 
 def _lines(text: bytes) -> list[bytes]:
