@@ -15,8 +15,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sniffer.ground.model import Chunk
 from tests import hostile
 from tests.hostile import ANSWER, ASK, Answer, Victim, decoded, frame, sound
+from tests.pcaps import pcap, urb, written
 from tests.recordings import START_NS
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="limits memory as POSIX does")
@@ -72,6 +74,8 @@ def seeds() -> dict[str, list[bytes]]:
     out["decimal"] = [b" ".join(str(byte).encode() for byte in (ASK + ANSWER) * 20)]
     lines = [frame(t_ns=START_NS + n, offset=18 * n, clock="read") for n in range(20)]
     out["jsonl"] = ["".join(lines).encode()]
+    told = [Chunk(ASK + ANSWER, START_NS + n) for n in range(20)]
+    out["pcap"] = [written(told), pcap([urb("S", 2, ASK, START_NS)] * 20, 220)]
     return out
 
 

@@ -59,6 +59,14 @@ _ERRORS: Final = (
 )
 """Bits of an FTDI chip's second status byte."""
 
+_USUAL: Final = (
+    *(4800, 9600, 19200, 38400, 57600, 115200, 230400, 250000, 460800, 500000, 921600),
+    *(1_000_000, 1_250_000, 1_500_000, 2_000_000, 3_000_000),
+)
+"""Rates that hosts ask for; a chip's divisor makes what is next to one."""
+
+_NEXT: Final = 0.01
+
 _EIGHTHS: Final = (0, 4, 2, 1, 3, 5, 6, 7)
 """What the fraction bits of an FTDI divisor mean (AN232B-05)."""
 
@@ -283,4 +291,5 @@ def _ftdi_baud(value: int, index: int, release: int) -> int:
     clock = 12_000_000 if release in _HIGH and high & 2 else 3_000_000
     if divisor < 2 and clock == 3_000_000:  # 0 and 1 stand for what they cannot be
         return 3_000_000 if eighths == 0 else 2_000_000
-    return round(8 * clock / eighths) if eighths else 0
+    made = 8 * clock / eighths if eighths else 0
+    return next((usual for usual in _USUAL if abs(made - usual) <= _NEXT * usual), round(made))
