@@ -219,7 +219,7 @@ def test_packets_are_written_as_soon_as_they_are_decided() -> None:
 
 @WIRESHARK
 def test_decode_writes_into_a_pipe_that_tshark_reads() -> None:
-    command = [*COMMAND, "decode", DAMAGED, "-o", "-", "--format", "pcapng"]
+    command = [*COMMAND, "decode", str(DAMAGED), "-o", "-", "--format", "pcapng"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment()) as decoder:
         reader = ["tshark", "-r", "-", "-T", "fields", "-e", "frame.comment", "-Y", WHERE]
         seen = subprocess.run(

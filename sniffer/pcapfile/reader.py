@@ -11,7 +11,7 @@ import json
 import struct
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 from sniffer.ground.limits import is_time
 from sniffer.ground.model import NS, DamagedInputError
@@ -60,6 +60,23 @@ _PCAP: Final[Mapping[bytes, tuple[str, int]]] = MappingProxyType(
 )
 """Order of bytes, and how many ns the fraction of a time counts, by the first bytes of a pcap."""
 
+
+class _Layouts(NamedTuple):
+    """The fixed parts of blocks in one order of bytes."""
+
+    word: struct.Struct
+    option: struct.Struct
+    enhanced: struct.Struct
+    obsolete: struct.Struct
+
+    @classmethod
+    def of(cls, order: str) -> Self:
+        """Return those of ``<`` or ``>``."""
+        return cls(*(struct.Struct(order + told) for told in ("I", "HH", "IIIII", "HxxIIII")))
+
+
+_LAYOUTS: Final = {order: _Layouts.of(order) for order in "<>"}
+
 PCAPNG_MAGIC: Final = SECTION.to_bytes(4, "little")
 _LINK_BITS: Final = 0x03FF_FFFF  # above it stands how long a check sequence is
 
@@ -91,7 +108,7 @@ class CapturedPacket(NamedTuple):
     chunk_ends: tuple[bytes, ...] | None = None
 
 
-class _Bytes:
+class _PcapBytes:
     """A stream as exactly as many bytes as are asked for."""
 
     def __init__(self, stream: Stream) -> None:
@@ -148,8 +165,9 @@ class PacketReader:
     """Iterate it for the packets; ``facts`` grow with the sections and interfaces that were met."""
 
     def __init__(self, stream: Stream) -> None:
-        self._bytes = _Bytes(stream)
+        self._bytes = _PcapBytes(stream)
         self._order = "<"
+        self._layouts = _LAYOUTS["<"]
         self._ours = False
         self.facts: dict[str, str] = {}
         self.faces: list[CaptureFace] = []
@@ -187,7 +205,7 @@ class PacketReader:
                 yield self._packet(kind, body)
             if not self._bytes.more():
                 return
-            (kind,) = struct.unpack(f"{self._order}I", self._bytes.take(4))
+            (kind,) = self._layouts.word.unpack(self._bytes.take(4))
 
     def _block(self, kind: int) -> bytes:
         """Return what is in a block, nothing where it is passed over."""
@@ -198,7 +216,8 @@ class PacketReader:
             if mark not in (BYTE_ORDER.to_bytes(4, "little"), BYTE_ORDER.to_bytes(4, "big")):
                 raise self._bytes.wrong("a section does not say in which order its bytes are")
             self._order = "<" if mark == BYTE_ORDER.to_bytes(4, "little") else ">"
-        (size,) = struct.unpack(f"{self._order}I", length)
+            self._layouts = _LAYOUTS[self._order]
+        (size,) = self._layouts.word.unpack(length)
         rest = size - done - 4
         if rest < 0 or size % 4:
             raise self._bytes.wrong(f"a block cannot have {size} bytes")
@@ -263,8 +282,8 @@ class PacketReader:
             return self._simple(body)
         if len(body) < 20:
             raise self._bytes.wrong("a packet is cut")
-        layout = "IIIII" if kind == ENHANCED else "HxxIIII"
-        number, high, low, size, full = struct.unpack_from(f"{self._order}{layout}", body)
+        layout = self._layouts.enhanced if kind == ENHANCED else self._layouts.obsolete
+        number, high, low, size, full = layout.unpack_from(body)
         face = self._face(number)
         if 20 + size > len(body):
             raise self._bytes.wrong(f"a packet of {size} bytes is in a block that is too small")
@@ -272,9 +291,10 @@ class PacketReader:
         if not is_time(t_ns):
             raise self._bytes.wrong("a packet has a time that cannot be")
         flags, ends = 0, []
-        for code, value in self._options(body[20 + size + -size % 4 :]):
+        rest = body[20 + size + -size % 4 :]
+        for code, value in self._options(rest) if rest else ():
             if code == EPB_FLAGS and kind == ENHANCED and len(value) == 4:
-                (flags,) = struct.unpack(f"{self._order}I", value)
+                (flags,) = self._layouts.word.unpack(value)
             elif code == CHUNK_ENDS and self._ours:
                 ends.append(value)
         data = body[20 : 20 + size]
@@ -296,7 +316,7 @@ class PacketReader:
         return self.faces[number]
 
     def _options(self, told: bytes) -> Iterator[tuple[int, bytes]]:
-        head = struct.Struct(f"{self._order}HH")
+        head = self._layouts.option
         at = 0
         while at + 4 <= len(told):
             code, size = head.unpack_from(told, at)

@@ -299,4 +299,5 @@ def _remarked(remark: Remark, protocol: int) -> _PacketRow:
     row = _event(EVENTS[remark.kind], remark.end, remark.t_ns, protocol)
     word = remark.kind.name.lower()
     many = f", {remark.count} told" if remark.count > 1 else ""
-    return row._replace(comments=[f"tap: {word} within {counted(remark.length, 'byte')}{many}"])
+    where = f" within {counted(remark.length, 'byte')}" if remark.length else ""
+    return row._replace(comments=[f"tap: {word}{where}{many}"])
