@@ -26,6 +26,10 @@ _MARK: Final = struct.Struct("<Bqqq")  # kind, start from the end of the chunk, 
 _NO_TIME: Final = -(1 << 63)
 _MARKS_MOST: Final = (OPTION_MOST - _SPAN.size) // _MARK.size
 
+WAITING_MOST: Final = 1 << 17
+"""Chunks that wait for their packets at most: of a bus whose protocol is not found the first ones
+are forgotten, and their bytes are read back as parts of a later one."""
+
 _CLOCKS: Final = {clock.value: clock for clock in Clock}
 _DIRECTIONS: Final = {direction.value: direction for direction in Direction}
 _KINDS: Final = {kind.value: kind for kind in MarkKind}
@@ -54,7 +58,7 @@ class ChunkEnds:
 
     def __init__(self, first: int) -> None:
         self._end = first
-        self._waiting: deque[ChunkEnd] = deque()
+        self._waiting: deque[ChunkEnd] = deque(maxlen=WAITING_MOST)
         self._is_open = False
         self._told: set[tuple[MarkKind, int]] = set()
         self.is_told = False
@@ -76,7 +80,8 @@ class ChunkEnds:
                 mark = Mark(r.kind, 0, 0, r.count)
                 span = ChunkEnd(r.start, r.t_ns, Clock.READ, Direction.UNKNOWN, (mark,))
                 behind = sum(1 for waiting in self._waiting if waiting.end <= r.start)
-                self._waiting.insert(behind, span)
+                if len(self._waiting) < WAITING_MOST:
+                    self._waiting.insert(behind, span)
             self._told.discard((r.kind, r.start))
 
     def direction_at(self, offset: int) -> Direction:

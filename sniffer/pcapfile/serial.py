@@ -50,6 +50,7 @@ class SerialLine:
         self._parts: list[bytes] = []
         self._size = 0
         self._t_ns: int | None = None
+        self._clock = Clock.FILE
         self._heard = 0
         self.early = 0
         """Bytes whose stamp is that of their packet's first one, where nobody said the rate."""
@@ -81,17 +82,17 @@ class SerialLine:
     def end(self) -> Iterator[Chunk]:
         """Yield what waits for the rest of its chunk, which does not come."""
         if self._size:
-            yield self._chunk(b"", self._t_ns, Clock.FILE, Direction.UNKNOWN)
+            clock = Clock.NONE if self._t_ns is None else self._clock or Clock.FILE
+            yield self._chunk(b"", self._t_ns, clock, Direction.UNKNOWN)
 
     def _ours(self, packet: CapturedPacket, data: bytes, event: RtacEvent) -> Iterator[Chunk]:
+        t_ns = None if NO_TIMES in packet.face.description else packet.t_ns
         if packet.chunk_ends is None:
             yield from self.end()
-            timed = NO_TIMES not in packet.face.description
-            t_ns = packet.t_ns if timed else None
             # who asks was told by decoding, not by the wire that it was heard on
             yield from self._alone(packet, data, Direction.UNKNOWN, t_ns, event)
             return
-        self._t_ns = packet.t_ns
+        self._t_ns = t_ns
         try:
             ends = [end for option in packet.chunk_ends for end in unpacked(option)]
         except ValueError as error:
@@ -110,6 +111,7 @@ class SerialLine:
 
     def _put(self, data: bytes, end: ChunkEnd) -> Chunk:
         size = self._size + len(data)
+        self._clock = end.clock
         marks = tuple(m._replace(start=m.start + size) for m in end.marks)
         return self._chunk(data, end.t_ns, end.clock, end.direction, marks)
 

@@ -33,8 +33,11 @@ FIRST_LOOK: Final = 256
 CHUNKS_MOST: Final = 1 << 14
 """Chunks of it that wait at most."""
 
+HEAD_MOST: Final = 1 << 16
+"""Bytes at the begin of a capture that are searched for what it says of itself ..."""
+
 FACTS_MOST: Final = 1 << 22
-"""Bytes at the begin of a capture that are searched for what it says of itself."""
+"""... and of one of USB, where a device may be heard of later."""
 
 _STORAGE: Final = b"USBC"  # a command of a disk (USB mass storage, bulk-only transport, 5.1)
 
@@ -113,6 +116,11 @@ class PcapSource:
             yield from self._end()
             raise
         yield from self._end()
+
+    @property
+    def has_usb(self) -> bool:
+        """Whether a device on USB was met."""
+        return bool(self._usb.known)
 
     @property
     def facts(self) -> dict[str, str]:
@@ -203,7 +211,8 @@ class PcapSource:
 
 def facts_of(stream: Stream, bus: str) -> dict[str, str]:
     """Return what the beginning of a capture says of itself."""
-    source = PcapSource(_Begin(stream), bus)
+    begin = _Begin(stream)
+    source = begin.source = PcapSource(begin, bus)
     with contextlib.suppress(InputError, DamagedInputError):
         for _ in source:
             pass
@@ -211,15 +220,18 @@ def facts_of(stream: Stream, bus: str) -> dict[str, str]:
 
 
 class _Begin:
-    """The beginning of a stream."""
+    """The beginning of a stream: more of it where there is USB."""
 
     def __init__(self, stream: Stream) -> None:
         self._stream = stream
-        self._left = FACTS_MOST
+        self._given = 0
+        self.source: PcapSource | None = None
 
     def read(self, size: int, /) -> bytes:
-        out = self._stream.read(min(size, self._left)) if self._left else b""
-        self._left -= len(out)
+        is_usb = self.source is not None and self.source.has_usb
+        size = min(size, (FACTS_MOST if is_usb else HEAD_MOST) - self._given)
+        out = self._stream.read(size) if size > 0 else b""
+        self._given += len(out)
         return out
 
 

@@ -122,6 +122,7 @@ class Source:
         self.notes: list[str] = []
         self._origin = origin
         self._bus = bus
+        self._known: Mapping[str, str] | None = None
 
     def origin(self, path: str) -> str:
         """Return what a recording of it is to name as its source: the path it was opened by."""
@@ -179,10 +180,13 @@ class Source:
     def _facts_of_pcap(self) -> Mapping[str, str]:
         from sniffer.pcapfile.source import facts_of
 
-        if self._origin.live:  # what is read of it now would be missing later
-            return facts_of(io.BytesIO(self._origin.head), self._bus)
-        with self._origin.open() as stream:
-            return facts_of(stream, self._bus)
+        if self._known is None:
+            if self._origin.live:  # what is read of it now would be missing later
+                self._known = facts_of(io.BytesIO(self._origin.head), self._bus)
+            else:
+                with self._origin.open() as stream:
+                    self._known = facts_of(stream, self._bus)
+        return self._known
 
     def tables(self) -> list[RegisterMap]:
         """Return the register tables that are attached to a recording."""
