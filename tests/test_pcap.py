@@ -37,6 +37,7 @@ from tests.pcaps import (
     rtac,
     section,
     told,
+    urb,
     written,
 )
 
@@ -273,6 +274,17 @@ def test_a_block_that_claims_gigabytes_takes_no_memory() -> None:
         assert tracemalloc.get_traced_memory()[1] < 4 << 20
     finally:
         tracemalloc.stop()
+
+
+def test_more_devices_than_usb_has_are_damage() -> None:
+    told = [urb("S", 2, ASK, T0, device=n % 256, bus=n // 256) for n in range(300)]
+    assert "more than 256 devices on USB" in until_damage(pcap(told, 220))[1]
+
+
+def test_more_interfaces_than_buses_are_damage() -> None:
+    data = section() + interface(USER0, (NAME, b"a")) + packet(1, ASK) + interface(USER0) * 300
+    assert until_damage(data)[0] == ASK
+    assert "more than 256 interfaces" in until_damage(data)[1]
 
 
 @given(st.integers(0, 2**32))

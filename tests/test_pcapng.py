@@ -126,43 +126,52 @@ def test_more_marks_than_an_option_holds_are_all_kept() -> None:
     assert [m.start for k in again for m in k.marks] == [m.start for m in marks]
 
 
+@pytest.fixture(scope="module")
+def seen(made: Path) -> list[dict[str, str]]:
+    """Return what tshark has of each packet of that capture."""
+    names = ["frame.time_epoch", "frame.interface_name", "frame.comment", "frame.packet_flags"]
+    names += ["rtacser.eventtype", "rtacser.timestamp", "rtacser.footer", "data.data"]
+    return [dict(zip(names, line, strict=True)) for line in fields(made, *names)]
+
+
 @WIRESHARK
-def test_tshark_has_a_packet_a_frame_or_gap_with_wire_time_and_bytes(made: Path) -> None:
-    seen = fields(
-        made, "frame.time_epoch", "rtacser.eventtype", "frame.interface_name", "data.data",
-        "frame.packet_flags_direction",
-    )  # fmt: skip
+def test_tshark_has_a_packet_a_frame_or_gap_with_wire_time_and_bytes(
+    made: Path, seen: list[dict[str, str]]
+) -> None:
     meant = rows(made.with_suffix(".jsonl"), "frame", "gap")
     assert len(seen) == len(meant) > 1500
-    for (time, event, bus, data, direction), row in zip(seen, meant, strict=True):
-        whole, fraction = time.split(".")
+    sent = {"request": ("0x01", "0x00000002"), "response": ("0x02", "0x00000001")}
+    for packet, row in zip(seen, meant, strict=True):
+        whole, fraction = packet["frame.time_epoch"].split(".")
         assert int(whole + fraction.ljust(9, "0")) == row["t_ns"]
-        assert (bus, data) == (row["bus"], row["hex"])
-        sent = {"request": ("0x01", "0x00000002"), "response": ("0x02", "0x00000001")}
-        assert (event, direction) == sent.get(str(row.get("kind")), ("0x02", ""))
+        assert (packet["frame.interface_name"], packet["data.data"]) == (row["bus"], row["hex"])
+        said = packet["rtacser.eventtype"], packet["frame.packet_flags"]
+        assert said == sent.get(str(row.get("kind")), ("0x02", ""))
 
 
 @WIRESHARK
-def test_the_head_has_the_start_and_the_footer_says_whose_it_is(made: Path) -> None:
-    seen = fields(made, "rtacser.timestamp", "rtacser.footer", where="rtacser.eventtype == 1")
-    meant = rows(made.with_suffix(".jsonl"), "frame")
-    starts = [row["t_start_ns"] for row in meant if row["kind"] == "request"]
-    assert len(seen) == len(starts)
-    for (start, footer), row in zip(seen, starts, strict=True):
-        assert round(float(start) * 10**6) - int(str(row)) // 1000 in (-1, 0, 1)
-        assert RtacFooter.of(int(footer, 0)) == RtacFooter(0, PROTOCOLS["lss"])
+def test_the_head_has_the_start_and_the_footer_says_whose_it_is(
+    made: Path, seen: list[dict[str, str]]
+) -> None:
+    meant = rows(made.with_suffix(".jsonl"), "frame", "gap")
+    for packet, row in zip(seen, meant, strict=True):
+        footer = RtacFooter.of(int(packet["rtacser.footer"], 0))
+        assert footer == RtacFooter(0, PROTOCOLS["lss"])
+        if "t_start_ns" in row:
+            start = round(float(packet["rtacser.timestamp"]) * 10**6)
+            assert start - int(str(row["t_start_ns"])) // 1000 in (-1, 0, 1)
 
 
 @WIRESHARK
-def test_what_is_wrong_is_found_by_its_code_in_the_comments(made: Path) -> None:
+def test_what_is_wrong_is_found_by_its_code_in_the_comments(
+    made: Path, seen: list[dict[str, str]]
+) -> None:
     found = rows(made.with_suffix(".jsonl"), "anomaly")
-    comments = [comment for (comment,) in fields(made, "frame.comment") if comment]
+    comments = [packet["frame.comment"] for packet in seen if packet["frame.comment"]]
     assert len({row["code"] for row in found}) > 5
     for row in found:
         text = f"{row['code']}: {row['detail']}"
         assert any(text in comment for comment in comments)
-    late = [row for row in found if row["code"] == "late-response"]
-    assert len(fields(made, "frame.number", where=WHERE)) == len(late)
     gaps = rows(made.with_suffix(".jsonl"), "gap")
     assert sum(comment.startswith("gap: ") for comment in comments) == len(gaps)
     assert "Comment" in told("tshark", "-r", made, "-q", "-z", "expert")
@@ -201,17 +210,11 @@ def test_times_that_are_only_counted_are_said_to_be(tmp_path: Path) -> None:
 
 
 @WIRESHARK
-@pytest.mark.parametrize(
-    ("form", "name"),
-    [("pcap", "lss_damaged.log"), ("nsecpcap", "wck_damaged.log"), ("pcapng", "rs30x_damaged.log")],
-)
-def test_what_editcap_wrote_anew_has_the_same_frames_and_findings(
-    form: str, name: str, tmp_path: Path
-) -> None:
+def test_what_editcap_wrote_anew_has_the_same_frames_and_findings(tmp_path: Path) -> None:
     """It leaves out what is this tool's own, so each packet is a chunk by itself."""
     first, again = tmp_path / "a.jsonl", tmp_path / "b.jsonl"
-    convert(CAPTURES / name, [tmp_path / "x.pcapng", first])
-    told("editcap", "-F", form, tmp_path / "x.pcapng", tmp_path / "y")
+    convert(CAPTURES / "wck_damaged.log", [tmp_path / "x.pcapng", first])
+    told("editcap", "-F", "pcap", tmp_path / "x.pcapng", tmp_path / "y")
     convert(tmp_path / "y", [again])
 
     def of(path: Path) -> list[tuple[object, ...]]:

@@ -7,6 +7,7 @@ before it.
 
 from __future__ import annotations
 
+import itertools
 import json
 import struct
 from dataclasses import dataclass, field
@@ -47,8 +48,11 @@ BLOCK_MOST: Final = 1 << 24
 """A block with a packet or an interface is no larger, in bytes: a packet of USB, which has the
 largest, is a few hundred kB."""
 
-FACES_MOST: Final = 1 << 12
+FACES_MOST: Final = 256
 """Interfaces of a section at most."""
+
+FACTS_MOST: Final = 4096
+"""Facts that are kept at most: a section and each of its buses have a few."""
 
 _PCAP: Final[Mapping[bytes, tuple[str, int]]] = MappingProxyType(
     {
@@ -248,7 +252,9 @@ class PacketReader:
             return {}
         if not isinstance(told, dict):
             return {}
-        return {key: value for key, value in told.items() if isinstance(value, str)}
+        room = FACTS_MOST - len(self.facts)
+        said = ((key, value) for key, value in told.items() if isinstance(value, str))
+        return dict(itertools.islice(said, room))
 
     def _interface(self, body: bytes) -> None:
         if len(body) < 8:

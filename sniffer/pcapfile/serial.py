@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
     from sniffer.pcapfile.reader import CapturedPacket, CaptureFace
 
-CHUNK_MOST: Final = 1 << 26
-"""A chunk that this tool wrote is no longer, in bytes: a recording's are none either."""
+CHUNK_MOST: Final = 1 << 20
+"""Bytes of a chunk that wait for its end at most: sources give no longer ones."""
 
 _WIRES: Final = {
     RtacEvent.TX_START: Direction.TX,
@@ -47,8 +47,7 @@ class SerialLine:
 
     def __init__(self, bus: str) -> None:
         self._bus = bus
-        self._parts: list[bytes] = []
-        self._size = 0
+        self._begun = bytearray()
         self._t_ns: int | None = None
         self._clock = Clock.FILE
         self._heard = 0
@@ -81,7 +80,7 @@ class SerialLine:
 
     def end(self) -> Iterator[Chunk]:
         """Yield what waits for the rest of its chunk, which does not come."""
-        if self._size:
+        if self._begun:
             clock = Clock.NONE if self._t_ns is None else self._clock or Clock.FILE
             yield self._chunk(b"", self._t_ns, clock, Direction.UNKNOWN)
 
@@ -104,13 +103,12 @@ class SerialLine:
             yield self._put(data[done : end.end], end)
             done = end.end
         if done < len(data):
-            self._parts.append(data[done:])
-            self._size += len(data) - done
-            if self._size > CHUNK_MOST:
-                raise DamagedInputError(f"a chunk of {self._bus} does not end")
+            self._begun += data[done:]
+            if len(self._begun) > CHUNK_MOST:
+                yield from self.end()
 
     def _put(self, data: bytes, end: ChunkEnd) -> Chunk:
-        size = self._size + len(data)
+        size = len(self._begun) + len(data)
         self._clock = end.clock
         marks = tuple(m._replace(start=m.start + size) for m in end.marks)
         return self._chunk(data, end.t_ns, end.clock, end.direction, marks)
@@ -123,10 +121,9 @@ class SerialLine:
         wire: Direction,
         marks: tuple[Mark, ...] = (),
     ) -> Chunk:
-        if self._parts:
-            data = b"".join([*self._parts, data])
-            self._parts.clear()
-            self._size = 0
+        if self._begun:
+            data = bytes(self._begun) + data
+            self._begun.clear()
         self._heard += len(data)
         return Chunk(data, t_ns, clock, self._bus, wire, marks)
 

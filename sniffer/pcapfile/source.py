@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 FIRST_LOOK: Final = 256
 """Bytes of a USB device after which it is looked for the first time whether servos speak there."""
 
-CHUNKS_MOST: Final = 1 << 14
+CHUNKS_MOST: Final = 1 << 11
 """Chunks of it that wait at most."""
 
 HEAD_MOST: Final = 1 << 16

@@ -12,7 +12,7 @@ import struct
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.limits import BAUDS
-from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind
+from sniffer.ground.model import Chunk, Clock, DamagedInputError, Direction, Mark, MarkKind
 from sniffer.ground.timing import byte_time_ns
 from sniffer.pcapfile.layout import USB_LINUX_MMAPPED
 from sniffer.ports.listing import CHIPS
@@ -38,8 +38,13 @@ _PORTED: Final = _HIGH | {0x0500}  # chips whose requests name a port: FT2232C, 
 LOOK: Final = 8
 """Transfers that are looked at where no descriptor tells whose adapter it is."""
 
-HELD_MOST: Final = 1 << 12
-"""Transfers that wait for that at most."""
+HELD_MOST: Final = 1 << 16
+"""Bytes of transfers that wait for that at most; each counts for ``HELD_EACH`` more."""
+
+HELD_EACH: Final = 64
+
+DEVICES_MOST: Final = 256
+"""Devices of a capture at most: a bus of USB has 127."""
 
 ASKED_MOST: Final = 64
 """Requests for a descriptor that wait for their answer at most."""
@@ -99,6 +104,7 @@ class UsbDevice:
         self._release = 0
         self._packet = 0
         self._held: list[_Urb] = []
+        self._held_size = 0
         self._asked: dict[int, None] = {}
 
     @property
@@ -135,6 +141,7 @@ class UsbDevice:
             return
         if self.is_ftdi is None:
             self._held.append(urb)
+            self._held_size += len(urb.data) + HELD_EACH
             self._look()
             if self.is_ftdi is not None:
                 yield from self._release_held()
@@ -185,7 +192,7 @@ class UsbDevice:
         self.how = "content"
         if any(len(data) < STATUS or data[0] & 15 != 1 for data in received):
             self.is_ftdi = False
-        elif len(received) >= LOOK or is_end or len(self._held) >= HELD_MOST:
+        elif len(received) >= LOOK or is_end or self._held_size >= HELD_MOST:
             idle = any(len(data) == STATUS for data in received)
             self.is_ftdi = bool(received) and (idle or len(received) >= LOOK)
 
@@ -242,11 +249,17 @@ class UsbDevices:
         self.known: dict[str, UsbDevice] = {}
 
     def take(self, packet: CapturedPacket) -> Iterator[Chunk]:
-        """Yield the chunks that a packet makes known; one that is cut in its head says nothing."""
+        """Yield the chunks that a packet makes known; one that is cut in its head says nothing.
+
+        Raises:
+            DamagedInputError: there are more devices than there can be.
+        """
         urb = _urb(packet)
         if urb is not None:
             device = self.known.get(urb.device)
             if device is None:
+                if len(self.known) == DEVICES_MOST:
+                    raise DamagedInputError(f"more than {DEVICES_MOST} devices on USB")
                 device = self.known[urb.device] = UsbDevice(urb.device)
             yield from device.take(urb)
 
