@@ -23,6 +23,7 @@ from sniffer.sources.refusals import (
     refused,
 )
 from sniffer.sources.text import FIRST_LINES, UTF8_BOM, quoted
+from sniffer.sources.toollogs import tool_log
 
 HEAD: Final = 1 << 16
 """Bytes that recognition may look at."""
@@ -70,7 +71,7 @@ def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
         return "bin"
     refuse_log(lines[:FIRST_LINES])
     refuse_words(lines)
-    if decimal:
+    if decimal or (suffix not in RAW_SUFFIXES and _is_decimal_only(lines)):
         return "decimal"
     if _is_plain_hex(lines, suffix in RAW_SUFFIXES):
         return "hex"
@@ -123,6 +124,8 @@ def _strong(lines: list[bytes]) -> str:
             return "jsonl"
     if candump.is_line(first) and (first[:1] == b"(" or not _is_hex(first.split()[0])):
         return "candump"
+    if found := tool_log(lines):
+        return found
     first = lines[0]
     parts = XXD.split(first)
     if bytes_in(XXD, parts) or (parts and parts.gutter):
@@ -214,6 +217,23 @@ def _is_plain_hex(lines: list[bytes], raw: bool) -> bool:
     if stated and any(_LIST.search(bare(line)) for line in lines[:FIRST_LINES]):
         _refuse_decimal(lines[:FIRST_LINES])
     return 2 * stated > (_FEW_DIGITS if raw else 0)
+
+
+def _is_decimal_only(lines: list[bytes]) -> bool:
+    """Tell whether every number is a decimal one, and one at least nothing else.
+
+    Three digits are no byte in hex. In octal they are, and offsets have more of them.
+    """
+    tokens: list[bytes] = []
+    try:
+        for line in lines:
+            decimal_line(line)
+            tokens += _LISTED.findall(bare(line))
+    except BadLineError:
+        return False
+    lengths = {len(token) for token in tokens}
+    is_octal = lengths == {3} and not b"".join(tokens).translate(None, b"01234567")
+    return max(lengths, default=0) == 3 and not is_octal
 
 
 def _refuse_decimal(lines: list[bytes]) -> None:
