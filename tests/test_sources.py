@@ -113,9 +113,9 @@ def test_decimal_is_read_when_told_or_where_nothing_else_fits() -> None:
         (b"10 20 30", "hex"),
         (b"10 20 99\n" * 9, "hex"),
         (b"01 02 FF 255", "line 1, column 10: '255' has an odd number"),
-        (b"372 257 001 000", "not a decimal number"),  # od -An -b
+        (b"372 257 001 000", "'372' has an odd number"),  # od -An -b
         (b"101 102 177\n001 002", "or hex"),  # octal as well as decimal
-        (b"0000000 255 255\n0000002 100 101", "or hex"),  # od -tu1, with offsets
+        (b"0000000 255 255\n0000002 100 101", "a dump of words"),  # od -tu1, with offsets
         (b"1 4 2", "odd number"),  # numbers, or hex without zeros in front
         (b"256 255 1", "odd number"),
     ],

@@ -118,8 +118,8 @@ class _Blocks:
 
     def notes(self) -> Iterator[str]:
         """Yield what is worth knowing about the log, at its end."""
-        yield ZONELESS
-        yield "it stamps the first byte of a block only: there are no response times"
+        first = "only the first byte of a block has a time: no response times follow from them"
+        yield f"{ZONELESS}; {first}"
         if self.cut_off:
             yield CUT_OFF
 

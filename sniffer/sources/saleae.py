@@ -64,7 +64,7 @@ _RATES: Final = (
 """Rates that are sold, in baud: bytes that are as long as one of theirs are no chance."""
 
 
-class _Table:
+class _ByteTable:
     """What the rows of both have in common: values, times, and the radix of the first value."""
 
     def __init__(self, bus: str) -> None:
@@ -134,7 +134,7 @@ def _zone_ns(zone: str) -> int:
     return (-minutes if zone[0] == "-" else minutes) * 60 * NS
 
 
-class _Logic1(_Table):
+class _Logic1(_ByteTable):
     """Rows wait until enough of them tell how long a byte is."""
 
     def __init__(self, bus: str) -> None:
@@ -196,7 +196,7 @@ def _byte_ns(starts: Sequence[int]) -> int:
     return byte_ns if is_rate and byte_ns <= 11 * NS // BAUDS[0] else 0
 
 
-class _Logic2(_Table):
+class _Logic2(_ByteTable):
     def __init__(self, bus: str, head: Sequence[str]) -> None:
         super().__init__(bus)
         self._width = len(head)
@@ -231,7 +231,13 @@ class _Logic2(_Table):
 
 
 def _cells(line: str) -> list[str]:
-    return next(csv.reader([line]), []) if '"' in line else line.split(",")
+    """Return the cells of a row, one that is empty where its quotes make no sense."""
+    if '"' not in line:
+        return line.split(",")
+    try:
+        return next(csv.reader([line]), [])
+    except csv.Error:
+        return [""]
 
 
 def _rows(opened: Opened) -> Iterator[Chunk]:

@@ -39,6 +39,7 @@ TALK: Final = later(rb"\d{4}/\d\d/\d\d \d\d:\d\d:\d\d(?:\.\d+)? socat\[")
 
 _HALF: Final = later(rb"[<>](?: [\d/]{0,10}(?: [\d:.]*(?: +[a-z=\d ]*)?)?)?$|-$")
 _SIDES: Final = {b">": Direction.TX, b"<": Direction.RX}  # until it is known who answers
+_LOST_MOST: Final = 1 << 32  # a larger hole is a damaged number: four days of a line at 115200
 _NINE: Final = 9
 _MICRO: Final = b"000"
 
@@ -69,6 +70,8 @@ class _SocatLog:
         self._micro: bool | None = None  # whether nine digits are microseconds
         self._block: _Block | None = None
         self._due: dict[Direction, int] = {}
+        self._size = 0  # of all blocks so far
+        self._heard: dict[Direction, int] = {}  # of them, when a side was heard last
         self.cut_off = False
         self.talk = 0
         self.logs = 1
@@ -102,10 +105,10 @@ class _SocatLog:
                 raise DamagedLine(number, f"{short}, at {quoted(line)}", nonsense=False)
             return
         header = HEADER.match(line)
-        if header:
+        if cut_off and (header or _HALF.match(line)):
+            self.cut_off = True  # of a header the last number may be half
+        elif header:
             self._begin(header, number)
-        elif cut_off and _HALF.match(line):
-            self.cut_off = True
         elif line.startswith((b" ", b"<", b">")):
             raise DamagedLine(number, f"{quoted(line)} belongs to no block of socat -x")
         elif line and line != b"--":
@@ -123,10 +126,12 @@ class _SocatLog:
             fraction = fraction[3:] if self._micro else fraction
         t_ns = self._clock.ns(day, time, fraction, number)
         side = _SIDES[mark]
-        self._block = _Block(t_ns, side, size, self._hole(side, first, number))
+        self._block = _Block(t_ns, side, size, self._hole(side, first, size, number))
         self._due[side] = last + 1
+        self._size += size
+        self._heard[side] = self._size
 
-    def _hole(self, side: Direction, first: int, number: int) -> tuple[Mark, ...]:
+    def _hole(self, side: Direction, first: int, size: int, number: int) -> tuple[Mark, ...]:
         """Return what is to be said where bytes before a block are missing."""
         due = self._due.get(side, first)
         if first < due:
@@ -138,8 +143,13 @@ class _SocatLog:
             return (Mark(MarkKind.SILENT, 0),)  # another run: nothing leads across
         if first == due:
             return ()
+        if first - due > _LOST_MOST:
+            why = f"{first - due} bytes are missing before from={first}: not credible"
+            raise DamagedLine(number, why, nonsense=False)
+        # anywhere since the side was heard last: what the other one said meanwhile is there
         self.lost.append(first - due)
-        return Mark(MarkKind.OVERRUN, 0, 0, first - due), Mark(MarkKind.SILENT, 0)
+        since = self._size - self._heard[side]
+        return (Mark(MarkKind.OVERRUN, -since, since + size, first - due),)
 
     def _row(self, block: _Block, line: bytes, number: int, cut_off: bool) -> Iterator[Chunk]:
         row = _ALL.fullmatch(line) or _ROW.fullmatch(line[:_COLUMNS])
@@ -169,18 +179,21 @@ class _SocatLog:
 
     def notes(self) -> Iterator[str]:
         """Yield what is worth knowing about the log, at its end."""
-        yield ZONELESS
-        if self._micro:
-            yield "the nine digits of its seconds are microseconds, as socat 1.7.4 writes them"
+        nine = "nine digits of its seconds are microseconds, as socat 1.7.4 writes them"
+        yield f"{ZONELESS}; {nine}" if self._micro else ZONELESS
+        told = []
         if self.lost:
             places = "1 place" if len(self.lost) == 1 else f"{len(self.lost)} places"
-            yield f"{sum(self.lost)} bytes are missing in {places}, as from= and to= count them"
+            lost = f"{sum(self.lost)} bytes are missing in {places}"
+            told.append(f"{lost}, as from= and to= count them")
         if self.logs > 1:
-            yield f"{self.logs} logs, one behind the other, are read as one stream"
+            told.append(f"{self.logs} logs, one behind the other, are read as one stream")
         if self.talk:
-            yield f"{self.talk} lines between its blocks are none of socat's: left out"
+            told.append(f"{self.talk} lines between its blocks are none of socat's: left out")
         if self.cut_off:
-            yield CUT_OFF
+            told.append(CUT_OFF)
+        if told:
+            yield "; ".join(told)
 
 
 def _counts(header: re.Match[bytes]) -> bytes:

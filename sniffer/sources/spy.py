@@ -135,13 +135,16 @@ class _Calls:
     def notes(self) -> Iterator[str]:
         """Yield what is worth knowing about the log, at its end."""
         yield "its times count from when the port was opened, in whole milliseconds"
+        told = []
         if self.emptied:
             times = "once" if self.emptied == 1 else f"{self.emptied} times"
-            yield f"the program emptied its input {times}: what it had not read is not in the log"
+            told.append(f"the program emptied its input {times}: what it had not read is missing")
         if self.talk:
-            yield f"{self.talk} lines between are none of spy://: left out"
+            told.append(f"{self.talk} lines between are none of spy://: left out")
         if self.cut_off:
-            yield CUT_OFF
+            told.append(CUT_OFF)
+        if told:
+            yield "; ".join(told)
 
 
 def _chunks(opened: Opened) -> Iterator[Chunk]:

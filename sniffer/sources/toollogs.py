@@ -19,7 +19,7 @@ def tool_log(lines: list[bytes]) -> str:
     if _is_jpnevulator(lines[:FIRST_LINES]):
         return "jpnevulator"
     if saleae.TABLE_1.match(lines[0]) or saleae.TABLE_2.match(lines[0]):
-        if not saleae.is_hexadecimal(lines):
+        if not saleae.is_hexadecimal(lines[: FIRST_LINES + 1]):
             raise refused("a Saleae table in this radix", saleae.HEXADECIMAL)
         return "saleae"
     return "socat" if _is_socat(lines) else ""
