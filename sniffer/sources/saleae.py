@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import re
 from decimal import Decimal, InvalidOperation
 from typing import TYPE_CHECKING, Final
 
@@ -46,6 +47,17 @@ _ISO: Final = later(
     r"([0-9]{4}-[0-9]{2}-[0-9]{2})[T ]([0-9]{2}:[0-9]{2}:[0-9]{2})(?:\.([0-9]+))?"
     r"(Z|[+-][0-9]{2}:?[0-9]{2})?"
 )
+# rows as they are nearly always: read a block at a time
+_PLAIN_1: Final = later(
+    rb"^([0-9]{1,9})\.([0-9]{9})[0-9]*,0x([0-9A-F]{2}),(Error)?,(Error)?$", re.MULTILINE
+)
+_PLAIN_2: Final = later(
+    rb'^"?([^",\n]*)"?,"?data"?,([0-9]{1,9})\.([0-9]{1,9}),([0-9.e-]{1,24}),0x([0-9A-F]{2})'
+    rb'(?:,(?:"?(parity|framing)"?)?)?$',
+    re.MULTILINE,
+)
+_COLUMNS_2: Final = ("name", "type", "start_time", "duration", "data", "error")
+_BYTE: Final = {b"%02X" % value: bytes((value,)) for value in range(256)}
 _KNOWN: Final = ("name", "type", "start_time", "duration", "data", "error", "address")
 _ERRORS: Final[Mapping[str, MarkKind]] = {
     "parity": MarkKind.PARITY,
@@ -62,6 +74,9 @@ _RATES: Final = (
     *(2_250_000, 2_500_000, 3_000_000, 4_000_000, 4_500_000, 6_000_000, 8_000_000, 10_000_000),
 )
 """Rates that are sold, in baud: bytes that are as long as one of theirs are no chance."""
+
+
+_Row = tuple[int, bytes, tuple[Mark, ...]]
 
 
 class _ByteTable:
@@ -139,8 +154,22 @@ class _Logic1(_ByteTable):
 
     def __init__(self, bus: str) -> None:
         super().__init__(bus)
-        self._waiting: list[tuple[int, bytes, tuple[Mark, ...]]] | None = []
+        self._waiting: list[_Row] | None = []
         self._byte_ns = 0
+        self._clock = Clock.FILE
+
+    def rows(self, text: bytes) -> Sequence[Chunk] | None:
+        """Return what rows say that are as usual, None where they need a closer look."""
+        if self._waiting is not None or self._radix != 16:
+            return None
+        rows: list[tuple[bytes, ...]] = _PLAIN_1.findall(text)
+        if len(rows) != text.count(b"\n") + 1:
+            return None
+        byte_ns, clock, bus = self._byte_ns, self._clock, self.bus
+        return [
+            Chunk(_BYTE[value], int(whole + part) + byte_ns, clock, bus, marks=_marks(odd, torn))
+            for whole, part, value, odd, torn in rows
+        ]
 
     def row(self, cells: Sequence[str], line: int, cut_off: bool) -> Iterator[Chunk]:
         """Yield what a row says."""
@@ -150,11 +179,7 @@ class _Logic1(_ByteTable):
             self.cut_off = True
             return
         data, t_ns = self.value(cells[1], line), self.time(cells[0], line)
-        marks = tuple(
-            Mark(kind, 0, 1)
-            for kind, cell in ((MarkKind.PARITY, cells[2]), (MarkKind.FRAMING, cells[3]))
-            if cell.strip()
-        )
+        marks = _marks(cells[2].strip(), cells[3].strip())
         if self._waiting is None:
             yield self._chunk(t_ns, data, marks)
             return
@@ -168,18 +193,25 @@ class _Logic1(_ByteTable):
             return
         waiting, self._waiting = self._waiting, None
         self._byte_ns = _byte_ns([t_ns for t_ns, _, _ in waiting])
+        self._clock = Clock.SAMPLE if self._byte_ns else Clock.FILE
         for row in waiting:
             yield self._chunk(*row)
 
     def _chunk(self, t_ns: int, data: bytes, marks: tuple[Mark, ...]) -> Chunk:
-        clock = Clock.SAMPLE if self._byte_ns else Clock.FILE
-        return Chunk(data, t_ns + self._byte_ns, clock, self.bus, marks=marks)
+        return Chunk(data, t_ns + self._byte_ns, self._clock, self.bus, marks=marks)
 
     def notes(self) -> Iterator[str]:
         """Yield what is worth knowing about the table, at its end."""
         yield from super().notes()
         if not self._byte_ns:
             yield "it does not tell how long a byte is: times are those of where bytes begin"
+
+
+def _marks(parity: bytes | str, framing: bytes | str) -> tuple[Mark, ...]:
+    if not parity and not framing:
+        return ()
+    kinds = ((MarkKind.PARITY, parity), (MarkKind.FRAMING, framing))
+    return tuple(Mark(kind, 0, 1) for kind, told in kinds if told)
 
 
 def _byte_ns(starts: Sequence[int]) -> int:
@@ -202,6 +234,43 @@ class _Logic2(_ByteTable):
         self._width = len(head)
         self._at = {name: head.index(name) for name in _KNOWN if name in head}
         self._others = [i for i, name in enumerate(head) if name not in _KNOWN]
+        self._is_plain = tuple(head) in (_COLUMNS_2, _COLUMNS_2[:-1])
+        self._lasts: dict[bytes, int] = {}  # till the end of a byte, by how it is written
+        self._names: dict[bytes, str] = {}
+
+    def rows(self, text: bytes) -> Sequence[Chunk] | None:
+        """Return what rows say that are as usual, None where they need a closer look."""
+        if not self._is_plain or self._radix != 16:
+            return None
+        rows: list[tuple[bytes, ...]] = _PLAIN_2.findall(text)
+        commas = self._width - 1
+        if len(rows) != text.count(b"\n") + 1 or text.count(b",") != commas * len(rows):
+            return None
+        lasts, names, clock = self._lasts, self._names, Clock.SAMPLE
+        for name, duration in {(row[0], row[3]) for row in rows}:
+            if duration not in lasts:
+                try:
+                    lasts[duration] = self._whole_ns(duration.decode(), 0)
+                except DamagedLine:
+                    return None
+            names.setdefault(name, name.decode("utf-8", "replace") or self.bus)
+        return [
+            Chunk(
+                _BYTE[value],
+                int(whole) * NS + int(part.ljust(9, b"0")) + lasts[duration],
+                clock,
+                names[name],
+                marks=(Mark(_ERRORS[error.decode()], 0, 1),) if error else (),
+            )
+            for name, whole, part, duration, value, error in rows
+        ]
+
+    def _whole_ns(self, duration: str, line: int) -> int:
+        """Return how long a byte takes whose duration is stated: it ends in its stop bit."""
+        lasts = self.span(duration, line)
+        if not 0 <= lasts <= NS:
+            raise DamagedLine(line, f"a byte does not take {lasts / NS:g} s")
+        return lasts + lasts // 19  # nine and a half bits of ten
 
     def row(self, cells: Sequence[str], line: int, cut_off: bool) -> Iterator[Chunk]:
         """Yield what a row says."""
@@ -215,14 +284,10 @@ class _Logic2(_ByteTable):
             self.left_out += 1
             return
         t_ns = self.time(cells[at["start_time"]], line)
-        lasts = self.span(cells[at["duration"]], line)
-        if not 0 <= lasts <= NS:
-            raise DamagedLine(line, f"a byte does not take {lasts / NS:g} s")
+        end = t_ns + self._whole_ns(cells[at["duration"]], line)
         told = cells[at["error"]].strip() if "error" in at else ""
         marks = (Mark(_ERRORS.get(told, MarkKind.FRAMING), 0, 1),) if told else ()
         data = self.value(cells[at["data"]], line)
-        # nine and a half bits of ten
-        end = t_ns + lasts + lasts // 19
         yield Chunk(data, end, Clock.SAMPLE, cells[at["name"]] or self.bus, marks=marks)
 
     def rest(self) -> Iterator[Chunk]:
@@ -244,6 +309,10 @@ def _rows(opened: Opened) -> Iterator[Chunk]:
     table: _Logic1 | _Logic2 | None = None
     try:
         for block in blocks(opened.stream):
+            plain = table.rows(block.text) if table is not None and not block.cut_off else None
+            if plain is not None:
+                yield from plain
+                continue
             for number, line in enumerate(_lines(block), block.number):
                 if not line.strip():
                     continue

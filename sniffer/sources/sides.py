@@ -8,7 +8,6 @@ direction is told: a wrong one would accuse every frame of standing on the wrong
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.decoder import Decoder
@@ -107,7 +106,9 @@ def oriented(chunks: Iterable[Chunk], notes: list[str], names: tuple[str, str]) 
 
 def _turned(chunk: Chunk, sides: Mapping[Direction, Direction]) -> Chunk:
     wire = sides[chunk.direction]
-    return chunk if wire is chunk.direction else replace(chunk, direction=wire)
+    if wire is chunk.direction:
+        return chunk
+    return Chunk(chunk.data, chunk.t_ns, chunk.clock, chunk.bus, wire, chunk.marks)
 
 
 def _sides(chunks: Sequence[Chunk], *, final: bool) -> Mapping[Direction, Direction] | None:
@@ -156,4 +157,4 @@ def _sent(chunk: Chunk, wire: Direction, until_ns: int | None) -> Chunk:
         return chunk
     most = OPEN_NS if until_ns is None else min(max(until_ns - chunk.t_ns, 0), OPEN_NS)
     mark = Mark(MarkKind.SENT, 0, len(chunk.data), most)
-    return replace(chunk, marks=(*chunk.marks, mark))
+    return Chunk(chunk.data, chunk.t_ns, chunk.clock, chunk.bus, wire, (*chunk.marks, mark))
