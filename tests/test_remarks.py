@@ -230,10 +230,11 @@ def test_what_is_missing_on_our_side_is_not_blamed_on_a_servo() -> None:
 
 
 def test_where_bytes_are_missing_no_servo_is_blamed_for_an_answer_that_is_not_there() -> None:
-    lost = Mark(MarkKind.OVERRUN, -len(REQUEST), len(REQUEST + REPLY), 9)
-    got = decoded(chunk(REQUEST, 0), chunk(REQUEST, 20), chunk(REPLY, 23, lost))
-    assert codes(got) == ["bytes-lost"]
-    assert codes(decoded(chunk(REQUEST, 0), chunk(REQUEST, 20), chunk(REPLY, 23))) == ["no-response"]
+    before, asked = (chunk(REQUEST, 0), chunk(REPLY, 3)), (chunk(REQUEST, 20), chunk(REQUEST, 40))
+    behind = (chunk(REQUEST, 60), chunk(REPLY, 63))
+    lost = Mark(MarkKind.OVERRUN, -2 * len(REQUEST), len(2 * REQUEST + REPLY), 9)
+    assert codes(decoded(*before, *asked, chunk(REPLY, 43, lost), *behind)) == ["bytes-lost"]
+    assert codes(decoded(*before, *asked, chunk(REPLY, 43), *behind)) == ["no-response"]
 
 
 def test_a_tap_that_came_late_says_so_and_invents_no_pause() -> None:
