@@ -95,7 +95,7 @@ def test_an_endless_line_streams() -> None:
 
 
 def test_decimal_is_read_when_told_or_where_nothing_else_fits() -> None:
-    for text in (b"255 255 1 4 2 21 1 226", b"{255, 255}", b"# all\n10 20\n" * 20 + b"100"):
+    for text in (b"255 255 1 4 2 21 1 226", b"{255, 255, 1}", b"# all\n10 20\n" * 20 + b"100"):
         assert open_source(text).format == "decimal"
     assert read(b"255 255 1 4 2 21 1 226") == bytes((255, 255, 1, 4, 2, 21, 1, 226))
     assert "say `input_format='decimal'`" in refusal(b"{10, 20, 30}")

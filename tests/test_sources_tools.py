@@ -167,6 +167,18 @@ def test_the_true_times_are_within_what_is_stated_and_no_servo_is_late(
         assert not codes & {"late-response", "clock-step", "no-response"}
 
 
+@pytest.mark.parametrize("name", ["socat -x", "spy"])
+def test_a_program_that_asked_bounds_the_rate_and_what_its_adapter_held_back(name: str) -> None:
+    told = chunks(LOGS[name])  # an answer within a millisecond
+    timed = pace(PROTOCOLS["mightyzap"], told)
+    assert timed.baud == toollogs.BAUD
+    assert timed.slowest >= (38400 if name == "spy" else 57600)  # of spy:// a millisecond is open
+    held = pace(PROTOCOLS["mightyzap"], told, baud=toollogs.BAUD).latency_ns
+    assert held is None or held <= 3 * MS
+    far = pace(PROTOCOLS["mightyzap"], chunks(WRITERS[name](conversation(took_ns=15 * MS))))
+    assert 15 * MS <= (far.latency_ns or 0) <= 19 * MS  # a timer of 16 ms may have done that
+
+
 def test_nine_digits_of_socat_are_microseconds_and_six_are_too() -> None:
     t = [c.t_ns for c in chunks(LOGS["socat -x"])]
     assert t[0] == TALK[0].begun_ns // 1000 * 1000

@@ -141,7 +141,9 @@ def pace(
         return known
     looked = _Look(protocol, told)
     if latency_ns is None and clocks == {Clock.FILE}:
-        held = looked.asked_ns() if looked.sent.any() else looked.held_ns(byte_time_ns(chosen))
+        fastest = byte_time_ns(baud or max(*protocol.bauds, chosen))
+        asks = bool(looked.sent.any())
+        held = looked.waited_ns(fastest) if asks else looked.held_ns(byte_time_ns(chosen))
         if held > LATENCY_NS[Clock.FILE]:
             known = replace(known, latency_ns=held, latency=ESTIMATED)
     spare = known.latency_ns if known.latency_ns is not None else LATENCY_NS[max(clocks)]
@@ -150,6 +152,7 @@ def pace(
         return replace(known, faster=looked.faster(byte_time_ns(baud), BEYOND_NS + spare))
     rates = sorted({*protocol.bauds, protocol.baud})
     possible = [r for r in rates if looked.behind_ns(byte_time_ns(r)) <= spare]
+    possible = [r for r in possible if looked.has_room(byte_time_ns(r))] or possible
     if not possible:
         return replace(known, faster=looked.faster(byte_time_ns(chosen), BEYOND_NS + spare))
     byte_ns = looked.byte_ns(is_prompt=known.latency != ESTIMATED)
@@ -171,6 +174,9 @@ class _Look:
         self.end = np.cumsum(size)
         self.begin = self.end - size
         self.sent = np.array([any(m.kind == MarkKind.SENT for m in k.marks) for k in chunks])
+        self.coarse = max(
+            (m.count for k in chunks for m in k.marks if m.kind == MarkKind.COARSE), default=0
+        )
         # Before a stamp lie the bytes that it is of, but for those that were yet to be sent.
         self.n = np.where(self.sent, 0, size)
         # Which answer belongs to which question is told by the bytes alone here.
@@ -187,17 +193,34 @@ class _Look:
             pairs.append(np.stack([f.end[q], f.start[r], f.end[r]])[:, rows] + b.base)
         self.asked, self.begun, self.answered = np.concatenate(pairs, axis=1)
 
-    def asked_ns(self) -> int:
+    def waited_ns(self, byte_ns: int) -> int:
         """Return how long the host may have held answers, by how long it waited for them.
 
-        It is the asking program's own log: no answer was held for longer than it took to come.
+        It is the asking program's own log: of an answer that came, the line had question and answer
+        for their length, and the adapter what is left at most.
         """
-        behind = np.flatnonzero(self.sent[:-1] & ~self.sent[1:]) + 1
-        took = (self.t[behind] - self.t[behind - 1])[: len(behind)]
+        size, took = self._asked_and_answered()
         most = _with_margin(TIMER_NS)
-        if len(took) < EXCHANGES:
+        if len(size) < EXCHANGES:
             return most
-        return int(np.clip(np.quantile(took, 1 - CLOSEST, method="higher"), 0, most))
+        left = np.quantile(took - size * byte_ns, 1 - CLOSEST, method="higher")
+        return int(np.clip(left + self.coarse, 0, most))
+
+    def has_room(self, byte_ns: int) -> bool:
+        """Tell whether questions and answers had the time on the line that a rate asks for."""
+        size, took = self._asked_and_answered()
+        if len(size) < EXCHANGES:
+            return True
+        room = took + self.coarse >= size * (byte_ns - byte_ns // TOLERANCE)
+        return bool(room.mean() >= 1 - CLOSEST)
+
+    def _asked_and_answered(self) -> tuple[I64, I64]:
+        """Return the bytes of questions with their answers, and how long they took together."""
+        asked = np.searchsorted(self.end, self.asked, "left")
+        ends = np.searchsorted(self.end, self.answered, "left")
+        rows = self.sent[asked] & ~self.sent[ends] & (self.end[asked] == self.asked)
+        size = (self.answered - self.begin[asked])[rows]
+        return size, (self.t[ends] - self.t[asked])[rows]
 
     def held_ns(self, byte_ns: int) -> int:
         """Return how long the host may have held bytes, by how deliveries and answers lie."""

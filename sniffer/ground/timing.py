@@ -194,7 +194,8 @@ class Stamps:
         # Nor is it known when a program's bytes left the machine: at once, or at the line's rate.
         own = np.minimum(most, sizes * self.byte_ns)
         coarse = _told(chunks, MarkKind.COARSE)
-        slack = np.where(most < 0, slack, latency + own) + coarse
+        sent = own + np.minimum(latency, _USUAL_NS[Clock.FILE])  # no adapter holds what is sent
+        slack = np.where(most < 0, slack, sent) + coarse
         slack[~told] = -1
         # The bytes of a tap that came late may follow those before without a pause.
         pause = t - sizes * self._pause_ns - previous - held - coarse
