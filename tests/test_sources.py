@@ -116,6 +116,8 @@ def test_decimal_is_read_when_told_or_where_nothing_else_fits() -> None:
         (b"372 257 001 000", "'372' has an odd number"),  # od -An -b
         (b"101 102 177\n001 002", "or hex"),  # octal as well as decimal
         (b"0000000 255 255\n0000002 100 101", "a dump of words"),  # od -tu1, with offsets
+        (b"000 255 1 4\n003 7 100", "or hex"),  # three digits of an offset
+        (b"1,200\n2,180\n3,170", "or hex"),  # a table
         (b"1 4 2", "odd number"),  # numbers, or hex without zeros in front
         (b"256 255 1", "odd number"),
     ],

@@ -159,7 +159,7 @@ def test_what_spy_of_pyserial_writes_is_read_with_its_times_and_directions(tmp_p
             host.reset_input_buffer()
             time.sleep(0.003)
         called(long, TX)
-        host.formatter.output.close()
+        vars(host)["formatter"].output.close()
     os.close(servo)
     os.close(port)
     got: list[Chunk] = chunks(log)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime
 import io
 from typing import TYPE_CHECKING, Final, NamedTuple
+from unittest import mock
 
 from serial.urlhandler import protocol_spy
 
@@ -126,15 +127,11 @@ def spy(talk: Sequence[Said], *, color: bool = False) -> bytes:
         def time() -> float:
             return (now_ns - talk[0].begun_ns) / NS
 
-    real = protocol_spy.time
-    protocol_spy.time = Clockwork
-    try:
+    with mock.patch.object(protocol_spy, "time", Clockwork):
         printer = protocol_spy.FormatHexdump(out, color)
         for s in talk:
             now_ns = _stamped(s)
             (printer.tx if s.wire == TX else printer.rx)(s.data)
-    finally:
-        protocol_spy.time = real
     return out.getvalue().encode()
 
 

@@ -6,6 +6,7 @@ refused by name, then plain hex, which nearly anything short could be. What is n
 
 from __future__ import annotations
 
+import itertools
 import re
 from typing import Final
 
@@ -222,18 +223,32 @@ def _is_plain_hex(lines: list[bytes], raw: bool) -> bool:
 def _is_decimal_only(lines: list[bytes]) -> bool:
     """Tell whether every number is a decimal one, and one at least nothing else.
 
-    Three digits are no byte in hex. In octal they are, and offsets have more of them.
+    Three digits are no byte in hex. In octal they are, and offsets have more of them or count.
     """
-    tokens: list[bytes] = []
+    rows: list[list[bytes]] = []
     try:
         for line in lines:
             decimal_line(line)
-            tokens += _LISTED.findall(bare(line))
+            rows.append(_LISTED.findall(bare(line)))
     except BadLineError:
         return False
+    tokens = [token for row in rows for token in row]
     lengths = {len(token) for token in tokens}
     is_octal = lengths == {3} and not b"".join(tokens).translate(None, b"01234567")
-    return max(lengths, default=0) == 3 and not is_octal
+    return max(lengths, default=0) == 3 and not is_octal and not _begin_with_offsets(rows)
+
+
+def _begin_with_offsets(rows: list[list[bytes]]) -> bool:
+    """Tell whether the first number of each line counts those behind it, in any radix."""
+    pairs = list(itertools.pairwise(filter(None, rows)))
+    for radix in (8, 10, 16):
+        try:
+            steps = [(int(b[0], radix) - int(a[0], radix), len(a) - 1) for a, b in pairs]
+        except ValueError:  # a digit that this radix does not have
+            continue
+        if steps and all(step == size > 0 for step, size in steps):
+            return True
+    return False
 
 
 def _refuse_decimal(lines: list[bytes]) -> None:
