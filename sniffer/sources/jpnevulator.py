@@ -90,7 +90,7 @@ class _Blocks:
             return self._half(pairs)
         if not _PAIRS.fullmatch(pairs):
             if _BITS.fullmatch(pairs):
-                raise DamagedLine(number, "these are bits (--base=2): log it with --base=16")
+                raise DamagedLine(number, "these are bits: log in base 16")
             raise DamagedLine(number, f"{quoted(line)} is no line of jpnevulator")
         data = bytes.fromhex(pairs.decode("ascii"))
         if counted:
