@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sniffer.ground.model import Chunk
-from tests import hostile
+from tests import hostile, toollogs
 from tests.hostile import ANSWER, ASK, Answer, Victim, decoded, frame, sound
 from tests.pcaps import pcap, urb, written
 from tests.recordings import START_NS
@@ -73,6 +73,8 @@ def seeds() -> dict[str, list[bytes]]:
     out = {form: [path.read_bytes()[:6000] for path in paths] for form, paths in named.items()}
     out["decimal"] = [b" ".join(str(byte).encode() for byte in (ASK + ANSWER) * 20)]
     lines = [frame(t_ns=START_NS + n, offset=18 * n, clock="read") for n in range(20)]
+    for name, write in toollogs.WRITERS.items():
+        out.setdefault(toollogs.FORMAT[name], []).append(write(toollogs.conversation())[:6000])
     out["jsonl"] = ["".join(lines).encode()]
     told = [Chunk(ASK + ANSWER, START_NS + n) for n in range(20)]
     out["pcap"] = [written(told), pcap([urb("S", 2, ASK, START_NS)] * 20, 220)]

@@ -135,7 +135,7 @@ def test_a_mistake_is_told_in_the_words_of_who_made_it(
     call, command, in_python, on_the_line = BOTH[case]
     monkeypatch.chdir(tmp_path)
     (tmp_path / "there.mcap").write_bytes(BYTES)
-    (tmp_path / "numbers").write_text("0, 255, 12, 34, 90, 128, 199, 200, 1, 2, 3, 4\n" * 3)
+    (tmp_path / "numbers").write_text("[10, 25, 12, 34, 90, 28, 99, 20]\n" * 3)
     (tmp_path / "noise").write_bytes(b"\x00" * 40)
     error = raised(call)
     assert str(error) == in_python

@@ -200,7 +200,10 @@ def test_what_is_skipped_is_told_and_offsets_stay_those_of_the_stream() -> None:
     assert kept.batches[-1].base + len(kept.batches[-1].data) == len(data)
 
 
-@pytest.mark.parametrize("kind", sorted(set(MarkKind) - {MarkKind.ENDED, MarkKind.MERGED}))
+UNTOLD = {MarkKind.ENDED, MarkKind.MERGED, MarkKind.SENT, MarkKind.COARSE}
+
+
+@pytest.mark.parametrize("kind", sorted(set(MarkKind) - UNTOLD))
 def test_every_kind_of_mark_has_a_code_of_the_catalogue(kind: MarkKind) -> None:
     batches = decoded(chunk(REQUEST, 0), chunk(b"", 1, Mark(kind, 0)))
     assert [a for b in batches for a in b.anomalies]
@@ -224,6 +227,14 @@ def test_what_is_missing_on_our_side_is_not_blamed_on_a_servo() -> None:
     decoder = Decoder("mightyzap")
     told = [decoder.feed(chunk(REQUEST, 0)), decoder.idle(START_NS + NS // 5), decoder.feed(later)]
     assert codes([*told, decoder.close()]) == ["port-lost", "no-response"]
+
+
+def test_where_bytes_are_missing_no_servo_is_blamed_for_an_answer_that_is_not_there() -> None:
+    before, asked = (chunk(REQUEST, 0), chunk(REPLY, 3)), (chunk(REQUEST, 20), chunk(REQUEST, 40))
+    behind = (chunk(REQUEST, 60), chunk(REPLY, 63))
+    lost = Mark(MarkKind.OVERRUN, -2 * len(REQUEST), len(2 * REQUEST + REPLY), 9)
+    assert codes(decoded(*before, *asked, chunk(REPLY, 43, lost), *behind)) == ["bytes-lost"]
+    assert codes(decoded(*before, *asked, chunk(REPLY, 43), *behind)) == ["no-response"]
 
 
 def test_a_tap_that_came_late_says_so_and_invents_no_pause() -> None:

@@ -94,8 +94,10 @@ def test_an_endless_line_streams() -> None:
         assert read(text.replace(",", ",0x").replace("|", "\\x").encode()) == data
 
 
-def test_decimal_is_read_only_when_told() -> None:
-    assert "say `input_format='decimal'`" in refusal(b"255 255 1 4 2 21 1 226")
+def test_decimal_is_read_when_told_or_where_nothing_else_fits() -> None:
+    for text in (b"255 255 1 4 2 21 1 226", b"{255, 255, 1}", b"# all\n10 20\n" * 20 + b"100"):
+        assert open_source(text).format == "decimal"
+    assert read(b"255 255 1 4 2 21 1 226") == bytes((255, 255, 1, 4, 2, 21, 1, 226))
     assert "say `input_format='decimal'`" in refusal(b"{10, 20, 30}")
     for text in (b"255 255 1 4", b"[255, 255,\n 1, 4]", b"255;255;1;4; # four"):
         assert read(text, "decimal") == b"\xff\xff\x01\x04"
@@ -103,6 +105,28 @@ def test_decimal_is_read_only_when_told() -> None:
     assert [chunk.data for group in source for chunk in group] == [b"\n\x14"]
     assert "line 1, column 5: '256'" in refusal(b"255 256", "decimal")
     assert "'-1'" in refusal(b"1 -1", "decimal")
+
+
+@pytest.mark.parametrize(
+    ("text", "format_or_refusal"),
+    [
+        (b"10 20 30", "hex"),
+        (b"10 20 99\n" * 9, "hex"),
+        (b"01 02 FF 255", "line 1, column 10: '255' has an odd number"),
+        (b"372 257 001 000", "'372' has an odd number"),  # od -An -b
+        (b"101 102 177\n001 002", "or hex"),  # octal as well as decimal
+        (b"0000000 255 255\n0000002 100 101", "a dump of words"),  # od -tu1, with offsets
+        (b"000 255 1 4\n003 7 100", "or hex"),  # three digits of an offset
+        (b"1,200\n2,180\n3,170", "or hex"),  # a table
+        (b"1 4 2", "odd number"),  # numbers, or hex without zeros in front
+        (b"256 255 1", "odd number"),
+    ],
+)
+def test_decimal_is_never_guessed(text: bytes, format_or_refusal: str) -> None:
+    if format_or_refusal == "hex":
+        assert open_source(text).format == "hex"
+    else:
+        assert format_or_refusal in refusal(text)
 
 
 def test_a_star_without_offsets_cannot_be_counted() -> None:
@@ -229,26 +253,25 @@ READ = {
     "hexdump-C.txt": "hexdump",
     "od-tx1.txt": "od",
     "od-Ax-t-x1z.txt": "od",
+    "jpnevulator.txt": "jpnevulator",
+    "socat-x-v.txt": "socat",
 }
 REFUSED = {
     "hexdump.txt": "hexdump -C",
-    "jpnevulator.txt": "jpnevulator",
-    "pyserial-spy.txt": "pySerial spy",
     "python-can.asc": "candump -L",
     "python-can.csv": "python-can",
     "sigrok-ann-samplenum.txt": "sigrok-cli",
     "sigrok-ann.txt": "sigrok-cli",
     "sigrok-csv-dedup.txt": "sigrok-cli",
     "sigrok-json.txt": "sigrok-cli",
-    "socat-x-v.txt": "socat",
-    "socat-x.txt": "socat",
     "t2p.txt": "text2pcap",
     "wave.sr": "sigrok session",
 }
 
 
 def test_every_stored_sample_is_tested() -> None:
-    stored = {path.name for path in SAMPLES.iterdir()} - {"README.md", "candump.log", "rtac.pcap"}
+    parts = {"README.md", "candump.log", "pyserial-spy.txt", "rtac.pcap", "socat-x.txt"}
+    stored = {path.name for path in SAMPLES.iterdir()} - parts
     assert stored == READ.keys() | REFUSED.keys()
 
 
@@ -281,8 +304,10 @@ def test_the_stored_sample_is_refused_by_name(name: str) -> None:
         (b"PAR1\x15\x04", "Parquet"),
         ("00000000: faaf".encode("utf-16"), "UTF-8"),
         ("﻿ff ff ff".encode("utf-16-be"), "UTF-8"),
-        (b"Time [s],Value,Parity Error,Framing Error\n0.04,0x00,,Error\n", "Saleae"),
-        (b'name,type,start_time,duration,"data"\n', "Saleae"),
+        (b"Time [s],Value,Parity Error,Framing Error\n0.04,h,,\n", "radix Hexadecimal"),
+        (b'name,type,start_time,duration,"data"\n"A","data",1.0,0.1,"5"\n', "radix Hexa"),
+        (b"Time [s],Packet ID,Address,Data,Framing Error\n0.04,0,0x01,0x02,\n", "MP mode"),
+        (b"> 2026/11/20 22:55:17.000158  length=2 from=0 to=1\nOK", "socat -x"),
         (b"Docklight Log File (HEX) - Started 01.03.2019 14:09:26.248 \n", "Docklight"),
         (b"< 0x54 (T)\n> \t0x4b (K)\n", "interceptty"),
         (b"  vcan0  1F0   [8]  80 4A 0F 00 00 00 00 00\n", "candump -L"),

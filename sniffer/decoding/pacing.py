@@ -17,7 +17,7 @@ import numpy as np
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.codes import OK, RESPONSE
 from sniffer.ground.limits import chunks_of
-from sniffer.ground.model import I64, Chunk, Clock
+from sniffer.ground.model import I64, Chunk, Clock, MarkKind
 from sniffer.ground.timing import LATENCY_NS, TOLERANCE, byte_time_ns, clock_of
 
 if TYPE_CHECKING:
@@ -141,7 +141,9 @@ def pace(
         return known
     looked = _Look(protocol, told)
     if latency_ns is None and clocks == {Clock.FILE}:
-        held = looked.held_ns(byte_time_ns(chosen))
+        fastest = byte_time_ns(baud or max(*protocol.bauds, chosen))
+        asks = bool(looked.sent.any())
+        held = looked.waited_ns(fastest) if asks else looked.held_ns(byte_time_ns(chosen))
         if held > LATENCY_NS[Clock.FILE]:
             known = replace(known, latency_ns=held, latency=ESTIMATED)
     spare = known.latency_ns if known.latency_ns is not None else LATENCY_NS[max(clocks)]
@@ -150,6 +152,7 @@ def pace(
         return replace(known, faster=looked.faster(byte_time_ns(baud), BEYOND_NS + spare))
     rates = sorted({*protocol.bauds, protocol.baud})
     possible = [r for r in rates if looked.behind_ns(byte_time_ns(r)) <= spare]
+    possible = [r for r in possible if looked.has_room(byte_time_ns(r))] or possible
     if not possible:
         return replace(known, faster=looked.faster(byte_time_ns(chosen), BEYOND_NS + spare))
     byte_ns = looked.byte_ns(is_prompt=known.latency != ESTIMATED)
@@ -167,8 +170,15 @@ class _Look:
 
     def __init__(self, protocol: BusProtocol, chunks: Sequence[Chunk]) -> None:
         self.t = np.array([k.t_ns or 0 for k in chunks], np.int64)
-        self.n = np.array([len(k.data) for k in chunks], np.int64)
-        self.end = np.cumsum(self.n)
+        size = np.array([len(k.data) for k in chunks], np.int64)
+        self.end = np.cumsum(size)
+        self.begin = self.end - size
+        self.sent = np.array([any(m.kind == MarkKind.SENT for m in k.marks) for k in chunks])
+        self.coarse = max(
+            (m.count for k in chunks for m in k.marks if m.kind == MarkKind.COARSE), default=0
+        )
+        # Before a stamp lie the bytes that it is of, but for those that were yet to be sent.
+        self.n = np.where(self.sent, 0, size)
         # Which answer belongs to which question is told by the bytes alone here.
         decoder = Decoder(protocol)
         parts = [decoder.feed(b"".join(k.data for k in chunks)), decoder.close()]
@@ -182,6 +192,35 @@ class _Look:
             rows = np.flatnonzero(f.kind[r] == RESPONSE)
             pairs.append(np.stack([f.end[q], f.start[r], f.end[r]])[:, rows] + b.base)
         self.asked, self.begun, self.answered = np.concatenate(pairs, axis=1)
+
+    def waited_ns(self, byte_ns: int) -> int:
+        """Return how long the host may have held answers, by how long it waited for them.
+
+        It is the asking program's own log: of an answer that came, the line had question and answer
+        for their length, and the adapter what is left at most.
+        """
+        size, took = self._asked_and_answered()
+        most = _with_margin(TIMER_NS)
+        if len(size) < EXCHANGES:
+            return most
+        left = np.quantile(took - size * byte_ns, 1 - CLOSEST, method="higher")
+        return int(np.clip(left + self.coarse, 0, most))
+
+    def has_room(self, byte_ns: int) -> bool:
+        """Tell whether questions and answers had the time on the line that a rate asks for."""
+        size, took = self._asked_and_answered()
+        if len(size) < EXCHANGES:
+            return True
+        room = took + self.coarse >= size * (byte_ns - byte_ns // TOLERANCE)
+        return bool(room.mean() >= 1 - CLOSEST)
+
+    def _asked_and_answered(self) -> tuple[I64, I64]:
+        """Return the bytes of questions with their answers, and how long they took together."""
+        asked = np.searchsorted(self.end, self.asked, "left")
+        ends = np.searchsorted(self.end, self.answered, "left")
+        rows = self.sent[asked] & ~self.sent[ends] & (self.end[asked] == self.asked)
+        size = (self.answered - self.begin[asked])[rows]
+        return size, (self.t[ends] - self.t[asked])[rows]
 
     def held_ns(self, byte_ns: int) -> int:
         """Return how long the host may have held bytes, by how deliveries and answers lie."""
@@ -229,7 +268,7 @@ class _Look:
         """Return it from stamps within frames, whose bytes follow each other without a pause."""
         first = np.searchsorted(self.end, self.start, "right")
         last = np.searchsorted(self.end, self.stop, "right") - 1
-        rows = np.flatnonzero(last > first)
+        rows = np.flatnonzero((last > first) & ~self.sent[first])
         size = (self.end[last] - self.end[first])[rows]
         took = (self.t[last] - self.t[first])[rows]
         if len(rows) < EXCHANGES or took.min() <= 0:
@@ -244,7 +283,8 @@ class _Look:
         ends = np.searchsorted(self.end, self.answered, "left")
         asked = np.searchsorted(self.end, self.asked, "left")
         whole = (self.end[ends] == self.answered) & (self.end[asked] == self.asked)
-        size = (self.answered - self.asked)[whole & (self.begun == self.asked)]
+        size = self.answered - np.where(self.sent[asked], self.begin[asked], self.asked)
+        size = size[whole & (self.begun == self.asked)]
         took = (self.t[ends] - self.t[asked])[whole & (self.begun == self.asked)]
         sizes, count = np.unique(size, return_counts=True)
         sizes = sizes[count >= EXCHANGES]

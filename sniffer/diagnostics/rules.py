@@ -165,13 +165,17 @@ class CaptureRules:
         if batch.clock == Clock.NONE:
             self._last = int(f.t_end[-1])
             return  # counted from the bytes
-        before = f.t_end[0] if self._last is None else self._last
-        step = np.diff(f.t_end, prepend=before)
-        for i in np.flatnonzero(step < -f.uncertainty - 1_000_000).tolist():
+        rows = np.flatnonzero(f.uncertainty >= 0)
+        if not len(rows):
+            return  # nominal times say nothing of the clock
+        t_end = f.t_end[rows]
+        step = np.diff(t_end, prepend=t_end[0] if self._last is None else self._last)
+        back = np.flatnonzero(step < -f.uncertainty[rows] - 1_000_000)
+        for i, by in zip(rows[back].tolist(), (-step[back]).tolist(), strict=True):
             at = (batch.base + int(f.start[i]), int(f.length[i]))
-            text = f"time steps back by {-int(step[i]) / 1e6:.1f} ms"
+            text = f"time steps back by {by / 1e6:.1f} ms"
             yield anomaly("clock-step", int(f.t_end[i]), -1, text, at)
-        self._last = int(f.t_end[-1])
+        self._last = int(t_end[-1])
 
     def _echoes(self, batch: Batch) -> Iterator[Anomaly]:
         """Report once that the requests of this bus are echoed."""

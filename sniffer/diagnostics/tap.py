@@ -148,6 +148,10 @@ _OPEN: Final = frozenset(
 """Codes that say no more than that the tap was stopped, where they stand at its very end."""
 
 
+_OURS: Final = _OPEN | {"late-response", "mismatched-response", "unsolicited-response"}
+"""Codes that what the tap lost explains, where bytes are known to be missing."""
+
+
 TORN_OFF: Final = frozenset({MarkKind.SKIPPED, MarkKind.LOST})
 """Kinds of remarks behind which anomalies are the tap's fault."""
 
@@ -164,6 +168,8 @@ def without_our_fault(batch: Batch, found: list[Anomaly], tail_ns: int) -> list[
         ):
             begins = _open_before(batch, r.start)
             found = [a for a in found if not _is_open(a, begins, r.start)]
+        elif r.kind == MarkKind.OVERRUN:
+            found = [a for a in found if not (a.code in _OURS and _lies_in(a, r.start, r.end))]
     if batch.cut is None:
         return found
     cut = [a for a in found if _is_cut(a, batch, batch.cut)]
@@ -212,6 +218,10 @@ def _open_before(batch: Batch, place: int) -> int:
 
 def _is_open(anomaly: Anomaly, begins: int, end: int) -> bool:
     return anomaly.code in _OPEN and begins <= min(anomaly.evidence)[0] < end
+
+
+def _lies_in(anomaly: Anomaly, begins: int, end: int) -> bool:
+    return begins <= min(anomaly.evidence)[0] < end
 
 
 def _times(remark: Remark) -> int:

@@ -74,6 +74,8 @@ class MarkKind(enum.IntEnum):
     MERGED = 11  # of two taps' lines in a log, merged: each stamp may lag by ``count`` ns
     SILENT = 12  # the line was taken for silent here: what was open was ended, whatever came later
     TUNED = 13  # the port listens at another rate from here on; ``count`` is the rate
+    SENT = 14  # stamped before they were sent; what stands behind was heard ``count`` ns later
+    COARSE = 15  # stamped by a clock that shows ``count`` ns at once: they may be older by as much
 
 
 class Mark(NamedTuple):

@@ -18,6 +18,10 @@ TEARS: Final = frozenset(
 """Kinds that say: bytes are missing here, or none came, for long; nothing crosses this place."""
 
 
+OF_STAMPS: Final = frozenset({MarkKind.SENT, MarkKind.COARSE})
+"""Kinds that concern a stamp: they are in the uncertainty, and nobody needs to be told."""
+
+
 class Remarks:
     """The marks of chunks that are still in the buffer, at their places in the stream."""
 
@@ -33,6 +37,8 @@ class Remarks:
         for chunk in chunks:
             now_ns = now_ns if chunk.t_ns is None else chunk.t_ns
             for m in chunk.marks:
+                if m.kind in OF_STAMPS:
+                    continue
                 self._waiting.append(Remark(m.kind, at + m.start, m.length, m.count, now_ns))
                 if m.kind in TEARS:
                     torn.append(at + m.start)

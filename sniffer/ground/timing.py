@@ -43,12 +43,12 @@ def byte_time_ns(baud: int) -> int:
     return 10 * NS // baud
 
 
-def _held(chunks: tuple[Chunk, ...]) -> I64:
-    """Return by how much each chunk may be older than stamped because the tap came late, in ns."""
-    out = np.zeros(len(chunks), np.int64)
+def _told(chunks: tuple[Chunk, ...], kind: MarkKind, default: int = 0) -> I64:
+    """Return the greatest count of each chunk's marks of a kind, ``default`` where it has none."""
+    out = np.full(len(chunks), default, np.int64)
     for i, chunk in enumerate(chunks):
         for mark in chunk.marks:
-            if mark.kind == MarkKind.HELD:
+            if mark.kind == kind:
                 out[i] = max(mark.count, out[i])
     return out
 
@@ -109,6 +109,7 @@ class Stamps:
         self._direction = np.empty(0, np.uint8)
         self._first = self._offset = base
         self._last: int | None = None  # the latest time, nominal or not
+        self._open_ns = 0  # by how much the last chunk may have been over later
         self._slack_before = -1  # of the last chunk
         self._stamped = False
 
@@ -123,7 +124,10 @@ class Stamps:
         told = clocks != Clock.NONE
         if told.any():
             t = self._known(chunks, sizes)
-            slack, silent = self._slacks(chunks, sizes, t, clocks)
+            most = _told(chunks, MarkKind.SENT, -1)
+            # What was stamped before it was sent was over when its last byte was.
+            t = t + np.where(most < 0, 0, np.minimum(most, sizes * self.byte_ns))
+            slack, silent = self._slacks(chunks, sizes, t, clocks, most)
             barriers = (end - sizes)[silent]
         else:  # nominal, all of them
             before = end[0] * self.byte_ns - sizes[0] * self.byte_ns
@@ -131,7 +135,7 @@ class Stamps:
             t = before + np.cumsum(sizes) * self.byte_ns
             slack = np.full(len(end), -1)
             barriers = np.empty(0, np.int64)
-            self._slack_before = -1
+            self._slack_before, self._open_ns = -1, 0
         self.clock = max(self.clock, Clock(int(clocks.max())))
         self._last = int(t[-1])
         self._stamped = self._stamped or bool(told.any())
@@ -160,9 +164,12 @@ class Stamps:
         return np.array(out, np.int64)
 
     def _slacks(
-        self, chunks: tuple[Chunk, ...], sizes: I64, t: I64, clocks: U8
+        self, chunks: tuple[Chunk, ...], sizes: I64, t: I64, clocks: U8, most: I64
     ) -> tuple[I64, Mask]:
-        """Return the slack of each chunk, and whether a silence precedes it."""
+        """Return the slack of each chunk, and whether a silence precedes it.
+
+        ``most``: how long after its stamp a chunk was over at the latest; -1 where it was over.
+        """
         told = clocks != Clock.NONE
         before = t[0] - sizes[0] * self.byte_ns if self._last is None else self._last
         previous = np.concatenate([[before], t[:-1]])
@@ -170,7 +177,7 @@ class Stamps:
         dated = np.logical_or.accumulate(told) | self._stamped
         since = np.concatenate([[self._stamped], dated[:-1]])
         lull = np.where(since, t - sizes * self.byte_ns - previous, 0)
-        held = _held(chunks)
+        held = _told(chunks, MarkKind.HELD)
         if self._latency_ns is None:
             ever = np.maximum.accumulate(np.maximum(clocks, self.clock if self._stamped else 0))
             usual = _USUAL_NS[ever]
@@ -184,10 +191,19 @@ class Stamps:
         self._slack_before = int(slack[-1]) if told[-1] else -1
         # Of two taps the pause on the wire is not known: each stamp may be late by all of it.
         slack = np.where(merged, latency, slack)
+        # Nor is it known when a program's bytes left the machine: at once, or at the line's rate.
+        own = np.minimum(most, sizes * self.byte_ns)
+        coarse = _told(chunks, MarkKind.COARSE)
+        sent = own + np.minimum(latency, _USUAL_NS[Clock.FILE])  # no adapter holds what is sent
+        slack = np.where(most < 0, slack, sent) + coarse
         slack[~told] = -1
         # The bytes of a tap that came late may follow those before without a pause.
-        pause = t - sizes * self._pause_ns - previous - held
-        return slack, since & told & (pause > self._tail_ns)
+        pause = t - sizes * self._pause_ns - previous - held - coarse
+        longer = np.where(most < 0, 0, np.minimum(most, sizes * self._pause_ns) - own)
+        pause -= np.concatenate([[self._open_ns], longer[:-1]])
+        self._open_ns = int(longer[-1])
+        # When bytes without a stamp were over nobody knows: there may be no pause behind them.
+        return slack, beside & told & (pause > self._tail_ns)
 
     def _reckoned(self, lull: I64, latency: I64) -> I64:
         """Return the slacks: each is the lull and the slack before it, from none to the latency."""

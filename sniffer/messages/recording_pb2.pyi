@@ -51,6 +51,8 @@ class Mark(_message.Message):
         MERGED: _ClassVar[Mark.Kind]
         SILENT: _ClassVar[Mark.Kind]
         TUNED: _ClassVar[Mark.Kind]
+        SENT: _ClassVar[Mark.Kind]
+        COARSE: _ClassVar[Mark.Kind]
     UNKNOWN: Mark.Kind
     FRAMING: Mark.Kind
     PARITY: Mark.Kind
@@ -65,6 +67,8 @@ class Mark(_message.Message):
     MERGED: Mark.Kind
     SILENT: Mark.Kind
     TUNED: Mark.Kind
+    SENT: Mark.Kind
+    COARSE: Mark.Kind
     KIND_FIELD_NUMBER: _ClassVar[int]
     START_FIELD_NUMBER: _ClassVar[int]
     LENGTH_FIELD_NUMBER: _ClassVar[int]

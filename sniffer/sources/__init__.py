@@ -21,12 +21,16 @@ from sniffer.ground.wording import Sentence, offered
 from sniffer.sources.binary import read_binary
 from sniffer.sources.candump import read_candump
 from sniffer.sources.hexdump import read_hexdump, read_od, read_xxd
+from sniffer.sources.jpnevulator import read_jpnevulator
 from sniffer.sources.jsonl import read_jsonl
 from sniffer.sources.opening import Origin, Spooled, find
 from sniffer.sources.packed import unpacked
 from sniffer.sources.plain import read_decimal, read_hex
 from sniffer.sources.recognise import HEAD, recognise
 from sniffer.sources.refusals import refuse_utf16
+from sniffer.sources.saleae import read_saleae
+from sniffer.sources.socat import read_socat
+from sniffer.sources.spy import read_spy
 from sniffer.sources.text import FIRST_LINES, DamagedLine, Opened
 
 if TYPE_CHECKING:
@@ -78,6 +82,10 @@ SOURCES: Final[Mapping[str, Reader]] = MappingProxyType(
         "hexdump": read_hexdump,
         "od": read_od,
         "candump": read_candump,
+        "socat": read_socat,
+        "jpnevulator": read_jpnevulator,
+        "spy": read_spy,
+        "saleae": read_saleae,
         "jsonl": read_jsonl,
         "pcap": _read_pcap,
         "mcap": _read_mcap,
@@ -99,6 +107,10 @@ _LABELS: Final[Mapping[str, str]] = {
     "hexdump": "a hexdump -C dump, no times",
     "od": "an od -tx1 dump, no times",
     "candump": "log lines with times in the manner of candump -L",
+    "socat": "a log of socat -x",
+    "jpnevulator": "a log of jpnevulator",
+    "spy": "a log of pySerial's spy://",
+    "saleae": "a table of Saleae's Async Serial analyzer",
     "jsonl": "frames and gaps as this tool writes them to JSON lines",
     "pcap": "a capture of Wireshark's kind (pcap, pcapng)",
     "mcap": "an MCAP recording",

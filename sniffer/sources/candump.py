@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import NS, Chunk, Clock, Direction
 from sniffer.ground.patterns import later
-from sniffer.sources.text import DamagedLine, LineBlock, Opened, blocks, quoted
+from sniffer.sources.text import CUT_OFF, DamagedLine, LineBlock, Opened, blocks, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -99,7 +99,7 @@ class _Log:
         if self.errors:
             yield f"{self.errors} CAN error frames are left out: their bytes were on no wire"
         if self.cut_off:
-            yield "the last line is cut off: read as far as it goes"
+            yield CUT_OFF
 
 
 def read_candump(opened: Opened) -> Iterator[Chunk]:

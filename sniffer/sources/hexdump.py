@@ -13,7 +13,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.patterns import later
-from sniffer.sources.text import PIECE, DamagedLine, LineBlock, Opened, blocks, quoted, untimed
+from sniffer.sources.text import (
+    CUT_OFF,
+    PIECE,
+    DamagedLine,
+    LineBlock,
+    Opened,
+    blocks,
+    quoted,
+    untimed,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -302,7 +311,7 @@ class _Reading:
         if self.dumps > 1:
             yield f"{self.dumps} dumps, one behind the other, are read as one stream"
         if self.cut_off:
-            yield "the last line is cut off: read as far as it goes"
+            yield CUT_OFF
         if self.starred:
             yield "the dump ends with a *: how often the last line repeats is not known"
 

@@ -6,6 +6,7 @@ refused by name, then plain hex, which nearly anything short could be. What is n
 
 from __future__ import annotations
 
+import itertools
 import re
 from typing import Final
 
@@ -23,6 +24,7 @@ from sniffer.sources.refusals import (
     refused,
 )
 from sniffer.sources.text import FIRST_LINES, UTF8_BOM, quoted
+from sniffer.sources.toollogs import tool_log
 
 HEAD: Final = 1 << 16
 """Bytes that recognition may look at."""
@@ -79,7 +81,7 @@ def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
         return "bin"
     refuse_log(lines[:FIRST_LINES])
     refuse_words(lines)
-    if decimal:
+    if decimal or (suffix not in RAW_SUFFIXES and _is_decimal_only(lines)):
         return "decimal"
     if _is_plain_hex(lines, suffix in RAW_SUFFIXES):
         return "hex"
@@ -138,6 +140,8 @@ def _strong(lines: list[bytes]) -> str:
             return "jsonl"
     if candump.is_line(first) and (first[:1] == b"(" or not _is_hex(first.split()[0])):
         return "candump"
+    if found := tool_log(lines):
+        return found
     first = lines[0]
     parts = XXD.split(first)
     if bytes_in(XXD, parts) or (parts and parts.gutter):
@@ -229,6 +233,37 @@ def _is_plain_hex(lines: list[bytes], raw: bool) -> bool:
     if stated and any(_LIST.search(bare(line)) for line in lines[:FIRST_LINES]):
         _refuse_decimal(lines[:FIRST_LINES])
     return 2 * stated > (_FEW_DIGITS if raw else 0)
+
+
+def _is_decimal_only(lines: list[bytes]) -> bool:
+    """Tell whether every number is a decimal one, and one at least nothing else.
+
+    Three digits are no byte in hex. In octal they are, and offsets have more of them or count.
+    """
+    rows: list[list[bytes]] = []
+    try:
+        for line in lines:
+            decimal_line(line)
+            rows.append(_LISTED.findall(bare(line)))
+    except BadLineError:
+        return False
+    tokens = [token for row in rows for token in row]
+    lengths = {len(token) for token in tokens}
+    is_octal = lengths == {3} and not b"".join(tokens).translate(None, b"01234567")
+    return max(lengths, default=0) == 3 and not is_octal and not _begin_with_offsets(rows)
+
+
+def _begin_with_offsets(rows: list[list[bytes]]) -> bool:
+    """Tell whether the first number of each line counts those behind it, in any radix."""
+    pairs = list(itertools.pairwise(filter(None, rows)))
+    for radix in (8, 10, 16):
+        try:
+            steps = [(int(b[0], radix) - int(a[0], radix), len(a) - 1) for a, b in pairs]
+        except ValueError:  # a digit that this radix does not have
+            continue
+        if steps and all(step == size > 0 for step, size in steps):
+            return True
+    return False
 
 
 def _refuse_decimal(lines: list[bytes]) -> None:

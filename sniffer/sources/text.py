@@ -32,6 +32,9 @@ FIRST_LINES: Final = 8
 
 UTF8_BOM: Final = b"\xef\xbb\xbf"
 
+CUT_OFF: Final = "the last line is cut off: read as far as it goes"
+"""The note about an input that ends in the middle of a line."""
+
 
 @dataclass(frozen=True, slots=True)
 class Opened:

@@ -91,8 +91,9 @@ class Reference:
                 t = (last if last is not None else 0) + n * self.byte_ns
             else:
                 t = chunk.t_ns
-                # Nominal times at the very beginning say nothing of the pause behind them.
-                lull = t - n * self.byte_ns - last if last is not None and any(clocks) else 0
+                # A nominal time says nothing of the pause behind it.
+                told = last is not None and clocks[-1] != Clock.NONE
+                lull = t - n * self.byte_ns - (last or 0) if told else 0
                 if lull > self.protocol.tail_ns:
                     silences.append(len(data))
             times += [t - (n - 1 - k) * self.byte_ns for k in range(n)]

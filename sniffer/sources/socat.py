@@ -1,0 +1,217 @@
+"""What ``socat -x`` and ``socat -x -v`` write of the bytes that pass between two ports.
+
+    > 2026/11/20 22:55:10.000150680  length=10 from=18 to=27
+     fd df 01 00 2a 02 01 83 03 a8                    ....*.....
+    --
+
+The header says how many bytes follow, so the gutter of ``-v``, which may look like hex, is never
+looked at. Between blocks stands whatever else went to the same terminal. Layout and order of things
+as in xiotransfer.c of socat 1.7: a block is written when it was read, before it is passed on.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Final
+
+from sniffer.ground.limits import OFFSET_END
+from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind
+from sniffer.ground.patterns import later
+from sniffer.sources.sides import handed_over, oriented
+from sniffer.sources.text import CUT_OFF, PIECE, DamagedLine, LineBlock, Opened, blocks, quoted
+from sniffer.sources.walltime import ZONELESS, WallClock
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+HEADER: Final = later(
+    rb"^([<>]) (\d{4}/\d\d/\d\d) (\d\d:\d\d:\d\d)(?:\.(\d{1,9}))? +length=(\d{1,19})"
+    rb" from=(\d{1,19}) to=(\d{1,19})[ ]*$",
+    re.MULTILINE,
+)
+"""Direction, day, time, fraction, number of bytes, and their places in the direction's stream."""
+
+_ALL: Final = later(rb"(?: [0-9a-f]{2})+ *")  # -x: a block on one line
+_ROW: Final = later(rb"((?: [0-9a-f]{2}){1,16}) *")  # -x -v: 48 columns before the gutter
+_COLUMNS: Final = 48
+TALK: Final = later(rb"\d{4}/\d\d/\d\d \d\d:\d\d:\d\d(?:\.\d+)? socat\[")
+"""How a line begins in which socat speaks of itself."""
+
+_HALF: Final = later(rb"[<>](?: [\d/]{0,10}(?: [\d:.]*(?: +[a-z=\d ]*)?)?)?$|-$")
+_SIDES: Final = {b">": Direction.TX, b"<": Direction.RX}  # until it is known who answers
+_LOST_MOST: Final = 1 << 32  # a larger hole is a damaged number: four days of a line at 115200
+_NINE: Final = 9
+_MICRO: Final = b"000"
+
+
+def is_row(line: bytes) -> bool:
+    """Tell whether a line holds bytes of a block."""
+    return bool(_ALL.fullmatch(line) or _ROW.fullmatch(line[:_COLUMNS]))
+
+
+class _Block:
+    """A block that is being read: what its header says, and what has come of it."""
+
+    def __init__(self, t_ns: int, side: Direction, size: int, marks: tuple[Mark, ...]) -> None:
+        self.t_ns = t_ns
+        self.side = side
+        self.size = size
+        self.marks = marks
+        self.left = size
+        self.data = bytearray()
+
+
+class _SocatLog:
+    """Where a log has got to."""
+
+    def __init__(self, bus: str) -> None:
+        self._bus = bus
+        self._clock = WallClock()
+        self._micro: bool | None = None  # whether nine digits are microseconds
+        self._block: _Block | None = None
+        self._due: dict[Direction, int] = {}
+        self._size = 0  # of all blocks so far
+        self._heard: dict[Direction, int] = {}  # of them, when a side was heard last
+        self.cut_off = False
+        self.talk = 0
+        self.logs = 1
+        self.lost: list[int] = []
+
+    def chunks(self, block: LineBlock) -> Iterator[Chunk]:
+        """Yield what the lines of ``block`` hold."""
+        if self._micro is None:
+            stamps = [found[3] for found in HEADER.findall(block.text) if len(found[3]) == _NINE]
+            self._micro = all(stamp.startswith(_MICRO) for stamp in stamps) if stamps else None
+        for number, line in enumerate(block.lines(), block.number):
+            try:
+                yield from self._line(line, number, block.cut_off)
+            except DamagedLine:
+                yield from self.rest()
+                raise
+
+    def rest(self) -> Iterator[Chunk]:
+        """Yield what has come of a block that is not whole."""
+        if self._block is not None:
+            self.cut_off = True
+            yield from self._piece(self._block)
+            self._block = None
+
+    def _line(self, line: bytes, number: int, cut_off: bool) -> Iterator[Chunk]:
+        if self._block is not None:
+            if line.startswith(b" "):
+                yield from self._row(self._block, line, number, cut_off)
+            elif line and not TALK.match(line):
+                short = f"a block of {self._block.size} bytes ends {self._block.left} bytes early"
+                raise DamagedLine(number, f"{short}, at {quoted(line)}", nonsense=False)
+            return
+        header = HEADER.match(line)
+        if cut_off and (header or _HALF.match(line)):
+            self.cut_off = True  # of a header the last number may be half
+        elif header:
+            self._begin(header, number)
+        elif line.startswith((b" ", b"<", b">")):
+            raise DamagedLine(number, f"{quoted(line)} belongs to no block of socat -x")
+        elif line and line != b"--":
+            self.talk += not TALK.match(line)
+
+    def _begin(self, header: re.Match[bytes], number: int) -> None:
+        mark, day, time, fraction = header[1], header[2], header[3], header[4] or b""
+        size, first, last = int(header[5]), int(header[6]), int(header[7])
+        if not size or last - first + 1 != size or last >= OFFSET_END:
+            raise DamagedLine(number, f"{quoted(_counts(header))} does not add up", nonsense=False)
+        if len(fraction) == _NINE and self._micro is not False:
+            # Microseconds, filled up to nine digits: socat 1.7.4 prints timeval by the format of
+            # timespec. A log with others has nanoseconds.
+            self._micro = fraction.startswith(_MICRO)
+            fraction = fraction[3:] if self._micro else fraction
+        t_ns = self._clock.ns(day, time, fraction, number)
+        side = _SIDES[mark]
+        self._block = _Block(t_ns, side, size, self._hole(side, first, size, number))
+        self._due[side] = last + 1
+        self._size += size
+        self._heard[side] = self._size
+
+    def _hole(self, side: Direction, first: int, size: int, number: int) -> tuple[Mark, ...]:
+        """Return what is to be said where bytes before a block are missing."""
+        due = self._due.get(side, first)
+        if first < due:
+            if first:
+                why = f"from={first} goes back, {due} is due: the log is damaged"
+                raise DamagedLine(number, why, nonsense=False)
+            self.logs += 1
+            self._due = dict.fromkeys(self._due, 0)
+            return (Mark(MarkKind.SILENT, 0),)  # another run: nothing leads across
+        if first == due:
+            return ()
+        if first - due > _LOST_MOST:
+            why = f"{first - due} bytes are missing before from={first}: not credible"
+            raise DamagedLine(number, why, nonsense=False)
+        # anywhere since the side was heard last: what the other one said meanwhile is there
+        self.lost.append(first - due)
+        since = self._size - self._heard[side]
+        return (Mark(MarkKind.OVERRUN, -since, since + size, first - due),)
+
+    def _row(self, block: _Block, line: bytes, number: int, cut_off: bool) -> Iterator[Chunk]:
+        row = _ALL.fullmatch(line) or _ROW.fullmatch(line[:_COLUMNS])
+        text = row[0] if row else b""
+        if row is None and cut_off:
+            half = _ALL.match(line)  # in mid-byte
+            text = half[0] if half else b""
+        elif row is None:
+            why = f"{quoted(line)} is no line of a block of {block.size} bytes"
+            raise DamagedLine(number, why)
+        data = bytes.fromhex(text.decode("ascii"))
+        if len(data) > block.left:
+            raise DamagedLine(number, f"more bytes than length={block.size} says")
+        block.data += data
+        block.left -= len(data)
+        if not block.left:
+            self._block = None
+        if not block.left or len(block.data) >= PIECE:
+            yield from self._piece(block)
+
+    def _piece(self, block: _Block) -> Iterator[Chunk]:
+        if block.data:
+            data, marks = bytes(block.data), block.marks
+            block.data.clear()
+            block.marks = ()
+            yield Chunk(data, block.t_ns, Clock.FILE, self._bus, block.side, marks)
+
+    def notes(self) -> Iterator[str]:
+        """Yield what is worth knowing about the log, at its end."""
+        nine = "nine digits of its seconds are microseconds, as socat 1.7.4 writes them"
+        yield f"{ZONELESS}; {nine}" if self._micro else ZONELESS
+        told = []
+        if self.lost:
+            places = "1 place" if len(self.lost) == 1 else f"{len(self.lost)} places"
+            lost = f"{sum(self.lost)} bytes are missing in {places}"
+            told.append(f"{lost}, as from= and to= count them")
+        if self.logs > 1:
+            told.append(f"{self.logs} logs, one behind the other, are read as one stream")
+        if self.talk:
+            told.append(f"{self.talk} lines between its blocks are none of socat's: left out")
+        if self.cut_off:
+            told.append(CUT_OFF)
+        if told:
+            yield "; ".join(told)
+
+
+def _counts(header: re.Match[bytes]) -> bytes:
+    """Return what a header says of lengths and places."""
+    return b"length=%s from=%s to=%s" % (header[5], header[6], header[7])
+
+
+def _chunks(opened: Opened) -> Iterator[Chunk]:
+    log = _SocatLog(opened.bus)
+    try:
+        for block in blocks(opened.stream):
+            yield from log.chunks(block)
+        yield from log.rest()
+    finally:
+        opened.notes.extend(log.notes())
+
+
+def read_socat(opened: Opened) -> Iterator[Chunk]:
+    """Yield one chunk a block; who of the two sides is the controller, its frames tell."""
+    told = oriented(_chunks(opened), opened.notes, (">", "<"))
+    return handed_over(told, Direction.TX)

@@ -1,0 +1,47 @@
+"""Which tool wrote a log, told by its first lines; what of its options is not read is said here."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from sniffer.sources import jpnevulator, saleae, socat, spy
+from sniffer.sources.refusals import refused
+from sniffer.sources.text import FIRST_LINES
+
+
+def tool_log(lines: list[bytes]) -> str:
+    """Return the name of the format that ``lines`` begin, nothing where it is none of these.
+
+    Raises InputError where the tool was told to write what cannot be read.
+    """
+    if spy.SPY_LINE.fullmatch(spy.COLOURS.sub(b"", lines[0])):
+        return "spy"
+    if _is_jpnevulator(lines[:FIRST_LINES]):
+        return "jpnevulator"
+    if saleae.TABLE_1.match(lines[0]) or saleae.TABLE_2.match(lines[0]):
+        if not saleae.is_hexadecimal(lines[: FIRST_LINES + 1]):
+            raise refused("a Saleae table in this radix", saleae.HEXADECIMAL)
+        return "saleae"
+    return "socat" if _is_socat(lines) else ""
+
+
+def _is_jpnevulator(lines: list[bytes]) -> bool:
+    for line in lines:
+        if jpnevulator.STAMP.fullmatch(line):
+            return True
+        if not jpnevulator.is_row(line):  # of a block whose begin was cut away
+            return False
+    return False
+
+
+def _is_socat(lines: list[bytes]) -> bool:
+    """Tell whether the first line that is not socat's talk is the header of a block."""
+    said = [line for line in lines if not socat.TALK.match(line) and line != b"--"]
+    if not said or not socat.HEADER.match(said[0]):
+        return False
+    if len(said) > 1 and not socat.is_row(said[1]):
+        raise refused("a socat log without the bytes", _IN_HEX)
+    return True
+
+
+_IN_HEX: Final = "log it with `socat -x`, or `socat -x -v`"
