@@ -22,6 +22,7 @@ from sniffer.sources.binary import read_binary
 from sniffer.sources.candump import read_candump
 from sniffer.sources.hexdump import read_hexdump, read_od, read_xxd
 from sniffer.sources.jsonl import read_jsonl
+from sniffer.sources.logic_forms import LABELS, ZIPPED
 from sniffer.sources.opening import Origin, Spooled, find
 from sniffer.sources.packed import unpacked
 from sniffer.sources.plain import read_decimal, read_hex
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.ground.registers import RegisterMap
+    from sniffer.ground.wiring import Wiring
+    from sniffer.sources.logic import LogicCapture
 
 __all__ = ["SOURCES", "Source", "open_source"]
 
@@ -60,6 +63,17 @@ def _read_mcap(opened: Opened) -> Iterator[Chunk]:
         raise type(error)(told) from None
 
 
+def _levels(form: str) -> Reader:
+    """Return the reader of a form of captures of levels, all of them found from the edges."""
+
+    def read(opened: Opened) -> Iterator[Chunk]:
+        from sniffer.sources.logic import LogicCapture
+
+        return LogicCapture(lambda: contextlib.nullcontext(opened), form).chunks()
+
+    return read
+
+
 SOURCES: Final[Mapping[str, Reader]] = MappingProxyType(
     {
         "bin": read_binary,
@@ -71,6 +85,7 @@ SOURCES: Final[Mapping[str, Reader]] = MappingProxyType(
         "candump": read_candump,
         "jsonl": read_jsonl,
         "mcap": _read_mcap,
+        **{form: _levels(form) for form in LABELS},
     }
 )
 
@@ -88,6 +103,7 @@ _LABELS: Final[Mapping[str, str]] = {
     "candump": "log lines with times in the manner of candump -L",
     "jsonl": "frames and gaps as this tool writes them to JSON lines",
     "mcap": "an MCAP recording",
+    **LABELS,
 }
 
 
@@ -102,12 +118,19 @@ class Source:
     should know although nothing is wrong (dumps joined, a last line cut off).
     """
 
-    def __init__(self, origin: Origin, input_format: str, bus: str) -> None:
+    def __init__(
+        self, origin: Origin, input_format: str, bus: str, wiring: Wiring | None = None
+    ) -> None:
         self.format = input_format
         self.name = origin.name
         self.notes: list[str] = []
         self._origin = origin
         self._bus = bus
+        self._levels: LogicCapture | None = None
+        if input_format in LABELS:
+            from sniffer.sources.logic import LogicCapture
+
+            self._levels = LogicCapture(self._opened, input_format, wiring)
 
     def origin(self, path: str) -> str:
         """Return what a recording of it is to name as its source: the path it was opened by."""
@@ -133,11 +156,19 @@ class Source:
         return f"{self.name}: {self.label}"
 
     def __iter__(self) -> Iterator[list[Chunk]]:
-        self.notes.clear()
-        with self._origin.open() as stream:
-            opened = Opened(stream, self.name, self._origin.path, self._bus, self.notes)
-            lag_s = LAG_S if self._origin.live else math.inf
+        lag_s = LAG_S if self._origin.live else math.inf
+        if self._levels is None or not self._levels.is_ahead:
+            self.notes.clear()
+        if self._levels is not None:
+            yield from self._told(_groups(self._levels.chunks(), lag_s))
+            return
+        with self._opened() as opened:
             yield from self._told(_groups(SOURCES[self.format](opened), lag_s))
+
+    @contextlib.contextmanager
+    def _opened(self) -> Iterator[Opened]:
+        with self._origin.open() as stream:
+            yield Opened(stream, self.name, self._origin.path, self._bus, self.notes)
 
     def _told(self, groups: Iterable[list[Chunk]]) -> Iterator[list[Chunk]]:
         """Add the input's name to what is wrong with it."""
@@ -153,7 +184,12 @@ class Source:
             raise DamagedInputError(f"{self.name}: {error}") from None
 
     def facts(self) -> Mapping[str, str]:
-        """Return what a recording knows about itself: protocol and baud by bus, models."""
+        """Return what a recording knows about itself: protocol and baud by bus, models.
+
+        Of a capture of levels it is what was found from its edges.
+        """
+        if self._levels is not None:
+            return self._levels.facts()
         if self.format != "mcap" or self._origin.path is None:
             return {}
         from sniffer.mcapfile import source
@@ -169,7 +205,13 @@ class Source:
         return source.tables(self._origin.path)
 
     def rehearse(self) -> None:
-        """Read the head only, so that a mistake in the first lines shows before any output."""
+        """Read the head only, so that a mistake in the first lines shows before any output.
+
+        A capture of levels is read until its channels are known.
+        """
+        if self._levels is not None:
+            self._levels.settle()
+            return
         head = self._origin.head
         if len(head) >= HEAD:
             head = head[: head.rfind(b"\n") + 1]
@@ -225,12 +267,14 @@ def open_source(
     bus: str = "bus0",
     radix: str = "hex",
     again: bool = False,
+    wiring: Wiring | None = None,
 ) -> Source:
     """Open a capture; ``"-"`` is standard input, bytes are a file's content themselves.
 
     ``bus`` names the bus where the input does not; ``radix`` ("hex" or "decimal") is that of a
-    plain list of numbers. ``again``: it will be read more than once; what cannot be (a pipe) is
-    kept in a temporary file. Raises InputError with what to do instead, in one line.
+    plain list of numbers; ``wiring`` says how a capture of levels is to be read. ``again``: it will
+    be read more than once; what cannot be (a pipe) is kept in a temporary file. Raises InputError
+    with what to do instead, in one line.
     """
     if input_format != "auto" and input_format not in SOURCES:
         known = offered(str(input_format), ("auto", *SOURCES))
@@ -242,9 +286,10 @@ def open_source(
         if input_format != "bin":  # raw bytes are what somebody says they are
             origin = unpacked(origin)
         chosen = _chosen(origin, input_format, decimal=radix == "decimal")
-        if (again and origin.live) or (chosen == "mcap" and origin.path is None):
-            origin = Spooled(origin)  # a recording is read by its index, here and there
-        source = Source(origin, chosen, bus)
+        by_index = chosen in ("mcap", *ZIPPED)  # read here and there
+        if (again and origin.live) or (by_index and origin.path is None):
+            origin = Spooled(origin)
+        source = Source(origin, chosen, bus, wiring)
         if chosen not in ("bin", "mcap"):
             source.rehearse()
     except BaseException:
@@ -259,7 +304,7 @@ def _chosen(origin: Origin, input_format: str, *, decimal: bool) -> str:
     try:
         if input_format == "auto":
             return recognise(origin.head, origin.suffix.lower(), decimal=decimal)
-        if input_format not in ("bin", "mcap"):
+        if input_format not in ("bin", "mcap", *LABELS):
             refuse_utf16(origin.head)
     except InputError as error:
         raise InputError(Sentence("{name}: {error}", name=origin.name, error=error)) from None
