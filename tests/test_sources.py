@@ -229,6 +229,8 @@ READ = {
     "hexdump-C.txt": "hexdump",
     "od-tx1.txt": "od",
     "od-Ax-t-x1z.txt": "od",
+    "sigrok-csv-dedup.txt": "logic-csv",
+    "wave.sr": "sr",
 }
 REFUSED = {
     "hexdump.txt": "hexdump -C",
@@ -239,12 +241,10 @@ REFUSED = {
     "rtac.pcap": "pcap capture is not read: export",
     "sigrok-ann-samplenum.txt": "sigrok-cli",
     "sigrok-ann.txt": "sigrok-cli",
-    "sigrok-csv-dedup.txt": "sigrok-cli",
     "sigrok-json.txt": "sigrok-cli",
     "socat-x-v.txt": "socat",
     "socat-x.txt": "socat",
     "t2p.txt": "text2pcap",
-    "wave.sr": "sigrok session",
 }
 
 

@@ -27,7 +27,7 @@ from sniffer.signals.rates import (
     SAMPLES_LEAST,
     STANDARD,
     BitTime,
-    Found,
+    WireEdges,
     bit_time,
     received,
     shortest_pulse,
@@ -184,7 +184,7 @@ class Channels:
         """Say what is to be thought of a channel by what it said."""
         found = channel.found()
         if len(found.edges) > 2 * EDGES:
-            found = Found(found.level, found.edges[: 2 * EDGES], int(found.edges[2 * EDGES]))
+            found = WireEdges(found.level, found.edges[: 2 * EDGES], int(found.edges[2 * EDGES]))
         told = bit_time(
             found,
             self._tick_ns,
@@ -211,18 +211,18 @@ class Channels:
             return ChannelVerdict(told, is_explained=True, is_plausible=is_serial)
         return ChannelVerdict(told, is_plausible=is_serial, why=self._no_bytes(found, told))
 
-    def _too_little(self, found: Found) -> str:
+    def _too_little(self, found: WireEdges) -> str:
         n = len(found.edges)
         if n < EDGES_LEAST:
             return f"{n} edges are too few to tell a rate"
         return self._undersampled(found) or "its edges fit no rate"
 
-    def _no_bytes(self, found: Found, told: BitTime) -> str:
+    def _no_bytes(self, found: WireEdges, told: BitTime) -> str:
         if why := self._undersampled(found):
             return why
         return f"no serial bytes are on it that a protocol knows (best at {told.baud} baud)"
 
-    def _undersampled(self, found: Found) -> str:
+    def _undersampled(self, found: WireEdges) -> str:
         pulse = shortest_pulse(found)
         if not self._sample or pulse >= SAMPLES_LEAST * self._sample:
             return ""
@@ -302,7 +302,8 @@ class Channels:
             ready = len(held) if last else sum(_time(chunk) <= end_ns for chunk in held)
             out = [chunk for chunk in out if chunk.bus != bus] + held[:ready]
             del held[:ready]
-        out.sort(key=_time)
+        if len(self._channels) > 1:
+            out.sort(key=_time)
         return out
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from sniffer.ground.model import Direction
 from sniffer.signals.chunking import Chunker
 from sniffer.signals.glitches import SHORTEST, GlitchFilter
-from sniffer.signals.rates import BitTime, Found
+from sniffer.signals.rates import BitTime, WireEdges
 from sniffer.signals.uart import Receiver
 
 if TYPE_CHECKING:
@@ -76,10 +76,10 @@ class SignalChannel:
             self.count += len(edges)
         self._until = until
 
-    def found(self) -> Found:
+    def found(self) -> WireEdges:
         """Return what was gathered."""
         edges = np.concatenate(self._edges) if self._edges else np.empty(0, np.int64)
-        return Found(self._level, edges, self._until)
+        return WireEdges(self._level, edges, self._until)
 
     def drop(self) -> None:
         """Read no more of it."""

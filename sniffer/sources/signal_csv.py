@@ -78,7 +78,7 @@ def read_signal_csv(opened: Opened) -> LogicInput:
     if not head.scale and not head.rate:
         raise InputError("the table has neither times nor a sample rate: export it with times")
     per_second = head.rate or float(NS)
-    rows = _Rows(head, per_second, is_dated=dated is not None)
+    rows = _LevelRows(head, per_second, is_dated=dated is not None)
     return LogicInput(
         head.names,
         NS / per_second,
@@ -144,7 +144,7 @@ def _unix_ns(dated: re.Match[bytes]) -> int:
     return out
 
 
-class _Rows:
+class _LevelRows:
     """The rows of a table, block by block."""
 
     def __init__(self, head: _Head, per_second: float, *, is_dated: bool) -> None:
