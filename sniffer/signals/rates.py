@@ -47,6 +47,9 @@ ROUNDED: Final = 0.41
 COMMON: Final = 0.01
 """Share of the pulses from which on a length is common."""
 
+KINDS_MOST: Final = 8
+"""Lengths of pulses, the most common first, that are tried: bytes have nine."""
+
 PARTS: Final = (1, 2, 3, 4, 5)
 """Parts of a pulse that may be one bit: F0 alone has only pulses of five."""
 
@@ -122,18 +125,16 @@ def bit_time(
     """
     if len(found.edges) > EDGES:
         found = WireEdges(found.level, found.edges[:EDGES], int(found.edges[EDGES - 1]))
-    gaps = np.diff(found.edges).astype(np.float64)
-    gaps = gaps[gaps > (glitch or 0)]
     second = 1e9 / tick_ns
     if baud is not None:
-        bit, spread = _fitted(gaps, second / baud)
+        bit, spread = _fitted(found, second / baud, glitch)
         if abs(bit / (second / baud) - 1) > NEAR:
             bit = second / baud
         bits = [(bit, spread)]
     elif len(found.edges) < EDGES_LEAST:
         return None
     else:
-        bits = list(_candidates(gaps, SAMPLES_LEAST * 0.8 * sample))
+        bits = list(_candidates(found, SAMPLES_LEAST * 0.8 * sample, glitch))
     ways = (True,) if invert else (False, True)
 
     def best(parities: Iterable[str]) -> BitTime | None:
@@ -197,24 +198,31 @@ def _score(told: BitTime, sample: float, preferred: Collection[int]) -> float:
     return told.good - 2 * spread + 0.005 * float(np.log2(told.bit)) + usual
 
 
-def _candidates(gaps: F64, least: float) -> Iterator[tuple[float, float]]:
+def _candidates(
+    found: WireEdges, least: float, glitch: float | None
+) -> Iterator[tuple[float, float]]:
     """Yield lengths of a bit that would explain the pulses, in ticks, and the spread of each."""
+    gaps = np.diff(found.edges).astype(np.float64)
+    gaps = gaps[gaps > (glitch or 0)]
     kinds = np.round(np.log2(gaps) * 12).astype(np.int64)  # 6 % wide
     known, count = np.unique(kinds, return_counts=True)
     tried: list[float] = []
-    for kind in known[count >= max(2, COMMON * len(gaps))][:6]:
+    common = count >= max(2, COMMON * len(gaps))
+    for kind in known[common][np.argsort(-count[common], kind="stable")][:KINDS_MOST]:
         pulse = float(np.median(gaps[np.abs(kinds - kind) <= 1]))
         for part in PARTS:
             if pulse / part < least:
                 continue
-            bit, spread = _fitted(gaps, pulse / part)
+            bit, spread = _fitted(found, pulse / part, glitch)
             if not any(abs(bit / other - 1) < 0.01 for other in tried):
                 tried.append(bit)
                 yield bit, spread
 
 
-def _fitted(gaps: F64, bit: float) -> tuple[float, float]:
+def _fitted(found: WireEdges, bit: float, glitch: float | None) -> tuple[float, float]:
     """Fit the length of a bit to pulses of one to nine bits, the short ones first."""
+    glitches = GlitchFilter(SHORTEST * bit if glitch is None else glitch)
+    gaps: F64 = np.diff(glitches.take(found.edges, found.until, last=True)[0]).astype(np.float64)
     spread = SPREAD_NONE
     for reach in (3.5, 6.5, 9.5, 9.5):
         pulses = gaps[gaps < reach * bit]
