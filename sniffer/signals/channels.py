@@ -159,7 +159,7 @@ class Channels:
         out += [
             f"{c.name} is left out: {c.verdict.why}"
             for c in self._channels.values()
-            if c.is_left_out and c.verdict is not None
+            if c.is_left_out and c.verdict is not None and c.count
         ]
         buses = {channel.bus: channel for channel in self._read()}
         ways = {way[1].lower() for c in buses.values() if (way := _WAY.search(c.name))}
@@ -250,6 +250,8 @@ class Channels:
         out: list[Chunk] = []
         for channel in waiting:
             self._need_if_asked(channel)
+            if channel.is_left_out:
+                continue
             if channel.verdict is not None and (channel.verdict.is_explained or channel.is_asked):
                 out += self._begun(channel, last=last)
             elif channel.verdict is None or not channel.verdict.is_plausible:

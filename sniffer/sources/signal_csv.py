@@ -108,7 +108,7 @@ def _head(text: Iterator[LineBlock]) -> _Head:
             assert block is not None
             rest = b"\n".join(lines[nth:])
             first = LineBlock(rest, block.number + nth, 0, block.cut_off)
-            return _Head(*_named(names, columns, line), rate, is_sigrok, first)
+            return _Head(*_named(names, columns, line, rate), rate, is_sigrok, first)
         elif shown:
             columns = [column.strip() for column in next(csv.reader([shown]), [])]
     raise InputError("no line of the table has a time and levels")
@@ -119,19 +119,32 @@ def _has_levels(line: bytes) -> bool:
     return bool(_LEVELS.fullmatch(line) or (_LEVELS.fullmatch(rest) and line[:1] in b"0123456789-"))
 
 
-def _named(names: list[str], columns: list[str], line: bytes) -> tuple[list[str], float]:
+def _named(
+    names: list[str], columns: list[str], line: bytes, rate: float
+) -> tuple[list[str], float]:
     """Return the names of the channels, and the unit of time, 0 where there is no column of it."""
     count = line.count(b",") + 1
     head = columns[0].lower() if columns else ""
     unit = _UNIT.search(head)
     scale = _UNITS.get(unit[1] if unit else head, 0.0)
-    is_timed = bool(scale) or head.startswith("time") or len(names) == count - 1
+    is_timed = bool(scale) or head.startswith("time") or 0 < len(names) == count - 1
+    if is_timed and not scale and rate:
+        scale = _unit_of(line, rate)
     if is_timed and not scale:
         raise InputError("the table does not say the unit of its times")
     found = columns[1:] if is_timed else columns
     if len(found) != count - is_timed or all(name == "logic" for name in found):
         found = names if len(names) == count - is_timed else [""] * (count - is_timed)
     return unlike([name or f"D{nth}" for nth, name in enumerate(found)]), scale
+
+
+def _unit_of(line: bytes, rate: float) -> float:
+    """Return the unit in which sigrok says when the first sample ends; 0 if that fits none."""
+    first = float(line.partition(b",")[0])
+    if first <= 0:
+        return 0
+    thousands = np.log10(1 / (first * rate)) / 3
+    return float(10.0 ** (3 * np.rint(thousands))) if abs(thousands % 1 - 0.5) > 0.4 else 0
 
 
 def _unix_ns(dated: re.Match[bytes]) -> int:
