@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -86,8 +87,8 @@ class Channels:
         self._glitch = None if wiring.glitch_us is None else wiring.glitch_us * 1e3 / given.tick_ns
         self._rates = frozenset(rate for p in PROTOCOLS.candidates() for rate in p.bauds)
         self._channels = _named(given.names, wiring)
-        buses = [channel.bus for channel in self._channels.values()]
-        self._held: dict[str, list[Chunk]] = {bus: [] for bus in buses if buses.count(bus) > 1}
+        wires = Counter(channel.bus for channel in self._channels.values())
+        self._held: dict[str, list[Chunk]] = {bus: [] for bus, n in wires.items() if n > 1}
         for channel in self._channels.values():
             way = _WAY.search(channel.name)
             if channel.bus in self._held and way is not None:
@@ -127,8 +128,11 @@ class Channels:
                 out += channel.read(edges, stretch.until, last=last)
             elif not channel.is_left_out:
                 channel.gather(stretch.levels[row], edges, stretch.until)
-                if channel.verdict is None and (channel.count >= EDGES or last):
-                    channel.verdict = self._judged(channel)
+        self._need_few()
+        for channel in self._channels.values():
+            is_enough = channel.count >= EDGES or last
+            if channel.is_open and channel.verdict is None and is_enough:
+                channel.verdict = self._judged(channel)
         out += self._decided(last=last)
         if last:
             self._need_any()
@@ -243,10 +247,6 @@ class Channels:
     def _decided(self, *, last: bool) -> list[Chunk]:
         """Begin to read what is known to be serial; return what that gives."""
         waiting = [c for c in self._channels.values() if c.is_open and c.verdict is not None]
-        heard = sum(c.count > 0 for c in self._channels.values() if not c.is_asked)
-        if heard > ACTIVE_MOST:
-            told = "{heard} channels change: name those with serial bytes, {channels}"
-            raise InputError(Sentence(told, heard=heard))
         out: list[Chunk] = []
         for channel in waiting:
             self._need_if_asked(channel)
@@ -279,6 +279,13 @@ class Channels:
         if channel.count:
             raise InputError(f"{channel.name}: {verdict.why}")
         channel.drop()
+
+    def _need_few(self) -> None:
+        """Refuse a capture of a whole chip, of which nobody said what to look at."""
+        heard = sum(c.count > 0 for c in self._channels.values() if not c.is_asked)
+        if heard > ACTIVE_MOST:
+            told = "{heard} channels change: name those with serial bytes, {channels}"
+            raise InputError(Sentence(told, heard=heard))
 
     def _need_any(self) -> None:
         """Refuse a capture of which nothing is read."""

@@ -19,8 +19,8 @@ PIECE_SIZE: Final = 1 << 20
 TEXT_MOST: Final = 1 << 20
 """A description of a capture that is larger is none, in bytes."""
 
-LISTED_MOST: Final = 8 << 20
-"""Bytes of the list of what is in an archive: some 100 000 entries."""
+LISTED_MOST: Final = 1 << 20
+"""Bytes of the list of what is in an archive: some 16 000 entries, each of 4 MiB in sigrok."""
 
 SAME: Final = 1000
 """What packs better than this is all the same (deflate ends at 1032): nobody speaks in it ..."""
@@ -102,7 +102,7 @@ class SampleArchive:
         Raises:
             DamagedInputError: an entry is damaged; what comes before it was yielded.
         """
-        rest = b""
+        held = bytearray()  # entries may be small: they are handed on together
         size = PIECE_SIZE // whole * whole
         for entry in entries:
             try:
@@ -110,14 +110,17 @@ class SampleArchive:
                 if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                     raise DamagedInputError(f"{self._name}: {entry} is packed in an unusual way")
                 with self._zip.open(info) as file:
-                    while data := file.read(size - len(rest)):
-                        data = rest + data
-                        end = len(data) // whole * whole
-                        rest = data[end:]
-                        if end:
-                            yield data[:end]
+                    while data := file.read(size - len(held)):
+                        held += data
+                        if len(held) == size:
+                            yield bytes(held)
+                            held.clear()
             except (*_BROKEN, KeyError) as error:
+                if end := len(held) // whole * whole:
+                    yield bytes(held[:end])
                 raise self._damaged(error) from None
+        if end := len(held) // whole * whole:
+            yield bytes(held[:end])
 
     def __enter__(self) -> Self:
         return self

@@ -8,6 +8,7 @@ wrong: chunks are in the order of their numbers, not of their names; a rate may 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS, InputError
@@ -66,14 +67,15 @@ def rate_in(text: str) -> float:
 
 def unlike(names: list[str]) -> list[str]:
     """Return names that are all different: of equal ones all but the first are numbered."""
-    out: list[str] = []
+    out: dict[str, None] = {}
+    met = Counter[str]()
     for name in names:
-        nth, own = 1, name
+        own = name
         while own in out:
-            nth += 1
-            own = f"{name} ({nth})"
-        out.append(own)
-    return out
+            met[name] += 1
+            own = f"{name} ({met[name] + 1})"
+        out[own] = None
+    return list(out)
 
 
 def _device(metadata: str) -> Mapping[str, str]:

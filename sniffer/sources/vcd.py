@@ -8,6 +8,7 @@ on its line, others put each on a line of its own, so words count and lines do n
 from __future__ import annotations
 
 import re
+from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -109,8 +110,8 @@ def _wires(header: str) -> dict[bytes, str]:
             short = match["id"].encode()
             plain.setdefault(short, match["name"])
             full.setdefault(short, ".".join((*scopes, match["name"])))
-    names = list(plain.values())
-    chosen = [plain[i] if names.count(plain[i]) == 1 else full[i] for i in plain]
+    count = Counter(plain.values())
+    chosen = [plain[i] if count[plain[i]] == 1 else full[i] for i in plain]
     return dict(zip(plain, unlike(chosen), strict=True))
 
 
