@@ -44,6 +44,9 @@ SPREAD_NONE: Final = 0.29
 ROUNDED: Final = 0.41
 """Spread that samples alone give a pulse, in samples: both ends are rounded, sqrt(2/12)."""
 
+SPREAD_FAR: Final = 0.2
+"""Spread from which on a length is not tried: such edges lie nearly anywhere."""
+
 COMMON: Final = 0.01
 """Share of the pulses from which on a length is common."""
 
@@ -135,6 +138,8 @@ def bit_time(
         return None
     else:
         bits = list(_candidates(found, SAMPLES_LEAST * 0.8 * sample, glitch))
+    near = [(b, spread) for b, spread in bits if spread - ROUNDED * sample / b < SPREAD_FAR]
+    bits = near or bits
     ways = (True,) if invert else (False, True)
 
     def best(parities: Iterable[str]) -> BitTime | None:

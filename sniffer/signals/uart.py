@@ -1,9 +1,9 @@
 """Edges of one wire -> bytes as a UART reads them.
 
 A falling edge may be a start bit. Which ones are is a chain: the next one lies behind the middle of
-the stop bit. Only that chain is walked one by one, over a list of ready-made jumps. The bits of all
-frames are then read at once, edge by edge instead of bit by bit: an edge toggles every bit whose
-middle lies behind it.
+the stop bit. Only that chain is walked, over ready-made jumps, all runs of bytes at once. The bits
+of all frames are then read together, edge by edge instead of bit by bit: an edge toggles every bit
+whose middle lies behind it.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ DATA_BITS: Final = 8
 NEXT_MOST: Final = 24
 """So many edges behind one another are looked at before they are searched: a line that makes more
 within a byte is no serial one."""
+
+FEW_LEFT: Final = 16
+"""So many runs of bytes are walked one by one: a step in columns costs as much as that."""
 
 NO_PARITY: Final = "N"
 ODD: Final = "O"
@@ -55,6 +58,33 @@ def _first_behind(at: I64, distance: float) -> I64:
             return out
         out[: len(near)] += near
     return np.searchsorted(at, at + distance, "right")
+
+
+def _chain(jump: I64, anchors: I64) -> I64:
+    """Return the places that are met from the first on, when each says which one is next.
+
+    No jump passes over an ``anchor``: it stands behind a pause. So all pauses are left at once, and
+    every step is one for all of them; where few are left, each is walked by itself.
+    """
+    n = len(jump)
+    ends = np.zeros(n + 1, bool)
+    ends[anchors] = ends[n] = True
+    at = np.concatenate([[0], anchors])
+    met = []
+    while len(at) > FEW_LEFT:
+        met.append(at)
+        at = jump[at]
+        at = at[~ends[at]]
+    rest: list[int] = []
+    to = jump.tolist() if len(at) else []
+    for one in at.tolist():
+        place = one
+        while True:
+            rest.append(place)
+            place = to[place]
+            if ends[place]:
+                break
+    return np.sort(np.concatenate([*met, np.array(rest, np.int64)]))
 
 
 class Receiver:
@@ -108,14 +138,9 @@ class Receiver:
         real = low > 0.5 * bit
         # behind a byte the next fall behind the middle of its stop bit; else just the next one
         behind = _first_behind(falls, middle)
-        jump = np.where(real, behind, np.arange(1, len(falls) + 1)).tolist()
+        jump = np.where(real, behind, np.arange(1, len(falls) + 1))
         over = int(np.searchsorted(falls, until - middle, "right"))
-        chain: list[int] = []
-        at, n = 0, len(falls)
-        while at < n:
-            chain.append(at)
-            at = jump[at]
-        row = np.array(chain, np.int64)
+        row = _chain(jump, np.flatnonzero(np.diff(falls) > middle) + 1)
         row = row[real[row]]
         open_at = int(row[-1]) if len(row) and row[-1] >= over else None
         return row[row < over], open_at
