@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.decoding.detect import FEW, Scores
+from sniffer.ground.limits import BUSES_MOST
 from sniffer.ground.model import Direction, InputError
 from sniffer.ground.wording import Sentence, and_, nearly
 from sniffer.protocols import PROTOCOLS
@@ -87,6 +88,8 @@ class Channels:
         self._glitch = None if wiring.glitch_us is None else wiring.glitch_us * 1e3 / given.tick_ns
         self._rates = frozenset(rate for p in PROTOCOLS.candidates() for rate in p.bauds)
         self._channels = _named(given.names, wiring)
+        if len(wiring.channels) > BUSES_MOST:
+            raise InputError(f"{len(wiring.channels)} channels are named: {BUSES_MOST} at most")
         wires = Counter(channel.bus for channel in self._channels.values())
         self._held: dict[str, list[Chunk]] = {bus: [] for bus, n in wires.items() if n > 1}
         for channel in self._channels.values():

@@ -160,7 +160,7 @@ class Source:
         if self._levels is None or not self._levels.is_ahead:
             self.notes.clear()
         if self._levels is not None:
-            yield from self._told(_groups(self._levels.chunks(), lag_s))
+            yield from self._told(self._levels.groups(lag_s))
             return
         with self._opened() as opened:
             yield from self._told(_groups(SOURCES[self.format](opened), lag_s))

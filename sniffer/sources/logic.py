@@ -7,6 +7,8 @@ is handed on first.
 
 from __future__ import annotations
 
+import math
+import time
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
@@ -39,6 +41,9 @@ FORMS: Final[Mapping[str, Callable[[Opened], LogicInput]]] = MappingProxyType(
     }
 )
 """Readers by the name of their form."""
+
+GROUP_MOST: Final = 1 << 14
+"""Chunks of a group, of 16 bytes at most."""
 
 AHEAD_MOST: Final = 1 << 15
 """Chunks that are held while a channel is waited for that says nothing yet."""
@@ -95,20 +100,34 @@ class LogicCapture:
         return self._facts
 
     def chunks(self) -> Iterator[Chunk]:
-        """Yield the chunks of all buses.
+        """Yield the chunks of all buses, as ``groups`` does."""
+        for group in self.groups():
+            yield from group
+
+    def groups(self, lag_s: float = math.inf) -> Iterator[list[Chunk]]:
+        """Yield the chunks of all buses in groups; a slow input is handed on after ``lag_s``.
 
         Raises:
             DamagedInputError: the capture is damaged from there on.
         """
         going, self._going = self._going, None
-        ahead, self._ahead = self._ahead, []
+        group, self._ahead = self._ahead, []
         damage, self._damage = self._damage, None
-        yield from ahead
-        ahead.clear()
-        if damage is not None:
-            raise damage
-        for chunks in going or self._lists():
-            yield from chunks
+        due = time.monotonic() + lag_s
+        try:
+            if damage is not None:
+                raise damage
+            for chunks in going or self._lists():
+                group += chunks
+                if len(group) >= GROUP_MOST or time.monotonic() > due:
+                    yield group
+                    group, due = [], time.monotonic() + lag_s
+        except (DamagedInputError, KeyboardInterrupt):
+            if group:
+                yield group  # what came before it is decoded
+            raise
+        if group:
+            yield group
 
     def close(self) -> None:
         """Let go of a capture whose beginning only was read."""
