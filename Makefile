@@ -27,7 +27,7 @@ QUICK := $(addprefix tests/test_, $(addsuffix .py, architecture detect golden ls
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-quick coverage lint format bench bench-diagnosis bench-live soak rig fuzz schemas wireshark captures golden shell clean
+.PHONY: help demo test test-quick coverage lint format bench bench-diagnosis bench-live bench-signals soak rig fuzz schemas wireshark captures golden shell clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -61,6 +61,9 @@ bench-diagnosis: $(VENV)/.dev ## faults that were built in, and what the diagnos
 
 bench-live: $(VENV)/.dev ## measure recording live: its cost, how late stamps are (6 min)
 	$(BIN)/python -m bench.live_results
+
+bench-signals: $(VENV)/.dev ## levels to bytes, beside sigrok-cli (1 min)
+	$(BIN)/python -m bench.signals
 
 soak: $(VENV)/.dev ## kill 50 recorders, who waits for one, a minute beside its truth, an hour's memory (5 min)
 	$(BIN)/python -m bench.soak

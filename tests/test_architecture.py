@@ -34,7 +34,7 @@ FLOORS: Final = tuple(
 
 FACE: Final = "cli"
 
-CORE: Final = ("ground", "protocols", "diagnostics", "decoding", "diagnosis", "merge")
+CORE: Final = ("ground", "protocols", "diagnostics", "decoding", "diagnosis", "merge", "signals")
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
 
 ONLY: Final[Mapping[str, tuple[str, ...]]] = {

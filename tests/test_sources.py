@@ -255,6 +255,8 @@ READ = {
     "od-Ax-t-x1z.txt": "od",
     "jpnevulator.txt": "jpnevulator",
     "socat-x-v.txt": "socat",
+    "sigrok-csv-dedup.txt": "logic-csv",
+    "wave.sr": "sr",
 }
 REFUSED = {
     "hexdump.txt": "hexdump -C",
@@ -262,10 +264,8 @@ REFUSED = {
     "python-can.csv": "python-can",
     "sigrok-ann-samplenum.txt": "sigrok-cli",
     "sigrok-ann.txt": "sigrok-cli",
-    "sigrok-csv-dedup.txt": "sigrok-cli",
     "sigrok-json.txt": "sigrok-cli",
     "t2p.txt": "text2pcap",
-    "wave.sr": "sigrok session",
 }
 
 

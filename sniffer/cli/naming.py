@@ -9,6 +9,7 @@ from sniffer.ground.wording import spelled
 _OPTIONS: Final = {
     "around_ns": "--around",
     "buses": "--bus",
+    "channels": "--channel NAME",
     "codes": "--code",
     "faults": "--fault",
     "kinds": "--kind",

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from sniffer.cli.profiles import with_profile
+from sniffer.cli.wires import WIRES, wiring_of
 from sniffer.ground.limits import BAUDS, IDS, number_in
 from sniffer.ground.model import InputError
 from sniffer.ground.registers import RegisterMap
@@ -348,6 +350,7 @@ def decoding(command: Command) -> Command:
                 metavar="MS",
                 help="How long the adapter may have held bytes back.",
             ),
+            *WIRES,
             with_profile,
         ),
         _options,
@@ -356,7 +359,8 @@ def decoding(command: Command) -> Command:
 
 def _options(given: dict[str, Any]) -> dict[str, Any]:
     told = {name: given.pop(name) for name in _DECODING if name in given}
-    return {**given, "options": pipeline_options(**told)}
+    wiring = wiring_of(given)
+    return {**given, "options": replace(pipeline_options(**told), wiring=wiring)}
 
 
 _DECODING: Final = ("protocol", "baud", "models", "latency", "tables", "alarms", "names")

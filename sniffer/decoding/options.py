@@ -11,6 +11,7 @@ from sniffer.decoding.pacing import ASSUMED
 from sniffer.diagnostics.alarms import alarm_in, refusal
 from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, OFFSET_END, number_in
 from sniffer.ground.model import InputError, SnifferError
+from sniffer.ground.wiring import Wiring
 from sniffer.ground.wording import Sentence, offered
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
 from sniffer.protocols.registry import AUTO as AUTO
@@ -44,6 +45,7 @@ class Options:
     A protocol is a name, a file that defines one, or the protocol itself; ``"a+b"`` are two that
     share the wire. ``tables`` are models beside those they have, ``alarms`` the user's own rules.
     ``names``, by servo id, are what people call the servos or their joints.
+    ``wiring`` says how the wires of a logic capture are read.
     ``begins``, by bus, is how many bytes of an input are left out: they were heard at other rates.
     """
 
@@ -58,11 +60,17 @@ class Options:
     alarms: tuple[Alarm, ...] = ()
     begins: Mapping[str, int] = field(default_factory=dict)
     names: Mapping[int, str] = field(default_factory=dict)
+    wiring: Wiring = field(default_factory=Wiring)
 
     @property
     def name(self) -> str:
         """Return the name of the protocol of all buses, or ``auto``."""
         return AUTO if self.protocol == AUTO else joined(protocols_named(self.protocol))
+
+    @property
+    def wired(self) -> Wiring:
+        """What is said of the wires of a logic capture, with the rate, where one was stated."""
+        return replace(self.wiring, baud=self.baud)
 
     def check(self, also: Iterable[str | BusProtocol] = ()) -> None:
         """Refuse models, tables and rules that are of no use, before anything is opened for them.

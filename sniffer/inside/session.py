@@ -49,7 +49,7 @@ def look_inside(
     need_terminal(source)
     options = options or Options()
     options.check()
-    with open_source(source, input_format) as opened:
+    with open_source(source, input_format, wiring=options.wired) as opened:
         path = Path(source)
         reading = Reading(opened, options, CaptureIndex(), growing=path if follow else None)
         before = sys.getswitchinterval()

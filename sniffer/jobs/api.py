@@ -11,6 +11,7 @@ from sniffer.ground.limits import BAUDS, whole
 from sniffer.ground.model import Batch, Chunk, DamagedInputError
 from sniffer.ground.needs import need_pyarrow
 from sniffer.ground.registers import RegisterMap
+from sniffer.ground.wiring import Wiring
 from sniffer.sources import MIXED, open_source
 
 if TYPE_CHECKING:
@@ -117,6 +118,9 @@ def decode(
     latency_ns: int | None = None,
     registers: Iterable[str | Path | RegisterMap] = (),
     alarms: Iterable[str] = (),
+    channels: Mapping[str, str] | None = None,
+    invert: bool = False,
+    glitch_us: float | None = None,
 ) -> Capture:
     """Decode a file (or the bytes of one) as a whole.
 
@@ -131,6 +135,11 @@ def decode(
         latency_ns: how long the adapter may have held bytes back.
         registers: register tables of further models, each a TOML file or what one was read into.
         alarms: rules of your own, such as ``"temperature > 70 for 2s"``.
+        channels: which channels of a logic capture are read, each with the bus that it is a wire
+            of, or "" for one of its own; those with serial bytes where None.
+        invert: the lines of a logic capture idle low.
+        glitch_us: pulses of a logic capture that are shorter do not count; those of less than a
+            third of a bit where None.
 
     Raises:
         InputError: the input cannot be read, its protocol cannot be told, or a rule is none.
@@ -139,7 +148,8 @@ def decode(
     if baud is not None:
         baud = whole("baud", baud, *BAUDS)
     keep = _Keep()
-    given = open_source(source, input_format)
+    wiring = Wiring(channels or {}, invert, glitch_us, baud)
+    given = open_source(source, input_format, wiring=wiring)
     tables = tuple(t if isinstance(t, RegisterMap) else RegisterMap.from_toml(t) for t in registers)
     options = Options(
         protocol=protocol,

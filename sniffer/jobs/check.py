@@ -68,7 +68,9 @@ def check(
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
-    with open_source(source, input_format, again=window is not None) as opened:
+    with open_source(
+        source, input_format, again=window is not None, wiring=options.wired
+    ) as opened:
         options = options.with_facts(opened.facts(), opened.tables)
         name = "standard input" if str(source) == "-" else str(source)
         found = hear(opened, options, name=name, tell=tell, patience=patience, window=window)

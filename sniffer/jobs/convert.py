@@ -92,12 +92,12 @@ def convert(
     inputs = [source] if isinstance(source, str | Path) else [*source]
     again = anonymise or (asked is not None and asked.seeks)
     if len(inputs) == 1:
-        opened = open_source(inputs[0], input_format, again=again)
+        opened = open_source(inputs[0], input_format, again=again, wiring=options.wired)
     else:
         from sniffer.sources.several import open_sources
 
         check_outputs([f for p in outputs for f in files_of(p)], [*map(str, inputs)], force=True)
-        opened = open_sources(inputs, input_format)
+        opened = open_sources(inputs, input_format, wiring=options.wired)
     if (part := told_part(opened.facts())) is not None:
         tell.talk(part)
     if anonymise:

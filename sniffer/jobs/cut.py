@@ -68,7 +68,7 @@ def cut(
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
-    with open_source(source, input_format, again=True) as opened:
+    with open_source(source, input_format, again=True, wiring=options.wired) as opened:
         options = options.with_facts(opened.facts(), opened.tables)
         asked = (Extract.of(None, window) or Extract()).sought_in(opened, options)
         part = _found(opened, options, asked, tell)

@@ -135,7 +135,7 @@ def diff(
     try:
         for name, path in zip(A_B, (a, b), strict=True):
             run = RunFigures()
-            with open_source(path, input_format) as opened:
+            with open_source(path, input_format, wiring=options.wired) as opened:
                 own = options.with_facts(opened.facts(), opened.tables)
                 begun = Derived(
                     opened, _from_zero(opened, own, tell), opened.facts(), is_mixed=False

@@ -57,7 +57,7 @@ def explain_at(
     """
     options = options or Options()
     options.check()
-    with open_source(source, input_format) as opened:
+    with open_source(source, input_format, wiring=options.wired) as opened:
         finder = _AtByte(bus, offset)
         pipeline = Pipeline(options.with_facts(opened.facts(), opened.tables), [finder])
         with contextlib.suppress(DamagedInputError):

@@ -109,7 +109,9 @@ def merge(
     with contextlib.ExitStack() as stack:
         inputs = []
         for path in sources:
-            opened = stack.enter_context(open_source(path, input_format, again=True))
+            opened = stack.enter_context(
+                open_source(path, input_format, again=True, wiring=options.wired)
+            )
             own = options.with_facts(opened.facts(), opened.tables)
             inputs.append(_Input(str(path), opened, own, opened.facts(), _times(opened), {}))
         for path, shift in (offsets or {}).items():

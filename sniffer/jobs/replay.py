@@ -178,7 +178,8 @@ def replay(
     ending, played = Ending.DONE, False
     while ending == Ending.DONE and (loop or not played):
         now = again if played else tell
-        opened = open_source(source, input_format, again=asked is not None and asked.seeks)
+        twice = asked is not None and asked.seeks
+        opened = open_source(source, input_format, again=twice, wiring=options.wired)
         facts = opened.facts()
         if (about := told_part(facts)) is not None:
             now.talk(about)

@@ -95,7 +95,7 @@ def report(
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
-    with open_source(source, input_format, again=True) as opened:
+    with open_source(source, input_format, again=True, wiring=options.wired) as opened:
         options = options.with_facts(opened.facts(), opened.tables)
         name = "standard input" if str(source) == "-" else str(source)
         hearing = hear(opened, options, name=name, tell=tell, patience=patience, window=window)

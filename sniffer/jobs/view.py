@@ -55,7 +55,7 @@ def view(
     tell = tell or Teller(lambda line: None, quiet=True)
     asked = Extract.of(selection, window)
     again = asked is not None and asked.seeks
-    with open_source(source, input_format, again=again) as opened:
+    with open_source(source, input_format, again=again, wiring=options.wired) as opened:
         if not web:
             viewer.need_display(source)
         with tempfile.TemporaryDirectory(prefix="sniffer-") as folder:

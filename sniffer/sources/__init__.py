@@ -23,6 +23,7 @@ from sniffer.sources.candump import read_candump
 from sniffer.sources.hexdump import read_hexdump, read_od, read_xxd
 from sniffer.sources.jpnevulator import read_jpnevulator
 from sniffer.sources.jsonl import read_jsonl
+from sniffer.sources.logic_forms import LABELS, ZIPPED
 from sniffer.sources.opening import Origin, Spooled, find
 from sniffer.sources.packed import unpacked
 from sniffer.sources.plain import read_decimal, read_hex
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.ground.registers import RegisterMap
+    from sniffer.ground.wiring import Wiring
+    from sniffer.sources.logic import LogicCapture
 
 __all__ = ["SOURCES", "Source", "open_source"]
 
@@ -73,6 +76,17 @@ def _read_pcap(opened: Opened) -> Iterator[Chunk]:
         raise type(error)(f"{opened.name}: {error}") from None
 
 
+def _levels(form: str) -> Reader:
+    """Return the reader of a form of captures of levels, all of them found from the edges."""
+
+    def read(opened: Opened) -> Iterator[Chunk]:
+        from sniffer.sources.logic import LogicCapture
+
+        return LogicCapture(lambda: contextlib.nullcontext(opened), form).chunks()
+
+    return read
+
+
 SOURCES: Final[Mapping[str, Reader]] = MappingProxyType(
     {
         "bin": read_binary,
@@ -89,10 +103,11 @@ SOURCES: Final[Mapping[str, Reader]] = MappingProxyType(
         "jsonl": read_jsonl,
         "pcap": _read_pcap,
         "mcap": _read_mcap,
+        **{form: _levels(form) for form in LABELS},
     }
 )
 
-_BINARY: Final = frozenset({"bin", "pcap", "mcap"})
+_BINARY: Final = frozenset({"bin", "pcap", "mcap", *LABELS})
 """Formats that are no text: they have no lines."""
 
 MIXED: Final = frozenset({"candump"})
@@ -114,6 +129,7 @@ _LABELS: Final[Mapping[str, str]] = {
     "jsonl": "frames and gaps as this tool writes them to JSON lines",
     "pcap": "a capture of Wireshark's kind (pcap, pcapng)",
     "mcap": "an MCAP recording",
+    **LABELS,
 }
 
 
@@ -128,13 +144,20 @@ class Source:
     should know although nothing is wrong (dumps joined, a last line cut off).
     """
 
-    def __init__(self, origin: Origin, input_format: str, bus: str) -> None:
+    def __init__(
+        self, origin: Origin, input_format: str, bus: str, wiring: Wiring | None = None
+    ) -> None:
         self.format = input_format
         self.name = origin.name
         self.notes: list[str] = []
         self._origin = origin
         self._bus = bus
         self._known: Mapping[str, str] | None = None
+        self._levels: LogicCapture | None = None
+        if input_format in LABELS:
+            from sniffer.sources.logic import LogicCapture
+
+            self._levels = LogicCapture(self._opened, input_format, wiring)
 
     def origin(self, path: str) -> str:
         """Return what a recording of it is to name as its source: the path it was opened by."""
@@ -160,11 +183,19 @@ class Source:
         return f"{self.name}: {self.label}"
 
     def __iter__(self) -> Iterator[list[Chunk]]:
-        self.notes.clear()
-        with self._origin.open() as stream:
-            opened = Opened(stream, self.name, self._origin.path, self._bus, self.notes)
-            lag_s = LAG_S if self._origin.live else math.inf
+        lag_s = LAG_S if self._origin.live else math.inf
+        if self._levels is None or not self._levels.is_ahead:
+            self.notes.clear()
+        if self._levels is not None:
+            yield from self._told(self._levels.groups(lag_s))
+            return
+        with self._opened() as opened:
             yield from self._told(_groups(SOURCES[self.format](opened), lag_s))
+
+    @contextlib.contextmanager
+    def _opened(self) -> Iterator[Opened]:
+        with self._origin.open() as stream:
+            yield Opened(stream, self.name, self._origin.path, self._bus, self.notes)
 
     def _told(self, groups: Iterable[list[Chunk]]) -> Iterator[list[Chunk]]:
         """Add the input's name to what is wrong with it."""
@@ -180,7 +211,12 @@ class Source:
             raise DamagedInputError(f"{self.name}: {error}") from None
 
     def facts(self) -> Mapping[str, str]:
-        """Return what a recording knows about itself: protocol and baud by bus, models."""
+        """Return what a recording knows about itself: protocol and baud by bus, models.
+
+        Of a capture of levels it is what was found from its edges.
+        """
+        if self._levels is not None:
+            return self._levels.facts()
         if self.format == "pcap":
             return self._facts_of_pcap()
         if self.format != "mcap" or self._origin.path is None:
@@ -209,7 +245,13 @@ class Source:
         return source.tables(self._origin.path)
 
     def rehearse(self) -> None:
-        """Read the head only, so that a mistake in the first lines shows before any output."""
+        """Read the head only, so that a mistake in the first lines shows before any output.
+
+        A capture of levels is read until its channels are known.
+        """
+        if self._levels is not None:
+            self._levels.settle()
+            return
         head = self._origin.head
         if len(head) >= HEAD and self.format not in _BINARY:
             head = head[: head.rfind(b"\n") + 1]
@@ -219,6 +261,8 @@ class Source:
 
     def close(self) -> None:
         """Release an input that is not read to its end."""
+        if self._levels is not None:
+            self._levels.close()
         self._origin.close()
 
     def __enter__(self) -> Source:
@@ -265,12 +309,14 @@ def open_source(
     bus: str = "bus0",
     radix: str = "hex",
     again: bool = False,
+    wiring: Wiring | None = None,
 ) -> Source:
     """Open a capture; ``"-"`` is standard input, bytes are a file's content themselves.
 
     ``bus`` names the bus where the input does not; ``radix`` ("hex" or "decimal") is that of a
-    plain list of numbers. ``again``: it will be read more than once; what cannot be (a pipe) is
-    kept in a temporary file. Raises InputError with what to do instead, in one line.
+    plain list of numbers; ``wiring`` says how a capture of levels is to be read. ``again``: it will
+    be read more than once; what cannot be (a pipe) is kept in a temporary file. Raises InputError
+    with what to do instead, in one line.
     """
     if input_format != "auto" and input_format not in SOURCES:
         known = offered(str(input_format), ("auto", *SOURCES))
@@ -282,9 +328,10 @@ def open_source(
         if input_format != "bin":  # raw bytes are what somebody says they are
             origin = unpacked(origin)
         chosen = _chosen(origin, input_format, decimal=radix == "decimal")
-        if (again and origin.live) or (chosen == "mcap" and origin.path is None):
-            origin = Spooled(origin)  # a recording is read by its index, here and there
-        source = Source(origin, chosen, bus)
+        by_index = chosen in ("mcap", *ZIPPED)  # read here and there
+        if (again and origin.live) or (by_index and origin.path is None):
+            origin = Spooled(origin)
+        source = Source(origin, chosen, bus, wiring)
         if chosen not in ("bin", "mcap"):
             source.rehearse()
     except BaseException:

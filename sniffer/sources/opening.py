@@ -12,6 +12,7 @@ import os
 import select
 import stat
 import sys
+import weakref
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final, Protocol
 
@@ -171,6 +172,7 @@ class Spooled(File):
             raise
         super().__init__(Path(self._file.name))
         self.name = origin.name
+        weakref.finalize(self, self._file.close)  # who only looks at it does not close it
 
     def close(self) -> None:
         """Remove the temporary file."""

@@ -15,6 +15,7 @@ from sniffer.ground.patterns import later
 from sniffer.ground.wording import Sentence
 from sniffer.sources import candump, jsonl
 from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, DumpLine, bytes_in, counted, tidy
+from sniffer.sources.logic_forms import logic_form
 from sniffer.sources.plain import BadLineError, bare, decimal_line, hex_line, share_of_hex
 from sniffer.sources.refusals import (
     refuse_binary,
@@ -65,9 +66,11 @@ def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
         return "mcap"
     if _is_pcap(head):
         return "pcap"
+    text = head.removeprefix(UTF8_BOM)
+    if found := logic_form(text, suffix):
+        return found
     refuse_binary(head)
     refuse_utf16(head)
-    text = head.removeprefix(UTF8_BOM)
     if _is_lss(text):
         return "bin"
     lines = _lines(text)

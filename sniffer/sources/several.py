@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import Chunk
     from sniffer.ground.registers import RegisterMap
+    from sniffer.ground.wiring import Wiring
 
 _AGREED = ("protocol.", "baud.", "model")
 """Facts that must be the same in all of them, or be said in one only."""
@@ -84,7 +85,9 @@ class SeveralSources(Source):
             part.close()
 
 
-def open_sources(paths: Sequence[str | Path], input_format: str = "auto") -> Source:
+def open_sources(
+    paths: Sequence[str | Path], input_format: str = "auto", *, wiring: Wiring | None = None
+) -> Source:
     """Open several inputs as one.
 
     Raises:
@@ -99,7 +102,7 @@ def open_sources(paths: Sequence[str | Path], input_format: str = "auto") -> Sou
     parts: list[Source] = []
     try:
         # their beginnings are looked at before they are read: a pipe is kept
-        parts += (open_source(path, input_format, again=True) for path in paths)
+        parts += (open_source(path, input_format, again=True, wiring=wiring) for path in paths)
         return SeveralSources(parts)
     except BaseException:
         for part in parts:

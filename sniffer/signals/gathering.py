@@ -1,0 +1,108 @@
+"""One channel of a capture: gathered until it is known how to read it, then read."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from sniffer.ground.model import Direction
+from sniffer.signals.chunking import Chunker
+from sniffer.signals.glitches import SHORTEST, GlitchFilter
+from sniffer.signals.rates import BitTime, WireEdges
+from sniffer.signals.uart import Receiver
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import I64, Chunk
+    from sniffer.signals.stretch import LogicInput
+
+
+class ChannelVerdict(NamedTuple):
+    """What is to be thought of a channel; ``why`` it cannot be read, where it cannot.
+
+    ``is_explained``: a protocol knows what its bytes say. ``is_plausible``: it looks like serial.
+    """
+
+    told: BitTime | None
+    is_explained: bool = False
+    is_plausible: bool = False
+    why: str = ""
+
+
+class SignalChannel:
+    """A channel by its name, and the bus that its bytes are of; ``is_asked``: somebody named it."""
+
+    def __init__(self, name: str, bus: str, *, is_asked: bool) -> None:
+        self.name, self.bus, self.is_asked = name, bus, is_asked
+        self.direction = Direction.UNKNOWN
+        self.verdict: ChannelVerdict | None = None
+        self.is_left_out = False
+        self.count = 0
+        """Edges that were gathered."""
+        self._machine: tuple[GlitchFilter, Receiver, Chunker] | None = None
+        self._level = 1
+        self._is_open_ended = False
+        self._edges: list[I64] = []
+        self._until = 0
+
+    @property
+    def is_read(self) -> bool:
+        """Whether its bytes are handed on."""
+        return self._machine is not None
+
+    @property
+    def short_pulses(self) -> int:
+        """How many pulses were too short for a bit."""
+        return self._machine[0].removed if self._machine is not None else 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is still to be found out what it is."""
+        return not self.is_read and not self.is_left_out
+
+    @property
+    def horizon(self) -> int:
+        """No byte that is still to come begins before this tick."""
+        if self._machine is not None:
+            return self._machine[1].horizon
+        return int(self._edges[0][0]) if self._edges else self._until + 1
+
+    def gather(self, level: int, edges: I64, until: int) -> None:
+        """Keep what it says."""
+        if not self.count:
+            self._level = level
+        if len(edges):
+            self._edges.append(edges)
+            self.count += len(edges)
+        self._until = until
+
+    def found(self) -> WireEdges:
+        """Return what was gathered."""
+        edges = np.concatenate(self._edges) if self._edges else np.empty(0, np.int64)
+        return WireEdges(self._level, edges, self._until)
+
+    def drop(self) -> None:
+        """Read no more of it."""
+        self.is_left_out = True
+        self._edges.clear()
+
+    def begin(
+        self, told: BitTime, given: LogicInput, glitch: float | None, *, last: bool
+    ) -> list[Chunk]:
+        """Read it, from what was gathered on; return what is complete."""
+        found = self.found()
+        self._edges.clear()
+        self._is_open_ended = given.is_open_ended
+        self._machine = (
+            GlitchFilter(SHORTEST * told.bit if glitch is None else glitch),
+            Receiver(told.bit, found.level, invert=told.invert, parity=told.parity),
+            Chunker(told, given, self.bus, self.direction),
+        )
+        return self.read(found.edges, found.until, last=last)
+
+    def read(self, edges: I64, until: int, *, last: bool) -> list[Chunk]:
+        """Return what is complete of what is read."""
+        assert self._machine is not None, "begin comes first"
+        glitches, receiver, chunker = self._machine
+        edges, until = glitches.take(edges, until, last=last)
+        return chunker.chunks(receiver.take(edges, until, stays=last and self._is_open_ended))

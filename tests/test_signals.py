@@ -1,0 +1,226 @@
+"""Edges -> bytes: what is said on a wire is found, whatever its rate, polarity and clock are."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from sniffer.ground.model import NS, Clock, MarkKind
+from sniffer.protocols import PROTOCOLS
+from sniffer.signals.chunking import Chunker
+from sniffer.signals.glitches import GlitchFilter
+from sniffer.signals.rates import (
+    BitTime,
+    WireEdges,
+    bit_time,
+    received,
+    snapped,
+)
+from sniffer.signals.stretch import LogicInput, Sampler
+from sniffer.signals.uart import BREAK, FRAMING, PARITY, Receiver
+from tests.waves import Wire, edges_of, sampled, spoken
+
+RATES: Final = frozenset(rate for p in PROTOCOLS.values() for rate in p.bauds)
+
+TALK: Final = {
+    "mightyzap": bytes.fromhex("FFFFFF0104F28C027A FFFFFF010400FF07F4 FFFFFF0102F10B"),
+    "lss": b"#5QD\r*5QD1443\r#5Q\r",
+    "wck": bytes.fromhex("FF8100015A FF1E0000 5A3C FFE11E7E"),
+    "rs30x": bytes.fromhex("FAAF01001E020184039B FAAF010F2A020026 FDDF01002A02018303A8"),
+}
+
+
+def seen(wire: Wire, rate: float, *, invert: bool = False) -> WireEdges:
+    levels = sampled(wire, rate, invert=invert)
+    return WireEdges(int(levels[0]), edges_of(levels), len(levels) - 1)
+
+
+def told(baud: int, rate: float, *, invert: bool = False, parity: str = "N") -> BitTime:
+    return BitTime(rate / baud, baud, baud, 1.0, 0.0, 0, invert, parity)
+
+
+def values(found: WireEdges, how: BitTime) -> bytes:
+    return received(found, how).value.tobytes()
+
+
+@given(
+    name=st.sampled_from(sorted(TALK)),
+    baud=st.sampled_from(sorted(RATES)),
+    samples=st.sampled_from([3.1, 4.0, 5.3, 8.0, 8.68, 17.3, 50.0]),
+    off=st.sampled_from([-0.02, -0.01, 0.0, 0.01, 0.02]),
+    invert=st.booleans(),
+    pause=st.sampled_from([0.0, 3.0, 40.0]),
+)
+def test_rate_and_polarity_are_found_of_all_that_is_spoken_at_all_rates(
+    name: str, baud: int, samples: float, off: float, invert: bool, pause: float
+) -> None:
+    data = TALK[name] * 3
+    rate = round(baud * samples)
+    found = seen(spoken(data, baud * (1 + off), pause_bits=pause), rate, invert=invert)
+    how = bit_time(found, NS / rate, sample=1, preferred=RATES)
+    assert how is not None
+    assert (how.baud, how.invert, how.parity) == (baud, invert, "N")
+    assert values(found, how) == data
+
+
+@given(
+    data=st.binary(min_size=1, max_size=60),
+    cuts=st.lists(st.integers(0, 8000), max_size=12),
+    every=st.integers(1, 9),
+    glitches=st.lists(st.integers(0, 7000), max_size=8),
+)
+def test_however_a_capture_is_cut_its_bytes_are_the_same(
+    data: bytes, cuts: list[int], every: int, glitches: list[int]
+) -> None:
+    levels = sampled(spoken(data, 10_000, every=every, pause_bits=7), 100_000)
+    for at in glitches:
+        if at < len(levels):
+            levels[at] ^= 1
+    edges, end = edges_of(levels), len(levels) - 1
+
+    def read(bounds: list[int]) -> list[tuple[int, int, int]]:
+        filtered, receiver = GlitchFilter(3.0), Receiver(10.0, int(levels[0]))
+        out = []
+        for before, until in zip([-1, *bounds], [*bounds, end], strict=True):
+            part = edges[(edges > before) & (edges <= until)]
+            got = receiver.take(*filtered.take(part, until, last=until == end))
+            assert all(start < receiver.horizon for start in got.start)
+            out += list(zip(*(column.tolist() for column in got), strict=True))
+        return out
+
+    assert read(sorted(c for c in cuts if c < end)) == read([])
+
+
+@given(st.lists(st.integers(0, 255), min_size=1, max_size=300), st.integers(1, 9), st.data())
+def test_samples_are_edges_however_wide_they_are_and_wherever_they_are_cut(
+    samples: list[int], size: int, data: st.DataObject
+) -> None:
+    bit = data.draw(st.integers(0, 8 * size - 1))
+    rows = np.zeros((len(samples), size), np.uint8)
+    rows[:, bit >> 3] = samples
+    cut = data.draw(st.integers(0, len(samples)))
+    sampler = Sampler([bit], size)
+    parts = [sampler.take(rows[:cut].tobytes()), sampler.take(rows[cut:].tobytes())]
+    levels = (rows[:, bit >> 3] >> (bit & 7) & 1).astype(np.uint8)
+    there = [part for part in parts if part is not None]
+    assert there[0].levels == [levels[0]]
+    got = np.concatenate([part.edges[0] for part in there])
+    assert got.tolist() == edges_of(levels).tolist()
+    assert there[-1].until == len(samples) - 1
+
+
+def test_line_errors_stand_at_their_bytes() -> None:
+    wire = Wire(0.01)
+    wire.say(b"\x12\x34", 9600, wrong="stop", after=0.01)
+    wire.low(30 / 9600, after=0.01)
+    wire.say(b"\x56", 9600, after=0.01)
+    wire.now += 0.01
+    got = received(seen(wire, 96_000), told(9600, 96_000))
+    assert got.value.tobytes() == b"\x12\x34\x00\x56"
+    assert got.flags.tolist() == [0, FRAMING, BREAK, 0]
+
+
+@pytest.mark.parametrize("parity", ["E", "O"])
+def test_a_parity_bit_is_found_and_a_wrong_one_told(parity: str) -> None:
+    wire = Wire(0.001)
+    for _ in range(9):
+        wire.say(TALK["mightyzap"], 57600, parity=parity, after=0.001)
+    wire.say(b"\xff\xff\x01", 57600, parity=parity, wrong="parity", after=0.001)
+    wire.now += 0.001
+    found = seen(wire, 1_000_000)
+    how = bit_time(found, 1000, sample=1, preferred=RATES)
+    assert how is not None
+    assert (how.baud, how.parity) == (57600, parity)
+    got = received(found, how)
+    assert got.value.tobytes() == TALK["mightyzap"] * 9 + b"\xff\xff\x01"
+    assert got.flags.tolist() == [0] * (len(got.value) - 1) + [PARITY]
+
+
+def test_pulses_of_less_than_a_third_of_a_bit_do_not_count() -> None:
+    data = TALK["rs30x"]
+    levels = sampled(spoken(data, 100_000), 2_000_000)
+    rng = np.random.default_rng(7)
+    for at in rng.choice(len(levels) - 10, 40, replace=False).tolist():
+        levels[at : at + 3] ^= 1
+    found = WireEdges(int(levels[0]), edges_of(levels), len(levels) - 1)
+    how = bit_time(found, 500, sample=1, preferred=RATES)
+    assert how is not None
+    assert how.baud == 100_000
+    assert values(found, how) == data
+    assert received(found, how, glitch=0).value.tobytes() != data
+
+
+@example([0, 3, 4, 5], 9)  # the last pulse is short, and its end unknown
+@given(st.lists(st.integers(0, 400), unique=True, max_size=40), st.integers(1, 9))
+def test_the_glitch_filter_leaves_levels_that_last_and_no_short_ones(
+    at: list[int], shortest: int
+) -> None:
+    edges = np.array(sorted(at), np.int64)
+    kept, _ = GlitchFilter(shortest).take(edges, 500, last=True)
+    assert (len(edges) - len(kept)) % 2 == 0
+    # before and behind what lasts, the level is as it was
+    bounds = np.concatenate([[-1000], edges, [1000]])
+    for a, b in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
+        if b - a >= shortest:
+            middle = (a + b) / 2
+            assert np.count_nonzero(edges < middle) % 2 == np.count_nonzero(kept < middle) % 2
+
+
+@pytest.mark.parametrize(
+    ("measured", "meant"),
+    [(58_700, 57_600), (253_000, 250_000), (31_250, 31_250), (62_000, 62_500)],
+)
+def test_a_measured_rate_is_taken_for_a_usual_one_near_it(measured: float, meant: int) -> None:
+    assert snapped(measured, RATES) == meant
+
+
+def test_f0_alone_is_read_at_a_rate_that_servos_have() -> None:
+    found = seen(spoken(b"\xf0" * 30, 115_200), 2_000_000)
+    how = bit_time(found, 500, sample=1, preferred=RATES)
+    assert how is not None
+    assert how.baud == 115_200
+
+
+@given(
+    off=st.floats(-0.019, 0.019),
+    stops=st.sampled_from([0.0, 0.04, 0.5, 1.0, 2.0]),
+    data=st.binary(min_size=1, max_size=60),
+)
+def test_chunks_state_no_more_than_the_edges_tell(off: float, stops: float, data: bytes) -> None:
+    baud, rate = 57_600, 8_000_000
+    wire = Wire(0.001)
+    for byte in data:
+        wire.say(bytes([byte]), baud * (1 + off), after=stops / baud)
+    wire.now += 0.001
+    how = told(baud, rate)._replace(bit=rate / baud / (1 + off))
+    got = received(seen(wire, rate), how)
+    chunks = Chunker(how, LogicInput([], NS / rate, 1, iter(())), "bus0").chunks(got)
+    assert b"".join(chunk.data for chunk in chunks) == data
+    assert {chunk.clock for chunk in chunks} == {Clock.SAMPLE}
+    byte_ns, sample_ns, at = 10 * NS / baud, NS / rate, 0
+    for chunk in chunks:
+        assert chunk.t_ns is not None
+        for back in range(len(chunk.data), 0, -1):
+            laid = chunk.t_ns - back * byte_ns
+            # what is stated of such a byte: 2 % of those that are laid out, and a sample
+            assert abs(laid - wire.starts[at] * NS) <= 0.02 * back * byte_ns + sample_ns + 1
+            at += 1
+    first = chunks[0]
+    assert abs((first.t_ns or 0) - byte_ns - wire.starts[0] * NS) <= sample_ns + 1
+
+
+def test_errors_become_marks_of_their_chunks() -> None:
+    wire = Wire(0.01)
+    wire.say(b"\x12\x34", 9600, wrong="stop", after=0.01)
+    wire.now += 0.01
+    how = told(9600, 96_000)
+    got = received(seen(wire, 96_000), how)
+    chunks = Chunker(how, LogicInput([], NS / 96_000, 1, iter(())), "bus0").chunks(got)
+    assert [(c.data, [(m.kind, m.start, m.length) for m in c.marks]) for c in chunks] == [
+        (b"\x12", []),
+        (b"\x34", [(MarkKind.FRAMING, 0, 1)]),
+    ]
