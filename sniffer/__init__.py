@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from sniffer.jobs.discover import Discovered, discover
     from sniffer.jobs.files import Files, Flight
     from sniffer.jobs.merge import merge
-    from sniffer.jobs.outputs import Wide
+    from sniffer.jobs.outputs import Contents, Wide
     from sniffer.jobs.query import Answer, query
     from sniffer.jobs.record import Recorded, Shown, record
     from sniffer.jobs.replay import replay
@@ -66,6 +66,7 @@ __all__ = [
     "Chunk",
     "Clock",
     "Compared",
+    "Contents",
     "Converted",
     "DamagedInputError",
     "Decoder",
@@ -136,7 +137,7 @@ _ROOMS: Final = {
     "jobs.cut": ("cut",),
     "jobs.diff": ("Compared", "diff"),
     "jobs.merge": ("merge",),
-    "jobs.outputs": ("Wide",),
+    "jobs.outputs": ("Contents", "Wide"),
     "jobs.diagnose": ("Diagnosed", "diagnose"),
     "jobs.replay": ("replay",),
     "selection.places": ("Window",),

@@ -6,14 +6,16 @@ from pathlib import Path
 
 import click
 
+from sniffer.cli.amounts import topics as topics_of
 from sniffer.cli.options import decoding, examples, files_here, with_alarms, with_force
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say, wrote
 from sniffer.decoding.options import Options
 from sniffer.jobs.convert import convert as made
-from sniffer.jobs.outputs import Wide
+from sniffer.jobs.outputs import Contents, Wide
 from sniffer.jobs.telling import Teller
+from sniffer.sinks import RECORDING
 
 
 @click.command(
@@ -22,6 +24,7 @@ from sniffer.jobs.telling import Teller
         "sniffer convert run.mcap run.log",
         "sniffer convert capture.log capture.mcap capture.rrd",
         "sniffer convert run.mcap wide.csv --wide --hold",
+        "sniffer convert run.mcap plot.mcap --topics flat",
         "sniffer convert run.mcap shared.mcap --anonymise",
     ),
 )
@@ -39,6 +42,11 @@ from sniffer.jobs.telling import Teller
 )
 @click.option("--hold", is_flag=True, help="With --wide: a blank repeats the last value.")
 @click.option(
+    "--topics", callback=topics_of, metavar="TOPIC,...",
+    help="What an .mcap has beside the raw bytes, as in `sniffer record`; flat: a topic for each "
+    "quantity of a servo, for plots that take what was not said for 0.",
+)  # fmt: skip
+@click.option(
     "--anonymise",
     is_flag=True,
     help="Times count from zero; names, ports and serial numbers are left out.",
@@ -52,6 +60,7 @@ def convert(
     input_format: str,
     wide: bool,
     hold: bool,
+    topics: tuple[str, ...] | None,
     anonymise: bool,
     force: bool,
     quiet: bool,
@@ -66,6 +75,8 @@ def convert(
         raise click.UsageError("--hold goes with --wide")
     if wide and not any(out.suffix.lower() in (".csv", ".parquet") for out in outputs):
         raise click.UsageError("--wide is about tables: name a .csv or a .parquet")
+    if topics is not None and not any(out.suffix.lower() == RECORDING for out in outputs):
+        raise click.UsageError("--topics is about a recording: name an .mcap")
     tell = Teller(say, quiet=quiet)
     with patient() as patience:
         done = made(
@@ -75,6 +86,7 @@ def convert(
             input_format=input_format,
             overwrite=force,
             wide=Wide(hold) if wide else None,
+            contents=None if topics is None else Contents(topics),
             anonymise=anonymise,
             patience=patience,
             tell=tell,

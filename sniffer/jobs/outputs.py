@@ -25,7 +25,7 @@ from sniffer.ground.files import (
 from sniffer.ground.model import OutputError
 from sniffer.ground.wording import and_
 from sniffer.messages import OFFSET, TOOL
-from sniffer.sinks import BYTES, open_sink, suffix_known
+from sniffer.sinks import BYTES, RECORDING, open_sink, suffix_known
 from sniffer.sinks.raw import RAW_FILES
 
 if TYPE_CHECKING:
@@ -115,6 +115,13 @@ class Wide:
     hold: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """What a recording has beside the raw bytes: ``topics`` as ``McapSink`` takes them."""
+
+    topics: Sequence[str] | None = None
+
+
 def open_outputs(
     paths: Sequence[Path], facts: Mapping[str, str], source: str, *, force: bool
 ) -> list[Sink]:
@@ -131,6 +138,7 @@ def open_all(
     *,
     force: bool,
     wide: Wide | None = None,
+    contents: Contents | None = None,
 ) -> tuple[list[Sink], list[RawFile]]:
     """Open the outputs; return those of what is decoded, and those of the bytes themselves.
 
@@ -155,6 +163,10 @@ def open_all(
                 from sniffer.sinks.wide import WideSink
 
                 out[nth] = WideSink(paths[nth], hold=wide.hold)
+            elif contents is not None and suffixes[nth] == RECORDING:
+                from sniffer.mcapfile.sink import McapSink
+
+                out[nth] = McapSink(paths[nth], facts, topics=contents.topics)
             else:
                 out[nth] = open_sink(paths[nth], facts)
     except BaseException:

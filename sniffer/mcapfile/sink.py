@@ -39,7 +39,19 @@ from sniffer.mcapfile.incidents import message_of
 from sniffer.mcapfile.messages import BusWriter
 from sniffer.mcapfile.queue import Queue
 from sniffer.mcapfile.raw import RawEncoder
-from sniffer.messages import BULK, BUS, END, INCIDENTS, OFFSET, SESSION, SHOWN, TABLES, TOOL, TOPICS
+from sniffer.messages import (
+    BULK,
+    BUS,
+    CHOICES,
+    END,
+    FLAT,
+    INCIDENTS,
+    OFFSET,
+    SESSION,
+    SHOWN,
+    TABLES,
+    TOOL,
+)
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -79,7 +91,7 @@ class McapSink:
         overwrite: whether a file that is there may be replaced.
         live: whether the caller flushes often, and nothing is written between.
         durable: whether the disk is waited for with each flush, against a power failure.
-        topics: which of ``TOPICS`` are written, None for all; ``raw`` always is.
+        topics: which of ``CHOICES`` are written, None for ``TOPICS``; ``raw`` always is.
         starts: stream offset of the first byte by bus, where that is not 0.
 
     Raises:
@@ -100,7 +112,7 @@ class McapSink:
     ) -> None:
         begin = {f"{OFFSET}.{bus}": str(at) for bus, at in (starts or {}).items()}
         if topics is not None:
-            begin["topics"] = ",".join(t for t in TOPICS if t == "raw" or t in topics)
+            begin["topics"] = ",".join(t for t in CHOICES if t == "raw" or t in topics)
         self._session = {_told(k): _told(v) for k, v in {**session, **begin}.items()}
         self._flush_ns = flush_ns
         self._live = live
@@ -311,7 +323,7 @@ class McapSink:
         if final or time.monotonic_ns() - self._encoded_at >= self._flush_ns:
             self._encode(final=final)
             self._write_all(self._queue.lots(BULK), indexed=False)
-            self._write_all(self._queue.lots(SHOWN), indexed=True)
+            self._write_all(self._queue.lots((*SHOWN, FLAT)), indexed=True)
         self._file.sync()
 
     def _flush(self, until: int | None) -> None:
