@@ -60,9 +60,10 @@ def told(path: Path) -> dict[str, list[float]]:
             if field is not None:
                 topic = f"/{row.bus}/servo/{row.servo_id}/{field}/value"
                 out.setdefault(topic, []).append(row.value)
-        elif isinstance(row, TransactionRow) and row.outcome == "ok" and row.response_time_ns:
-            topic = f"/{row.bus}/servo/{row.servo_id}/response_time_ms/value"
-            out.setdefault(topic, []).append(row.response_time_ns / 1e6)
+        elif isinstance(row, TransactionRow) and row.outcome == "ok":
+            if row.response_time_ns is not None:
+                topic = f"/{row.bus}/servo/{row.servo_id}/response_time_ms/value"
+                out.setdefault(topic, []).append(row.response_time_ns / 1e6)
     return out
 
 
@@ -106,9 +107,9 @@ def test_a_live_recording_of_single_values_that_is_cut_has_all_of_them_again(
 ) -> None:
     sent = talk("mightyzap", 2.0)
     whole, cut, anew = (tmp_path / f"{name}.mcap" for name in ("whole", "cut", "anew"))
-    live(whole, sent, flush_ns=0, topics=["flat"]).close()
-    data = whole.read_bytes()
-    rng = random.Random(3)
+    sink = live(whole, sent, flush_ns=0, topics=["flat"])
+    data, rng = whole.read_bytes(), random.Random(3)
+    sink.close()
     made = 0
     for _ in range(2):
         cut.write_bytes(data[: rng.randrange(len(data) // 2, len(data) * 9 // 10)])

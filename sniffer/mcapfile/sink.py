@@ -22,6 +22,7 @@ all of them are decoded.
 from __future__ import annotations
 
 import contextlib
+import json
 import time
 from typing import TYPE_CHECKING, Final
 
@@ -30,15 +31,18 @@ from mcap.records import Attachment
 
 from sniffer import __version__
 from sniffer.decoding.names import joined
+from sniffer.decoding.options import names_in
 from sniffer.ground.limits import BAUDS, number_in
 from sniffer.ground.model import NS, OutputError
 from sniffer.ground.registers import schema_path
 from sniffer.mcapfile.container import Container
 from sniffer.mcapfile.encoder import Heads, Loose
 from sniffer.mcapfile.incidents import message_of
+from sniffer.mcapfile.layout import ATTACHED, layout
 from sniffer.mcapfile.messages import BusWriter
 from sniffer.mcapfile.queue import Queue
 from sniffer.mcapfile.raw import RawEncoder
+from sniffer.mcapfile.states import kind_of
 from sniffer.messages import (
     BULK,
     BUS,
@@ -199,6 +203,7 @@ class McapSink:
                 else:
                     self._encode(final=True)
                     self._flush(None)
+                self._attach_layout()
                 if end:
                     self._file.metadata(END, {_told(k): v for k, v in end.items()})
                 yield from self._file.finishing()
@@ -279,6 +284,16 @@ class McapSink:
         if name not in self._attached:
             self._attached.add(name)
             self._file.attach(Attachment(0, self._file.last, name, media_type, data))
+
+    def _attach_layout(self) -> None:
+        """Attach the panels that viewers have something to show in."""
+        shown = SHOWN if self._live else CHOICES  # what is not indexed is not looked up
+        topics = [t for t in self._file.topics().values() if kind_of(t) in (*shown, FLAT)]
+        fields = {t: names for b in self._buses.values() for t, names in b.fields().items()}
+        made = layout(topics, fields, names_in(self._session))
+        if made is not None:
+            data = json.dumps(made, indent=1).encode()
+            self._attach(ATTACHED, "application/json", data)
 
     def _wait(self) -> None:
         if self._since is None:

@@ -14,7 +14,7 @@ from sniffer.ground.codes import OK
 from sniffer.ground.distinct import distinct
 from sniffer.mcapfile.encoder import Encoder, Heads
 from sniffer.mcapfile.fields import FIRST_VALUE, state_field
-from sniffer.messages import CHOICES, FLAT
+from sniffer.messages import CHOICES, FLAT, TOPICS
 from sniffer.messages.servo_state_pb2 import Quantity, ServoState
 
 if TYPE_CHECKING:
@@ -98,7 +98,9 @@ class States:
         v = batch.values
         field = self._field_of[v.register]
         mine = np.flatnonzero(v.accepted & (field >= 0) & ~np.isnan(v.value))
-        return KnownValues(v.row[mine], v.servo_id[mine], field[mine], v.value[mine])
+        return KnownValues(
+            v.row[mine], v.servo_id[mine].astype(np.int64), field[mine], v.value[mine]
+        )
 
     def _write_states(self, batch: Batch, told: KnownValues, log: I64, publish: I64) -> None:
         if not len(told.row):
@@ -173,6 +175,13 @@ class States:
 def flat_name(field: str) -> str:
     """Return the last part of the topic of a field's values, which is no other topic's."""
     return f"{field}_" if field in CHOICES else field
+
+
+def kind_of(topic: str) -> str:
+    """Return the last part of a topic, or what single values of servos are."""
+    before, _, last = topic.rpartition("/")
+    is_servos = before.rpartition("/")[0].endswith("/servo")
+    return FLAT if is_servos and last not in TOPICS else last
 
 
 def _who(servo: int) -> str:

@@ -23,6 +23,7 @@ from sniffer.mcapfile.messages import BusWriter
 from sniffer.mcapfile.queue import Queue
 from sniffer.mcapfile.sink import attached_tables, facts_of
 from sniffer.mcapfile.source import groups, session
+from sniffer.mcapfile.states import kind_of
 from sniffer.messages import BULK, BUS, FLAT, OFFSET, SHOWN, TOPICS
 from sniffer.messages.log_pb2 import Log
 from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, Stats, Transaction
@@ -224,13 +225,6 @@ class _Rest:
             place = _place(message)
             out[i] = not is_there and (place > offset if place >= 0 else log > until)
         return out
-
-
-def kind_of(topic: str) -> str:
-    """Return the last part of a topic, or what single values of servos are."""
-    before, _, last = topic.rpartition("/")
-    is_servos = before.rpartition("/")[0].endswith("/servo")
-    return FLAT if is_servos and last not in TOPICS else last
 
 
 def _derived(topic: str) -> bool:
