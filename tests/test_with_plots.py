@@ -60,10 +60,9 @@ def told(path: Path) -> dict[str, list[float]]:
             if field is not None:
                 topic = f"/{row.bus}/servo/{row.servo_id}/{field}/value"
                 out.setdefault(topic, []).append(row.value)
-        elif isinstance(row, TransactionRow) and row.outcome == "ok":
-            if row.response_time_ns is not None:
-                topic = f"/{row.bus}/servo/{row.servo_id}/response_time_ms/value"
-                out.setdefault(topic, []).append(row.response_time_ns / 1e6)
+        elif isinstance(row, TransactionRow) and row.response_time_ns is not None:
+            topic = f"/{row.bus}/servo/{row.servo_id}/response_time_ms/value"
+            out.setdefault(topic, []).extend([row.response_time_ns / 1e6] * (row.outcome == "ok"))
     return out
 
 

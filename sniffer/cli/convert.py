@@ -15,6 +15,7 @@ from sniffer.decoding.options import Options
 from sniffer.jobs.convert import convert as made
 from sniffer.jobs.outputs import Contents, Wide
 from sniffer.jobs.telling import Teller
+from sniffer.mcapfile.joints import read_joints
 from sniffer.sinks import RECORDING
 
 
@@ -25,6 +26,7 @@ from sniffer.sinks import RECORDING
         "sniffer convert capture.log capture.mcap capture.rrd",
         "sniffer convert run.mcap wide.csv --wide --hold",
         "sniffer convert run.mcap plot.mcap --topics flat",
+        "sniffer convert run.mcap ros.mcap --ros2 --joints joints.toml",
         "sniffer convert run.mcap shared.mcap --anonymise",
     ),
 )
@@ -47,6 +49,14 @@ from sniffer.sinks import RECORDING
     "quantity of a servo, for plots that take what was not said for 0.",
 )  # fmt: skip
 @click.option(
+    "--ros2", is_flag=True,
+    help="An .mcap has /joint_states (sensor_msgs) and /diagnostics (diagnostic_msgs), too.",
+)  # fmt: skip
+@click.option(
+    "--joints", "joints_file", type=click.Path(path_type=Path), metavar="FILE.toml",
+    help="With --ros2: which servos are which joints, and how they become radians or metres.",
+)  # fmt: skip
+@click.option(
     "--anonymise",
     is_flag=True,
     help="Times count from zero; names, ports and serial numbers are left out.",
@@ -61,6 +71,8 @@ def convert(
     wide: bool,
     hold: bool,
     topics: tuple[str, ...] | None,
+    ros2: bool,
+    joints_file: Path | None,
     anonymise: bool,
     force: bool,
     quiet: bool,
@@ -77,6 +89,11 @@ def convert(
         raise click.UsageError("--wide is about tables: name a .csv or a .parquet")
     if topics is not None and not any(out.suffix.lower() == RECORDING for out in outputs):
         raise click.UsageError("--topics is about a recording: name an .mcap")
+    if ros2 and not any(out.suffix.lower() == RECORDING for out in outputs):
+        raise click.UsageError("--ros2 is about a recording: name an .mcap")
+    if joints_file is not None and not ros2:
+        raise click.UsageError("--joints goes with --ros2")
+    joints = read_joints(joints_file) if joints_file is not None else ()
     tell = Teller(say, quiet=quiet)
     with patient() as patience:
         done = made(
@@ -86,7 +103,7 @@ def convert(
             input_format=input_format,
             overwrite=force,
             wide=Wide(hold) if wide else None,
-            contents=None if topics is None else Contents(topics),
+            contents=Contents(topics, joints if ros2 else None) if ros2 or topics else None,
             anonymise=anonymise,
             patience=patience,
             tell=tell,

@@ -158,4 +158,10 @@ def convert_opened(
         )
     finally:
         copies.finish(tell)
+    if contents is not None and contents.joints is not None:
+        from sniffer.mcapfile.sink import McapSink
+
+        for sink in decoded:
+            for line in sink.remarks if isinstance(sink, McapSink) else ():
+                tell.talk(line)
     return Converted(summary, ending, gone(outputs, tell, wide=wide is not None))

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.pipeline import Options
     from sniffer.decoding.sink import Sink
     from sniffer.jobs.telling import Teller
+    from sniffer.mcapfile.joints import RosJoint
     from sniffer.sinks.raw import RawFile
 
 GONE: Final = "{} is gone: it was deleted or renamed while it was written"
@@ -117,9 +118,10 @@ class Wide:
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """What a recording has beside the raw bytes: ``topics`` as ``McapSink`` takes them."""
+    """What a recording has beside the raw bytes: ``topics`` and ``joints`` of ``McapSink``."""
 
     topics: Sequence[str] | None = None
+    joints: Sequence[RosJoint] | None = None
 
 
 def open_outputs(
@@ -166,7 +168,9 @@ def open_all(
             elif contents is not None and suffixes[nth] == RECORDING:
                 from sniffer.mcapfile.sink import McapSink
 
-                out[nth] = McapSink(paths[nth], facts, topics=contents.topics)
+                out[nth] = McapSink(
+                    paths[nth], facts, topics=contents.topics, joints=contents.joints
+                )
             else:
                 out[nth] = open_sink(paths[nth], facts)
     except BaseException:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.colours import Colours
-from sniffer.mcapfile.fields import UNITS
+from sniffer.mcapfile.fields import UNITS, quantity_of, unit_of
 from sniffer.mcapfile.states import RESPONSE_TIME
 
 if TYPE_CHECKING:
@@ -52,13 +52,7 @@ class _Series:
     @property
     def quantity(self) -> str:
         """What is commanded or measured, without a unit."""
-        return self.field.removesuffix(f"_{unit}") if (unit := self.unit) else self.field
-
-    @property
-    def unit(self) -> str:
-        """The unit as it ends the name of the field, the longest that fits."""
-        ends = [end for end in UNITS.values() if self.field.endswith(f"_{end}")]
-        return max(ends, key=len, default="")
+        return quantity_of(self.field)
 
 
 def layout(
@@ -154,7 +148,7 @@ def _plots(series: Sequence[_Series]) -> Iterator[tuple[str, list[_Series]]]:
     for s in series:
         group = GROUPS.get(s.quantity.removeprefix("goal_"))
         if group is not None:
-            found.setdefault((groups.index(group), s.unit), []).append(s)
+            found.setdefault((groups.index(group), unit_of(s.field)), []).append(s)
     spelled = {end: unit for unit, end in UNITS.items()}
     for (nth, unit), mine in sorted(found.items()):
         yield groups[nth] + (f" [{spelled[unit]}]" if unit else ""), mine

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from sniffer.ground.model import Anomaly as Found
     from sniffer.ground.model import Batch, Chunk
     from sniffer.mcapfile.queue import Queue
+    from sniffer.mcapfile.ros2 import RosWriter
     from sniffer.protocols.base import BusProtocol
 
 
@@ -51,6 +52,7 @@ class BusWriter:
         open_channel: opens a channel (topic, message type, metadata) and returns its id.
         counted: whether messages are numbered in each channel. It packs worse by an eighth, and
             nothing that reads recordings asks for it: a live one leaves it out.
+        ros2: writes what ROS 2 understands of it, None: nobody does.
     """
 
     def __init__(
@@ -62,6 +64,7 @@ class BusWriter:
         open_channel: Callable[[str, type[Message], Mapping[str, str]], int],
         *,
         counted: bool = True,
+        ros2: RosWriter | None = None,
     ) -> None:
         self.name = name
         self.protocol: BusProtocol | None = None
@@ -90,6 +93,7 @@ class BusWriter:
         self._frames = Encoder(Frame)
         self._transactions = Encoder(Transaction)
         self._states: States | None = None
+        self._ros2 = ros2
         self._root = name
         self._beside: dict[str, BusWriter] = {}
 
@@ -131,7 +135,13 @@ class BusWriter:
         writer = self._beside.get(protocol.name)
         if writer is None:
             writer = BusWriter(
-                self.name, self._baud, self._begin, self._queue, self._open, counted=self._counted
+                self.name,
+                self._baud,
+                self._begin,
+                self._queue,
+                self._open,
+                counted=self._counted,
+                ros2=self._ros2,
             )
             writer._root, writer._arrivals = root, copy.deepcopy(self._arrivals)
             self._beside[protocol.name] = writer
@@ -201,7 +211,9 @@ class BusWriter:
         self._baud = self._baud or protocol.baud
         self._frames = Encoder(Frame, protocol.op_name)
         self._transactions = Encoder(Transaction, protocol.op_name)
-        self._states = States(protocol, self._queue, self._channel, self._count_up)
+        self._states = States(
+            protocol, self._queue, self._channel, self._count_up, self._root, self._ros2
+        )
 
     def _write_frames(self, batch: Batch, log: I64, publish: I64) -> None:
         frames = batch.frames
@@ -295,6 +307,8 @@ class BusWriter:
             for a in found
         ]
         self._rare("anomalies", messages, times, times)
+        if self._ros2 is not None:
+            self._ros2.anomalies(self._root, found, times)
         logs = [
             Log(
                 timestamp=Timestamp(seconds=a.t_ns // NS, nanos=a.t_ns % NS),

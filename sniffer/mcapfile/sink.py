@@ -66,7 +66,9 @@ if TYPE_CHECKING:
     from sniffer.decoding.sink import Part
     from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.model import Batch, Chunk
+    from sniffer.mcapfile.joints import RosJoint
     from sniffer.mcapfile.queue import Sorted
+    from sniffer.mcapfile.ros2 import RosWriter
     from sniffer.protocols.base import BusProtocol
 
 LIBRARY: Final = f"{TOOL} {__version__}"
@@ -97,6 +99,8 @@ class McapSink:
         durable: whether the disk is waited for with each flush, against a power failure.
         topics: which of ``CHOICES`` are written, None for ``TOPICS``; ``raw`` always is.
         starts: stream offset of the first byte by bus, where that is not 0.
+        joints: what ROS 2 understands is written, too; for these joints, or, where empty, for all
+            servos whose position has a physical unit. Not of a live recording.
 
     Raises:
         OutputError: the file cannot be written; what it holds so far stays readable.
@@ -113,6 +117,7 @@ class McapSink:
         durable: bool = False,
         topics: Collection[str] | None = None,
         starts: Mapping[str, int] | None = None,
+        joints: Sequence[RosJoint] | None = None,
     ) -> None:
         begin = {f"{OFFSET}.{bus}": str(at) for bus, at in (starts or {}).items()}
         if topics is not None:
@@ -127,6 +132,12 @@ class McapSink:
         self._attached: set[str] = set()
         self._failure: str | None = None
         self._file = Container(path, LIBRARY, overwrite=overwrite, durable=durable)
+        self._ros2: RosWriter | None = None
+        if joints is not None:
+            from sniffer.mcapfile.ros2 import RosWriter
+
+            named = names_in(self._session)
+            self._ros2 = RosWriter(joints, named, self._queue, self._file.channel)
         self._closed = False
         self._encoded_at = time.monotonic_ns()
         self._since: int | None = None
@@ -148,6 +159,11 @@ class McapSink:
     def is_deleted(self) -> bool:
         """Tell whether somebody has deleted the file while it is written."""
         return self._file.is_deleted
+
+    @property
+    def remarks(self) -> list[str]:
+        """What should be told of the joints in it."""
+        return [] if self._ros2 is None else self._ros2.told()
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks as they came."""
@@ -271,6 +287,7 @@ class McapSink:
                 self._queue,
                 self._file.channel,
                 counted=not self._live,
+                ros2=self._ros2,
             )
         return writer
 

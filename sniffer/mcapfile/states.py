@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import F64, I64, Batch, Mask
     from sniffer.mcapfile.queue import Queue
+    from sniffer.mcapfile.ros2 import RosWriter
     from sniffer.protocols.base import BusProtocol
 
     class Channels(Protocol):
@@ -64,6 +65,7 @@ class States:
         queue: takes the records.
         channel: opens a topic of the bus.
         count_up: returns the next sequence numbers of a channel.
+        bus: its name, for ``ros2``, which writes what ROS 2 understands; None: nobody does.
     """
 
     def __init__(
@@ -72,11 +74,14 @@ class States:
         queue: Queue,
         channel: Channels,
         count_up: Callable[[int, int], npt.NDArray[np.uint32]],
+        bus: str = "",
+        ros2: RosWriter | None = None,
     ) -> None:
         self.seen: dict[str, set[str]] = {}
         """Fields that the states of a topic had so far."""
         self._queue = queue
         self._channel = channel
+        self._bus, self._ros2 = bus, ros2
         self._count_up = count_up
         fields = [state_field(register) for register in protocol.registers]
         self.names = [*sorted({name for name in fields if name is not None}), RESPONSE_TIME]
@@ -93,6 +98,8 @@ class States:
             self._write_states(batch, told.take(self._is_declared[told.field]), log, publish)
         if self._queue.wants(FLAT):
             self._write_flat(batch, told, log, publish)
+        if self._ros2 is not None:
+            self._ros2.states(self._bus, self.names, told, log, publish)
 
     def _told(self, batch: Batch) -> KnownValues:
         v = batch.values
