@@ -14,7 +14,13 @@ import sniffer
 from sniffer.decoding.rows import AnomalyRow, SampleRow
 from sniffer.ground.model import Chunk
 from sniffer.jobs.telling import Teller
-from sniffer.mcapfile.cdr import DIAGNOSTICS, JOINT_STATE, Diagnosis, diagnostics, joint_state
+from sniffer.mcapfile.cdr import (
+    DIAGNOSTICS,
+    JOINT_STATE,
+    DiagnosticStatus,
+    diagnostics,
+    joint_state,
+)
 from sniffer.mcapfile.joints import RosJoint
 from sniffer.mcapfile.sink import McapSink
 from tests.commands import within
@@ -58,7 +64,7 @@ def test_a_joint_state_is_what_rosbags_writes_of_it(
 def test_a_diagnosis_is_what_rosbags_writes_of_it(
     t_ns: int, level: int, name: str, said: str, hardware: str, values: list[tuple[str, str]]
 ) -> None:
-    data = diagnostics(t_ns, Diagnosis(level, name, said, hardware, values))
+    data = diagnostics(t_ns, DiagnosticStatus(level, name, said, hardware, values))
     read = TYPES.deserialize_cdr(data, DIAGNOSTICS.name)
     (status,) = read.status
     assert (status.level, status.name, status.message) == (level, name, said)

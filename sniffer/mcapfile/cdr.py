@@ -67,7 +67,7 @@ string value
 )
 
 
-class Diagnosis(NamedTuple):
+class DiagnosticStatus(NamedTuple):
     """A status of a DiagnosticArray; ``level`` is 0 ok, 1 warning, 2 error."""
 
     level: int
@@ -120,7 +120,7 @@ def joint_state(t_ns: int, name: str, position: float, velocity: float | None) -
     return bytes(out.data)
 
 
-def diagnostics(t_ns: int, found: Diagnosis) -> bytes:
+def diagnostics(t_ns: int, found: DiagnosticStatus) -> bytes:
     """Return a DiagnosticArray of one status."""
     out = _Cdr(t_ns)
     out.count(1)

@@ -14,7 +14,13 @@ from mcap.opcode import Opcode
 from sniffer.ground.distinct import distinct
 from sniffer.ground.model import Severity
 from sniffer.ground.wording import and_
-from sniffer.mcapfile.cdr import DIAGNOSTICS, JOINT_STATE, Diagnosis, diagnostics, joint_state
+from sniffer.mcapfile.cdr import (
+    DIAGNOSTICS,
+    JOINT_STATE,
+    DiagnosticStatus,
+    diagnostics,
+    joint_state,
+)
 from sniffer.mcapfile.encoder import RECORD, Heads, Loose
 from sniffer.mcapfile.fields import quantity_of, unit_of
 from sniffer.mcapfile.joints import SI, RosJoint
@@ -45,7 +51,7 @@ _QOS: Final = {"offered_qos_profiles": ""}
 _LEVELS: Final = {Severity.NOTE: 0, Severity.WARN: 1, Severity.ERROR: 2}
 
 
-class _Place(NamedTuple):
+class _JointField(NamedTuple):
     """What of a servo's values is where a joint is, by numbers of fields; -1: nothing."""
 
     position: int
@@ -75,7 +81,7 @@ class RosWriter:
         self._names = names
         self._queue = queue
         self._open = open_channel
-        self._places: dict[tuple[str, int], _Place] = {}
+        self._places: dict[tuple[str, int], _JointField] = {}
         self._left: dict[tuple[str, int], str] = {}
         self._sequences: dict[str, int] = {}
 
@@ -112,7 +118,7 @@ class RosWriter:
         for a in found:
             who = bus if a.servo_id is None else f"{bus} servo {a.servo_id}"
             values = [("code", a.code), ("group", a.group)]
-            told = Diagnosis(_LEVELS[a.severity], who, f"{a.detail} [{a.code}]", who, values)
+            told = DiagnosticStatus(_LEVELS[a.severity], who, f"{a.detail} [{a.code}]", who, values)
             messages.append(diagnostics(a.t_ns, told))
         self._add(ANOMALIES, DIAGNOSTICS, messages, times, times)
 
@@ -137,7 +143,7 @@ class RosWriter:
 
     def _place(
         self, bus: str, servo: int, names: Sequence[str], mine: KnownValues
-    ) -> _Place | None:
+    ) -> _JointField | None:
         """Return what is a joint's place, decided by what its servo says first."""
         key = (bus, servo)
         if key in self._places:
@@ -159,7 +165,7 @@ class RosWriter:
             self._left[key] = f"its {names[fits[0]]} has no physical unit: it takes a scale"
             return None
         is_angle = joint.scale is None and unit == "deg" and SPEED in names
-        place = _Place(fits[0], scale, names.index(SPEED) if is_angle else -1)
+        place = _JointField(fits[0], scale, names.index(SPEED) if is_angle else -1)
         self._places[key] = place
         return place
 
