@@ -61,7 +61,7 @@ class FoxgloveClient:
         try:
             self._fill()
         except TimeoutError:
-            return
+            pass  # what came with the handshake has not been looked at
         except OSError:
             self.is_open = False
             return

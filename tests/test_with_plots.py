@@ -66,7 +66,7 @@ def told(path: Path) -> dict[str, list[float]]:
     return out
 
 
-@pytest.mark.parametrize("name", ["mightyzap_damaged.log", "rs30x_damaged.log", "wck_damaged.log"])
+@pytest.mark.parametrize("name", ["mightyzap_damaged.log", "wck_damaged.log"])
 def test_each_quantity_of_a_servo_is_a_topic_that_plots_what_was_said_and_nothing_else(
     tmp_path: Path, capsys: Capsys, name: str
 ) -> None:

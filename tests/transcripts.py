@@ -56,6 +56,8 @@ _DOCS: Final = (
     "twitch",
     "numbers",
     "with/foxglove",
+    "with/matlab",
+    "with/pandas",
     "with/plotjuggler",
     "with/ros2",
 )

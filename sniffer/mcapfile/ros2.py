@@ -130,10 +130,13 @@ class RosWriter:
         for (bus, servo), joint in self._joints.items():
             if (bus, servo) not in self._places:
                 left.setdefault((bus, servo), f"{joint.name} never said where it is")
+        alike: dict[tuple[str, str], list[str]] = {}
+        for (bus, servo), reason in sorted(left.items()):
+            if (bus, servo) not in self._places:
+                alike.setdefault((bus, reason), []).append(str(servo))
         why = [
-            f"servo {servo} of {bus} ({reason})"
-            for (bus, servo), reason in sorted(left.items())
-            if (bus, servo) not in self._places
+            f"servo{'s' * (len(ids) > 1)} {and_(ids)} of {bus} ({reason})"
+            for (bus, reason), ids in alike.items()
         ]
         return [*out, *([f"left out of {JOINTS}: {and_(why)}"] if why else [])]
 
