@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from sniffer.jobs.report import Reported, report
     from sniffer.jobs.session import Ending
     from sniffer.jobs.stats import Tallied, stats
+    from sniffer.mcapfile.joints import RosJoint
     from sniffer.protocols import PROTOCOLS
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
@@ -96,6 +97,7 @@ __all__ = [
     "Reply",
     "Reported",
     "Role",
+    "RosJoint",
     "SampleRow",
     "Samples",
     "Scenario",
@@ -159,6 +161,7 @@ _ROOMS: Final = {
     "jobs.api": ("Capture", "decode", "frames_table", "records", "samples_table"),
     "decoding.decoder": ("Decoder",),
     "decoding.pipeline": ("Options",),
+    "mcapfile.joints": ("RosJoint",),
     "ground.model": (
         *("Anomaly", "Batch", "Chunk", "Clock", "DamagedInputError", "Direction", "Frames", "Gap"),
         *("InputError", "OutputError", "Samples", "Severity", "SnifferError", "Transactions"),
