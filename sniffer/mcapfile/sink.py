@@ -309,7 +309,7 @@ class McapSink:
         fields = {t: names for b in self._buses.values() for t, names in b.fields().items()}
         made = layout(topics, fields, names_in(self._session))
         if made is not None:
-            data = json.dumps(made, indent=1).encode()
+            data = json.dumps(made, separators=(",", ":")).encode()
             self._attach(ATTACHED, "application/json", data)
 
     def _wait(self) -> None:
