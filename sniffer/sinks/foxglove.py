@@ -22,13 +22,11 @@ from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, Stats, Transacti
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from google.protobuf.message import Message
-
     from sniffer.decoding.rates import Rate
     from sniffer.ground.model import Batch, Chunk, Severity
     from sniffer.protocols.base import BusProtocol
 
-FIXED: Final[Mapping[str, type[Message]]] = {
+FIXED: Final[Mapping[str, type[Any]]] = {
     "frames": Frame,
     "transactions": Transaction,
     "gaps": Gap,
@@ -124,7 +122,7 @@ class FoxgloveSink:
             if channel.has_sinks():
                 channel.log(bytes(rows.data[start + RECORD.size : end]), log_time=log)
 
-    def _open(self, topic: str, message: type[Message], metadata: Mapping[str, str]) -> int:
+    def _open(self, topic: str, message: type[Any], metadata: Mapping[str, str]) -> int:
         """Return the number of a topic, announced where it is new."""
         if topic not in self._ids:
             kind = type_of(message)

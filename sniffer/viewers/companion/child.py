@@ -27,7 +27,6 @@ from sniffer.viewers import viewer
 from sniffer.viewers.companion.parcels import (
     CONNECT,
     DONE,
-    FOXGLOVE,
     GONE,
     READY,
     SAY,
@@ -273,16 +272,7 @@ def _first(unpacker: Unpacker) -> Setup | None:
     return None
 
 
-def watcher_of(setup: Setup) -> type[Watcher]:
-    """Return what shows a recording there."""
-    if setup.mode != FOXGLOVE:
-        return Watcher
-    from sniffer.viewers.companion.serving import FoxgloveWatcher
-
-    return FoxgloveWatcher
-
-
-def main() -> NoReturn:
+def main(watcher: type[Watcher] = Watcher) -> NoReturn:
     """Show what comes on standard input; tell on standard output how it goes."""
     # What the SDK or the viewer print must not be taken for what we tell.
     told, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
@@ -300,7 +290,7 @@ def main() -> NoReturn:
         with viewer.stoppable():
             setup = _first(unpacker)
             if setup is not None:
-                watcher_of(setup)(setup, unpacker, tell).run()
+                watcher(setup, unpacker, tell).run()
     except (GoneError, OutputError) as error:
         tell(GONE, str(error))
     except Exception as error:

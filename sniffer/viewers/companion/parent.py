@@ -117,7 +117,7 @@ class LiveView:
         setup = Setup(mode, name, options, window_s, address, tuple(arguments), tuple(buses))
         self._backlog = bytearray(_packed(setup))
         self._heard = b""
-        self._process = _start()
+        self._process = _start("serving" if mode == FOXGLOVE else "child")
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._pipe, self._told = self._process.stdin, self._process.stdout
@@ -310,12 +310,12 @@ def _packed(setup: Setup) -> bytes:
         ) from None
 
 
-def _start() -> subprocess.Popen[bytes]:
+def _start(module: str) -> subprocess.Popen[bytes]:
     """Start the other process where no Ctrl-C of the terminal reaches it."""
     # Its modules are found where ours were, whatever lies in the folder it is started in.
     path = os.pathsep.join(str(Path(place).absolute()) for place in sys.path)
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "sniffer.viewers.companion.child"],
+        [sys.executable, "-P", "-m", f"sniffer.viewers.companion.{module}"],
         bufsize=0,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

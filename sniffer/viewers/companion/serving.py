@@ -1,4 +1,7 @@
-"""The process beside a recording that serves it to Foxglove: decodes as the one for Rerun does."""
+"""The process beside a recording that serves it to Foxglove.
+
+Started as ``python -m sniffer.viewers.companion.serving``; decodes as the one for Rerun does.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.sinks.foxglove import FoxgloveSink
-from sniffer.viewers.companion.child import Watcher
+from sniffer.viewers.companion.child import Watcher, main
 from sniffer.viewers.companion.parcels import SAY, address_in
 
 if TYPE_CHECKING:
@@ -41,3 +44,7 @@ class FoxgloveWatcher(Watcher):
 
     def _leave(self) -> None:
         self._served.close()
+
+
+if __name__ == "__main__":
+    main(FoxgloveWatcher)
