@@ -39,13 +39,14 @@ if TYPE_CHECKING:
     from sniffer.jobs.discover import Discovered, discover
     from sniffer.jobs.files import Files, Flight
     from sniffer.jobs.merge import merge
-    from sniffer.jobs.outputs import Wide
+    from sniffer.jobs.outputs import Contents, Wide
     from sniffer.jobs.query import Answer, query
     from sniffer.jobs.record import Recorded, Shown, record
     from sniffer.jobs.replay import replay
     from sniffer.jobs.report import Reported, report
     from sniffer.jobs.session import Ending
     from sniffer.jobs.stats import Tallied, stats
+    from sniffer.mcapfile.joints import RosJoint
     from sniffer.protocols import PROTOCOLS
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
@@ -66,6 +67,7 @@ __all__ = [
     "Chunk",
     "Clock",
     "Compared",
+    "Contents",
     "Converted",
     "DamagedInputError",
     "Decoder",
@@ -95,6 +97,7 @@ __all__ = [
     "Reply",
     "Reported",
     "Role",
+    "RosJoint",
     "SampleRow",
     "Samples",
     "Scenario",
@@ -136,7 +139,7 @@ _ROOMS: Final = {
     "jobs.cut": ("cut",),
     "jobs.diff": ("Compared", "diff"),
     "jobs.merge": ("merge",),
-    "jobs.outputs": ("Wide",),
+    "jobs.outputs": ("Contents", "Wide"),
     "jobs.diagnose": ("Diagnosed", "diagnose"),
     "jobs.replay": ("replay",),
     "selection.places": ("Window",),
@@ -158,6 +161,7 @@ _ROOMS: Final = {
     "jobs.api": ("Capture", "decode", "frames_table", "records", "samples_table"),
     "decoding.decoder": ("Decoder",),
     "decoding.pipeline": ("Options",),
+    "mcapfile.joints": ("RosJoint",),
     "ground.model": (
         *("Anomaly", "Batch", "Chunk", "Clock", "DamagedInputError", "Direction", "Frames", "Gap"),
         *("InputError", "OutputError", "Samples", "Severity", "SnifferError", "Transactions"),

@@ -33,6 +33,7 @@ MESSAGES: dict[str, Any] = {
         recording_pb2.Incident,
         recording_pb2.Stats,
         servo_state_pb2.ServoState,
+        servo_state_pb2.Quantity,
         log_pb2.Log,
     )
 }

@@ -49,6 +49,7 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
         *("jobs/api.py", "jobs/query.py"),
     ),
     "duckdb": ("jobs/query.py",),
+    "foxglove": ("sinks/foxglove.py",),
     "pandas": (),
     "textual": ("inside/",),
     "click": ("cli/",),
@@ -71,7 +72,17 @@ RUNS: Final = {"Decoder", "Pipeline", "open_outputs", "open_port", "open_sink", 
 """What does the work of a command: the library calls it, so that a program can, too."""
 
 LAZY: Final = (
-    *("duckdb", "mcap", "mcap_protobuf", "google", "rerun", "pyarrow", "serial", "textual"),
+    *(
+        "duckdb",
+        "foxglove",
+        "mcap",
+        "mcap_protobuf",
+        "google",
+        "rerun",
+        "pyarrow",
+        "serial",
+        "textual",
+    ),
 )
 """What starting the program may not draw in: files that import these are imported in functions."""
 

@@ -141,6 +141,7 @@ def expected(protocol: BusProtocol, batches: list[Batch]) -> dict[str, list[Any]
             set_if(t, "response_offset", b.base + int(frames.start[r]), r >= 0)
             set_if(t, "servo_id", int(frames.servo_id[row]), frames.servo_id[row] >= 0)
             set_if(t, "response_time_ns", time, time >= 0)
+            set_if(t, "response_time_ms", time / 1e6, time >= 0)
             set_if(t, "uncertainty_ns", spread, spread >= 0)
             add("transactions", t)
             if outcome == OK and time >= 0:
@@ -174,6 +175,7 @@ def expected(protocol: BusProtocol, batches: list[Batch]) -> dict[str, list[Any]
                     setattr(state, field, kind(value[5]))
                     empty = False
             set_if(state, "response_time_ns", took.get(row, 0), row in took)
+            set_if(state, "response_time_ms", took.get(row, 0) / 1e6, row in took)
             if not empty:
                 add(f"servo/{servo}/state", state)
         for g in b.gaps:
@@ -218,7 +220,8 @@ def test_the_schemas_in_the_file_decode_it_and_what_a_packet_did_not_carry_is_ab
         *("raw", "frames", "transactions", "state", "gaps", "anomalies", "log", "stats")
     }
     for state in seen["state"]:
-        named = {f.name for f, _ in state.ListFields()} - {"offset", "kind", "response_time_ns"}
+        named = {f.name for f, _ in state.ListFields()} - {"offset", "kind"}
+        named -= {"response_time_ns", "response_time_ms"}
         assert named
         assert state.HasField("position_mm") == ("position_mm" in named)
     carried = [s.HasField("position_mm") for s in seen["state"]]

@@ -19,9 +19,9 @@ from PIL import Image
 from rerun.chunk import RrdReader
 
 from sniffer.decoding.decoder import Decoder
+from sniffer.ground.colours import PALETTE, Colours
 from sniffer.ground.model import Chunk, Clock, OutputError
 from sniffer.sinks.rerun.gauges import MARKS
-from sniffer.sinks.rerun.layout import PALETTE, Colours
 from sniffer.sinks.rerun.sink import RerunSink
 from tests.commands import sniffer
 from tests.streams.mightyzap import packet

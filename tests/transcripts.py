@@ -55,6 +55,11 @@ _DOCS: Final = (
     "editing",
     "twitch",
     "numbers",
+    "with/foxglove",
+    "with/matlab",
+    "with/pandas",
+    "with/plotjuggler",
+    "with/ros2",
 )
 PAGES: Final = ("README.md", *(f"docs/{name}.md" for name in _DOCS))
 LEFT_OUT: Final = "..."

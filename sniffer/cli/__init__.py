@@ -42,6 +42,7 @@ COMMANDS: Final = {
     "discover": "Find registers that no table names.",
     "view": "Show a recording or a capture in Rerun.",
     "replay": "Play a recording or a capture again.",
+    "layout": "Print the Foxglove layout of a recording.",
     "convert": "Make other files of a capture, by their suffixes.",
     "cut": "Cut a part out of a capture.",
     "merge": "Make one capture of several, by time.",

@@ -16,7 +16,7 @@ from sniffer.ground.amounts import size_in, time_in
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS
 from sniffer.ground.wording import offered
-from sniffer.messages import TOPICS
+from sniffer.messages import CHOICES
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
 from sniffer.tap.tap import PortSpec
 
@@ -147,8 +147,8 @@ def topics(
         return None
     names = tuple(name.strip() for name in given.split(","))
     for name in names:
-        if name not in TOPICS:
-            raise click.BadParameter(f"{name!r} is no topic: {offered(name, TOPICS)}")
+        if name not in CHOICES:
+            raise click.BadParameter(f"{name!r} is no topic: {offered(name, CHOICES)}")
     return names
 
 

@@ -6,14 +6,17 @@ from pathlib import Path
 
 import click
 
+from sniffer.cli.amounts import topics as topics_of
 from sniffer.cli.options import decoding, examples, files_here, with_alarms, with_force
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say, wrote
 from sniffer.decoding.options import Options
 from sniffer.jobs.convert import convert as made
-from sniffer.jobs.outputs import Wide
+from sniffer.jobs.outputs import Contents, Wide
 from sniffer.jobs.telling import Teller
+from sniffer.mcapfile.joints import read_joints
+from sniffer.sinks import RECORDING
 
 
 @click.command(
@@ -23,6 +26,8 @@ from sniffer.jobs.telling import Teller
         "sniffer convert capture.log capture.mcap capture.rrd",
         "sniffer convert run.mcap run.pcapng",
         "sniffer convert run.mcap wide.csv --wide --hold",
+        "sniffer convert run.mcap plot.mcap --topics flat",
+        "sniffer convert run.mcap ros.mcap --ros2 --joints joints.toml",
         "sniffer convert run.mcap shared.mcap --anonymise",
     ),
 )
@@ -40,6 +45,19 @@ from sniffer.jobs.telling import Teller
 )
 @click.option("--hold", is_flag=True, help="With --wide: a blank repeats the last value.")
 @click.option(
+    "--topics", callback=topics_of, metavar="TOPIC,...",
+    help="What an .mcap has beside the raw bytes, as in `sniffer record`; flat: a topic for each "
+    "quantity of a servo, for plots that take what was not said for 0.",
+)  # fmt: skip
+@click.option(
+    "--ros2", is_flag=True,
+    help="An .mcap has /joint_states (sensor_msgs) and /diagnostics (diagnostic_msgs), too.",
+)  # fmt: skip
+@click.option(
+    "--joints", "joints_file", type=click.Path(path_type=Path), metavar="FILE.toml",
+    help="With --ros2: which servos are which joints, and how they become radians or metres.",
+)  # fmt: skip
+@click.option(
     "--anonymise",
     is_flag=True,
     help="Times count from zero; names, ports and serial numbers are left out.",
@@ -53,6 +71,9 @@ def convert(
     input_format: str,
     wide: bool,
     hold: bool,
+    topics: tuple[str, ...] | None,
+    ros2: bool,
+    joints_file: Path | None,
     anonymise: bool,
     force: bool,
     quiet: bool,
@@ -67,6 +88,13 @@ def convert(
         raise click.UsageError("--hold goes with --wide")
     if wide and not any(out.suffix.lower() in (".csv", ".parquet") for out in outputs):
         raise click.UsageError("--wide is about tables: name a .csv or a .parquet")
+    if topics is not None and not any(out.suffix.lower() == RECORDING for out in outputs):
+        raise click.UsageError("--topics is about a recording: name an .mcap")
+    if ros2 and not any(out.suffix.lower() == RECORDING for out in outputs):
+        raise click.UsageError("--ros2 is about a recording: name an .mcap")
+    if joints_file is not None and not ros2:
+        raise click.UsageError("--joints goes with --ros2")
+    joints = read_joints(joints_file) if joints_file is not None else ()
     tell = Teller(say, quiet=quiet)
     with patient() as patience:
         done = made(
@@ -76,6 +104,7 @@ def convert(
             input_format=input_format,
             overwrite=force,
             wide=Wide(hold) if wide else None,
+            contents=Contents(topics, joints if ros2 else None) if ros2 or topics else None,
             anonymise=anonymise,
             patience=patience,
             tell=tell,

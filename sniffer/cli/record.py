@@ -110,7 +110,8 @@ WORD_S: Final = 0.5
 @click.option(
     "--topics", callback=topics, metavar="TOPIC,...",
     help="Write only these beside the raw bytes: raw (nothing else), frames, transactions, state, "
-    "gaps, anomalies, log, stats, incidents.  [default: all]",
+    "gaps, anomalies, log, stats, incidents, or flat, a topic for each quantity of a servo.  "
+    "[default: all but flat]",
 )  # fmt: skip
 @click.option("--durable", is_flag=True, help="Wait for the disk after each round, 50 ms.")
 @click.option(
@@ -154,6 +155,10 @@ WORD_S: Final = 0.5
     "--web", cls=Renamed, former=("--rerun-web",), is_flag=True, help="Show it live in a browser."
 )
 @click.option("--rerun-connect", metavar="URL", help="Show it live in a Rerun viewer elsewhere.")
+@click.option("--foxglove", is_flag=True, help="Serve it live to Foxglove on this machine.")
+@click.option(
+    "--foxglove-at", metavar="HOST:PORT", help="Serve it there.  [default: 127.0.0.1:8765]"
+)
 @click.option(
     "--window", type=Finite(1), default=20.0, show_default=True, metavar="S",
     help="Seconds that the live plots show.",
@@ -191,6 +196,8 @@ def record(
     in_rerun: bool,
     web: bool,
     rerun_connect: str | None,
+    foxglove: bool,
+    foxglove_at: str | None,
     window: float,
     selection: Selection | None,
 ) -> int:
@@ -218,8 +225,9 @@ def record(
     if selection is not None and not log:
         raise click.UsageError("a selection is what --log prints: a recording has everything")
     views = {"window": in_rerun, "web": web, "connect": rerun_connect is not None}
+    views["foxglove"] = foxglove or foxglove_at is not None
     if sum(views.values()) > 1:
-        raise click.UsageError("choose one of --rerun, --web, --rerun-connect")
+        raise click.UsageError("choose one of --rerun, --web, --rerun-connect, --foxglove")
     said = [spec.protocol for spec in ports if spec.protocol is not None]
     wanted = (*until, *triggers, *(what for what, _ in commands))
     rules = (*alarms, *(what.alarm for what in wanted if what.alarm is not None))
@@ -259,7 +267,7 @@ def record(
             shown=Shown(
                 None if quiet else LOG if log else usual_mode(sys.stderr),
                 next((mode for mode, wanted in views.items() if wanted), None),
-                rerun_connect,
+                rerun_connect or foxglove_at,
                 window,
                 selection,
             ),

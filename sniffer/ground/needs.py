@@ -75,5 +75,16 @@ def need_duckdb() -> None:
         raise _missing("queries need DuckDB", "'servo-sniffer[query]'", error) from None
 
 
+def need_foxglove() -> None:
+    """Do nothing where a recording can be shown in Foxglove; another process loads the library.
+
+    Raises:
+        OutputError: the Foxglove SDK is not installed.
+    """
+    if importlib.util.find_spec("foxglove") is None:
+        error = ModuleNotFoundError("No module named 'foxglove'")
+        raise _missing("Foxglove live needs its SDK", "'servo-sniffer[foxglove]'", error)
+
+
 def _missing(what: str, package: str, error: ImportError) -> OutputError:
     return OutputError(f"{what}, which cannot be loaded ({error}): `pip install {package}`")

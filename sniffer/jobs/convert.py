@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.sink import Sink
     from sniffer.jobs.asked import Extract
-    from sniffer.jobs.outputs import Wide
+    from sniffer.jobs.outputs import Contents, Wide
     from sniffer.jobs.session import Ending, Patience
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
@@ -49,6 +49,7 @@ def convert(
     selection: Selection | None = None,
     window: Window | None = None,
     wide: Wide | None = None,
+    contents: Contents | None = None,
     anonymise: bool = False,
     patience: Patience | None = None,
     tell: Teller | None = None,
@@ -71,6 +72,7 @@ def convert(
         selection: which records are written; totals are counted of all.
         window: which part of the capture, all of it where None.
         wide: tables have a column for each quantity of a servo; a row a register where None.
+        contents: what recordings have beside the raw bytes; the usual where None.
         anonymise: times count from zero; names, ports and serial numbers are left out.
         patience: takes interruptions; KeyboardInterrupt is one without, too.
         tell: takes what should be told; nothing is told without.
@@ -111,6 +113,7 @@ def convert(
         sinks=sinks,
         asked=asked,
         wide=wide,
+        contents=contents,
         patience=patience,
         tell=tell,
     )
@@ -126,6 +129,7 @@ def convert_opened(
     sinks: Sequence[Sink] = (),
     asked: Extract | None = None,
     wide: Wide | None = None,
+    contents: Contents | None = None,
     others: Sequence[str] = (),
     patience: Patience | None,
     tell: Teller,
@@ -139,7 +143,9 @@ def convert_opened(
     if asked is not None:
         asked = asked.sought_in(opened, options)
     told = session_facts(opened.origin(source), options, facts)
-    decoded, raw = open_all(outputs, told, [source, *others], force=overwrite, wide=wide)
+    decoded, raw = open_all(
+        outputs, told, [source, *others], force=overwrite, wide=wide, contents=contents
+    )
     name = "standard input" if source == "-" else source
     copies, every = Copies(raw), [*decoded, *sinks]
     if raw and not every:
@@ -152,4 +158,10 @@ def convert_opened(
         )
     finally:
         copies.finish(tell)
+    if contents is not None and contents.joints is not None:
+        from sniffer.mcapfile.sink import McapSink
+
+        for sink in decoded:
+            for line in sink.remarks if isinstance(sink, McapSink) else ():
+                tell.talk(line)
     return Converted(summary, ending, gone(outputs, tell, wide=wide is not None))

@@ -48,7 +48,7 @@ class Files:
 
     ``recording`` is the MCAP file; the suffixes of ``others`` name their formats (.jsonl, .csv,
     .parquet, .rrd). ``topics`` are what the recording has beside the raw bytes, None for everything
-    (names of ``sniffer.messages.TOPICS``). A new file is begun after ``rotate_bytes`` or
+    (names of ``sniffer.messages.CHOICES``). A new file is begun after ``rotate_bytes`` or
     ``rotate_ns``, and only the last ``keep`` of them stay. ``durable``: each round waits for the
     disk. ``overwrite``: files that are there already are replaced. ``flight``: ``recording`` is a
     row of files, one each time something happens.

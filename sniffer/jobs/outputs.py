@@ -25,7 +25,7 @@ from sniffer.ground.files import (
 from sniffer.ground.model import OutputError
 from sniffer.ground.wording import and_
 from sniffer.messages import OFFSET, TOOL
-from sniffer.sinks import BYTES, open_sink, suffix_known
+from sniffer.sinks import BYTES, RECORDING, open_sink, suffix_known
 from sniffer.sinks.raw import RAW_FILES
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.pipeline import Options
     from sniffer.decoding.sink import Sink
     from sniffer.jobs.telling import Teller
+    from sniffer.mcapfile.joints import RosJoint
     from sniffer.sinks.raw import RawFile
 
 GONE: Final = "{} is gone: it was deleted or renamed while it was written"
@@ -115,6 +116,14 @@ class Wide:
     hold: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """What a recording has beside the raw bytes: ``topics`` and ``joints`` of ``McapSink``."""
+
+    topics: Sequence[str] | None = None
+    joints: Sequence[RosJoint] | None = None
+
+
 def open_outputs(
     paths: Sequence[Path], facts: Mapping[str, str], source: str, *, force: bool
 ) -> list[Sink]:
@@ -131,6 +140,7 @@ def open_all(
     *,
     force: bool,
     wide: Wide | None = None,
+    contents: Contents | None = None,
 ) -> tuple[list[Sink], list[RawFile]]:
     """Open the outputs; return those of what is decoded, and those of the bytes themselves.
 
@@ -155,6 +165,12 @@ def open_all(
                 from sniffer.sinks.wide import WideSink
 
                 out[nth] = WideSink(paths[nth], hold=wide.hold)
+            elif contents is not None and suffixes[nth] == RECORDING:
+                from sniffer.mcapfile.sink import McapSink
+
+                out[nth] = McapSink(
+                    paths[nth], facts, topics=contents.topics, joints=contents.joints
+                )
             else:
                 out[nth] = open_sink(paths[nth], facts)
     except BaseException:

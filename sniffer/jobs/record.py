@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
-from sniffer.ground.needs import need_rerun
+from sniffer.ground.needs import need_foxglove, need_rerun
 from sniffer.jobs.files import check_files, open_files
 from sniffer.jobs.incidents import LiveIncidents
 from sniffer.jobs.outputs import GONE, session_facts
@@ -50,8 +50,9 @@ class Shown:
     """Where a recording is shown while it is made; None: not there.
 
     ``mode`` is the terminal's (board, line or log, as ``sniffer.viewers.screen`` names them),
-    ``view`` Rerun's (window, web, or connect with the ``url`` of a viewer); its plots show the last
-    ``window_s`` seconds. ``selection`` is which records a log shows.
+    ``view`` Rerun's (window, web, or connect with the ``url`` of a viewer), whose plots show the
+    last ``window_s`` seconds, or foxglove (``url``: HOST:PORT where it is served). ``selection`` is
+    which records a log shows.
     """
 
     mode: str | None = None
@@ -86,8 +87,13 @@ def live_view(
     """Open the viewer that was asked for."""
     if show.view is None:
         return None
-    need_rerun()
+    from sniffer.viewers.companion.parcels import FOXGLOVE
     from sniffer.viewers.companion.parent import LiveView
+
+    if show.view == FOXGLOVE:
+        need_foxglove()
+    else:
+        need_rerun()
 
     return LiveView(
         show.view,
@@ -96,6 +102,7 @@ def live_view(
         url=show.url,
         window_s=show.window_s,
         say=tell,
+        buses=[*dict.fromkeys(tap.spec.bus for tap in tapping.taps)],
     )
 
 
@@ -275,7 +282,9 @@ def run_recording(
     if screen is not None and screen.failure is not None:
         tell.warn(f"the screen stopped by itself: {screen.failure!r}; the recording went on")
     if view is not None and view.dropped_bytes:
-        tell.talk(f"Rerun was too slow for {view.dropped_bytes} bytes; the recording has them")
+        tell.talk(
+            f"{view.where} was too slow for {view.dropped_bytes} bytes; the recording has them"
+        )
     if failure is not None:
         raise failure
     if pipeline.failure is not None:

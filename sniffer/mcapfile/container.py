@@ -11,7 +11,7 @@ import contextlib
 import os
 import struct
 import zlib
-from typing import TYPE_CHECKING, Final, cast
+from typing import TYPE_CHECKING, Final, NamedTuple, cast
 
 import numpy as np
 import zstandard
@@ -49,6 +49,15 @@ LEVEL: Final = 1
 """Of zstd: 3, its default, takes half as long again for the same size."""
 
 _INDEX: Final = np.dtype([("log", "<u8"), ("at", "<u8")])
+
+
+class MessageType(NamedTuple):
+    """A type of messages that are not protobuf's: its name, encodings, and definition."""
+
+    name: str
+    encoding: str
+    schema_encoding: str
+    definition: bytes
 
 
 class Container:
@@ -101,31 +110,26 @@ class Container:
         """Tell whether the open file has no name any more: what is written to it is lost."""
         return not self._file.closed and os.fstat(self._file.fileno()).st_nlink == 0
 
-    def schema(self, message: type[Message]) -> int:
+    def _schema(self, kind: MessageType) -> int:
         """Return the id of a message type's schema."""
-        name = message.DESCRIPTOR.full_name
         for schema in self._summary.schemas.values():
-            if schema.name == name:
+            if schema.name == kind.name:
                 return schema.id
         number = max(self._summary.schemas, default=0) + 1
-        self._register(
-            Schema(
-                number,
-                _descriptors(cast("FileDescriptor", message.DESCRIPTOR.file)),
-                "protobuf",
-                name,
-            )
-        )
+        self._register(Schema(number, kind.definition, kind.schema_encoding, kind.name))
         return number
 
-    def channel(self, topic: str, message: type[Message], metadata: Mapping[str, str]) -> int:
+    def channel(
+        self, topic: str, message: type[Message] | MessageType, metadata: Mapping[str, str]
+    ) -> int:
         """Return the id of a topic's channel, opened where the file has none."""
         for known in self._summary.channels.values():
             if known.topic == topic:
                 return known.id
-        schema = self.schema(message)
+        kind = message if isinstance(message, MessageType) else type_of(message)
+        schema = self._schema(kind)
         number = max(self._summary.channels, default=0) + 1
-        self._register(Channel(number, topic, "protobuf", dict(metadata), schema))
+        self._register(Channel(number, topic, kind.encoding, dict(metadata), schema))
         return number
 
     def know(self, *records: Schema | Channel) -> None:
@@ -305,6 +309,12 @@ def _message_indexes(
         yield struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + n, number, n)
         yield entries[done : done + n]
         done += n
+
+
+def type_of(message: type[Message]) -> MessageType:
+    """Return a protobuf message as a file declares it."""
+    definition = _descriptors(cast("FileDescriptor", message.DESCRIPTOR.file))
+    return MessageType(message.DESCRIPTOR.full_name, "protobuf", "protobuf", definition)
 
 
 def _descriptors(file: FileDescriptor) -> bytes:

@@ -25,6 +25,18 @@ UNITS: Final[Mapping[str, str]] = {
 """How a register table's unit ends the name of a field."""
 
 
+def unit_of(field: str) -> str:
+    """Return the unit as it ends the name of a field, empty where there is none."""
+    ends = [end for end in UNITS.values() if field.endswith(f"_{end}")]
+    return max(ends, key=len, default="")
+
+
+def quantity_of(field: str) -> str:
+    """Return the quantity of a field, without the unit."""
+    unit = unit_of(field)
+    return field.removesuffix(f"_{unit}") if unit else field
+
+
 FIRST_VALUE: Final = 10
 """Number of the first field of a ServoState that is a register's: a table may name its quantities
 like one of those before."""

@@ -11,25 +11,22 @@ import copy
 import json
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from sniffer.decoding.joining import joined, runs
 from sniffer.decoding.sink import bus_of
-from sniffer.ground.codes import OK
-from sniffer.ground.distinct import distinct
 from sniffer.ground.model import I64, NS, Clock
 from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.encoder import U16, Blob, Encoder, Heads, Loose
-from sniffer.mcapfile.fields import FIRST_VALUE, state_field
 from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds
 from sniffer.mcapfile.levels import LEVELS, SEVERITIES
 from sniffer.mcapfile.raw import HeldChunks
+from sniffer.mcapfile.states import States
 from sniffer.messages.log_pb2 import Log
 from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, RawChunk, Transaction
-from sniffer.messages.servo_state_pb2 import ServoState
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -40,6 +37,7 @@ if TYPE_CHECKING:
     from sniffer.ground.model import Anomaly as Found
     from sniffer.ground.model import Batch, Chunk
     from sniffer.mcapfile.queue import Queue
+    from sniffer.mcapfile.ros2 import RosWriter
     from sniffer.protocols.base import BusProtocol
 
 
@@ -54,6 +52,7 @@ class BusWriter:
         open_channel: opens a channel (topic, message type, metadata) and returns its id.
         counted: whether messages are numbered in each channel. It packs worse by an eighth, and
             nothing that reads recordings asks for it: a live one leaves it out.
+        ros2: writes what ROS 2 understands of it, None: nobody does.
     """
 
     def __init__(
@@ -65,6 +64,7 @@ class BusWriter:
         open_channel: Callable[[str, type[Message], Mapping[str, str]], int],
         *,
         counted: bool = True,
+        ros2: RosWriter | None = None,
     ) -> None:
         self.name = name
         self.protocol: BusProtocol | None = None
@@ -92,9 +92,8 @@ class BusWriter:
         self._clock = Clock.NONE
         self._frames = Encoder(Frame)
         self._transactions = Encoder(Transaction)
-        self._states = Encoder(ServoState)
-        self._fields: list[str] = []
-        self._field_of = np.empty(0, np.int64)
+        self._states: States | None = None
+        self._ros2 = ros2
         self._root = name
         self._beside: dict[str, BusWriter] = {}
 
@@ -123,12 +122,26 @@ class BusWriter:
         """Whether anything was decoded of this bus."""
         return self.protocol is not None or bool(self._beside)
 
+    def fields(self) -> dict[str, set[str]]:
+        """Return which fields the states of each topic had so far."""
+        mine = self._states.seen if self._states is not None else {}
+        out = {f"/{self._root.strip('/')}/{topic}": names for topic, names in mine.items()}
+        for writer in self._beside.values():
+            out |= writer.fields()
+        return out
+
     def _of(self, protocol: BusProtocol, root: str) -> BusWriter:
         """Return what writes one of the protocols that share the wire, under topics of its own."""
         writer = self._beside.get(protocol.name)
         if writer is None:
             writer = BusWriter(
-                self.name, self._baud, self._begin, self._queue, self._open, counted=self._counted
+                self.name,
+                self._baud,
+                self._begin,
+                self._queue,
+                self._open,
+                counted=self._counted,
+                ros2=self._ros2,
             )
             writer._root, writer._arrivals = root, copy.deepcopy(self._arrivals)
             self._beside[protocol.name] = writer
@@ -181,7 +194,8 @@ class BusWriter:
             self._published = int(publish[-1])
             self._write_frames(batch, log, publish)
             self._write_transactions(batch, log, publish)
-            self._write_states(batch, log, publish)
+            assert self._states is not None, "a batch comes with its protocol"
+            self._states.write(batch, log, publish)
         self._seconds.count(FRAMES, frames.t_end, frames.length)
         self._write_gaps(batch)
         self._write_anomalies(batch)
@@ -197,11 +211,9 @@ class BusWriter:
         self._baud = self._baud or protocol.baud
         self._frames = Encoder(Frame, protocol.op_name)
         self._transactions = Encoder(Transaction, protocol.op_name)
-        known = {f.name for f in ServoState.DESCRIPTOR.fields if f.number >= FIRST_VALUE}
-        names = [state_field(r) for r in protocol.registers]
-        self._fields = sorted({n for n in names if n in known})
-        at = {name: i for i, name in enumerate(self._fields)}
-        self._field_of = np.array([at.get(n, -1) if n else -1 for n in names], np.int64)
+        self._states = States(
+            protocol, self._queue, self._channel, self._count_up, self._root, self._ros2
+        )
 
     def _write_frames(self, batch: Batch, log: I64, publish: I64) -> None:
         frames = batch.frames
@@ -253,44 +265,11 @@ class BusWriter:
                     "servo_id": (request.servo_id, request.servo_id >= 0),
                     "response_time_ns": (t.response_time_ns, t.response_time_ns >= 0),
                     "uncertainty_ns": (t.uncertainty_ns, t.uncertainty_ns >= 0),
+                    "response_time_ms": (t.response_time_ns / 1e6, t.response_time_ns >= 0),
                 },
                 ("op", request.op),
             ),
         )
-
-    def _write_states(self, batch: Batch, log: I64, publish: I64) -> None:
-        v, frames, t = batch.values, batch.frames, batch.transactions
-        field = self._field_of[v.register]
-        mine = np.flatnonzero(v.accepted & (field >= 0) & ~np.isnan(v.value))
-        if not len(mine) or not self._queue.wants("state"):
-            return
-        field, row, servo, value = field[mine], v.row[mine], v.servo_id[mine], v.value[mine]
-        new = np.ones(len(mine), bool)
-        new[1:] = (row[1:] != row[:-1]) | (servo[1:] != servo[:-1])
-        message = np.cumsum(new) - 1
-        row, servo = row[new], servo[new]
-        took = np.full(len(frames), -1)
-        paired = t.outcome == OK
-        took[t.response[paired]] = t.response_time_ns[paired]
-        optional: dict[str, tuple[Any, Any]] = {"response_time_ns": (took[row], took[row] >= 0)}
-        for i in distinct(field)[0].tolist():
-            which = np.flatnonzero(field == i)
-            there, column = np.zeros(len(row), bool), np.zeros(len(row))
-            there[message[which]] = True
-            column[message[which]] = value[which]
-            optional[self._fields[i]] = (column, there)
-        channel, sequence = np.empty(len(row), np.uint16), np.empty(len(row), np.uint32)
-        for number in distinct(servo)[0].tolist():
-            which = np.flatnonzero(servo == number)
-            who = str(number) if number >= 0 else "unknown"
-            channel[which] = self._channel(f"servo/{who}/state", ServoState, servo_id=who)
-            sequence[which] = self._count_up(int(channel[which[0]]), len(which))
-        heads = Heads(channel, sequence, log[row], publish[row], self._queue.ranks(len(row)))
-        numbers: dict[str, Any] = {
-            "offset": batch.base + frames.start[row],
-            "kind": frames.kind[row],
-        }
-        self._queue.add("state", *self._states.encode(heads, numbers, optional))
 
     def _write_gaps(self, batch: Batch) -> None:
         gaps = batch.gaps
@@ -328,6 +307,8 @@ class BusWriter:
             for a in found
         ]
         self._rare("anomalies", messages, times, times)
+        if self._ros2 is not None:
+            self._ros2.anomalies(self._root, found, times)
         logs = [
             Log(
                 timestamp=Timestamp(seconds=a.t_ns // NS, nanos=a.t_ns % NS),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.mcapfile.encoder import LOG_AT, U16, Loose, MessageRows
+from sniffer.messages import TOPICS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
@@ -71,18 +72,18 @@ class Queue:
     """Message records that wait to be written, in the order of their log times or as they came.
 
     Args:
-        topics: what is taken, by the last part of a topic's name; None: everything.
+        topics: what is taken, by the last part of a topic's name; None: what is usual.
     """
 
     def __init__(self, topics: Collection[str] | None = None) -> None:
         self._lots: list[_Lot] = []
-        self._topics = topics
+        self._topics = TOPICS if topics is None else topics
         self._ranks = 0
         self.size = 0
 
     def wants(self, topic: str) -> bool:
         """Tell whether records of a topic are taken: others need not be encoded."""
-        return self._topics is None or topic in self._topics
+        return topic in self._topics
 
     def ranks(self, n: int) -> I64:
         """Return the ranks of the next ``n`` records: of one time, the first to come is first."""

@@ -17,7 +17,8 @@ from sniffer.mcapfile.container import Container
 from sniffer.mcapfile.ends import end_facts
 from sniffer.mcapfile.packed import BrokenError
 from sniffer.mcapfile.records import NotMcapError, Piece, Records
-from sniffer.mcapfile.tail import Tail, kind_of
+from sniffer.mcapfile.states import kind_of
+from sniffer.mcapfile.tail import Tail
 from sniffer.messages import BULK, END, RECOVERED, TOOL
 
 if TYPE_CHECKING:

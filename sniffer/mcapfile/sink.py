@@ -22,6 +22,7 @@ all of them are decoded.
 from __future__ import annotations
 
 import contextlib
+import json
 import time
 from typing import TYPE_CHECKING, Final
 
@@ -30,16 +31,31 @@ from mcap.records import Attachment
 
 from sniffer import __version__
 from sniffer.decoding.names import joined
+from sniffer.decoding.options import names_in
 from sniffer.ground.limits import BAUDS, number_in
 from sniffer.ground.model import NS, OutputError
 from sniffer.ground.registers import schema_path
 from sniffer.mcapfile.container import Container
 from sniffer.mcapfile.encoder import Heads, Loose
 from sniffer.mcapfile.incidents import message_of
+from sniffer.mcapfile.layout import ATTACHED, layout
 from sniffer.mcapfile.messages import BusWriter
 from sniffer.mcapfile.queue import Queue
 from sniffer.mcapfile.raw import RawEncoder
-from sniffer.messages import BULK, BUS, END, INCIDENTS, OFFSET, SESSION, SHOWN, TABLES, TOOL, TOPICS
+from sniffer.mcapfile.states import kind_of
+from sniffer.messages import (
+    BULK,
+    BUS,
+    CHOICES,
+    END,
+    FLAT,
+    INCIDENTS,
+    OFFSET,
+    SESSION,
+    SHOWN,
+    TABLES,
+    TOOL,
+)
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -50,7 +66,9 @@ if TYPE_CHECKING:
     from sniffer.decoding.sink import Part
     from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.model import Batch, Chunk
+    from sniffer.mcapfile.joints import RosJoint
     from sniffer.mcapfile.queue import Sorted
+    from sniffer.mcapfile.ros2 import RosWriter
     from sniffer.protocols.base import BusProtocol
 
 LIBRARY: Final = f"{TOOL} {__version__}"
@@ -79,8 +97,10 @@ class McapSink:
         overwrite: whether a file that is there may be replaced.
         live: whether the caller flushes often, and nothing is written between.
         durable: whether the disk is waited for with each flush, against a power failure.
-        topics: which of ``TOPICS`` are written, None for all; ``raw`` always is.
+        topics: which of ``CHOICES`` are written, None for ``TOPICS``; ``raw`` always is.
         starts: stream offset of the first byte by bus, where that is not 0.
+        joints: what ROS 2 understands is written, too; for these joints, or, where empty, for all
+            servos whose position has a physical unit. Not of a live recording.
 
     Raises:
         OutputError: the file cannot be written; what it holds so far stays readable.
@@ -97,10 +117,11 @@ class McapSink:
         durable: bool = False,
         topics: Collection[str] | None = None,
         starts: Mapping[str, int] | None = None,
+        joints: Sequence[RosJoint] | None = None,
     ) -> None:
         begin = {f"{OFFSET}.{bus}": str(at) for bus, at in (starts or {}).items()}
         if topics is not None:
-            begin["topics"] = ",".join(t for t in TOPICS if t == "raw" or t in topics)
+            begin["topics"] = ",".join(t for t in CHOICES if t == "raw" or t in topics)
         self._session = {_told(k): _told(v) for k, v in {**session, **begin}.items()}
         self._flush_ns = flush_ns
         self._live = live
@@ -111,6 +132,12 @@ class McapSink:
         self._attached: set[str] = set()
         self._failure: str | None = None
         self._file = Container(path, LIBRARY, overwrite=overwrite, durable=durable)
+        self._ros2: RosWriter | None = None
+        if joints is not None:
+            from sniffer.mcapfile.ros2 import RosWriter
+
+            named = names_in(self._session)
+            self._ros2 = RosWriter(joints, named, self._queue, self._file.channel)
         self._closed = False
         self._encoded_at = time.monotonic_ns()
         self._since: int | None = None
@@ -132,6 +159,11 @@ class McapSink:
     def is_deleted(self) -> bool:
         """Tell whether somebody has deleted the file while it is written."""
         return self._file.is_deleted
+
+    @property
+    def remarks(self) -> list[str]:
+        """What should be told of the joints in it."""
+        return [] if self._ros2 is None else self._ros2.told()
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks as they came."""
@@ -187,6 +219,7 @@ class McapSink:
                 else:
                     self._encode(final=True)
                     self._flush(None)
+                self._attach_layout()
                 if end:
                     self._file.metadata(END, {_told(k): v for k, v in end.items()})
                 yield from self._file.finishing()
@@ -254,6 +287,7 @@ class McapSink:
                 self._queue,
                 self._file.channel,
                 counted=not self._live,
+                ros2=self._ros2,
             )
         return writer
 
@@ -267,6 +301,16 @@ class McapSink:
         if name not in self._attached:
             self._attached.add(name)
             self._file.attach(Attachment(0, self._file.last, name, media_type, data))
+
+    def _attach_layout(self) -> None:
+        """Attach the panels that viewers have something to show in."""
+        shown = SHOWN if self._live else CHOICES  # what is not indexed is not looked up
+        topics = [t for t in self._file.topics().values() if kind_of(t) in (*shown, FLAT)]
+        fields = {t: names for b in self._buses.values() for t, names in b.fields().items()}
+        made = layout(topics, fields, names_in(self._session))
+        if made is not None:
+            data = json.dumps(made, separators=(",", ":")).encode()
+            self._attach(ATTACHED, "application/json", data)
 
     def _wait(self) -> None:
         if self._since is None:
@@ -311,7 +355,7 @@ class McapSink:
         if final or time.monotonic_ns() - self._encoded_at >= self._flush_ns:
             self._encode(final=final)
             self._write_all(self._queue.lots(BULK), indexed=False)
-            self._write_all(self._queue.lots(SHOWN), indexed=True)
+            self._write_all(self._queue.lots((*SHOWN, FLAT)), indexed=True)
         self._file.sync()
 
     def _flush(self, until: int | None) -> None:

@@ -23,10 +23,11 @@ from sniffer.mcapfile.messages import BusWriter
 from sniffer.mcapfile.queue import Queue
 from sniffer.mcapfile.sink import attached_tables, facts_of
 from sniffer.mcapfile.source import groups, session
-from sniffer.messages import BULK, BUS, OFFSET, SHOWN, TOPICS
+from sniffer.mcapfile.states import kind_of
+from sniffer.messages import BULK, BUS, FLAT, OFFSET, SHOWN, TOPICS
 from sniffer.messages.log_pb2 import Log
 from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, Stats, Transaction
-from sniffer.messages.servo_state_pb2 import ServoState
+from sniffer.messages.servo_state_pb2 import Quantity, ServoState
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Sequence
@@ -53,8 +54,9 @@ MESSAGES: Final[dict[str, Any]] = {
     "anomalies": Anomaly,
     "log": Log,
     "stats": Stats,
+    FLAT: Quantity,
 }
-"""The message of each derived topic, by the last part of its name."""
+"""The message of each derived topic, by its kind."""
 
 
 class Tail:
@@ -112,9 +114,11 @@ class Tail:
         """Return by channel the records that are held."""
         known: dict[int, set[Hashable]] = {}
         for piece, mine in self._pieces:
-            channels = piece.channel[mine].tolist()
-            for channel, data in zip(channels, piece.messages(piece.at[mine]), strict=True):
-                known.setdefault(channel, set()).add(_key(self._read(channel, data)))
+            at = piece.at[mine]
+            columns = (piece.channel[mine].tolist(), at.tolist(), piece.messages(at))
+            for channel, start, data in zip(*columns, strict=True):
+                key = _key(self._read(channel, data), piece.data, start)
+                known.setdefault(channel, set()).add(key)
         self._pieces.clear()
         return known
 
@@ -200,7 +204,7 @@ class _Rest:
     def _flush(self, *, final: bool) -> None:
         for bus in self._buses.values():
             bus.encode(final=final)
-        for topics, indexed in ((BULK, False), (SHOWN, True)):
+        for topics, indexed in ((BULK, False), ((*SHOWN, FLAT), True)):
             rows = self._queue.lots(topics)
             rows = None if rows is None else rows.only(self._missing(rows))
             if rows is not None:
@@ -217,15 +221,10 @@ class _Rest:
         for i, (channel, log, start, end) in enumerate(zip(*columns, strict=True)):
             message = kinds[channel].FromString(rows.data[start + RECORD.size : end])
             offset, until = done[channel]
-            is_there = _key(message) in self._known.get(channel, ())
+            is_there = _key(message, rows.data, start) in self._known.get(channel, ())
             place = _place(message)
             out[i] = not is_there and (place > offset if place >= 0 else log > until)
         return out
-
-
-def kind_of(topic: str) -> str:
-    """Return the last part of a topic."""
-    return topic.rpartition("/")[2]
 
 
 def _derived(topic: str) -> bool:
@@ -249,8 +248,8 @@ def _place(message: Any) -> int:
     return -1
 
 
-def _key(message: Any) -> Hashable:
-    """Return what tells a record of a channel from all others."""
+def _key(message: Any, records: bytes | memoryview, start: int) -> Hashable:
+    """Return what tells a record of a channel, which begins at ``start``, from all others."""
     match message:
         case Frame(offset=offset) | Gap(offset=offset) | ServoState(offset=offset):
             return int(offset)
@@ -258,4 +257,7 @@ def _key(message: Any) -> Hashable:
             return (request, response, message.HasField("request_offset"))
         case Stats(t_ns=t_ns):
             return int(t_ns)
+        case Quantity(value=value):
+            *_, publish = RECORD.unpack_from(records, start)
+            return (publish, value)
     return bytes(message.SerializeToString(deterministic=True))

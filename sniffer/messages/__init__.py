@@ -51,4 +51,10 @@ SHOWN: Final = ("state", "gaps", "anomalies", "log", "stats", INCIDENTS)
 """Topics that viewers look up message by message."""
 
 TOPICS: Final = ("raw", *BULK, *SHOWN)
-"""All topics, by the last part of their names."""
+"""All topics that a recording has where nobody chooses, by the last part of their names."""
+
+FLAT: Final = "flat"
+"""Topics ``servo/<id>/<quantity>_<unit>``, one for each value alone; only where asked for."""
+
+CHOICES: Final = (*TOPICS, FLAT)
+"""What may be chosen."""

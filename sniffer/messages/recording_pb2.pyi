@@ -128,7 +128,7 @@ class Frame(_message.Message):
     def __init__(self, t_start_ns: _Optional[int] = ..., t_end_ns: _Optional[int] = ..., uncertainty_ns: _Optional[int] = ..., offset: _Optional[int] = ..., length: _Optional[int] = ..., kind: _Optional[_Union[Kind, str]] = ..., servo_id: _Optional[int] = ..., op: _Optional[str] = ..., op_code: _Optional[int] = ..., address: _Optional[int] = ..., status: _Optional[int] = ..., flags: _Optional[int] = ..., direction: _Optional[_Union[Direction, str]] = ..., data: _Optional[bytes] = ...) -> None: ...
 
 class Transaction(_message.Message):
-    __slots__ = ("outcome", "request_offset", "response_offset", "servo_id", "op", "response_time_ns", "uncertainty_ns")
+    __slots__ = ("outcome", "request_offset", "response_offset", "servo_id", "op", "response_time_ns", "uncertainty_ns", "response_time_ms")
     class Outcome(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = ()
         OK: _ClassVar[Transaction.Outcome]
@@ -150,6 +150,7 @@ class Transaction(_message.Message):
     OP_FIELD_NUMBER: _ClassVar[int]
     RESPONSE_TIME_NS_FIELD_NUMBER: _ClassVar[int]
     UNCERTAINTY_NS_FIELD_NUMBER: _ClassVar[int]
+    RESPONSE_TIME_MS_FIELD_NUMBER: _ClassVar[int]
     outcome: Transaction.Outcome
     request_offset: int
     response_offset: int
@@ -157,7 +158,8 @@ class Transaction(_message.Message):
     op: str
     response_time_ns: int
     uncertainty_ns: int
-    def __init__(self, outcome: _Optional[_Union[Transaction.Outcome, str]] = ..., request_offset: _Optional[int] = ..., response_offset: _Optional[int] = ..., servo_id: _Optional[int] = ..., op: _Optional[str] = ..., response_time_ns: _Optional[int] = ..., uncertainty_ns: _Optional[int] = ...) -> None: ...
+    response_time_ms: float
+    def __init__(self, outcome: _Optional[_Union[Transaction.Outcome, str]] = ..., request_offset: _Optional[int] = ..., response_offset: _Optional[int] = ..., servo_id: _Optional[int] = ..., op: _Optional[str] = ..., response_time_ns: _Optional[int] = ..., uncertainty_ns: _Optional[int] = ..., response_time_ms: _Optional[float] = ...) -> None: ...
 
 class Gap(_message.Message):
     __slots__ = ("t_ns", "offset", "length", "reason", "detail", "data")

@@ -55,6 +55,9 @@ SINKS: Final[Mapping[str, Callable[[Path, Session], Sink]]] = MappingProxyType(
 )
 """Makers of outputs by suffix, of what was decoded."""
 
+RECORDING: Final = ".mcap"
+"""Suffix of a recording."""
+
 BYTES: Final = (".log", ".bin", ".hex")
 """Suffixes of files that hold the bytes themselves (``raw``)."""
 

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 import numpy as np
 
 from sniffer.ground.model import F64, I64, Severity
-from sniffer.sinks.rerun.layout import Rgb, mixed
+from sniffer.sinks.rerun.layout import mixed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from sniffer.ground.colours import Rgb
     from sniffer.ground.model import Anomaly
     from sniffer.sinks.rerun.plots import Track
 

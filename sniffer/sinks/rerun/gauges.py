@@ -25,10 +25,10 @@ from sniffer.sinks.rerun.plots import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
+    from sniffer.ground.colours import Rgb
     from sniffer.ground.model import F64, I64, Batch
     from sniffer.protocols.base import BusProtocol
     from sniffer.sinks.rerun.entities import Shape
-    from sniffer.sinks.rerun.layout import Rgb
 
     Who = Callable[[BusProtocol, int], tuple[int, str, Rgb]]
     Path = Callable[[str, int, str], str]

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from sniffer.sinks.rerun.layout import Rgb, mixed
+from sniffer.sinks.rerun.layout import mixed
 from sniffer.sinks.rerun.sink import RerunSink
 
 if TYPE_CHECKING:
+    from sniffer.ground.colours import Rgb
     from sniffer.protocols.base import BusProtocol
     from sniffer.sinks.rerun.entities import Curve, Strip
     from sniffer.sinks.rerun.plots import Track

@@ -18,12 +18,13 @@ import numpy as np
 from sniffer.decoding.sink import bus_of
 from sniffer.decoding.summary import FIGURES, Quantiles
 from sniffer.ground.codes import OK, RESPONSE, WHOLE
+from sniffer.ground.colours import Colours, Rgb
 from sniffer.ground.files import open_binary
 from sniffer.ground.model import Clock, OutputError, Severity
 from sniffer.sinks.rerun.derived import groups
 from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Log, LogLine, Strip
 from sniffer.sinks.rerun.gauges import Gauges
-from sniffer.sinks.rerun.layout import TIMELINE, Colours, Rgb, application_id, blueprint
+from sniffer.sinks.rerun.layout import TIMELINE, application_id, blueprint
 from sniffer.sinks.rerun.plots import ALARMS, EVERYONE, POSITION, RESPONSE_TIME, TimeRange, Track
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""The process that shows a recording in Rerun while it is made.
+"""The process that shows a recording while it is made: in Rerun, or (``serving.py``) in Foxglove.
 
 Started as ``python -m sniffer.viewers.companion.child`` by ``parent.py`` beside this file, which
 sends it the raw bytes through a pipe. It decodes them with the same core as the recorder does, and
@@ -32,6 +32,7 @@ from sniffer.viewers.companion.parcels import (
     SAY,
     WEB,
     WINDOW,
+    IncidentWord,
     Parcel,
     Setup,
     Unpacker,
@@ -102,16 +103,8 @@ class Watcher:
             GoneError: the viewer went away.
             OutputError: there is none.
         """
-        from sniffer.sinks.rerun.sink import RerunSink
-
         with self._target() as address:
-            self._recording = viewer.stream(self._setup.name, address)
-            self._sink = RerunSink(
-                recording=self._recording,
-                window_s=self._setup.window_s,
-                names=self._setup.options.names,
-            )
-            self._pipeline = Pipeline(self._setup.options, [self._sink], live=True)
+            self._open(address)
             self._flush()
             self._tell(READY, "")
             self._show(self._unpacker.parcels())
@@ -122,9 +115,29 @@ class Watcher:
                 self._pipeline.close()
             self._flush()
             self._tell(DONE, "")
-            self._recording.disconnect()  # a viewer calls a line that only breaks off an error
-            if self._viewer is not None and self._setup.mode == WINDOW and self._has_shown:
-                self._viewer.wait()
+            self._leave()
+
+    def _open(self, address: str) -> None:
+        """Make what decodes, and sends it there."""
+        from sniffer.sinks.rerun.sink import RerunSink
+
+        self._recording = viewer.stream(self._setup.name, address)
+        self._sink = RerunSink(
+            recording=self._recording,
+            window_s=self._setup.window_s,
+            names=self._setup.options.names,
+        )
+        self._pipeline = Pipeline(self._setup.options, [self._sink], live=True)
+
+    def _incident(self, bus: str, word: IncidentWord) -> None:
+        """Show what has become of an incident."""
+        self._sink.incident(bus, word.servo_ids, LogLine(word.t_ns, word.severity, word.text))
+
+    def _leave(self) -> None:
+        """End the connection; wait for a window until somebody closes it."""
+        self._recording.disconnect()  # a viewer calls a line that only breaks off an error
+        if self._viewer is not None and self._setup.mode == WINDOW and self._has_shown:
+            self._viewer.wait()
 
     @contextlib.contextmanager
     def _target(self) -> Iterator[str]:
@@ -172,9 +185,7 @@ class Watcher:
                 latency_ns = self._setup.options.latencies.get(bus, 0)
                 self._pipeline.tune(bus, Rate(baud, 0, latency_ns))
             for word in words:
-                self._sink.incident(
-                    bus, word.servo_ids, LogLine(word.t_ns, word.severity, word.text)
-                )
+                self._incident(bus, word)
             self._has_shown |= bool(chunks)
             if missing and chunks:
                 self._decode(waiting)
@@ -261,7 +272,7 @@ def _first(unpacker: Unpacker) -> Setup | None:
     return None
 
 
-def main() -> NoReturn:
+def main(watcher: type[Watcher] = Watcher) -> NoReturn:
     """Show what comes on standard input; tell on standard output how it goes."""
     # What the SDK or the viewer print must not be taken for what we tell.
     told, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
@@ -279,11 +290,11 @@ def main() -> NoReturn:
         with viewer.stoppable():
             setup = _first(unpacker)
             if setup is not None:
-                Watcher(setup, unpacker, tell).run()
+                watcher(setup, unpacker, tell).run()
     except (GoneError, OutputError) as error:
         tell(GONE, str(error))
     except Exception as error:
-        tell(GONE, f"what shows it in Rerun failed: {type(error).__name__}: {error}")
+        tell(GONE, f"what shows it live failed: {type(error).__name__}: {error}")
     finally:
         # Not the usual way: the SDK would wait there for a viewer that hangs.
         os._exit(0)

@@ -11,7 +11,8 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sniffer.ground.model import Chunk
+from sniffer.ground.limits import number_in
+from sniffer.ground.model import Chunk, OutputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
 WINDOW: Final = "window"
 WEB: Final = "web"
 CONNECT: Final = "connect"
-"""Where a recording is shown live: a window, a browser, a viewer that is there already."""
+FOXGLOVE: Final = "foxglove"
+"""Where a recording is shown live: a window, a browser, a viewer that is there already, Foxglove.
+"""
 
 READY: Final = "ready"
 SAY: Final = "say"
@@ -31,6 +34,8 @@ DONE: Final = "done"
 """What the other process tells: that the viewer is there, a line for people, why it ends, that all
 has been shown."""
 
+PORT_MOST: Final = 65535
+
 _SIZE: Final = struct.Struct("=I")
 
 
@@ -38,8 +43,9 @@ _SIZE: Final = struct.Struct("=I")
 class Setup:
     """What the process that shows a recording is told first.
 
-    ``address`` is the viewer's in the mode ``CONNECT``; ``arguments`` are for the viewer's program
-    in the others.
+    ``address`` is the viewer's in the mode ``CONNECT``, and where to listen (``HOST:PORT``) in the
+    mode ``FOXGLOVE``; ``arguments`` are for the viewer's program in the others. ``buses`` are those
+    that are heard.
     """
 
     mode: str
@@ -48,11 +54,26 @@ class Setup:
     window_s: float
     address: str = ""
     arguments: tuple[str, ...] = ()
+    buses: tuple[str, ...] = ()
 
     def packed(self) -> bytes:
         """Return it as bytes."""
         data = pickle.dumps(self)
         return _SIZE.pack(len(data)) + data
+
+
+def address_in(text: str) -> tuple[str, int]:
+    """Read ``HOST:PORT``.
+
+    Raises:
+        OutputError: it is none.
+    """
+    host, colon, port = text.rpartition(":")
+    number = number_in(port, 0, PORT_MOST)
+    if not colon or not host or number is None:
+        told = "{address!r} is no address: write HOST:PORT, as in 127.0.0.1:8765"
+        raise OutputError(told.format(address=text[:60]))
+    return host.strip("[]"), number
 
 
 class IncidentWord(NamedTuple):

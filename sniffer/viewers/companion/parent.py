@@ -24,6 +24,7 @@ from sniffer.viewers import viewer
 from sniffer.viewers.companion.parcels import (
     CONNECT,
     DONE,
+    FOXGLOVE,
     GONE,
     READY,
     SAY,
@@ -31,6 +32,7 @@ from sniffer.viewers.companion.parcels import (
     WINDOW,
     IncidentWord,
     Setup,
+    address_in,
     packed,
 )
 
@@ -57,6 +59,9 @@ BACKLOG_BYTES: Final = 4 << 20
 """What is kept here while the pipe is full. The other end needs about two seconds to start, in
 which eight buses at 1 Mbit/s say 1.5 MB."""
 
+AT_HOME: Final = "127.0.0.1:8765"
+"""Where Foxglove finds a recording: only on this machine, at the port that it expects."""
+
 CLOSE_S: Final = 1.0
 """The longest that closing may take."""
 
@@ -69,13 +74,15 @@ class LiveView:
     start, or is killed where it hangs.
 
     Args:
-        mode: ``window``, ``web`` (a server for browsers of this machine), or ``connect``.
+        mode: ``window``, ``web`` (a server for browsers of this machine), ``connect``, or
+            ``foxglove`` (a server for Foxglove).
         options: how to decode.
         name: of the recording.
-        url: of the viewer to connect to.
+        url: of the viewer to connect to; for Foxglove ``HOST:PORT``, where to listen.
         window_s: how much of the past is shown.
         say: is told in one line what the people at the recorder should know.
         arguments: for the viewer's program.
+        buses: that are heard.
 
     Raises:
         OutputError: it cannot be shown that way; what else to do is in the message.
@@ -91,9 +98,11 @@ class LiveView:
         window_s: float = 20.0,
         say: Callable[[str], None],
         arguments: Sequence[str] = (),
+        buses: Sequence[str] = (),
     ) -> None:
         address = _checked(mode, url)
         self.mode = mode
+        self.where = "Foxglove" if mode == FOXGLOVE else "Rerun"
         self.dropped_bytes = 0
         self.dropped_chunks = 0
         self._say = say
@@ -105,10 +114,10 @@ class LiveView:
         self._sent_s = time.monotonic()
         self._missing: dict[str, int] = {}
         self._held: set[str] = set()
-        setup = Setup(mode, name, options, window_s, address, tuple(arguments))
+        setup = Setup(mode, name, options, window_s, address, tuple(arguments), tuple(buses))
         self._backlog = bytearray(_packed(setup))
         self._heard = b""
-        self._process = _start()
+        self._process = _start("serving" if mode == FOXGLOVE else "child")
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._pipe, self._told = self._process.stdin, self._process.stdout
@@ -218,7 +227,7 @@ class LiveView:
                 return
             except BrokenPipeError:
                 self._listen()  # why, it may have said
-                self._end("the process that shows it in Rerun has stopped")
+                self._end(f"the process that shows it in {self.where} has stopped")
                 return
             del self._backlog[:written]
 
@@ -230,7 +239,7 @@ class LiveView:
             except BlockingIOError:
                 return
             if not heard:
-                self._end("the process that shows it in Rerun has stopped")
+                self._end(f"the process that shows it in {self.where} has stopped")
                 return
             *lines, self._heard = (self._heard + heard).split(b"\n")
             for line in lines:
@@ -269,13 +278,16 @@ class LiveView:
 
 def _checked(mode: str, url: str | None) -> str:
     """Return the address to connect to, empty where the viewer is to be started."""
-    if mode not in (WINDOW, WEB, CONNECT):
+    if mode not in (WINDOW, WEB, CONNECT, FOXGLOVE):
         raise ValueError(f"no mode {mode!r}")
     if sys.platform == "win32":
         raise OutputError(
-            "a recording cannot be shown in Rerun while it is made on Windows: record it, and open "
-            "it with `sniffer view FILE`"
+            "a recording cannot be shown while it is made on Windows: record it, and open it with "
+            "`sniffer view FILE`"
         )
+    if mode == FOXGLOVE:
+        address_in(url or AT_HOME)
+        return url or AT_HOME
     if mode == CONNECT:
         return viewer.data_address(url or "")[0]
     if mode == WINDOW and not viewer.has_display():
@@ -298,12 +310,12 @@ def _packed(setup: Setup) -> bytes:
         ) from None
 
 
-def _start() -> subprocess.Popen[bytes]:
+def _start(module: str) -> subprocess.Popen[bytes]:
     """Start the other process where no Ctrl-C of the terminal reaches it."""
     # Its modules are found where ours were, whatever lies in the folder it is started in.
     path = os.pathsep.join(str(Path(place).absolute()) for place in sys.path)
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "sniffer.viewers.companion.child"],
+        [sys.executable, "-P", "-m", f"sniffer.viewers.companion.{module}"],
         bufsize=0,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

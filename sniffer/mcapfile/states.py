@@ -1,0 +1,195 @@
+"""What servos were made known to be: a message a frame, and a topic for each value alone.
+
+A state has a field for each quantity, absent where the frame does not carry it. Who plots an absent
+field as 0 needs a topic for each: those of ``FLAT`` hold a number a message, and nothing else.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from sniffer.ground.codes import OK
+from sniffer.ground.distinct import distinct
+from sniffer.mcapfile.encoder import Encoder, Heads
+from sniffer.mcapfile.fields import FIRST_VALUE, state_field
+from sniffer.messages import CHOICES, FLAT, TOPICS
+from sniffer.messages.servo_state_pb2 import Quantity, ServoState
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Protocol
+
+    import numpy.typing as npt
+    from google.protobuf.message import Message
+
+    from sniffer.ground.model import F64, I64, Batch, Mask
+    from sniffer.mcapfile.queue import Queue
+    from sniffer.mcapfile.ros2 import RosWriter
+    from sniffer.protocols.base import BusProtocol
+
+    class Channels(Protocol):
+        """Opens the channel of a topic of the bus, once, and returns its id."""
+
+        def __call__(self, topic: str, message: type[Message], **facts: str) -> int:
+            """``facts`` are what the channel says of itself."""
+            ...
+
+
+RESPONSE_TIME: Final = "response_time_ms"
+"""A field of a state that is no register's."""
+
+
+class KnownValues(NamedTuple):
+    """Values that frames made known, in their order: of which frame, of whom, what.
+
+    ``field`` is a place in ``States.names``.
+    """
+
+    row: I64
+    servo: I64
+    field: I64
+    value: F64
+
+    def take(self, which: Mask | I64) -> KnownValues:
+        """Return some of them."""
+        return KnownValues(self.row[which], self.servo[which], self.field[which], self.value[which])
+
+
+class States:
+    """Writes the values of the servos of one bus.
+
+    Args:
+        protocol: what they speak.
+        queue: takes the records.
+        channel: opens a topic of the bus.
+        count_up: returns the next sequence numbers of a channel.
+        bus: its name, for ``ros2``, which writes what ROS 2 understands; None: nobody does.
+    """
+
+    def __init__(
+        self,
+        protocol: BusProtocol,
+        queue: Queue,
+        channel: Channels,
+        count_up: Callable[[int, int], npt.NDArray[np.uint32]],
+        bus: str = "",
+        ros2: RosWriter | None = None,
+    ) -> None:
+        self.seen: dict[str, set[str]] = {}
+        """Fields that the states of a topic had so far."""
+        self._queue = queue
+        self._channel = channel
+        self._bus, self._ros2 = bus, ros2
+        self._count_up = count_up
+        fields = [state_field(register) for register in protocol.registers]
+        self.names = [*sorted({name for name in fields if name is not None}), RESPONSE_TIME]
+        at = {name: i for i, name in enumerate(self.names[:-1])}
+        self._field_of = np.array([at[n] if n is not None else -1 for n in fields], np.int64)
+        declared = {f.name for f in ServoState.DESCRIPTOR.fields if f.number >= FIRST_VALUE}
+        self._is_declared = np.array([name in declared for name in self.names])
+        self._states, self._quantities = Encoder(ServoState), Encoder(Quantity)
+
+    def write(self, batch: Batch, log: I64, publish: I64) -> None:
+        """Queue what a batch made known; ``log`` and ``publish`` are the times of its frames."""
+        told = self._told(batch)
+        if self._queue.wants("state"):
+            self._write_states(batch, told.take(self._is_declared[told.field]), log, publish)
+        if self._queue.wants(FLAT):
+            self._write_flat(batch, told, log, publish)
+        if self._ros2 is not None:
+            self._ros2.states(self._bus, self.names, told, log, publish)
+
+    def _told(self, batch: Batch) -> KnownValues:
+        v = batch.values
+        field = self._field_of[v.register]
+        mine = np.flatnonzero(v.accepted & (field >= 0) & ~np.isnan(v.value))
+        return KnownValues(
+            v.row[mine], v.servo_id[mine].astype(np.int64), field[mine], v.value[mine]
+        )
+
+    def _write_states(self, batch: Batch, told: KnownValues, log: I64, publish: I64) -> None:
+        if not len(told.row):
+            return
+        frames, t = batch.frames, batch.transactions
+        new = np.ones(len(told.row), bool)
+        new[1:] = (told.row[1:] != told.row[:-1]) | (told.servo[1:] != told.servo[:-1])
+        message = np.cumsum(new) - 1
+        row, servo = told.row[new], told.servo[new]
+        took = np.full(len(frames), -1)
+        paired = t.outcome == OK
+        took[t.response[paired]] = t.response_time_ns[paired]
+        took = took[row]
+        optional: dict[str, tuple[Any, Any]] = {
+            "response_time_ns": (took, took >= 0),
+            RESPONSE_TIME: (took / 1e6, took >= 0),
+        }
+        for i in distinct(told.field)[0].tolist():
+            which = np.flatnonzero(told.field == i)
+            there, column = np.zeros(len(row), bool), np.zeros(len(row))
+            there[message[which]] = True
+            column[message[which]] = told.value[which]
+            optional[self.names[i]] = (column, there)
+        channel, sequence = np.empty(len(row), np.uint16), np.empty(len(row), np.uint32)
+        for number in distinct(servo)[0].tolist():
+            which = np.flatnonzero(servo == number)
+            topic = f"servo/{_who(number)}/state"
+            channel[which] = self._channel(topic, ServoState, servo_id=_who(number))
+            sequence[which] = self._count_up(int(channel[which[0]]), len(which))
+            seen = self.seen.setdefault(topic, set())
+            seen.update(name for name, (_, there) in optional.items() if there[which].any())
+        heads = Heads(channel, sequence, log[row], publish[row], self._queue.ranks(len(row)))
+        numbers: dict[str, Any] = {
+            "offset": batch.base + batch.frames.start[row],
+            "kind": frames.kind[row],
+        }
+        self._queue.add("state", *self._states.encode(heads, numbers, optional))
+
+    def _write_flat(self, batch: Batch, told: KnownValues, log: I64, publish: I64) -> None:
+        told = self._with_times(batch, told)
+        n = len(told.row)
+        if not n:
+            return
+        width = len(self.names)
+        channel, sequence = np.empty(n, np.uint16), np.empty(n, np.uint32)
+        keys, place, _ = distinct((told.servo + 1) * width + told.field)
+        for k, key in enumerate(keys.tolist()):
+            which = np.flatnonzero(place == k)
+            who = _who(key // width - 1)
+            topic = f"servo/{who}/{flat_name(self.names[key % width])}"
+            channel[which] = self._channel(topic, Quantity, servo_id=who)
+            sequence[which] = self._count_up(int(channel[which[0]]), len(which))
+        heads = Heads(channel, sequence, log[told.row], publish[told.row], self._queue.ranks(n))
+        self._queue.add(FLAT, *self._quantities.encode(heads, {"value": told.value}, {}))
+
+    def _with_times(self, batch: Batch, told: KnownValues) -> KnownValues:
+        """Return values with the response times among them, which answers have that state none."""
+        t = batch.transactions
+        timed = (t.outcome == OK) & (t.response_time_ns >= 0)
+        row = t.response[timed]
+        servo = batch.frames.servo_id[row]
+        field = np.full(len(row), len(self.names) - 1)
+        both = KnownValues(
+            np.concatenate([told.row, row]),
+            np.concatenate([told.servo, servo]),
+            np.concatenate([told.field, field]),
+            np.concatenate([told.value, t.response_time_ns[timed] / 1e6]),
+        )
+        return both.take(np.argsort(both.row, kind="stable"))
+
+
+def flat_name(field: str) -> str:
+    """Return the last part of the topic of a field's values, which is no other topic's."""
+    return f"{field}_" if field in CHOICES else field
+
+
+def kind_of(topic: str) -> str:
+    """Return the last part of a topic, or what single values of servos are."""
+    before, _, last = topic.rpartition("/")
+    is_servos = before.rpartition("/")[0].endswith("/servo")
+    return FLAT if is_servos and last not in TOPICS else last
+
+
+def _who(servo: int) -> str:
+    return str(servo) if servo >= 0 else "unknown"
