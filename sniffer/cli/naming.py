@@ -27,6 +27,8 @@ _OPTIONS: Final = {
     "stop": "--to",
     "tables": "--registers",
     "tap=False": "--no-tap",
+    "to": "--to",
+    "transmit": "--yes-transmit",
     "view=connect": "--rerun-connect URL",
     "view=web": "--web",
     "view=window": "--rerun",

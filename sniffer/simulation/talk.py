@@ -76,6 +76,7 @@ class HeardFrame(NamedTuple):
     data: bytes
     token: int
     flags: int
+    reply: int
 
     @classmethod
     def of(cls, frames: Frames, row: int, said: bytes) -> Self:
@@ -90,6 +91,7 @@ class HeardFrame(NamedTuple):
             said[first : first + int(frames.data_length[row])],
             int(frames.token[row]),
             int(frames.flags[row]),
+            int(frames.reply[row]),
         )
 
 
