@@ -11,6 +11,7 @@ import click
 
 from sniffer.cli.amounts import Duration
 from sniffer.cli.options import ProtocolName, Whole, examples, models, with_force
+from sniffer.cli.playing import told_bytes
 from sniffer.cli.signals import ended_by_signals
 from sniffer.cli.streams import say
 from sniffer.ground.limits import BAUDS
@@ -173,12 +174,7 @@ def _report(played: Played) -> None:
     """Say what became of the bytes."""
     ports = {"": played.bus} if played.tap is None else {"bus: ": played.bus, "tap: ": played.tap}
     for name, written in ports.items():
-        told = f"{name}{written.size} bytes written"
-        if written.lost:
-            told += f", {written.lost} that nobody read"
-        if written.overrun:
-            told += f", {written.overrun} lost because the reader was too slow"
-        say(told)
+        say(told_bytes(name, written.size, written.lost, written.overrun))
     if played.held_up_ns:
         say(
             f"held up for {played.held_up_ns / 1e6:.0f} ms in all, and went on later by as much: "

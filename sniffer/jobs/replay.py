@@ -220,7 +220,9 @@ def first_time(head: Iterable[Chunk]) -> int | None:
     return next((chunk.t_ns for chunk in head if chunk.data), None)
 
 
-def spoken_by(head: Iterable[Chunk], options: Options, tell: Teller) -> dict[str, str | BusProtocol]:
+def spoken_by(
+    head: Iterable[Chunk], options: Options, tell: Teller
+) -> dict[str, str | BusProtocol]:
     """Return the protocol of each bus, and say so; what cannot be told yet is left out.
 
     What a recording says of itself is known: the bytes are not asked against it.

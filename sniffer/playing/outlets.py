@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import OutputError, SnifferError
-from sniffer.ground.wording import Sentence, counted
+from sniffer.ground.wording import Sentence
 from sniffer.simulation.play.link import linked
 from sniffer.simulation.play.outlet import FrameWriter
 from sniffer.simulation.talk import NOISE, TrueFrame
@@ -49,12 +49,12 @@ def check_ports(to: Sequence[str], links: Sequence[Path], buses: Sequence[str]) 
         SnifferError: the sentence says how many there must be.
     """
     n, names = len(buses), ", ".join(buses)
-    if to != (FRESH,) and len(to) != n:
-        told = "{have} ({names}): say {to} once for each, in this order, or {to:pty} for all"
-        raise SnifferError(Sentence(told, have=counted(n, "bus").replace("buss", "buses"), names=names))
+    if tuple(to) != (FRESH,) and len(to) != n:
+        told = "it has {n} buses ({names}): say {to} once for each, or {to:pty} for all of them"
+        raise SnifferError(Sentence(told, n=n, names=names))
     if links and len(links) != n:
-        told = "{have} ({names}): say {link} once for each, in this order"
-        raise SnifferError(Sentence(told, have=counted(n, "bus").replace("buss", "buses"), names=names))
+        told = "it has {n} buses ({names}): say {link} once for each"
+        raise SnifferError(Sentence(told, n=n, names=names))
     if links and any(port.lower() != FRESH for port in to):
         raise SnifferError(Sentence("{to} names a port that has a name: {link} is for a new one"))
 
@@ -83,7 +83,7 @@ def opened_ports(
                 port = ports.Device(where, bauds[bus], transmit=transmit)
             stack.callback(port.close)
             stack.enter_context(linked(links[nth] if links else None, port.name))
-            out[bus] = FrameWriter(port, _unnoted)
+            out[bus] = FrameWriter(port, unnoted)
         yield out
 
 
@@ -100,5 +100,5 @@ def await_listeners(outlets: Sequence[FrameWriter], stop: Stop) -> None:
         stop.sleep(SETTLE_NS)
 
 
-def _unnoted(frame: TrueFrame, offset: int | None) -> None:
+def unnoted(frame: TrueFrame, offset: int | None) -> None:
     """Note nothing."""

@@ -1,6 +1,7 @@
 """Who hears a controller: frames are found in its bytes with the protocol's own grammar.
 
-Pure: whoever owns the port tells the time, in nanoseconds since it was opened, and says what is due.
+Pure: whoever owns the port tells the time, in nanoseconds since it was opened, and says what is
+due.
 """
 
 from __future__ import annotations
@@ -12,10 +13,10 @@ import numpy as np
 
 from sniffer.ground.framing import Block
 from sniffer.simulation.hearing import NO_BARRIERS
-from sniffer.simulation.talk import TrueFrame
 
 if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
+    from sniffer.simulation.talk import TrueFrame
 
 
 class Uttered(NamedTuple):
@@ -47,12 +48,13 @@ class Listener(abc.ABC):
 
     def pass_time(self, now_ns: int) -> None:
         """Let time pass."""
+        del now_ns
 
     def broken(self, data: bytes, behind: int, at: int, now_ns: int) -> tuple[int, list[Uttered]]:
-        """Return where a broken frame at ``at`` ends, and what is said about it with what is before.
+        """Return where a broken frame at ``at`` ends, and what is said because of it.
 
-        What lies between ``behind`` and ``at`` was not told yet. An end at ``at``: nothing is there
-        that is worth a complaint.
+        What lies between ``behind`` and ``at`` was not told yet, and is then. An end at ``at``:
+        nothing is there that is worth a complaint.
         """
         del data, behind, now_ns
         return at, []

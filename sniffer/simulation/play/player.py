@@ -17,9 +17,9 @@ from sniffer.ground.model import NS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from sniffer.simulation.listener import Listener, Uttered
     from sniffer.simulation.play.outlet import FrameWriter
     from sniffer.simulation.play.ports import PlayPort
-    from sniffer.simulation.listener import Listener, Uttered
     from sniffer.simulation.talk import TrueFrame
 
 GROUP_NS: Final = NS // 1000

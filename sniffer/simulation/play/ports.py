@@ -20,6 +20,7 @@ import sys
 import termios
 import time
 import tty
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
 from sniffer.ground.model import OutputError
@@ -180,7 +181,7 @@ class Device:
     def __init__(self, path: str, baud: int, *, transmit: bool) -> None:
         self.name = path
         try:
-            pseudo = is_pseudo(os.stat(path))
+            pseudo = is_pseudo(Path(path).stat())
             if not pseudo and not transmit:
                 told = (
                     "{path} is no pseudo-terminal: what is played there is sent on a bus, and "

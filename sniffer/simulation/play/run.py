@@ -88,11 +88,10 @@ def play(
     except ImportError:
         raise OutputError("this system has no pseudo-terminals: use Linux or macOS") from None
     with contextlib.ExitStack() as stack:
-        first: PlayPort
-        if port:  # who names one wants it to speak
-            first = ports.Device(port, scenario.line_baud, transmit=True)
-        else:
-            first = ports.Pty()
+        # who names a device wants it to speak
+        first: PlayPort = (
+            ports.Device(port, scenario.line_baud, transmit=True) if port else ports.Pty()
+        )
         stack.callback(first.close)
         second = ports.Pty() if scenario.respond and tap is not False else None
         if second is not None:
