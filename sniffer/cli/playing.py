@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from sniffer.jobs.play_back import PlayedBack
     from sniffer.selection.places import Window
 
-UNKNOWN: Final = 1
-"""The status where a controller asked what the recording has nothing like."""
+OTHERWISE: Final = 1
+"""The status where a controller asked what the recording has nothing like, or where servos answer
+less than they did."""
 
 _ROWS: Final = ("where", "servos", "ops", "kinds", "codes")
 
@@ -81,7 +82,9 @@ def refuse_with_port(given: Mapping[str, Any]) -> None:
     Raises:
         UsageError: there is one.
     """
-    shows = {"in_rerun": "--rerun", "redecode": "--redecode", "outputs": "-o"}
+    shows = {"in_rerun": "--rerun", "redecode": "--redecode"}
+    if given["role"] != "controller":
+        shows["outputs"] = "-o"
     for name, option in shows.items():
         if given[name]:
             raise click.UsageError(f"--to PORT plays, {option} shows or writes: choose one")
@@ -101,6 +104,8 @@ def play_on(
     buses: tuple[str, ...],
     speed: float,
     loop: bool,
+    outputs: tuple[Path, ...],
+    force: bool,
 ) -> int:
     """Play a recording on ports; return the exit status."""
     from sniffer.jobs.play_back import PlayedPorts, PlayedRole, play_back
@@ -132,6 +137,8 @@ def play_on(
             speed=speed,
             loop=loop,
             echo=playing["echo"],
+            outputs=outputs,
+            overwrite=force,
             stop=stop,
             tell=Teller(say),
         )
@@ -149,9 +156,17 @@ def _told(done: PlayedBack) -> int:
     if done.answers is not None:
         for line in done.answers.lines():
             say(line)
+    if done.hearing is not None:
+        for line in done.hearing.lines():
+            say(line)
+        if done.slower:
+            say("response times differ: A is the recording, B what was heard now")
+        for one in done.slower:
+            for line in one.lines():
+                click.echo(line)
     if done.ending.name == "DAMAGED":
         return DAMAGED
-    return 0 if done.all_known else UNKNOWN
+    return 0 if done.as_recorded else OTHERWISE
 
 
 def told_bytes(label: str, size: int, lost: int, overrun: int) -> str:

@@ -112,6 +112,8 @@ def replay(
             buses=given["buses"],
             speed=speed,
             loop=loop,
+            outputs=outputs,
+            force=force,
         )
     if redecode and in_rerun:
         raise click.UsageError("--redecode compares, --rerun shows: choose one")

@@ -8,18 +8,24 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from sniffer.decoding.detect import ENOUGH
-from sniffer.decoding.pipeline import AUTO, Options
+from sniffer.decoding.pipeline import AUTO, Options, Pipeline
 from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import DamagedInputError, InputError, SnifferError
+from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
+from sniffer.jobs.copying import Copies
 from sniffer.jobs.cut import part_of
+from sniffer.jobs.outputs import open_all, session_facts
 from sniffer.jobs.replay import peek, spoken_by, timed
 from sniffer.jobs.session import Ending, merged, run_source
 from sniffer.jobs.telling import Teller
+from sniffer.playing.controller import ControllerPlayer
 from sniffer.playing.exchanges import ExchangeSink
 from sniffer.playing.line import PIECE_NS, LinePlayer
 from sniffer.playing.outlets import FRESH, await_listeners, check_ports, opened_ports, unnoted
 from sniffer.playing.servos import RecordedServos
+from sniffer.reports.differing import differences
+from sniffer.reports.runs import RunFigures
 from sniffer.simulation.play.player import Player, SimulatedClock, Stop
 from sniffer.sources import open_source
 
@@ -28,9 +34,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.decoding.sink import Sink
-    from sniffer.ground.model import Chunk
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.playing.controller import Hearing
     from sniffer.playing.line import Pacing
     from sniffer.playing.servos import ServoAnswers
+    from sniffer.protocols.base import BusProtocol
+    from sniffer.reports.differing import RunDifference
     from sniffer.selection.places import Window
     from sniffer.simulation.play.outlet import FrameWriter
     from sniffer.sources import Source
@@ -65,18 +74,22 @@ class PortUse:
 class PlayedBack:
     """What was played: on which ports, and how the reading of the recording ended.
 
-    ``pacing`` is there for a line, ``answers`` for servos.
+    ``pacing`` is there for a line, ``answers`` for servos; for a controller ``hearing``, and
+    ``slower``, where response times differ from those of the recording.
     """
 
     ports: tuple[PortUse, ...]
     ending: Ending
     pacing: Pacing | None = None
     answers: ServoAnswers | None = None
+    hearing: Hearing | None = None
+    slower: tuple[RunDifference, ...] = ()
 
     @property
-    def all_known(self) -> bool:
-        """Whether the recording had an answer to all that was asked, as far as one was due."""
-        return self.answers is None or not self.answers.unknown
+    def as_recorded(self) -> bool:
+        """Whether nothing was asked that the recording does not know, and all was answered."""
+        known = self.answers is None or not self.answers.unknown
+        return known and (self.hearing is None or self.hearing.all_answered)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +126,8 @@ def play_back(
     speed: float = 1.0,
     loop: bool = False,
     echo: bool = False,
+    outputs: Sequence[Path] = (),
+    overwrite: bool = False,
     stop: Stop | None = None,
     tell: Teller | None = None,
 ) -> PlayedBack:
@@ -128,9 +143,11 @@ def play_back(
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         window: which part of it; all of it where None.
         buses: which of its buses; all of them where none is named.
-        speed: times real time, of a line; 0: as fast as it is read.
+        speed: times real time, of a line or a controller; 0: as fast as it goes.
         loop: the line begins again at its end, until it is stopped.
         echo: servos: who speaks hears itself, as with an adapter that does not mute itself.
+        outputs: controller: files of its talk with the servos, as for ``convert``.
+        overwrite: files that are there already are replaced.
         stop: ends it from elsewhere.
         tell: takes what should be told.
 
@@ -143,6 +160,8 @@ def play_back(
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
     _check(role, ports, loop=loop, echo=echo, speed=speed)
+    if outputs and role != PlayedRole.CONTROLLER:
+        raise SnifferError("only a controller's talk with servos is new, and can be written")
     with contextlib.ExitStack() as stack:
         opened: Source = stack.enter_context(open_source(source, input_format, again=True))
         if window is not None:
@@ -153,6 +172,8 @@ def play_back(
         stage = _Stage(opened, str(source), options, tuple(buses), ports, stop, tell)
         if role == PlayedRole.LINE:
             return _line(stage, speed, loop=loop)
+        if role == PlayedRole.CONTROLLER:
+            return _controller(stage, speed, outputs, overwrite=overwrite)
         return _servos(stage, echo=echo)
 
 
@@ -312,3 +333,61 @@ def _servos(stage: _Stage, *, echo: bool) -> PlayedBack:
             outlet.finish()
         used = tuple(PortUse.of(name, outlet) for name, outlet in outlets.items())
     return PlayedBack(used, ending, answers=servos.answers)
+
+
+def _controller(
+    stage: _Stage, speed: float, outputs: Sequence[Path], *, overwrite: bool
+) -> PlayedBack:
+    """Let the controller ask again; compare what is answered with what was."""
+    ports, stop, tell = stage.ports, stage.stop, stage.tell
+    then, now = RunFigures(), RunFigures()
+    sink, bus, ending = _heard(stage, [_Bus(then, stage.buses)])
+    check_ports(ports.to, ports.links, [bus])
+    baud, protocol = sink.bauds[bus], sink.protocols[bus]
+    options = replace(stage.options, protocols={bus: protocol}, bauds={}, baud=baud)
+    facts = session_facts(stage.source, options)
+    decoded, raw = open_all(outputs, facts, [stage.source], force=overwrite)
+    copies = Copies(raw)
+    pipeline = Pipeline(options, [now, *decoded])
+
+    def heard(chunks: Sequence[Chunk]) -> None:
+        for group in copies.of([chunks]):
+            pipeline.feed(group)
+
+    try:
+        opened = opened_ports(ports.to, ports.links, {bus: baud}, transmit=ports.transmit)
+        with opened as outlets:
+            outlet = outlets[bus]
+            ports.ready({bus: outlet.port.name})
+            await_listeners([outlet], stop)
+            byte_ns = byte_time_ns(baud)
+            player = ControllerPlayer(outlet, protocol, byte_ns, bus=bus, stop=stop, heard=heard)
+            player.play(sink.buses[bus], speed)
+            outlet.finish()
+            used = (PortUse.of(bus, outlet),)
+        pipeline.close()
+    finally:
+        pipeline.finish()
+        copies.finish(tell)
+    found, _ = differences(then, now)
+    slower = tuple(one for one in found if one.about == "response_time")
+    return PlayedBack(used, ending, hearing=player.hearing, slower=slower)
+
+
+class _Bus:
+    """A sink that gets what is said on some buses only; all where none is named."""
+
+    def __init__(self, sink: Sink, buses: Sequence[str]) -> None:
+        self._sink = sink
+        self._buses = buses
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Hand a batch on."""
+        if not self._buses or bus in self._buses:
+            self._sink.write(bus, protocol, batch)
+
+    def close(self) -> None:
+        """Do nothing."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.codes import REQUEST as ASKS
 from sniffer.protocols import protocol_named
@@ -16,13 +17,19 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from sniffer.simulation.faults import Fault
+    from sniffer.simulation.likeness import ServoLikeness
+
+
+NOBODY_LIKE: Final[Mapping[int, ServoLikeness]] = MappingProxyType({})
+"""No servo is like one that was seen before."""
 
 
 class Responder(Listener):
     """Servos that hear requests and answer them; see ``buses.simulate`` for the arguments.
 
     What comes while they answer has its turn when the line is free again: nothing collides.
-    ``carried``: bytes that are heard have already taken their time on a wire.
+    ``carried``: bytes that are heard have already taken their time on a wire. ``like``: what was
+    seen of them before.
     """
 
     def __init__(
@@ -35,9 +42,14 @@ class Responder(Listener):
         faults: Sequence[Fault] = (),
         carried: bool = False,
         models: Mapping[int | None, str] = USUAL,
+        like: Mapping[int, ServoLikeness] = NOBODY_LIKE,
     ) -> None:
         self.bus = put_up(protocol, seed=seed, servo_ids=servo_ids, baud=baud, models=models)
         self._line = Wire(self.bus, mischief(protocol, faults, seed), seed)
+        for servo_id, seen in like.items():
+            for servo in (self.bus.servos[servo_id], self.bus.twins[servo_id]):
+                servo.recall(seen.values)
+        self._line.delays_ns = {servo_id: seen.delays_ns for servo_id, seen in like.items()}
         super().__init__(protocol_named(protocol), self.bus.begins)
         self._ears = Ears(self._protocol, models)
         self._carried = carried

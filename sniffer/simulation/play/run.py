@@ -154,6 +154,7 @@ def _play(
             faults=scenario.faults,
             carried=bus.port.carries,
             models=scenario.models,
+            like=scenario.like,
         )
         note = _silent if truth is None else truth.add
         player.respond(responder, bus, tap, note, duration_ns=scenario.duration_ns)
