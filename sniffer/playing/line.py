@@ -9,7 +9,7 @@ from sniffer.ground.model import NS
 from sniffer.playing.outlets import LOOK_NS, said
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from sniffer.ground.model import Chunk
     from sniffer.simulation.play.outlet import FrameWriter
@@ -35,9 +35,15 @@ class LinePlayer:
     late, so nothing drifts. A machine that was held up catches up.
     """
 
-    def __init__(self, outlets: Mapping[str, FrameWriter], stop: Stop) -> None:
+    def __init__(
+        self,
+        outlets: Mapping[str, FrameWriter],
+        stop: Stop,
+        now: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
         self._outlets = outlets
         self._stop = stop
+        self._now = now
         self._late: list[int] = [0, 0, 0, 0]  # pieces, sum, worst, last
 
     @property
@@ -57,12 +63,12 @@ class LinePlayer:
                 continue
             t = chunk.t_ns or 0
             if began is None:
-                began, first = time.monotonic_ns(), t
+                began, first = self._now(), t
             outlet = self._outlets[chunk.bus]
             if speed > 0:
                 due = began + int((t - first) / speed)
                 self._rest(due)
-                self._note(max(time.monotonic_ns() - due, 0))
+                self._note(max(self._now() - due, 0))
             for one in self._outlets.values():
                 one.port.read()  # nobody's business here, but it must not pile up
             if not self._stop.asked:
@@ -77,7 +83,7 @@ class LinePlayer:
             outlet.finish()
 
     def _rest(self, due: int) -> None:
-        while not self._stop.asked and (left := due - time.monotonic_ns()) > 0:
+        while not self._stop.asked and (left := due - self._now()) > 0:
             waiting = [one for one in self._outlets.values() if one.waits]
             for one in waiting:
                 one.flush()

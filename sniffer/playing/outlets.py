@@ -48,15 +48,16 @@ def check_ports(to: Sequence[str], links: Sequence[Path], buses: Sequence[str]) 
     Raises:
         SnifferError: the sentence says how many there must be.
     """
-    n, names = len(buses), ", ".join(buses)
+    n = len(buses)
+    have = f"it has the bus{'es' * (n > 1)} {', '.join(buses)}"
     if tuple(to) != (FRESH,) and len(to) != n:
-        told = "it has {n} buses ({names}): say {to} once for each, or {to:pty} for all of them"
-        raise SnifferError(Sentence(told, n=n, names=names))
+        told = "{have}: say {to} once for each, or {to:pty} for all of them"
+        raise SnifferError(Sentence(told, have=have))
     if links and len(links) != n:
-        told = "it has {n} buses ({names}): say {link} once for each"
-        raise SnifferError(Sentence(told, n=n, names=names))
+        told = "{have}: say {links} once for each"
+        raise SnifferError(Sentence(told, have=have))
     if links and any(port.lower() != FRESH for port in to):
-        raise SnifferError(Sentence("{to} names a port that has a name: {link} is for a new one"))
+        raise SnifferError(Sentence("{to} names a port that has a name: {links} is for a new one"))
 
 
 @contextlib.contextmanager
