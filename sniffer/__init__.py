@@ -39,7 +39,9 @@ if TYPE_CHECKING:
     from sniffer.jobs.discover import Discovered, discover
     from sniffer.jobs.files import Files, Flight
     from sniffer.jobs.merge import merge
+    from sniffer.jobs.like import scenario_like
     from sniffer.jobs.outputs import Wide
+    from sniffer.jobs.play_back import PlayedBack, PlayedPorts, PlayedRole, play_back
     from sniffer.jobs.query import Answer, query
     from sniffer.jobs.record import Recorded, Shown, record
     from sniffer.jobs.replay import replay
@@ -89,6 +91,9 @@ __all__ = [
     "Outcome",
     "OutputError",
     "Played",
+    "PlayedBack",
+    "PlayedPorts",
+    "PlayedRole",
     "PortSpec",
     "Provenance",
     "Recorded",
@@ -120,12 +125,14 @@ __all__ = [
     "frames_table",
     "merge",
     "play",
+    "play_back",
     "query",
     "record",
     "records",
     "replay",
     "report",
     "samples_table",
+    "scenario_like",
     "stats",
 ]
 
@@ -137,6 +144,8 @@ _ROOMS: Final = {
     "jobs.diff": ("Compared", "diff"),
     "jobs.merge": ("merge",),
     "jobs.outputs": ("Wide",),
+    "jobs.like": ("scenario_like",),
+    "jobs.play_back": ("PlayedBack", "PlayedPorts", "PlayedRole", "play_back"),
     "jobs.diagnose": ("Diagnosed", "diagnose"),
     "jobs.replay": ("replay",),
     "selection.places": ("Window",),

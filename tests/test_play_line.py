@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from sniffer.ground.model import NS, Chunk, Clock, SnifferError
 from sniffer.jobs.play_back import PlayedRole
 from sniffer.playing.line import LinePlayer
-from sniffer.playing.outlets import is_port
-from sniffer.selection.places import Window
+from sniffer.selection.places import Window, is_port
 from sniffer.simulation.play.outlet import FrameWriter
 from tests.commands import COMMAND, damaged, environment, log, talk, within
 from tests.played import CLEAN, playing

@@ -18,7 +18,7 @@ from sniffer.decoding.pipeline import Pipeline
 from sniffer.decoding.rows import FrameRow
 from sniffer.ground.model import NS, Chunk, Clock
 from sniffer.playing.exchanges import ExchangeSink, PlayedReply, RecordedExchange, RequestKey
-from sniffer.playing.recollection import LATELY, Likeness, Recollection
+from sniffer.playing.recollection import LATELY, Ground, Recollection
 from sniffer.playing.servos import RecordedServos
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
@@ -236,7 +236,7 @@ def test_other_contents_get_the_reply_that_was_the_last_one_by_then() -> None:
     recollection = Recollection(recorded)
     found = recollection.find(b"w9", RequestKey(1, 0, -1, 0))
     assert found is not None
-    assert found.likeness == Likeness.ALIKE
+    assert found.ground == Ground.ALIKE
     assert recollection.find(b"w9", RequestKey(2, 0, -1, 0)) is None
 
 

@@ -112,8 +112,8 @@ def play_on(
     from sniffer.simulation.play.player import Stop
 
     def ready(names: Mapping[str, str]) -> None:
-        for label, name in names.items():
-            click.echo(name if len(names) == 1 else f"{label} {name}")
+        several = len(names) > 1
+        click.echo("\n".join(f"{bus} {n}" if several else n for bus, n in names.items()))
         sys.stdout.flush()
 
     role = PlayedRole(playing["role"] or "line")

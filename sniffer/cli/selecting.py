@@ -64,7 +64,7 @@ def _places_and_ports(
     context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
 ) -> tuple[str | None, tuple[str, ...]]:
     """Tell the place where a part ends from the ports that it is played on."""
-    from sniffer.playing.outlets import is_port
+    from sniffer.selection.places import is_port
 
     ports = tuple(text for text in given if is_port(text))
     places = [text for text in given if not is_port(text)]

@@ -22,10 +22,11 @@ from sniffer.jobs.telling import Teller
 from sniffer.playing.controller import ControllerPlayer
 from sniffer.playing.exchanges import ExchangeSink
 from sniffer.playing.line import PIECE_NS, LinePlayer
-from sniffer.playing.outlets import FRESH, await_listeners, check_ports, opened_ports, unnoted
+from sniffer.playing.outlets import await_listeners, check_ports, opened_ports, unnoted
 from sniffer.playing.servos import RecordedServos
 from sniffer.reports.differing import differences
 from sniffer.reports.runs import RunFigures
+from sniffer.selection.places import FRESH
 from sniffer.simulation.play.player import Player, SimulatedClock, Stop
 from sniffer.sources import open_source
 
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.sink import Sink
     from sniffer.ground.model import Batch, Chunk
-    from sniffer.playing.controller import Hearing
+    from sniffer.playing.controller import ServosHeard
     from sniffer.playing.line import Pacing
     from sniffer.playing.servos import ServoAnswers
     from sniffer.protocols.base import BusProtocol
@@ -82,7 +83,7 @@ class PlayedBack:
     ending: Ending
     pacing: Pacing | None = None
     answers: ServoAnswers | None = None
-    hearing: Hearing | None = None
+    hearing: ServosHeard | None = None
     slower: tuple[RunDifference, ...] = ()
 
     @property
@@ -341,7 +342,7 @@ def _controller(
     """Let the controller ask again; compare what is answered with what was."""
     ports, stop, tell = stage.ports, stage.stop, stage.tell
     then, now = RunFigures(), RunFigures()
-    sink, bus, ending = _heard(stage, [_Bus(then, stage.buses)])
+    sink, bus, ending = _heard(stage, [_OneBus(then, stage.buses)])
     check_ports(ports.to, ports.links, [bus])
     baud, protocol = sink.bauds[bus], sink.protocols[bus]
     options = replace(stage.options, protocols={bus: protocol}, bauds={}, baud=baud)
@@ -374,7 +375,7 @@ def _controller(
     return PlayedBack(used, ending, hearing=player.hearing, slower=slower)
 
 
-class _Bus:
+class _OneBus:
     """A sink that gets what is said on some buses only; all where none is named."""
 
     def __init__(self, sink: Sink, buses: Sequence[str]) -> None:

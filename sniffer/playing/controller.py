@@ -36,7 +36,7 @@ class _Asked(NamedTuple):
     op: str
 
 
-class Hearing:
+class ServosHeard:
     """What became of the requests: by kind how many, and how many got an answer then and now."""
 
     def __init__(self) -> None:
@@ -86,7 +86,7 @@ class ControllerPlayer:
         stop: Stop,
         heard: Callable[[Sequence[Chunk]], None],
     ) -> None:
-        self.hearing = Hearing()
+        self.hearing = ServosHeard()
         self._outlet = outlet
         self._protocol = protocol
         self._byte_ns = byte_ns

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import re
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import OutputError, SnifferError
 from sniffer.ground.wording import Sentence
+from sniffer.selection.places import FRESH
 from sniffer.simulation.play.link import linked
 from sniffer.simulation.play.outlet import FrameWriter
 from sniffer.simulation.talk import NOISE, TrueFrame
@@ -19,22 +19,12 @@ if TYPE_CHECKING:
     from sniffer.simulation.play.player import Stop
     from sniffer.simulation.play.ports import PlayPort
 
-FRESH: Final = "pty"
-"""What stands for a pseudo-terminal that is made for it."""
-
-_PORT: Final = re.compile(rf"{FRESH}|COM[0-9]+|\.{{0,2}}/.*", re.IGNORECASE)
-
 LOOK_NS: Final = 5_000_000
 """How often it is looked whether somebody has opened a pseudo-terminal: nothing tells."""
 
 SETTLE_NS: Final = 500_000_000
 """What a program that has opened a port gets until it is spoken to: many throw away what they find
 in it, pySerial for one (``reset_input_buffer`` in ``Serial.open``)."""
-
-
-def is_port(text: str) -> bool:
-    """Tell whether a text names a port, not a place in a capture: a path, COM<n>, or ``pty``."""
-    return _PORT.fullmatch(text) is not None
 
 
 def said(data: bytes) -> TrueFrame:

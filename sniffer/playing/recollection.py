@@ -16,7 +16,7 @@ LATELY: Final = 64
 """Requests that tell what a controller is doing now: more than one asks in a cycle."""
 
 
-class Likeness(enum.Enum):
+class Ground(enum.Enum):
     """On what grounds an exchange answers a request."""
 
     SAME = enum.auto()
@@ -29,7 +29,7 @@ class Recalled(NamedTuple):
     """An exchange, and why it is the one."""
 
     exchange: RecordedExchange
-    likeness: Likeness
+    ground: Ground
 
 
 class Recollection:
@@ -59,13 +59,13 @@ class Recollection:
         rows = self._same.get(raw)
         if rows is not None:
             self._lately.append(raw)
-            return Recalled(self._exchanges[self._next(rows)], Likeness.SAME)
+            return Recalled(self._exchanges[self._next(rows)], Ground.SAME)
         rows = self._alike.get(key)
         if rows is None:
             return None
         told = [row for row in rows if self._exchanges[row].replies] or rows
         nth = bisect.bisect_right(told, self._place) - 1
-        return Recalled(self._exchanges[told[max(nth, 0)]], Likeness.ALIKE)
+        return Recalled(self._exchanges[told[max(nth, 0)]], Ground.ALIKE)
 
     def _next(self, rows: Sequence[int]) -> int:
         nth = bisect.bisect_right(rows, self._place)

@@ -9,9 +9,9 @@ from sniffer.ground.codes import REQUEST as ASKS
 from sniffer.ground.model import NS
 from sniffer.ground.wording import counted
 from sniffer.playing.exchanges import RequestKey
-from sniffer.playing.recollection import Likeness, Recollection
+from sniffer.playing.recollection import Ground, Recollection
 from sniffer.simulation.hearing import Ears
-from sniffer.simulation.listener import Listener, Uttered
+from sniffer.simulation.listener import LineListener, Uttered
 from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, TrueFrame
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class ServoAnswers:
         return out
 
 
-class RecordedServos(Listener):
+class RecordedServos(LineListener):
     """Hears requests and says what was said to them; see ``Recollection`` for which.
 
     One thing is on the line at a time: what comes while a reply is under way has its turn behind
@@ -107,7 +107,7 @@ class RecordedServos(Listener):
         if not replies:
             told.missing += found.exchange.waits
             told.unanswerable += not found.exchange.waits
-        elif found.likeness == Likeness.SAME:
+        elif found.ground == Ground.SAME:
             told.answered += 1
         else:
             told.alike += 1

@@ -26,7 +26,7 @@ class Uttered(NamedTuple):
     ours: bool
 
 
-class Listener(abc.ABC):
+class LineListener(abc.ABC):
     """Takes bytes and calls ``frame`` and ``noise`` for what they are, in order.
 
     ``begins``: first bytes of a frame, in protocols whose servos complain of broken ones.

@@ -10,7 +10,7 @@ from sniffer.protocols import protocol_named
 from sniffer.simulation.buses import mischief, put_up
 from sniffer.simulation.hearing import Ears
 from sniffer.simulation.line import NOBODY, Wire
-from sniffer.simulation.listener import Listener, Uttered
+from sniffer.simulation.listener import LineListener, Uttered
 from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, USUAL, Message
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ NOBODY_LIKE: Final[Mapping[int, ServoLikeness]] = MappingProxyType({})
 """No servo is like one that was seen before."""
 
 
-class Responder(Listener):
+class Responder(LineListener):
     """Servos that hear requests and answer them; see ``buses.simulate`` for the arguments.
 
     What comes while they answer has its turn when the line is free again: nothing collides.

@@ -17,7 +17,7 @@ from sniffer.ground.model import NS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from sniffer.simulation.listener import Listener, Uttered
+    from sniffer.simulation.listener import LineListener, Uttered
     from sniffer.simulation.play.outlet import FrameWriter
     from sniffer.simulation.play.ports import PlayPort
     from sniffer.simulation.talk import TrueFrame
@@ -137,7 +137,7 @@ class Player:
 
     def respond(
         self,
-        responder: Listener,
+        responder: LineListener,
         bus: FrameWriter,
         tap: FrameWriter | None,
         note: Callable[[TrueFrame, int | None], None],
