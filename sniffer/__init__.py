@@ -38,10 +38,11 @@ if TYPE_CHECKING:
     from sniffer.jobs.diff import Compared, diff
     from sniffer.jobs.discover import Discovered, discover
     from sniffer.jobs.files import Files, Flight
-    from sniffer.jobs.merge import merge
     from sniffer.jobs.like import scenario_like
+    from sniffer.jobs.merge import merge
     from sniffer.jobs.outputs import Wide
-    from sniffer.jobs.play_back import PlayedBack, PlayedPorts, PlayedRole, play_back
+    from sniffer.jobs.play_back import play_back
+    from sniffer.jobs.played import PlayedBack, PlayedPorts, PlayedRole
     from sniffer.jobs.query import Answer, query
     from sniffer.jobs.record import Recorded, Shown, record
     from sniffer.jobs.replay import replay
@@ -145,7 +146,8 @@ _ROOMS: Final = {
     "jobs.merge": ("merge",),
     "jobs.outputs": ("Wide",),
     "jobs.like": ("scenario_like",),
-    "jobs.play_back": ("PlayedBack", "PlayedPorts", "PlayedRole", "play_back"),
+    "jobs.play_back": ("play_back",),
+    "jobs.played": ("PlayedBack", "PlayedPorts", "PlayedRole"),
     "jobs.diagnose": ("Diagnosed", "diagnose"),
     "jobs.replay": ("replay",),
     "selection.places": ("Window",),

@@ -217,7 +217,13 @@ SPEAKS: Final = "simulation/play/ports.py"
 PLAYS: Final = {"simulation/play", "playing"}
 """Folders that use it ..."""
 
-PLAYERS: Final = {"jobs/play_back.py", "jobs/like.py", "cli/simulate.py", "cli/playing.py"}
+PLAYERS: Final = {
+    "jobs/play_back.py",
+    "jobs/played.py",
+    "jobs/like.py",
+    "cli/simulate.py",
+    "cli/playing.py",
+}
 """... and the files that use these: what the commands ``simulate`` and ``replay --to`` run."""
 
 DOOR: Final = "__init__.py"

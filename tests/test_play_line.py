@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sniffer.ground.model import NS, Chunk, Clock, SnifferError
-from sniffer.jobs.play_back import PlayedRole
+from sniffer.jobs.played import PlayedRole
 from sniffer.playing.line import LinePlayer
 from sniffer.selection.places import Window, is_port
 from sniffer.simulation.play.outlet import FrameWriter
@@ -37,6 +37,8 @@ class Wall:
     """A clock that stands still while nobody sleeps or works, and who stops what goes by it."""
 
     asked = False
+    step_ns = NS
+    """It never sleeps longer: something may have come."""
 
     def __init__(self, late_ns: Sequence[int]) -> None:
         self.now_ns = 7 * NS
@@ -48,7 +50,7 @@ class Wall:
     def sleep(self, ns: int, *others: int) -> None:
         """Sleep too long, as machines do."""
         del others
-        self.now_ns += ns + (self._late.pop() if self._late else 0)
+        self.now_ns += min(ns, self.step_ns) + (self._late.pop() if self._late else 0)
 
 
 class Noted:

@@ -12,13 +12,13 @@ import click
 
 from sniffer.cli.options import Command, gathered
 from sniffer.cli.signals import ended_by_signals
-from sniffer.cli.statuses import DAMAGED
+from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
 from sniffer.jobs.telling import Teller
 
 if TYPE_CHECKING:
     from sniffer.decoding.options import Options
-    from sniffer.jobs.play_back import PlayedBack
+    from sniffer.jobs.played import PlayedBack
     from sniffer.selection.places import Window
 
 OTHERWISE: Final = 1
@@ -108,7 +108,8 @@ def play_on(
     force: bool,
 ) -> int:
     """Play a recording on ports; return the exit status."""
-    from sniffer.jobs.play_back import PlayedPorts, PlayedRole, play_back
+    from sniffer.jobs.play_back import play_back
+    from sniffer.jobs.played import PlayedPorts, PlayedRole
     from sniffer.simulation.play.player import Stop
 
     def ready(names: Mapping[str, str]) -> None:
@@ -164,9 +165,7 @@ def _told(done: PlayedBack) -> int:
         for one in done.slower:
             for line in one.lines():
                 click.echo(line)
-    if done.ending.name == "DAMAGED":
-        return DAMAGED
-    return 0 if done.as_recorded else OTHERWISE
+    return status_of(done.ending) or (0 if done.as_recorded else OTHERWISE)
 
 
 def told_bytes(label: str, size: int, lost: int, overrun: int) -> str:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import enum
-from dataclasses import dataclass, replace
+import functools
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from sniffer.decoding.detect import ENOUGH
@@ -15,7 +15,9 @@ from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.copying import Copies
 from sniffer.jobs.cut import part_of
+from sniffer.jobs.derived import Derived
 from sniffer.jobs.outputs import open_all, session_facts
+from sniffer.jobs.played import PlayedBack, PlayedPorts, PlayedRole, PortUse
 from sniffer.jobs.replay import peek, spoken_by, timed
 from sniffer.jobs.session import Ending, merged, run_source
 from sniffer.jobs.telling import Teller
@@ -31,88 +33,14 @@ from sniffer.simulation.play.player import Player, SimulatedClock, Stop
 from sniffer.sources import open_source
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from sniffer.decoding.sink import Sink
     from sniffer.ground.model import Batch, Chunk
-    from sniffer.playing.controller import ServosHeard
-    from sniffer.playing.line import Pacing
-    from sniffer.playing.servos import ServoAnswers
     from sniffer.protocols.base import BusProtocol
-    from sniffer.reports.differing import RunDifference
     from sniffer.selection.places import Window
-    from sniffer.simulation.play.outlet import FrameWriter
     from sniffer.sources import Source
-
-
-class PlayedRole(enum.Enum):
-    """What of a recording speaks."""
-
-    LINE = "line"
-    """Everything, as it was heard."""
-    SERVOS = "servos"
-    CONTROLLER = "controller"
-
-
-@dataclass(frozen=True, slots=True)
-class PortUse:
-    """What became of the bytes for one port: written, lost to nobody, too many for its reader."""
-
-    bus: str
-    name: str
-    size: int
-    lost: int
-    overrun: int
-
-    @classmethod
-    def of(cls, bus: str, outlet: FrameWriter) -> PortUse:
-        """Return the account of an outlet."""
-        return cls(bus, outlet.port.name, outlet.size, outlet.lost, outlet.overrun)
-
-
-@dataclass(frozen=True, slots=True)
-class PlayedBack:
-    """What was played: on which ports, and how the reading of the recording ended.
-
-    ``pacing`` is there for a line, ``answers`` for servos; for a controller ``hearing``, and
-    ``slower``, where response times differ from those of the recording.
-    """
-
-    ports: tuple[PortUse, ...]
-    ending: Ending
-    pacing: Pacing | None = None
-    answers: ServoAnswers | None = None
-    hearing: ServosHeard | None = None
-    slower: tuple[RunDifference, ...] = ()
-
-    @property
-    def as_recorded(self) -> bool:
-        """Whether nothing was asked that the recording does not know, and all was answered."""
-        known = self.answers is None or not self.answers.unknown
-        return known and (self.hearing is None or self.hearing.all_answered)
-
-
-@dataclass(frozen=True, slots=True)
-class PlayedPorts:
-    """Where it is played.
-
-    Args:
-        to: a port for each bus, in the order in which they first speak: a path, or ``"pty"`` for a
-            pseudo-terminal that is made for it; one ``"pty"`` is for all of them.
-        links: symbolic links that lead to new pseudo-terminals meanwhile, one a bus.
-        transmit: a serial port may be among them, and its servos may move.
-        tap: with servos: a second port repeats both sides of the talk.
-        tap_link: a link that leads there.
-        ready: takes what each port is called (a bus, or ``"bus"`` and ``"tap"``) and its name.
-    """
-
-    to: Sequence[str]
-    links: Sequence[Path] = ()
-    transmit: bool = False
-    tap: bool | None = None
-    tap_link: Path | None = None
-    ready: Callable[[Mapping[str, str]], None] = lambda names: None
 
 
 def play_back(
@@ -170,12 +98,16 @@ def play_back(
         else:
             options = options.with_facts(opened.facts(), opened.tables)
         stop = stop or stack.enter_context(contextlib.closing(Stop()))
-        stage = _Stage(opened, str(source), options, tuple(buses), ports, stop, tell)
-        if role == PlayedRole.LINE:
-            return _line(stage, speed, loop=loop)
-        if role == PlayedRole.CONTROLLER:
-            return _controller(stage, speed, outputs, overwrite=overwrite)
-        return _servos(stage, echo=echo)
+        heard = Derived(opened, functools.partial(_until, stop), opened.facts())
+        stage = _Stage(heard, str(source), options, tuple(buses), ports, stop, tell)
+        try:
+            if role == PlayedRole.LINE:
+                return _line(stage, speed, loop=loop)
+            if role == PlayedRole.CONTROLLER:
+                return _controller(stage, speed, outputs, overwrite=overwrite)
+            return _servos(stage, echo=echo)
+        except _StoppedError:
+            return PlayedBack((), Ending.INTERRUPTED)
 
 
 class _Stage(NamedTuple):
@@ -192,6 +124,18 @@ class _Stage(NamedTuple):
     def merged(self, tell: Teller) -> Iterable[Sequence[Chunk]]:
         """Return all groups of chunks, in order."""
         return merged(self.opened, self.opened, self.options, tell)
+
+
+class _StoppedError(Exception):
+    """It was stopped before anything was played."""
+
+
+def _until(stop: Stop, groups: Iterable[list[Chunk]]) -> Iterator[list[Chunk]]:
+    """Yield groups as long as nobody wants it to stop."""
+    for group in groups:
+        if stop.asked:
+            return
+        yield group
 
 
 def _check(role: PlayedRole, ports: PlayedPorts, *, loop: bool, echo: bool, speed: float) -> None:
@@ -250,6 +194,8 @@ def _buses(stage: _Stage) -> list[str]:
     with contextlib.suppress(DamagedInputError):  # it comes again when it is played
         for group in stage.merged(stage.tell):
             found |= {chunk.bus: None for chunk in group if chunk.data}
+    if stage.stop.asked:
+        raise _StoppedError
     return _chosen(stage, list(found))
 
 
@@ -293,7 +239,15 @@ def _heard(stage: _Stage, others: Sequence[Sink] = ()) -> tuple[ExchangeSink, st
     """
     sink = ExchangeSink()
     every = [sink, *others]
-    _, ending = run_source(stage.opened, stage.options, every, name=stage.source, tell=stage.tell)
+    given = stage.opened, stage.options, every
+    try:
+        _, ending = run_source(*given, name=stage.source, tell=stage.tell)
+    except InputError:
+        if stage.stop.asked:
+            raise _StoppedError from None
+        raise
+    if stage.stop.asked:
+        raise _StoppedError
     buses = _chosen(stage, list(sink.buses))
     if len(buses) > 1:
         told = "it has {n} buses ({names}): choose one with {buses}"

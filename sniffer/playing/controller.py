@@ -85,6 +85,7 @@ class ControllerPlayer:
         bus: str,
         stop: Stop,
         heard: Callable[[Sequence[Chunk]], None],
+        now: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self.hearing = ServosHeard()
         self._outlet = outlet
@@ -97,7 +98,8 @@ class ControllerPlayer:
         self._asked = b""
         self._since = b""  # the last request, and what has come since
         self._said_ns = 0
-        self._base_ns = time.time_ns() - time.monotonic_ns()
+        self._now = now
+        self._base_ns = time.time_ns() - now()
 
     def play(self, exchanges: Iterable[RecordedExchange], speed: float = 1.0) -> None:
         """Play exchanges, in order; ``speed`` 0: each as soon as the one before is answered."""
@@ -108,9 +110,9 @@ class ControllerPlayer:
             at = one.start_ns if carries else one.end_ns
             at = int(at / speed) if speed else 0
             if shift is None:
-                shift = time.monotonic_ns() - at
+                shift = self._now() - at
             if before is not None and self._await_answer(before, at + shift):
-                shift = time.monotonic_ns() - at
+                shift = self._now() - at
             self._listen(at + shift)
             if self._stop.asked:
                 break
@@ -125,7 +127,7 @@ class ControllerPlayer:
         while self._outlet.waits and not self._stop.asked:
             self._stop.sleep(LOOK_NS)
             self._outlet.flush()
-        now = time.monotonic_ns()
+        now = self._now()
         if self._outlet.port.carries:
             now += len(raw) * self._byte_ns
         self._note(raw, now)
@@ -145,11 +147,11 @@ class ControllerPlayer:
         if not before.replies:
             until = due
         while not self._answered() and not self._stop.asked:
-            if time.monotonic_ns() >= until:
+            if self._now() >= until:
                 break
             self._listen(until, once=True)
         self.hearing.add(before, answered=self._answered())
-        return bool(before.replies) and time.monotonic_ns() > due
+        return bool(before.replies) and self._now() > due
 
     def _answered(self) -> bool:
         """Tell whether a frame stands behind the last request, as the protocol frames both.
@@ -166,7 +168,7 @@ class ControllerPlayer:
         """Take what is said until then; ``once``: or until something is."""
         port = self._outlet.port
         while not self._stop.asked:
-            left = until - time.monotonic_ns()
+            left = until - self._now()
             if left <= 0 and not once:
                 return
             if port.listened():
@@ -175,7 +177,7 @@ class ControllerPlayer:
                 self._stop.sleep(min(left, LOOK_NS))
             if data := port.read():
                 self._since += data
-                self._note(data, time.monotonic_ns())
+                self._note(data, self._now())
             if once:
                 return
 
