@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.ground.model import NS, Chunk, Clock, SnifferError
+from sniffer.ground.model import NS, Chunk, Clock, OutputError, SnifferError
 from sniffer.jobs.played import PlayedRole
 from sniffer.playing.line import LinePlayer
 from sniffer.selection.places import Window, is_port
@@ -221,6 +221,22 @@ def test_a_pseudo_terminal_is_played_on_whatever_it_is_called(tmp_path: Path) ->
     finally:
         os.close(master)
         os.close(slave)
+
+
+@LINUX_ONLY
+@pytest.mark.parametrize("role", [PlayedRole.SERVOS, PlayedRole.CONTROLLER])
+def test_a_port_whose_other_end_goes_away_ends_it_with_a_word(
+    tmp_path: Path, role: PlayedRole
+) -> None:
+    path = tmp_path / "x.log"
+    path.write_text(log(talk(20)))
+    master, slave = os.openpty()
+    name = os.ttyname(slave)
+    with playing(path, "mightyzap", role, to=(name,)) as it:
+        os.close(slave)
+        os.close(master)
+        with pytest.raises(OutputError, match=r"went away|cannot be (read|written)"):
+            it.wait()
 
 
 @LINUX_ONLY

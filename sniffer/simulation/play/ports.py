@@ -222,9 +222,14 @@ class Device:
     def read(self) -> bytes:
         """Return what has been heard."""
         try:
-            return _read(self._fd)
+            data = os.read(self._fd, READ_MOST)
+        except BlockingIOError:
+            return b""
         except OSError as error:
             raise OutputError(f"{self.name}: cannot be read ({error.strerror})") from None
+        if not data:  # else one that is there has nothing to read, which is told as above
+            raise OutputError(f"{self.name} went away: its other end is closed, or unplugged")
+        return data
 
     def forget(self) -> int:
         """Leave everything as it is."""
