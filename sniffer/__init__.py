@@ -38,8 +38,11 @@ if TYPE_CHECKING:
     from sniffer.jobs.diff import Compared, diff
     from sniffer.jobs.discover import Discovered, discover
     from sniffer.jobs.files import Files, Flight
+    from sniffer.jobs.like import scenario_like
     from sniffer.jobs.merge import merge
     from sniffer.jobs.outputs import Contents, Wide
+    from sniffer.jobs.play_back import play_back
+    from sniffer.jobs.played import PlayedBack, PlayedPorts, PlayedRole
     from sniffer.jobs.query import Answer, query
     from sniffer.jobs.record import Recorded, Shown, record
     from sniffer.jobs.replay import replay
@@ -91,6 +94,9 @@ __all__ = [
     "Outcome",
     "OutputError",
     "Played",
+    "PlayedBack",
+    "PlayedPorts",
+    "PlayedRole",
     "PortSpec",
     "Provenance",
     "Recorded",
@@ -123,12 +129,14 @@ __all__ = [
     "frames_table",
     "merge",
     "play",
+    "play_back",
     "query",
     "record",
     "records",
     "replay",
     "report",
     "samples_table",
+    "scenario_like",
     "stats",
 ]
 
@@ -140,6 +148,9 @@ _ROOMS: Final = {
     "jobs.diff": ("Compared", "diff"),
     "jobs.merge": ("merge",),
     "jobs.outputs": ("Contents", "Wide"),
+    "jobs.like": ("scenario_like",),
+    "jobs.play_back": ("play_back",),
+    "jobs.played": ("PlayedBack", "PlayedPorts", "PlayedRole"),
     "jobs.diagnose": ("Diagnosed", "diagnose"),
     "jobs.replay": ("replay",),
     "selection.places": ("Window",),

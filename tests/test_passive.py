@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import pytest
 
 from tests.commands import talk
 from tests.terminals import LINUX_ONLY, PATIENCE_S, Terminal
+from tests.test_architecture import FILES, ROOT, file_named, imports, tree
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
 RECORDER: Final = """
 import select, sys, time
@@ -205,3 +207,57 @@ def test_a_program_that_speaks_would_be_seen(tmp_path: Path) -> None:
     assert any("O_RDWR" in flags for flags in seen.opens)
     assert "write" in {call.name for call in seen.made} - CALLS
     assert {"TCFLSH", "TCSBRK", "TCSETSF"} <= {*seen.requests} - {*ASKS}
+
+
+# --- where the package may speak -----------------------------------------------------------------
+
+SPEAKS: Final = "simulation/play/ports.py"
+"""The only file that opens terminals for writing."""
+
+PLAYS: Final = {"simulation/play", "playing"}
+"""Folders that use it ..."""
+
+PLAYERS: Final = {
+    "jobs/play_back.py",
+    "jobs/played.py",
+    "jobs/like.py",
+    "cli/simulate.py",
+    "cli/playing.py",
+}
+"""... and the files that use these: what the commands ``simulate`` and ``replay --to`` run."""
+
+DOOR: Final = "__init__.py"
+"""Hands names on when somebody asks for them."""
+
+MOUTHS: Final = {"O_RDWR", "openpty", "forkpty", "tcsendbreak", "tcflush", "TIOCSTI"}
+
+
+def text_of(file: Path) -> str:
+    return (ROOT / file).read_text(encoding="utf-8")
+
+
+def names_in(file: Path) -> set[str]:
+    """Return every name and attribute that a file uses."""
+    if not any(mouth in text_of(file) for mouth in MOUTHS):
+        return set()
+    nodes = list(ast.walk(tree(file)))
+    attributes = {node.attr for node in nodes if isinstance(node, ast.Attribute)}
+    imported = {n.name for node in nodes if isinstance(node, ast.ImportFrom) for n in node.names}
+    return attributes | imported | {node.id for node in nodes if isinstance(node, ast.Name)}
+
+
+def test_one_file_opens_terminals_for_writing_and_no_other_can() -> None:
+    assert {"O_RDWR", "openpty"} <= names_in(Path(SPEAKS))
+    for file in FILES:
+        if file.as_posix() != SPEAKS:
+            assert not MOUTHS & names_in(file), file
+
+
+def test_only_what_plays_reaches_that_file() -> None:
+    for file in FILES:
+        if file.parent.as_posix() in PLAYS or file.as_posix() in {*PLAYERS, DOOR}:
+            continue
+        if not re.search(r"\b(simulation|playing)\b", text_of(file)):
+            continue
+        reached = {there for m in imports(file) if (there := file_named(m)) is not None}
+        assert not {f for f in reached if f.parent.as_posix() in PLAYS}, file

@@ -46,6 +46,7 @@ _DOCS: Final = (
     "api",
     "recording",
     "simulating",
+    "replaying",
     "diagnosing",
     "columns",
     "conformance",

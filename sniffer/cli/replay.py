@@ -6,6 +6,7 @@ import functools
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -19,7 +20,8 @@ from sniffer.cli.options import (
     with_names,
     with_times,
 )
-from sniffer.cli.selecting import with_part, with_rows
+from sniffer.cli.playing import play_on, refuse_with_port, refuse_without_port, with_playing
+from sniffer.cli.selecting import with_part_and_ports, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
@@ -39,10 +41,12 @@ from sniffer.sinks.standard import Standard
         "sniffer replay recording.mcap --speed 2 --from 10 --to 20",
         "sniffer replay dump.hex --protocol mightyzap --baud 57600 --loop",
         "sniffer replay recording.mcap --redecode",
+        "sniffer replay recording.mcap --from 10 --to 20 --to pty --link bus",
+        "sniffer replay recording.mcap --to pty --as servos",
     ),
 )
 @click.argument("file", shell_complete=files_here)
-@with_part
+@with_part_and_ports
 @with_rows
 @decoding
 @with_names
@@ -71,6 +75,7 @@ from sniffer.sinks.standard import Standard
     help="Also write what is played; the suffix says what (see sniffer convert). May be repeated.",
 )
 @with_force
+@with_playing
 def replay(
     file: str,
     options: Options,
@@ -85,11 +90,31 @@ def replay(
     force: bool,
     window: Window | None,
     selection: Selection | None,
+    to: tuple[str, ...],
+    playing: dict[str, Any],
 ) -> int:
-    """Play FILE (a recording, or any capture) again through the console or Rerun.
+    """Play FILE (a recording, or any capture) again through the console or Rerun, or on a port.
 
     An input without times is played at the pace of its baud rate.
     """
+    if not to:
+        refuse_without_port(playing)
+    else:
+        given = click.get_current_context().params
+        refuse_with_port(given)
+        return play_on(
+            file,
+            to,
+            options,
+            playing,
+            input_format=input_format,
+            window=window,
+            buses=given["buses"],
+            speed=speed,
+            loop=loop,
+            outputs=outputs,
+            force=force,
+        )
     if redecode and in_rerun:
         raise click.UsageError("--redecode compares, --rerun shows: choose one")
     if redecode and (window is not None or selection is not None):

@@ -60,23 +60,47 @@ def _around(context: click.Context, parameter: click.Parameter, given: str | Non
     return ns
 
 
-_PART = (
-    click.option(
-        "--from",
-        "start",
-        callback=_place,
-        metavar="PLACE",
-        help="Begin there: 10 (seconds), 10min, 20:35:20.5, an ISO time, @first-error, "
-        "@no-response (the first), @anomaly:7, @byte:12175.",
-    ),
-    click.option("--to", "stop", callback=_place, metavar="PLACE", help="End there."),
-    click.option(
-        "--around",
-        callback=_around,
-        metavar="TIME",
-        help="Widen it on both sides: --from @first-error --around 200ms.",
-    ),
+def _places_and_ports(
+    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
+) -> tuple[str | None, tuple[str, ...]]:
+    """Tell the place where a part ends from the ports that it is played on."""
+    from sniffer.selection.places import is_port
+
+    ports = tuple(text for text in given if is_port(text))
+    places = [text for text in given if not is_port(text)]
+    if len(places) > 1:
+        raise click.BadParameter(f"{places[0]!r} and {places[1]!r}: a part ends at one place")
+    return _place(context, parameter, places[0] if places else None), ports
+
+
+_FROM = click.option(
+    "--from",
+    "start",
+    callback=_place,
+    metavar="PLACE",
+    help="Begin there: 10 (seconds), 10min, 20:35:20.5, an ISO time, @first-error, "
+    "@no-response (the first), @anomaly:7, @byte:12175.",
 )
+_AROUND = click.option(
+    "--around",
+    callback=_around,
+    metavar="TIME",
+    help="Widen it on both sides: --from @first-error --around 200ms.",
+)
+_PART = (
+    _FROM,
+    click.option("--to", "stop", callback=_place, metavar="PLACE", help="End there."),
+    _AROUND,
+)
+_PART_AND_PORTS = (
+    _FROM,
+    click.option(
+        "--to", "stop", multiple=True, callback=_places_and_ports, metavar="PLACE|PORT",
+        help="End there; or, where it is a port (pty: a new pseudo-terminal, a path with / such as "
+        "/dev/pts/3 or ./bus, COM3), play on that. Both: --to 20s --to pty.",
+    ),
+    _AROUND,
+)  # fmt: skip
 
 _ROWS = (
     click.option(
@@ -112,6 +136,11 @@ def with_part(command: Command) -> Command:
     return gathered(command, _PART, _window)
 
 
+def with_part_and_ports(command: Command) -> Command:
+    """Add the same, and ports to play on; ``window`` and ``to`` are what they say."""
+    return gathered(command, _PART_AND_PORTS, _window_and_ports)
+
+
 def with_rows(command: Command) -> Command:
     """Add the options that say which records are shown; ``selection`` is what they say."""
     return gathered(command, _ROWS, _selection)
@@ -126,6 +155,11 @@ def _window(given: dict[str, Any]) -> dict[str, Any]:
         window = Window(start or 0.0, stop, around or 0)
         window.places()  # what is wrong with it is told before anything is opened
     return {**given, "window": window}
+
+
+def _window_and_ports(given: dict[str, Any]) -> dict[str, Any]:
+    given["stop"], to = given["stop"]
+    return {**_window(given), "to": to}
 
 
 def _selection(given: dict[str, Any]) -> dict[str, Any]:

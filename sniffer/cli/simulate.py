@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import sys
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +13,7 @@ import click
 
 from sniffer.cli.amounts import Duration
 from sniffer.cli.options import ProtocolName, Whole, examples, models, with_force
+from sniffer.cli.playing import told_bytes
 from sniffer.cli.signals import ended_by_signals
 from sniffer.cli.streams import say
 from sniffer.ground.limits import BAUDS
@@ -19,6 +22,7 @@ from sniffer.ground.model import SnifferError
 if TYPE_CHECKING:
     from sniffer.simulation import Fault
     from sniffer.simulation.play.run import Played
+    from sniffer.simulation.play.scenario import Scenario
 
 MAX = "max"
 """The ``--rate`` of a line that is loaded as far as it goes."""
@@ -58,9 +62,17 @@ def _faults(
         "sniffer simulate lss --servos 1,2,5 --fault drop-reply:5:10% --fault noise",
         "sniffer simulate mightyzap --fault stall:2@5s+3s --fault dead:3@20s",
         "sniffer simulate rs30x --respond --link /tmp/bus --tap-link /tmp/tap",
+        "sniffer simulate --like recording.mcap --link /tmp/bus",
     ),
 )
-@click.argument("protocol", type=ProtocolName(plugins=False))
+@click.argument("protocol", type=ProtocolName(plugins=False), required=False)
+@click.option(
+    "--like",
+    type=click.Path(exists=False, path_type=Path),
+    help="Play the servos that a recording shows, or any capture: as they answered then. With "
+    "PROTOCOL, --baud and --model it is decoded so; implies --respond.",
+)
+@click.option("--bus", "buses", multiple=True, metavar="NAME", help="With --like: which bus.")
 @click.option("--servos", metavar="IDS|N", help="Who is on the bus: 1,2,5, or how many.")
 @click.option(
     "--model", "chosen", multiple=True, callback=models, metavar="[ID=]MODEL",
@@ -97,7 +109,9 @@ def _faults(
 @click.option("--tap-link", type=click.Path(path_type=Path), help="Make a link to the tap.")
 @click.option("--port", "device", metavar="DEV", help="Play on a serial port that is there.")
 def simulate(
-    protocol: str,
+    protocol: str | None,
+    like: Path | None,
+    buses: tuple[str, ...],
     servos: str | None,
     chosen: dict[int | None, str],
     baud: int | None,
@@ -114,7 +128,7 @@ def simulate(
     tap_link: Path | None,
     device: str | None,
 ) -> None:
-    """Play a PROTOCOL's bus in real time: a controller and servos that move.
+    """Play a PROTOCOL's bus in real time: a controller and servos that move, or those of --like.
 
     The port to listen to (sniffer record PORT) is printed first. What is said while nobody has it
     open is lost, as on a wire. Ctrl-C ends it.
@@ -123,18 +137,37 @@ def simulate(
     from sniffer.simulation.play.run import play
     from sniffer.simulation.play.scenario import Scenario
 
-    scenario = Scenario(
-        protocol,
-        servos=_servos(servos),
-        baud=baud,
-        rate_hz=rate if isinstance(rate, int) else None,
-        full=full or rate == MAX,
-        seed=seed,
-        duration_ns=duration,
-        faults=faults,
-        respond=respond,
-        models=chosen,
-    )
+    if like is not None:
+        if servos is not None:
+            raise click.UsageError("--like tells which servos there are: leave --servos out")
+        alike = _like(like, protocol, baud, chosen, buses)
+        every = (*alike.faults, *faults)
+        scenario = replace(
+            alike,
+            seed=seed,
+            duration_ns=duration,
+            faults=every,
+            rate_hz=rate if isinstance(rate, int) else None,
+            full=full or rate == MAX,
+        )
+        respond = True
+    elif protocol is None:
+        raise click.UsageError("Missing argument 'PROTOCOL', or --like FILE.")
+    elif buses:
+        raise click.UsageError("--bus goes with --like")
+    else:
+        scenario = Scenario(
+            protocol,
+            servos=_servos(servos),
+            baud=baud,
+            rate_hz=rate if isinstance(rate, int) else None,
+            full=full or rate == MAX,
+            seed=seed,
+            duration_ns=duration,
+            faults=faults,
+            respond=respond,
+            models=chosen,
+        )
 
     def ready(bus: str, tap: str | None) -> None:
         if respond:
@@ -158,6 +191,21 @@ def simulate(
     _report(played)
 
 
+def _like(
+    file: Path,
+    protocol: str | None,
+    baud: int | None,
+    models: Mapping[int | None, str],
+    buses: tuple[str, ...],
+) -> Scenario:
+    from sniffer.decoding.options import AUTO, Options
+    from sniffer.jobs.like import scenario_like
+    from sniffer.jobs.telling import Teller
+
+    options = Options(protocol=protocol or AUTO, baud=baud, models=models)
+    return scenario_like(str(file), options, buses=buses, tell=Teller(say))
+
+
 def _servos(text: str | None) -> int | tuple[int, ...] | None:
     """Read ``1,2,5`` or a number of servos."""
     if text is None:
@@ -173,12 +221,7 @@ def _report(played: Played) -> None:
     """Say what became of the bytes."""
     ports = {"": played.bus} if played.tap is None else {"bus: ": played.bus, "tap: ": played.tap}
     for name, written in ports.items():
-        told = f"{name}{written.size} bytes written"
-        if written.lost:
-            told += f", {written.lost} that nobody read"
-        if written.overrun:
-            told += f", {written.overrun} lost because the reader was too slow"
-        say(told)
+        say(told_bytes(name, written.size, written.lost, written.overrun))
     if played.held_up_ns:
         say(
             f"held up for {played.held_up_ns / 1e6:.0f} ms in all, and went on later by as much: "

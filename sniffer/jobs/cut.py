@@ -69,25 +69,36 @@ def cut(
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
     with open_source(source, input_format, again=True, wiring=options.wired) as opened:
-        options = options.with_facts(opened.facts(), opened.tables)
-        asked = (Extract.of(None, window) or Extract()).sought_in(opened, options)
-        part = _found(opened, options, asked, tell)
-
-        def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
-            heard = merged(opened, groups, options, tell.quieter())
-            yield from sliced(heard, part.spans, part.byte_ns)
-
-        facts = part.facts(opened.facts(), str(source))
-        derived = Derived(opened, made, facts, is_mixed=False)
+        derived, options = part_of(opened, str(source), window, options, tell)
         return convert_opened(
             derived,
             str(source),
             outputs,
-            part.options,
+            options,
             overwrite=overwrite,
             patience=patience,
             tell=tell,
         )
+
+
+def part_of(
+    opened: Source, source: str, window: Window | None, options: Options, tell: Teller
+) -> tuple[Derived, Options]:
+    """Return a part of a source that can be read twice, as a source, and how it is decoded.
+
+    Raises:
+        InputError: its protocol cannot be told, or nothing was said there.
+    """
+    options = options.with_facts(opened.facts(), opened.tables)
+    asked = (Extract.of(None, window) or Extract()).sought_in(opened, options)
+    part = _found(opened, options, asked, tell)
+
+    def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
+        heard = merged(opened, groups, options, tell.quieter())
+        yield from sliced(heard, part.spans, part.byte_ns)
+
+    facts = part.facts(opened.facts(), source)
+    return Derived(opened, made, facts, is_mixed=False), part.options
 
 
 class _Part:

@@ -61,13 +61,13 @@ def peek(chunks: Iterable[Chunk], size: int) -> tuple[list[Chunk], Iterator[Chun
     return head, again()
 
 
-def timed(chunks: Iterable[Chunk], baud: int) -> Iterator[Chunk]:
+def timed(chunks: Iterable[Chunk], baud: int, step_ns: int = STEP_NS) -> Iterator[Chunk]:
     """Yield chunks that all have a time: where there is no clock, the wire's own pace.
 
     Such chunks may be large: they come in pieces no longer than a step.
     """
     byte_ns = byte_time_ns(baud)
-    piece = max(1, STEP_NS // byte_ns)
+    piece = max(1, step_ns // byte_ns)
     last = 0
     for chunk in chunks:
         if chunk.t_ns is not None:
@@ -191,10 +191,10 @@ def replay(
         # looked at beforehand: what is to be played in real time cannot wait for it
         head, chunks = peek(chunks, ENOUGH)
         if options.protocol == AUTO and not played:
-            told = {**_told(head, options, now), **options.protocols}
+            told = {**spoken_by(head, options, now), **options.protocols}
             options = replace(options, protocols=told)
-        ends = (None, None) if asked is None else asked.ends(_first(head))
-        groups = paced(steps(timed(chunks, _baud(options))), speed, ends=ends)
+        ends = (None, None) if asked is None else asked.ends(first_time(head))
+        groups = paced(steps(timed(chunks, usual_baud(options))), speed, ends=ends)
         session = session_facts(opened.origin(str(source)), options, facts)
         decoded, raw = open_all(outputs, session, [str(source)], force=overwrite)
         copies = Copies(raw)
@@ -216,12 +216,14 @@ def replay(
     return ending
 
 
-def _first(head: Iterable[Chunk]) -> int | None:
+def first_time(head: Iterable[Chunk]) -> int | None:
     """Return the time of the first byte, None where there is no clock."""
     return next((chunk.t_ns for chunk in head if chunk.data), None)
 
 
-def _told(head: Iterable[Chunk], options: Options, tell: Teller) -> dict[str, str | BusProtocol]:
+def spoken_by(
+    head: Iterable[Chunk], options: Options, tell: Teller
+) -> dict[str, str | BusProtocol]:
     """Return the protocol of each bus, and say so; what cannot be told yet is left out.
 
     What a recording says of itself is known: the bytes are not asked against it.
@@ -239,6 +241,7 @@ def _told(head: Iterable[Chunk], options: Options, tell: Teller) -> dict[str, st
     return out
 
 
-def _baud(options: Options) -> int:
+def usual_baud(options: Options) -> int:
+    """Return the rate of an input without times: what was said, or what its protocol has."""
     named = next(iter(options.protocols.values()), options.protocol)
     return options.baud or (FALLBACK_BAUD if named == AUTO else options.all_spoken(named)[0].baud)

@@ -29,6 +29,11 @@ _ISO: Final = re.compile(
 )
 _FORMS: Final = "10, 10min, 20:35:20.5, 2026-01-31T20:35:20Z, @first-error, @byte:12175, @anomaly:7"
 
+FRESH: Final = "pty"
+"""The port that stands for a pseudo-terminal which is made for it."""
+
+_PORT: Final = re.compile(rf"{FRESH}|COM[0-9]+|\.{{0,2}}/.*", re.IGNORECASE)
+
 SINCE, OF_DAY, MOMENT, FOUND = "since", "of_day", "moment", "found"
 """What the number of a place is: ns from the capture's first byte, from midnight, or from 1970;
 or none before it was looked for."""
@@ -67,6 +72,11 @@ class CapturePlace:
     def found(self, t_ns: int) -> CapturePlace:
         """Return the place once it is found."""
         return replace(self, kind=MOMENT, ns=t_ns)
+
+
+def is_port(text: str) -> bool:
+    """Tell whether a text names a port instead of a place: a path, COM<n>, or ``pty``."""
+    return _PORT.fullmatch(text) is not None
 
 
 def place_in(text: str) -> CapturePlace:

@@ -26,7 +26,7 @@ from sniffer.simulation.talk import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator
+    from collections.abc import Generator, Iterator, Mapping, Sequence
 
     from sniffer.simulation.faults import Mischief
 
@@ -60,6 +60,8 @@ class Wire:
         self.ailments = Ailments(bus, mischief)
         self._heard_of: dict[int, Message] = {}  # what each servo said last
         self._under_way: tuple[Message, int] | None = None  # an answer nobody waits for
+        self.delays_ns: Mapping[int, Mapping[str, Sequence[int]]] = {}
+        """By servo and command, from what turnarounds are drawn where they are known."""
         self.free_ns = 0
         """The line is free from then on."""
 
@@ -178,16 +180,18 @@ class Wire:
                 heard = heard or good
         return heard
 
-    def _turnaround(self, exchange: Delivery) -> int:
+    def _turnaround(self, exchange: Delivery, who: int) -> int:
         if self._packed:
             return self._bit_ns
+        if known := self.delays_ns.get(who, {}).get(exchange.request.op):
+            return self._rng.choice(known)
         return exchange.turnaround_ns + self._rng.randrange(JITTER_NS)
 
     def _answers(
         self, exchange: Delivery, who: int, answers: Answers, asked_ns: int
     ) -> Generator[TrueFrame, None, bool]:
         mischief = self._mischief
-        due = asked_ns + self._turnaround(exchange)
+        due = asked_ns + self._turnaround(exchange, who)
         servo = self._bus.servos[who]
         if who not in answers:
             nothing = Message(b"", who, exchange.request.op)

@@ -65,6 +65,8 @@ Source: Details 27. Configure RC Mode."""
 class LssServo(Servo):
     """What the servo knows, by the register names of the table."""
 
+    follows = frozenset({"target_position", "target_speed", "target_speed_in_rpm"})
+
     def __init__(self, servo_id: int, joint: Joint, rig: Rig, table: RegisterMap) -> None:
         self._facts: dict[str, int | str] = {
             "model_string": MODEL_STRINGS[table.model],
@@ -105,6 +107,8 @@ class LssServo(Servo):
     def reading(self, name: str) -> int | str:
         """Return what stands behind the word in an answer that states a register."""
         joint = self.joint
+        if name in self.seen:
+            return self.seen[name]
         match name:
             case "present_position":
                 return self.place(joint.position)
@@ -135,6 +139,25 @@ class LssServo(Servo):
         if name in self.session:
             return self.session[name]
         return self.kept.get(name, self._defaults.get(name, 0))
+
+    def adopt(self, values: Mapping[str, int]) -> None:
+        """Take values as they were seen: settings are kept, the rest is the session's."""
+        kinds = {r.name: r.kind for r in self.table.registers}
+        for name, raw in values.items():
+            if name == "servo_id" or name not in kinds:
+                continue
+            if kinds[name] == "configuration":
+                self.kept[name] = raw
+                self._carry_over(name, raw)
+            else:
+                self.session[name] = raw
+        limp = self._states.get("limp")
+        self.joint.enabled = values.get("present_status", limp) != limp
+
+    def place_in(self, values: Mapping[str, int]) -> float | None:
+        """Return the present position in parts of the travel."""
+        raw = values.get("present_position")
+        return None if raw is None else raw / self.travel + 0.5
 
     def place(self, position: float) -> int:
         """Return the number for a place 0..1, in parts of a degree."""

@@ -66,6 +66,11 @@ class Memory:
         """Tell whether the model has a register of that name."""
         return name in self._registers
 
+    def adopt(self, values: Mapping[str, int]) -> None:
+        """Take values as they were seen, but for the id; those of other models are left out."""
+        known = {n: v for n, v in values.items() if self.has(n) and n != "servo_id"}
+        self.raw |= known
+
     def choose(self, name: str, text: str) -> None:
         """Set a register to the code that its table names so, if there is one."""
         codes = {named: raw for raw, named in self.register(name).values.items()}

@@ -148,6 +148,17 @@ class MightyZapServo(Servo):
         memory.put("present_voltage", self.voltage)
         memory.put("present_temperature", joint.temperature)
         memory.raw["moving"] = int(abs(joint.speed) > 0.02)
+        memory.raw |= self.seen
+
+    def adopt(self, values: Mapping[str, int]) -> None:
+        """Take registers as they were seen; the force is on if they say so."""
+        self.memory.adopt(values)
+        self.store("force_on", self.memory.raw["force_on"])
+
+    def place_in(self, values: Mapping[str, int]) -> float | None:
+        """Return the present position in parts of the stroke."""
+        raw = values.get("present_position")
+        return None if raw is None else raw / self.top
 
     @property
     def new_id(self) -> int:

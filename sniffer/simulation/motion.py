@@ -168,6 +168,10 @@ class Rig:
         self.now_s = 0.0
         self._ohm = ohm
 
+    def feed(self, supply_v: float) -> None:
+        """Take another supply."""
+        self.voltage = self._supply_v = supply_v
+
     def advance(self, now_s: float) -> None:
         """Let time pass until ``now_s``, in whole steps."""
         while self.now_s + STEP_S <= now_s:

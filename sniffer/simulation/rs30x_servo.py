@@ -97,6 +97,18 @@ class Rs30xServo(Servo):
         memory.put("present_current", joint.current_ma)
         memory.put("present_temperature", joint.temperature)
         memory.put("present_voltage", self.voltage)
+        memory.raw |= self.seen
+
+    def adopt(self, values: Mapping[str, int]) -> None:
+        """Take registers as they were seen; the flash keeps them."""
+        self.memory.adopt(values)
+        self.burn()
+        self._follow()
+
+    def place_in(self, values: Mapping[str, int]) -> float | None:
+        """Return the present position in parts of the travel."""
+        raw = values.get("present_position")
+        return None if raw is None else raw / TRAVEL + 0.5
 
     @property
     def new_id(self) -> int:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple, Self
 
-from sniffer.ground.codes import KINDS
+from sniffer.ground.codes import KINDS, MEASURED
 from sniffer.ground.model import NS
 from sniffer.simulation.motion import Joint, Rig, trajectory
 
@@ -76,6 +76,7 @@ class HeardFrame(NamedTuple):
     data: bytes
     token: int
     flags: int
+    reply: int
 
     @classmethod
     def of(cls, frames: Frames, row: int, said: bytes) -> Self:
@@ -90,6 +91,7 @@ class HeardFrame(NamedTuple):
             said[first : first + int(frames.data_length[row])],
             int(frames.token[row]),
             int(frames.flags[row]),
+            int(frames.reply[row]),
         )
 
 
@@ -101,6 +103,9 @@ def by_model(tables: Sequence[RegisterMap]) -> Mapping[str, RegisterMap]:
 class Servo:
     """One servo: a joint and, in the protocols that have them, registers."""
 
+    follows: ClassVar[frozenset[str]] = frozenset()
+    """Registers that follow from where the joint is going, beside those that are measured."""
+
     def __init__(self, servo_id: int, joint: Joint, rig: Rig, table: RegisterMap) -> None:
         self.table = table
         self.servo_id = servo_id
@@ -110,6 +115,8 @@ class Servo:
         self.low_until_ns = 0
         self.lag_ns = 0
         """How much longer than its protocol says it takes for an answer."""
+        self._seen: Mapping[str, int] = {}
+        self._seen_at = -1.0
         self.power_on()
 
     def shipped(self, baud: int) -> None:
@@ -119,6 +126,39 @@ class Servo:
         """Take the state a servo has after power-on: the motor is off."""
         self.joint.enabled = False
         self.joint.sag = 0.0
+
+    def recall(self, values: Mapping[str, int]) -> None:
+        """Be as it was seen last: ``values`` are raw, by register.
+
+        What it measures, it measures as then until its joint moves.
+        """
+        self.adopt(values)
+        place = self.place_in(values)
+        if place is not None:
+            self.joint.position = self.joint.goal = min(max(place, 0.0), 1.0)
+        known = {r.name: r for r in self.table.registers}
+        if "present_temperature" in values and "present_temperature" in known:
+            heat = known["present_temperature"].scale * values["present_temperature"]
+            self.joint.temperature = heat
+        if "present_voltage" in values and "present_voltage" in known:
+            self.rig.feed(known["present_voltage"].scale * values["present_voltage"])
+        measured = {n for n, r in known.items() if r.role == MEASURED and r.quantity}
+        measured |= self.follows
+        self._seen = {name: raw for name, raw in values.items() if name in measured}
+        self._seen_at = self.joint.position
+
+    @property
+    def seen(self) -> Mapping[str, int]:
+        """What it was seen to measure, as long as its joint has not moved since."""
+        return self._seen if self.joint.position == self._seen_at else {}
+
+    def adopt(self, values: Mapping[str, int]) -> None:
+        """Take registers as they were seen; its id is its own."""
+        raise NotImplementedError
+
+    def place_in(self, values: Mapping[str, int]) -> float | None:
+        """Return where a joint is that measures this, 0..1; None where nothing says so."""
+        raise NotImplementedError
 
     def guard(self) -> None:
         """Do what the servo does by itself to save its motor, if it is time."""

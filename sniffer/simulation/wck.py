@@ -122,6 +122,18 @@ class WckServo(Servo):
         raw["position_10bit"] = round(joint.position * TOP_10BIT)
         raw["load"] = round(min(abs(joint.load), 1.0) * 200)
         raw["ad_input"] = round(120 + 60 * joint.position)
+        raw |= self.seen
+
+    def adopt(self, values: Mapping[str, int]) -> None:
+        """Take registers as they were seen."""
+        self.memory.adopt(values)
+
+    def place_in(self, values: Mapping[str, int]) -> float | None:
+        """Return the position in parts of the travel; the finer one if both are known."""
+        for name, top in (("position_10bit", TOP_10BIT), ("position", TOP)):
+            if name in values:
+                return values[name] / top
+        return None
 
     def guard(self) -> None:
         """Turn passive at an overload. Source: manual 1.07, (18) Over Load Set."""

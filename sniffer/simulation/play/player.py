@@ -17,9 +17,9 @@ from sniffer.ground.model import NS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from sniffer.simulation.listener import LineListener, Uttered
     from sniffer.simulation.play.outlet import FrameWriter
     from sniffer.simulation.play.ports import PlayPort
-    from sniffer.simulation.respond import Responder, Uttered
     from sniffer.simulation.talk import TrueFrame
 
 GROUP_NS: Final = NS // 1000
@@ -137,16 +137,18 @@ class Player:
 
     def respond(
         self,
-        responder: Responder,
+        responder: LineListener,
         bus: FrameWriter,
         tap: FrameWriter | None,
         note: Callable[[TrueFrame, int | None], None],
         *,
         duration_ns: int | None = None,
+        echo: bool = False,
     ) -> None:
         """Let servos answer what is said on ``bus``; ``tap`` repeats both sides of the talk.
 
-        Without one, ``note`` is told of what was heard; outlets tell of what they say.
+        Without one, ``note`` is told of what was heard; outlets tell of what they say. ``echo``:
+        who speaks hears it again, as with an adapter that does not mute itself.
         """
         port, clock = bus.port, self.clock
         due: collections.deque[Uttered] = collections.deque()
@@ -169,10 +171,10 @@ class Player:
             bus.flush()
             if tap is not None:
                 tap.flush()
-                bus.say([s.frame for s in said if s.ours])
+                bus.say([s.frame for s in said if s.ours or echo])
                 tap.say([s.frame for s in said])
             for frame, ours in said if tap is None else ():
-                if ours:
+                if ours or echo:
                     bus.say([frame])
                 else:
                     note(frame, None)

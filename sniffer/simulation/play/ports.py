@@ -1,4 +1,6 @@
-"""Where a simulated bus is played: a pseudo-terminal, or a device that is there.
+"""Where something is played: a pseudo-terminal, or a device that is there.
+
+This is the only place of the package that opens a terminal for writing; a test holds that.
 
 A pseudo-terminal is a wire: what is said while nobody has it open is lost, as on a real bus.
 Nobody's slave is open here meanwhile: that is how the kernel tells (the master hangs up) whether
@@ -12,14 +14,17 @@ import errno
 import fcntl
 import os
 import select
+import stat
 import struct
 import sys
 import termios
 import time
 import tty
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
 from sniffer.ground.model import OutputError
+from sniffer.ground.wording import Sentence
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,6 +37,10 @@ them in the background."""
 FETCH_S: Final = 5.0
 """How long the end waits for a reader that has the port open and fetches nothing: one on a busy
 machine may not be run for a second."""
+
+PTY_MAJORS: Final = range(136, 144)
+"""Device numbers of the slaves of pseudo-terminals.
+Source: Linux, Documentation/admin-guide/devices.txt, 136-143 char."""
 
 _BOTHER: Final = 0o010000
 _CBAUD: Final = 0o010017
@@ -149,23 +158,44 @@ class Pty:
             os.close(slave)
 
 
+def is_pseudo(status: os.stat_result) -> bool:
+    """Tell by its device number whether a file is the slave of a pseudo-terminal.
+
+    Other systems than Linux do not say so: there everything is taken for a serial port.
+    """
+    is_device = sys.platform == "linux" and stat.S_ISCHR(status.st_mode)
+    return is_device and os.major(status.st_rdev) in PTY_MAJORS
+
+
 class Device:
-    """A serial port that is there already, set to raw bytes at a baud rate.
+    """A port that is there already, set to raw bytes at a baud rate.
+
+    ``transmit``: it may be a serial port; without, only the slave of a pseudo-terminal is opened,
+    and what is none is not even touched: opening a port can make its adapter speak.
 
     Raises:
-        OutputError: it cannot be opened, is no serial port, or refuses the baud rate.
+        OutputError: it cannot be opened, is no serial port, or refuses the baud rate; or it is one,
+            and nothing may be sent.
     """
 
-    carries = True
-
-    def __init__(self, path: str, baud: int) -> None:
+    def __init__(self, path: str, baud: int, *, transmit: bool) -> None:
         self.name = path
         try:
+            pseudo = is_pseudo(Path(path).stat())
+            if not pseudo and not transmit:
+                told = (
+                    "{path} is no pseudo-terminal: what is played there is sent on a bus, and "
+                    "servos may move; {transmit:True} if that is meant"
+                )
+                raise OutputError(Sentence(told, path=path))
             self._fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         except OSError as error:
             why = error.strerror or error
             raise OutputError(f"{path}: cannot be opened for writing ({why})") from None
+        self.carries = not pseudo
         try:
+            if pseudo and not is_pseudo(os.fstat(self._fd)):
+                raise OSError(errno.ENOTTY, "it was another device a moment ago")
             _set_line(self._fd)
             _set_speed(self._fd, baud)
         except (termios.error, OSError) as error:
@@ -192,9 +222,14 @@ class Device:
     def read(self) -> bytes:
         """Return what has been heard."""
         try:
-            return _read(self._fd)
+            data = os.read(self._fd, READ_MOST)
+        except BlockingIOError:
+            return b""
         except OSError as error:
             raise OutputError(f"{self.name}: cannot be read ({error.strerror})") from None
+        if not data:  # else one that is there has nothing to read, which is told as above
+            raise OutputError(f"{self.name} went away: its other end is closed, or unplugged")
+        return data
 
     def forget(self) -> int:
         """Leave everything as it is."""

@@ -88,7 +88,10 @@ def play(
     except ImportError:
         raise OutputError("this system has no pseudo-terminals: use Linux or macOS") from None
     with contextlib.ExitStack() as stack:
-        first: PlayPort = ports.Device(port, scenario.line_baud) if port else ports.Pty()
+        # who names a device wants it to speak
+        first: PlayPort = (
+            ports.Device(port, scenario.line_baud, transmit=True) if port else ports.Pty()
+        )
         stack.callback(first.close)
         second = ports.Pty() if scenario.respond and tap is not False else None
         if second is not None:
@@ -151,6 +154,7 @@ def _play(
             faults=scenario.faults,
             carried=bus.port.carries,
             models=scenario.models,
+            like=scenario.like,
         )
         note = _silent if truth is None else truth.add
         player.respond(responder, bus, tap, note, duration_ns=scenario.duration_ns)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from sniffer.simulation.faults import Fault
+    from sniffer.simulation.likeness import ServoLikeness
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,7 @@ class Scenario:
         faults: what goes wrong.
         respond: only the servos are played; they answer a controller.
         models: servo id (None: all) -> model.
+        like: servos that are as they were seen before, by their ids.
 
     Raises:
         SnifferError: the protocol has no such bus; the sentence says what there is.
@@ -49,12 +51,15 @@ class Scenario:
     faults: Sequence[Fault] = ()
     respond: bool = False
     models: Mapping[int | None, str] = field(default_factory=dict)
+    like: Mapping[int, ServoLikeness] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.respond and (self.full or self.rate_hz is not None):
             raise SnifferError(
                 Sentence("{respond} plays no controller: {rate_hz} and {full} say nothing")
             )
+        if self.like and not self.respond:
+            raise SnifferError(Sentence("{like} is about servos: it needs {respond}"))
         if self.protocol not in BUSES:
             known = ", ".join(BUSES)
             raise SnifferError(f"{self.protocol} has no simulator: there is one of {known}")

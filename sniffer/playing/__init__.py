@@ -1,0 +1,1 @@
+"""Recordings that speak: the line as it was, its servos, or its controller, on a port."""

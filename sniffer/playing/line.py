@@ -1,0 +1,94 @@
+"""A line as it was: every byte again, each piece at its moment."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from sniffer.ground.model import NS
+from sniffer.playing.outlets import LOOK_NS, said
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from sniffer.ground.model import Chunk
+    from sniffer.simulation.play.outlet import FrameWriter
+    from sniffer.simulation.play.player import Stop
+
+PIECE_NS: Final = NS // 1000
+"""Where the input has no times, bytes of so much time go together: no reader could tell more."""
+
+
+class Pacing(NamedTuple):
+    """How well the moments were met: writings, and by how much they came late, in ns."""
+
+    pieces: int
+    mean_ns: int
+    worst_ns: int
+    last_ns: int
+
+
+class LinePlayer:
+    """Writes the chunks of a recording to ports, in the recording's time.
+
+    Moments are absolute, counted from the first chunk: what is late does not make the next one
+    late, so nothing drifts. A machine that was held up catches up.
+    """
+
+    def __init__(
+        self,
+        outlets: Mapping[str, FrameWriter],
+        stop: Stop,
+        now: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._outlets = outlets
+        self._stop = stop
+        self._now = now
+        self._late: list[int] = [0, 0, 0, 0]  # pieces, sum, worst, last
+
+    @property
+    def pacing(self) -> Pacing:
+        """How well the moments were met so far."""
+        pieces, total, worst, last = self._late
+        return Pacing(pieces, total // max(pieces, 1), worst, last)
+
+    def play(self, chunks: Iterable[Chunk], speed: float = 1.0) -> None:
+        """Play chunks that all have times; ``speed`` 0: as fast as they are read."""
+        began: int | None = None
+        first = 0
+        for chunk in chunks:
+            if self._stop.asked:
+                return
+            if not chunk.data:
+                continue
+            t = chunk.t_ns or 0
+            if began is None:
+                began, first = self._now(), t
+            outlet = self._outlets[chunk.bus]
+            if speed > 0:
+                due = began + int((t - first) / speed)
+                self._rest(due)
+                self._note(max(self._now() - due, 0))
+            for one in self._outlets.values():
+                one.port.read()  # nobody's business here, but it must not pile up
+            if not self._stop.asked:
+                outlet.say([said(chunk.data)])
+            while not speed and outlet.waits and not self._stop.asked:
+                self._stop.sleep(LOOK_NS)
+                outlet.flush()
+
+    def finish(self) -> None:
+        """Give readers the time to take the rest."""
+        for outlet in self._outlets.values():
+            outlet.finish()
+
+    def _rest(self, due: int) -> None:
+        while not self._stop.asked and (left := due - self._now()) > 0:
+            waiting = [one for one in self._outlets.values() if one.waits]
+            for one in waiting:
+                one.flush()
+            self._stop.sleep(min(left, LOOK_NS) if waiting else left)
+
+    def _note(self, late_ns: int) -> None:
+        pieces, total, worst, _ = self._late
+        self._late = [pieces + 1, total + late_ns, max(worst, late_ns), late_ns]
