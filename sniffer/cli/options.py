@@ -331,8 +331,8 @@ def decoding(command: Command) -> Command:
                 "--input-format",
                 type=click.Choice(["auto", *SOURCES]),
                 default="auto",
-                show_default=True,
-                help="Form of the input; auto tells it from its beginning.",
+                metavar="FORM",
+                help=f"Form of the input: {', '.join(SOURCES)}; auto tells it.  [default: auto]",
             ),
             click.option("--baud", type=Whole(*BAUDS), help="Bits per second."),
             click.option(

@@ -39,7 +39,7 @@ WIRES: Final = (
         "--glitch",
         type=click.FloatRange(0, 1e6),
         metavar="US",
-        help="Of a logic capture: pulses that are shorter do not count (a third of a bit).",
+        help="Of a logic capture: pulses that are shorter do not count.  [default: 0.3 of a bit]",
     ),
 )
 """Of every command that reads captures."""

@@ -17,7 +17,7 @@ class Wiring:
     ``channels``: the bus of each channel that is read, by the channel's name; empty: one of its
     own, with that name. Without any, those that carry serial bytes are found.
     ``invert``: the line idles low. ``glitch_us``: shorter pulses are left out; None: those of less
-    than a third of a bit. ``baud``: bits per second, None where nobody stated them.
+    than 0.3 of a bit. ``baud``: bits per second, None where nobody stated them.
     """
 
     channels: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
