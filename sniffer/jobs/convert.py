@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Options
 from sniffer.decoding.summary import Summary
-from sniffer.ground.files import files_of
+from sniffer.ground.files import TABLES, files_of
+from sniffer.ground.wording import and_
 from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.copying import Copies, copy_source
 from sniffer.jobs.derived import Derived
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from sniffer.jobs.session import Ending, Patience
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
+    from sniffer.sinks.raw import RawFile
     from sniffer.sources import Source
 
 
@@ -68,7 +70,7 @@ def convert(
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         overwrite: files that are there already are replaced.
         sinks: further outputs, open already.
-        selection: which records are written; totals are counted of all.
+        selection: which records are written, of bytes which frames; totals are counted of all.
         window: which part of the capture, all of it where None.
         wide: tables have a column for each quantity of a servo; a row a register where None.
         anonymise: times count from zero; names, ports and serial numbers are left out.
@@ -89,6 +91,9 @@ def convert(
         asked = Extract.of(selection, window)
         refuse_part_of(asked, [path.suffix.lower() for path in outputs])
     tell = tell or Teller(lambda line: None, quiet=True)
+    if selection is not None and (lacking := selection.missing_in("samples")):
+        for path in (path for path in outputs if path.suffix.lower() in TABLES):
+            tell.talk(f"{path} has no rows: samples have no {and_(list(lacking))}")
     inputs = [source] if isinstance(source, str | Path) else [*source]
     again = anonymise or (asked is not None and asked.seeks)
     if len(inputs) == 1:
@@ -141,7 +146,11 @@ def convert_opened(
     told = session_facts(opened.origin(source), options, facts)
     decoded, raw = open_all(outputs, told, [source, *others], force=overwrite, wide=wide)
     name = "standard input" if source == "-" else source
-    copies, every = Copies(raw), [*decoded, *sinks]
+    every = [*decoded, *sinks]
+    if raw and asked is not None and asked.selection is not None:
+        every += _selected(raw, outputs, tell)
+        raw = []
+    copies = Copies(raw)
     if raw and not every:
         ending = copy_source(opened, copies, name=name, tell=tell, patience=patience)
         return Converted(Summary(), ending, gone(outputs, tell, wide=wide is not None))
@@ -153,3 +162,14 @@ def convert_opened(
     finally:
         copies.finish(tell)
     return Converted(summary, ending, gone(outputs, tell, wide=wide is not None))
+
+
+def _selected(raw: Sequence[RawFile], outputs: Sequence[Path], tell: Teller) -> list[Sink]:
+    """Return sinks that write the selected frames to files of bytes, and say what those lack."""
+    from sniffer.sinks import BYTES
+    from sniffer.sinks.selected import LEFT_OUT, SelectedBytes
+
+    for path in outputs:
+        if path.suffix.lower() in BYTES:
+            tell.talk(f"{path} {LEFT_OUT}")
+    return [SelectedBytes(file) for file in raw]

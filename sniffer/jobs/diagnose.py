@@ -68,14 +68,14 @@ def diagnose(
         hear_part, source, input_format=input_format, window=window, patience=patience, tell=tell
     )
     try:
-        ending = hear(diagnosis, options)
+        done = hear(diagnosis, options)
     except UndecidedError:
         if str(source) == "-":
             raise  # standard input can be read only once
         # What nothing explains may have been read at a wrong rate. Whose frames it is not is the
         # same then: it is judged as the first protocol's.
         diagnosis = Diagnosis()
-        ending = hear(diagnosis, replace(options, protocol=next(iter(PROTOCOLS))))
+        done = hear(diagnosis, replace(options, protocol=next(iter(PROTOCOLS))))
         if not diagnosis.incidents():
             raise
     return Diagnosed(
@@ -83,5 +83,5 @@ def diagnose(
         diagnosis.judged(),
         diagnosis.sentence(),
         diagnosis.has_clock,
-        ending,
+        done.ending,
     )

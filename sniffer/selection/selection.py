@@ -47,6 +47,10 @@ class Selection:
     def __repr__(self) -> str:
         return f"Selection({self.text!r})"
 
+    def missing_in(self, table: str) -> tuple[str, ...]:
+        """Return the columns of the expression that a table does not have."""
+        return tuple(name for name in self._expression.columns if name not in TABLES[table])
+
     @classmethod
     def parse(cls, text: str) -> Selection:
         """Read an expression.
