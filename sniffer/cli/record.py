@@ -208,15 +208,17 @@ def record(
     from sniffer.tap.listen import Listening
     from sniffer.tap.recorder import Wishes
     from sniffer.viewers.outlet import write_within
-    from sniffer.viewers.screen import LOG, usual_mode
+    from sniffer.viewers.screen import BOARD, LOG, usual_mode
 
     def say(line: str) -> None:
         write_within(sys.stderr, f"sniffer: {one_line(worded(line))}\n", WORD_S)
 
     if log and quiet:
         raise click.UsageError("--log prints, --quiet does not: choose one")
-    if selection is not None and not log:
-        raise click.UsageError("a selection is what --log prints: a recording has everything")
+    if selection is not None and not log and (quiet or usual_mode(sys.stderr) != BOARD):
+        raise click.UsageError(
+            "a selection is what --log prints and the board shows: a recording has everything"
+        )
     views = {"window": in_rerun, "web": web, "connect": rerun_connect is not None}
     if sum(views.values()) > 1:
         raise click.UsageError("choose one of --rerun, --web, --rerun-connect")
