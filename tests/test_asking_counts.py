@@ -105,7 +105,7 @@ def test_only_an_exchange_that_is_selected_is_a_retry_and_what_stands_before_it_
 
 def test_the_tables_of_a_query_are_the_rows_of_the_json_lines(capsys: Capsys) -> None:
     where = ["--servo", "1,2", "--from", "1", "--to", "3"]
-    rows = lines(within(capsys, "decode", DAMAGED, "--format", "jsonl", *where))[:-1]
+    rows = lines(within(capsys, "decode", DAMAGED, "--format", "jsonl", *where))[1:-1]
     for table in ("transactions", "anomalies"):
         sql = f"SELECT count(*) AS n FROM {table}"
         [told] = lines(within(capsys, "query", sql, DAMAGED, "--format", "json", *where))
@@ -176,3 +176,50 @@ def test_a_screen_begins_with_the_filter_that_is_asked_for(
     text = begun[0]["selection"].text
     assert text == "servo_id = 3 AND kind = 'request'"
     assert filter_of(text) is not None, "the filter line takes it as it is"
+
+
+def test_lines_of_a_selection_are_no_capture_and_those_of_a_part_are_one(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    some, part = tmp_path / "some.jsonl", tmp_path / "part.jsonl"
+    assert within(capsys, "convert", DAMAGED, some, "--servo", "3").status == 0
+    assert json.loads(some.read_text().splitlines()[0]) == {
+        "type": "selection",
+        "where": "servo_id = 3",
+        "tables": ["frames", "transactions", "samples", "anomalies"],
+    }
+    ran = within(capsys, "decode", some)
+    assert ran.status == 2
+    assert "these lines are a selection (servo_id = 3)" in ran.err
+    assert within(capsys, "decode", DAMAGED, "--to", "2", "-o", part, "--quiet").status == 0
+    assert within(capsys, "decode", part).status == 0
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Cut a capture into two files, as a rotation would."""
+    folder = tmp_path_factory.mktemp("parts")
+    lines = DAMAGED.read_text().splitlines(keepends=True)
+    out = [folder / "a.log", folder / "b.log"]
+    for path, half in zip(out, (lines[: len(lines) // 2], lines[len(lines) // 2 :]), strict=True):
+        path.write_text("".join(half))
+    return out
+
+
+def test_several_files_are_captures_of_their_own_or_together_one(
+    parts: list[Path], tmp_path: Path, capsys: Capsys
+) -> None:
+    whole = figures(capsys, DAMAGED)["buses"]
+    told = lines(within(capsys, "stats", *reversed(parts), "--together", "--format", "json"))
+    assert [one["buses"] for one in told] == [whole], "in the order of their times"
+    assert len(lines(within(capsys, "stats", *parts, "--format", "json"))) == 2
+    [cause] = lines(within(capsys, "diagnose", *parts, "--together", "--format", "json"))
+    [alone] = lines(within(capsys, "diagnose", DAMAGED, "--format", "json"))
+    assert cause == alone
+    rules = tmp_path / "rules.toml"
+    rules.write_text(within(capsys, "check", "--example").out)
+    for together, captures in (([], 2), (["--together"], 1)):
+        ran = within(capsys, "check", *parts, "--rules", rules, *together)
+        assert ran.status in (0, 1), ran.err
+        heads = [line for line in ran.out.splitlines() if line and not line.startswith(" ")]
+        assert len(heads) == captures

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+import sniffer
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.model import Chunk, Clock
 from sniffer.sinks.rerun.sink import RerunSink
 from tests.streams.mightyzap import packet
 from tests.test_rerun import START_NS, Bus, read, write
+from tests.transcripts import ROOT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -112,3 +114,21 @@ def test_missing_answers_and_bus_load_are_told_by_the_second(tmp_path: Path) -> 
     assert sum(load[:-1]) == pytest.approx(said * 40_000 / 1e7, rel=0.01)
     marks = [t for t, _ in rows["/bus0/servo/2/marks/position/error"]]
     assert len(marks) == 5
+
+
+def test_the_incidents_of_a_capture_stand_in_its_plot_with_their_causes(tmp_path: Path) -> None:
+    capture = ROOT / "sample_captures" / "mightyzap_damaged.log"
+    known = [one for one in sniffer.diagnose(capture).incidents if one.servo_ids]
+    assert known
+    sniffer.convert(capture, [tmp_path / "a.rrd"])
+    rows, _ = read(tmp_path / "a.rrd")
+    for one in known:
+        for servo in one.servo_ids:
+            log = rows[f"/bus0/servo/{servo}/incidents"]
+            assert any(row[0] == one.first_ns and one.cause in str(row) for row in log)
+            marks = rows[f"/bus0/servo/{servo}/marks/position/incident"]
+            assert one.first_ns in [t for t, _ in marks]
+    alone = tmp_path / "b.rrd"
+    sniffer.convert(capture, [alone], selection=sniffer.Selection.of(servos=[1]))
+    entities = read(alone)[0]
+    assert not [path for path in entities if "/servo/2/" in path], "what is not shown is not marked"

@@ -22,6 +22,7 @@ from sniffer.cli.options import (
     models,
     pipeline_options,
     with_alarms,
+    with_color,
     with_force,
     with_names,
     with_registers,
@@ -148,6 +149,7 @@ WORD_S: Final = 0.5
 )  # fmt: skip
 @click.option("--log", is_flag=True, help="Print each frame on standard output.")
 @with_rows
+@with_color
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but what went wrong.")
 @click.option("--rerun", "in_rerun", is_flag=True, help="Show it live in the Rerun viewer.")
 @click.option(
@@ -187,6 +189,7 @@ def record(
     post: int | None,
     ring_file: Path | None,
     log: bool,
+    color: bool | None,
     quiet: bool,
     in_rerun: bool,
     web: bool,
@@ -264,6 +267,7 @@ def record(
                 rerun_connect,
                 window,
                 selection,
+                color,
             ),
             commands=[(str(what), command) for what, command in commands],
             wishes=wishes,

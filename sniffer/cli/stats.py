@@ -8,7 +8,15 @@ import sys
 
 import click
 
-from sniffer.cli.options import decoding, examples, files_here, with_alarms, with_format
+from sniffer.cli.options import (
+    captures_in,
+    decoding,
+    examples,
+    files_here,
+    with_alarms,
+    with_format,
+    with_together,
+)
 from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
@@ -32,6 +40,7 @@ from sniffer.statistics.flat import COLUMNS, rows
     ),
 )
 @click.argument("files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True)
+@with_together
 @with_part
 @with_rows
 @decoding
@@ -46,6 +55,7 @@ def stats(
     input_format: str,
     output_format: str,
     every: bool,
+    together: bool,
     window: Window | None,
     selection: Selection | None,
 ) -> int:
@@ -64,10 +74,11 @@ def stats(
     if output_format == "csv":
         table.writeheader()
     status = DONE
-    for file in files:
+    captures = captures_in(files, together=together)
+    for capture in captures:
         with patient() as patience:
             done = count(
-                file,
+                capture,
                 options,
                 input_format=input_format,
                 window=window,
@@ -86,8 +97,8 @@ def stats(
         else:
             from sniffer.sinks.stats import MOST, print_stats
 
-            if len(files) > 1:
-                click.echo(f"{file}:")
+            if len(captures) > 1:
+                click.echo(f"{done.source}:")
             if done.summary.shown:
                 from sniffer.sinks.report import selected
 

@@ -16,7 +16,7 @@ from sniffer.jobs.derived import Derived
 from sniffer.jobs.outputs import check_outputs, gone, open_all, session_facts, told_part
 from sniffer.jobs.session import run_source
 from sniffer.jobs.telling import Teller
-from sniffer.sources import open_source
+from sniffer.sources.several import open_capture
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -96,13 +96,9 @@ def convert(
             tell.talk(f"{path} has no rows: samples have no {and_(list(lacking))}")
     inputs = [source] if isinstance(source, str | Path) else [*source]
     again = anonymise or (asked is not None and asked.seeks)
-    if len(inputs) == 1:
-        opened = open_source(inputs[0], input_format, again=again)
-    else:
-        from sniffer.sources.several import open_sources
-
+    if len(inputs) > 1:
         check_outputs([f for p in outputs for f in files_of(p)], [*map(str, inputs)], force=True)
-        opened = open_sources(inputs, input_format)
+    opened = open_capture(inputs, input_format, again=again)
     if (part := told_part(opened.facts())) is not None:
         tell.talk(part)
     if anonymise:

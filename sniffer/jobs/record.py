@@ -51,7 +51,8 @@ class Shown:
 
     ``mode`` is the terminal's (board, line or log, as ``sniffer.viewers.screen`` names them),
     ``view`` Rerun's (window, web, or connect with the ``url`` of a viewer); its plots show the last
-    ``window_s`` seconds. ``selection`` is which records a log shows.
+    ``window_s`` seconds. ``selection`` is which records a log shows, or what the board begins with;
+    ``color`` whether both have colours, None: on a terminal.
     """
 
     mode: str | None = None
@@ -59,6 +60,7 @@ class Shown:
     url: str | None = None
     window_s: float = 20.0
     selection: Selection | None = None
+    color: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +168,7 @@ def record(
         tell=tell,
         mode=shown.mode,
         selection=shown.selection,
+        color=shown.color,
         wishes=wishes,
         view=view,
         waits=waits,
@@ -187,11 +190,12 @@ def run_recording(
     waits: Waits | None = None,
     diagnoses: bool = True,
     selection: Selection | None = None,
+    color: bool | None = None,
 ) -> Recorded:
     """Record from ports that are listened to until something ends it; tell what became of it.
 
     ``diagnoses``: the recording has incidents; else there are some only where somebody looks on.
-    ``selection`` is which records a log shows.
+    ``selection`` is which records a log shows, ``color`` whether it has colours.
 
     Raises:
         DamagedInputError: the ports could not be read any more; what was read is recorded.
@@ -246,7 +250,7 @@ def run_recording(
         if mode is not None:
             stream = sys.stdout if mode == LOG else sys.stderr
             screen = tell.screen = Screen(
-                mode, recorder.status, stream=stream, board=board, selection=selection
+                mode, recorder.status, stream=stream, board=board, selection=selection, color=color
             )
             pipeline.add(screen)
         beside.append(functools.partial(_statistics, screen, tell))

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from sniffer.decoding.options import Options
 from sniffer.jobs.through import hear_part
+from sniffer.sources.several import name_of
 from sniffer.statistics import Statistics
 from sniffer.statistics.told import as_dict
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from sniffer.decoding.summary import Summary
@@ -40,7 +42,7 @@ class Tallied:
 
 
 def stats(
-    source: str | Path,
+    source: str | Path | Sequence[str | Path],
     options: Options | None = None,
     *,
     input_format: str = "auto",
@@ -52,7 +54,8 @@ def stats(
     """Count and measure a capture: load, rates, response times, errors, anomalies.
 
     Args:
-        source: a path, or ``"-"`` for standard input.
+        source: a path, or ``"-"`` for standard input; several are one capture, read in the order
+            of their times.
         options: how it is decoded; what a recording says of itself fills what is not said. How
             long servos met the rules of ``options.alarms`` is told, too.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
@@ -77,5 +80,4 @@ def stats(
         patience=patience,
         tell=tell,
     )
-    name = "standard input" if str(source) == "-" else str(source)
-    return Tallied(name, told, done.ending, done.summary)
+    return Tallied(name_of(source), told, done.ending, done.summary)

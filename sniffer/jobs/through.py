@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from sniffer.jobs.convert import convert
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from sniffer.decoding.options import Options
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def hear_part(
-    source: str | Path,
+    source: str | Path | Sequence[str | Path],
     sink: Sink,
     options: Options | None = None,
     *,

@@ -80,6 +80,7 @@ class Screen:
         board: what the board and the lines show; ``LOG`` needs it for statistics alone.
         notes: where ``say`` and statistics go: ``stream``, but for a log standard error.
         selection: which records a log shows; of a board it is the filter that it begins with.
+        color: whether a log or a board has colours; None: on a terminal.
     """
 
     def __init__(
@@ -91,6 +92,7 @@ class Screen:
         board: Board | None = None,
         notes: TextIO | None = None,
         selection: Selection | None = None,
+        color: bool | None = None,
     ) -> None:
         self.dropped = self.dropped_batches = 0
         """Frames, and batches, that were left out: nobody took what was written in time."""
@@ -103,11 +105,11 @@ class Screen:
         self._out = Outlet(stream)
         other = sys.stderr if notes is None and mode == LOG else notes
         self._notes = self._out if other is None else Outlet(other)
-        self._log = TextSink(cast("TextIO", self._out)) if mode == LOG else None
+        self._log = TextSink(cast("TextIO", self._out), color=color) if mode == LOG else None
         self._selection = selection
         if self._log is not None and selection is not None:
             self._log.narrow({"where": selection.text, "tables": list(selection.tables)})
-        self._picture = TerminalPicture(self._out) if mode == BOARD else None
+        self._picture = TerminalPicture(self._out, color=color) if mode == BOARD else None
         self._still: tuple[Board, Status] | None = None
         """The board as it stood when the picture was held."""
         if self._picture is not None and self._board is not None:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Final, Self, TextIO, cast
 from rich.console import Console
 from rich.text import Text
 
+from sniffer.sinks.consoles import console_for
 from sniffer.tap.status import Status
 from sniffer.viewers.board.board import Board
 from sniffer.viewers.keyboard import Keyboard
@@ -55,9 +56,9 @@ class TerminalPicture:
     One thread draws. ``left`` may be called from another one, within a signal handler.
     """
 
-    def __init__(self, out: Outlet) -> None:
+    def __init__(self, out: Outlet, *, color: bool | None = None) -> None:
         self._out = out
-        self._colours: Any = Console(file=cast("TextIO", out)).color_system
+        self._colours: Any = console_for(cast("TextIO", out), color=color).color_system
         self._has_other = _has_other_screen(out.fileno())
         self._is_there = False
         self._shown: tuple[Board, Status] | None = None

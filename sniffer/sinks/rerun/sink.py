@@ -152,6 +152,10 @@ class RerunSink:
         if self._live:
             self._layout()
 
+    def shows(self, bus: str, servo: int) -> bool:
+        """Tell whether anything of a servo is drawn."""
+        return any(key[:2] == (bus, servo) for lines in (self._lines, self._lanes) for key in lines)
+
     def close(self) -> None:
         """Send what waits; finish the file with its layout."""
         self._gauges.close()
