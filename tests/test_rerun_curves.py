@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
 
 import sniffer
 from sniffer.decoding.decoder import Decoder
-from sniffer.ground.model import Chunk, Clock
+from sniffer.ground.model import Chunk, Clock, Severity
+from sniffer.sinks.rerun.entities import LogLine
 from sniffer.sinks.rerun.sink import RerunSink
 from tests.streams.mightyzap import packet
 from tests.test_rerun import START_NS, Bus, read, write
@@ -132,3 +135,18 @@ def test_the_incidents_of_a_capture_stand_in_its_plot_with_their_causes(tmp_path
     sniffer.convert(capture, [alone], selection=sniffer.Selection.of(servos=[1]))
     entities = read(alone)[0]
     assert not [path for path in entities if "/servo/2/" in path], "what is not shown is not marked"
+
+
+def test_an_incident_that_comes_before_all_else_leaves_the_times_dates(tmp_path: Path) -> None:
+    path = tmp_path / "a.rrd"
+    live = rr.RecordingStream("live")
+    live.save(path)
+    sink, decoder, bus = RerunSink(recording=live), Decoder("mightyzap", baud=250_000), Bus()
+    sink.incident("bus0", [1], LogLine(START_NS, Severity.WARN, "bad-cable"))
+    bus.ask(1, 0x8C, b"\x10\x08")
+    sink.write("bus0", decoder.protocol, decoder.feed(*bus.chunks))
+    sink.close()
+    live.disconnect()
+    batches = [chunk.to_record_batch() for chunk in RrdReader(str(path)).stream()]
+    kinds = {str(b.schema.field("time").type) for b in batches if "time" in b.schema.names}
+    assert kinds == {"timestamp[ns]"}

@@ -137,6 +137,8 @@ class RerunSink:
         """Take what has become of an incident: it stands at the bus and at each of its servos."""
         import rerun as rr
 
+        if self._dated is None:  # whoever decodes live may be behind what is told of incidents
+            self._dated = line.t_ns >= DATED_NS
         path = rr.new_entity_path([bus, INCIDENTS])
         if bus not in self._stories:
             self._stories[bus] = Log(Track(path, bus, EVERYONE, ""))
