@@ -1,14 +1,33 @@
-"""The picture of a report in the documentation: ``python -m tests.pictures`` takes it anew."""
+"""Pictures in the documentation: ``python -m tests.pictures report board live`` takes them anew."""
 
 from __future__ import annotations
 
+import contextlib
+import io
+import subprocess
+import sys
 import tempfile
+import time
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
+from rich.console import Console
+from rich.terminal_theme import TerminalTheme
+
+from sniffer.diagnosis import Diagnosis
+from sniffer.diagnosis.tracking import Tracked
 from sniffer.jobs.report import report
+from sniffer.protocols import PROTOCOLS
+from sniffer.viewers.board.controls import Controls
 from tests.browser import Browser
+from tests.commands import COMMAND
+from tests.terminals import wait
 from tests.transcripts import ROOT
+from tests.viewer import headless
+from tests.wires import shown_by, status_of, wire
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
 
 CAPTURE: Final = "sample_captures/mightyzap_damaged.log"
 PICTURE: Final = ROOT / "docs" / "images" / "report.png"
@@ -21,8 +40,36 @@ LESS: Final = """
 """Leaves of each kind of thing the first one: a page is longer than a picture may be."""
 
 
-def main() -> None:
-    """Take the picture."""
+IMAGES: Final = ROOT / "docs" / "images"
+
+BUSES: Final = (("arm", "mightyzap", 5), ("leg", "rs30x", 6), ("hand", "lss", 3))
+"""Of the live board: name, protocol, servos."""
+
+LIVE: Final = (
+    ("arm", "mightyzap", ("--fault", "limp:2@8s", "--fault", "flip:1%")),
+    ("leg", "rs30x", ("--fault", "brownout:1@10s+3s")),
+)
+"""Of the live plots: name, protocol, what goes wrong."""
+
+LIVE_S: Final = 24
+"""How long it has gone on when the picture is taken, in seconds."""
+
+DARK: Final = TerminalTheme(
+    (30, 33, 39),
+    (220, 223, 228),
+    [
+        (30, 33, 39), (224, 92, 92), (131, 196, 109), (229, 192, 98),
+        (97, 161, 224), (190, 132, 209), (86, 182, 194), (220, 223, 228),
+    ],
+    [
+        (92, 99, 112), (224, 92, 92), (131, 196, 109), (229, 192, 98),
+        (97, 161, 224), (190, 132, 209), (86, 182, 194), (255, 255, 255),
+    ],
+)  # fmt: skip
+
+
+def of_a_report() -> None:
+    """Take the picture of a report."""
     with tempfile.TemporaryDirectory() as folder, Browser(Path(folder) / "profile") as browser:
         page = Path(folder) / "report.html"
         done = report(ROOT / CAPTURE, page)
@@ -33,5 +80,58 @@ def main() -> None:
         browser.picture(PICTURE, whole=True)
 
 
+def of_the_board() -> None:
+    """Take the picture of the live board, sorted by the following error."""
+    wires = [wire(name, protocol, servos, 10.0) for name, protocol, servos in BUSES]
+    board, diagnosis = shown_by(*wires), Diagnosis()
+    for w in wires:
+        for batch in w.batches:
+            diagnosis.write(w.name, PROTOCOLS[w.protocol], batch)
+    board.incidents = tuple(Tracked(one, one.cause) for one in diagnosis.incidents())
+    board.controls = Controls(sort="error", cursor=("arm", 2))
+    status = status_of(*(w.status() for w in wires), late_ns=4 * 10**9)
+    console = Console(
+        file=io.StringIO(), width=130, record=True, force_terminal=True, color_system="truecolor"
+    )
+    console.print(board.render(status, 130, 36), end="")
+    title = "sniffer record arm=sim/arm=mightyzap leg=sim/leg=rs30x hand=sim/hand=lss -o run.mcap"
+    console.save_svg(str(IMAGES / "board.svg"), title=title, theme=DARK, unique_id="board")
+
+
+def of_live_plots() -> None:
+    """Take the picture of two buses live in Rerun."""
+    with contextlib.ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        viewer = stack.enter_context(headless(folder))
+        ports = []
+        for name, protocol, faults in LIVE:
+            link = folder / name
+            stack.enter_context(_running("simulate", protocol, "--link", str(link), *faults))
+            wait(link.exists, f"{name} is not played")
+            ports.append(f"{name}={link}={protocol}")
+        out = ("-o", str(folder / "run.mcap"), "--quiet", "--rerun-connect", viewer.client.url)
+        stack.enter_context(_running("record", *ports, *out))
+        wait(lambda: bool(viewer.client.get_state().active_recording), "nothing is shown")
+        time.sleep(LIVE_S)
+        viewer.client.save_screenshot(str(IMAGES / "live.png"))
+
+
+@contextlib.contextmanager
+def _running(*arguments: str) -> Iterator[None]:
+    with subprocess.Popen((*COMMAND, *arguments), stdout=subprocess.DEVNULL) as process:
+        try:
+            yield
+        finally:
+            process.terminate()
+
+
+PICTURES: Final[Mapping[str, Callable[[], None]]] = {
+    "report": of_a_report,
+    "board": of_the_board,
+    "live": of_live_plots,
+}
+
+
 if __name__ == "__main__":
-    main()
+    for picture in sys.argv[1:] or PICTURES:
+        PICTURES[picture]()

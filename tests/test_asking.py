@@ -23,10 +23,11 @@ BEGINS_NS: Final = 1795215306_000000000
 
 
 def told(capsys: Capsys, *options: str | Path, file: Path = CAPTURE) -> list[dict[str, Any]]:
-    """Return the JSON lines."""
+    """Return the JSON lines; that they are a selection is said in front, and left out here."""
     ran = within(capsys, "decode", file, "--format", "jsonl", *options)
     assert ran.status == 0, ran.err
-    return [json.loads(line) for line in ran.out.splitlines()]
+    rows = [json.loads(line) for line in ran.out.splitlines()]
+    return [row for row in rows if row["type"] != "selection"]
 
 
 @pytest.fixture

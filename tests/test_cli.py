@@ -65,7 +65,7 @@ def test_no_command_and_no_file_are_mistakes(capsys: Capsys) -> None:
     ("arguments", "told"),
     [
         (["view", "x", "-o", "x.rrd", "--web"], "choose one"),
-        (["view", "x", "--port", "80"], "--port goes with --web"),
+        (["view", "x", "--port", "80"], "--web-port goes with --web"),
         (["replay", "x", "--redecode", "--rerun"], "choose one"),
         (["replay", "x", "--speed", "fast"], "'fast' is not a valid number"),
         (["recover", "x.mcap", "-o", "x.jsonl"], "a recording's name ends in .mcap"),

@@ -8,12 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
 
+import sniffer
 from sniffer.decoding.decoder import Decoder
-from sniffer.ground.model import Chunk, Clock
+from sniffer.ground.model import Chunk, Clock, Severity
+from sniffer.sinks.rerun.entities import LogLine
 from sniffer.sinks.rerun.sink import RerunSink
 from tests.streams.mightyzap import packet
 from tests.test_rerun import START_NS, Bus, read, write
+from tests.transcripts import ROOT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -112,3 +117,36 @@ def test_missing_answers_and_bus_load_are_told_by_the_second(tmp_path: Path) -> 
     assert sum(load[:-1]) == pytest.approx(said * 40_000 / 1e7, rel=0.01)
     marks = [t for t, _ in rows["/bus0/servo/2/marks/position/error"]]
     assert len(marks) == 5
+
+
+def test_the_incidents_of_a_capture_stand_in_its_plot_with_their_causes(tmp_path: Path) -> None:
+    capture = ROOT / "sample_captures" / "mightyzap_damaged.log"
+    known = [one for one in sniffer.diagnose(capture).incidents if one.servo_ids]
+    assert known
+    sniffer.convert(capture, [tmp_path / "a.rrd"])
+    rows, _ = read(tmp_path / "a.rrd")
+    for one in known:
+        for servo in one.servo_ids:
+            log = rows[f"/bus0/servo/{servo}/incidents"]
+            assert any(row[0] == one.first_ns and one.cause in str(row) for row in log)
+            marks = rows[f"/bus0/servo/{servo}/marks/position/incident"]
+            assert one.first_ns in [t for t, _ in marks]
+    alone = tmp_path / "b.rrd"
+    sniffer.convert(capture, [alone], selection=sniffer.Selection.of(servos=[1]))
+    entities = read(alone)[0]
+    assert not [path for path in entities if "/servo/2/" in path], "what is not shown is not marked"
+
+
+def test_an_incident_that_comes_before_all_else_leaves_the_times_dates(tmp_path: Path) -> None:
+    path = tmp_path / "a.rrd"
+    live = rr.RecordingStream("live")
+    live.save(path)
+    sink, decoder, bus = RerunSink(recording=live), Decoder("mightyzap", baud=250_000), Bus()
+    sink.incident("bus0", [1], LogLine(START_NS, Severity.WARN, "bad-cable"))
+    bus.ask(1, 0x8C, b"\x10\x08")
+    sink.write("bus0", decoder.protocol, decoder.feed(*bus.chunks))
+    sink.close()
+    live.disconnect()
+    batches = [chunk.to_record_batch() for chunk in RrdReader(str(path)).stream()]
+    kinds = {str(b.schema.field("time").type) for b in batches if "time" in b.schema.names}
+    assert kinds == {"timestamp[ns]"}

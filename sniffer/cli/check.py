@@ -8,7 +8,14 @@ from typing import Final
 import click
 
 from sniffer.cli.naming import worded
-from sniffer.cli.options import decoding, examples, files_here, with_force
+from sniffer.cli.options import (
+    captures_in,
+    decoding,
+    examples,
+    files_here,
+    with_force,
+    with_together,
+)
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, INTERRUPTED, MISTAKE, status_of
@@ -26,6 +33,7 @@ from sniffer.reports.judging import tally
 from sniffer.reports.junit import Suite, junit
 from sniffer.reports.rules import example, read_rules
 from sniffer.selection.places import Window
+from sniffer.sources.several import name_of
 
 BROKEN: Final = 1
 """Exit status: a rule is not kept."""
@@ -55,6 +63,7 @@ def _example(context: click.Context, parameter: click.Parameter, asked: bool) ->
     metavar="RULES.toml",
     help="What is asked of a capture.",
 )
+@with_together
 @with_part
 @decoding
 @click.option(
@@ -80,6 +89,7 @@ def check(
     input_format: str,
     junit_file: Path | None,
     force: bool,
+    together: bool,
     window: Window | None,
 ) -> int:
     """Hold each FILE to the rules of a TOML file: no incident of a cause, answers in time, ...
@@ -96,12 +106,12 @@ def check(
             raise InputError(f"{file}: there is no such file")  # before anything is judged
     suites: list[Suite] = []
     status = DONE
-    for file in files:
-        name = "standard input" if file == "-" else file
+    for capture in captures_in(files, together=together):
+        name = name_of(capture)
         try:
             with patient() as patience:
                 done = hold(
-                    file,
+                    capture,
                     rules,
                     options,
                     input_format=input_format,

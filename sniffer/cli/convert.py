@@ -8,6 +8,7 @@ import click
 
 from sniffer.cli.amounts import topics as topics_of
 from sniffer.cli.options import decoding, examples, files_here, with_alarms, with_force
+from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say, wrote
@@ -16,6 +17,8 @@ from sniffer.jobs.convert import convert as made
 from sniffer.jobs.outputs import Contents, Wide
 from sniffer.jobs.telling import Teller
 from sniffer.mcapfile.joints import read_joints
+from sniffer.selection.places import Window
+from sniffer.selection.selection import Selection
 from sniffer.sinks import RECORDING
 
 
@@ -29,12 +32,15 @@ from sniffer.sinks import RECORDING
         "sniffer convert run.mcap plot.mcap --topics flat",
         "sniffer convert run.mcap ros.mcap --ros2 --joints joints.toml",
         "sniffer convert run.mcap shared.mcap --anonymise",
+        "sniffer convert run.mcap three.csv --servo 3 --from 10 --to 20",
     ),
 )
 @click.argument("file", shell_complete=files_here)
 @click.argument(
     "outputs", metavar="OUT...", nargs=-1, required=True, type=click.Path(path_type=Path)
 )
+@with_part
+@with_rows
 @decoding
 @with_alarms
 @click.option(
@@ -77,12 +83,18 @@ def convert(
     anonymise: bool,
     force: bool,
     quiet: bool,
+    window: Window | None,
+    selection: Selection | None,
 ) -> int:
     """Make each OUT of FILE (- is standard input); its suffix says what.
 
     The bytes alone: .log (lines as candump -L writes them), .bin, .hex. What they mean: .jsonl
-    .csv .parquet. Both: .mcap, and .pcapng for Wireshark. Plots: .rrd. Exit status: 0 done; 2 a
-    mistake of yours; 3 the input breaks off (what could be read is written).
+    .csv .parquet. Both: .mcap, and .pcapng for Wireshark. Plots: .rrd. Of a selection (--servo,
+    --where ...) what is made has the selected rows, and bytes are those of the selected frames,
+    nothing else.
+
+    Exit status: 0 done; 2 a mistake of yours; 3 the input breaks off (what could be read is
+    written).
     """
     if hold and not wide:
         raise click.UsageError("--hold goes with --wide")
@@ -106,10 +118,13 @@ def convert(
             wide=Wide(hold) if wide else None,
             contents=Contents(topics, joints if ros2 else None) if ros2 or topics else None,
             anonymise=anonymise,
+            selection=selection,
+            window=window,
             patience=patience,
             tell=tell,
         )
     status = status_of(done.ending, is_lost=bool(done.gone))
-    if not status:
+    if not status and not quiet:
+        say_selected(done.summary)
         tell.talk(wrote(outputs))
     return status

@@ -7,12 +7,14 @@ import json
 import click
 
 from sniffer.cli.options import (
+    captures_in,
     decoding,
     examples,
     files_here,
     with_alarms,
     with_color,
     with_format,
+    with_together,
 )
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
@@ -34,6 +36,7 @@ from sniffer.selection.places import Window
     ),
 )
 @click.argument("files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True)
+@with_together
 @with_part
 @decoding
 @with_alarms
@@ -46,6 +49,7 @@ def diagnose(
     input_format: str,
     output_format: str,
     why: str | None,
+    together: bool,
     window: Window | None,
     color: bool | None,
 ) -> int:
@@ -54,10 +58,11 @@ def diagnose(
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is judged).
     """
     status = DONE
-    for file in files:
+    captures = captures_in(files, together=together)
+    for capture in captures:
         with patient() as patience:
             done = diagnose_file(
-                file,
+                capture,
                 options,
                 input_format=input_format,
                 window=window,
@@ -72,8 +77,8 @@ def diagnose(
         from sniffer.sinks.story import print_incidents, print_weighing
 
         console = console_for(color=color)
-        if len(files) > 1:
-            click.echo(f"{file}:")
+        if len(captures) > 1:
+            click.echo(f"{capture[0]}:")
         if why is not None:
             print_weighing(done.incidents, why, console)
         else:

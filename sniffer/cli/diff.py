@@ -8,12 +8,15 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import decoding, examples, files_here, with_force, with_format
+from sniffer.cli.selecting import with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
 from sniffer.decoding.options import Options
 from sniffer.jobs.diff import diff as compared
 from sniffer.jobs.telling import Teller
+from sniffer.selection.places import Window
+from sniffer.selection.selection import Selection
 
 
 @click.command(
@@ -21,11 +24,14 @@ from sniffer.jobs.telling import Teller
     epilog=examples(
         "sniffer diff before.mcap after.mcap",
         "sniffer diff before.mcap after.mcap --format json",
+        "sniffer diff before.mcap after.mcap --servo 3 --from 10 --to 20",
         "sniffer diff before.mcap after.mcap -o both.rrd",
     ),
 )
 @click.argument("a", shell_complete=files_here, metavar="A")
 @click.argument("b", shell_complete=files_here, metavar="B")
+@with_part
+@with_rows
 @decoding
 @with_format("text", "json")
 @click.option(
@@ -43,6 +49,8 @@ def diff(
     output_format: str,
     output: Path | None,
     force: bool,
+    window: Window | None,
+    selection: Selection | None,
 ) -> int:
     """Say in what the runs A and B differ: answers, values, goals, errors, settings, commands.
 
@@ -58,6 +66,8 @@ def diff(
             options,
             input_format=input_format,
             overwrite=force,
+            window=window,
+            selection=selection,
             patience=patience,
             tell=Teller(say),
         )

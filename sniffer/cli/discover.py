@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from sniffer.cli.options import decoding, examples, files_here, with_format
-from sniffer.cli.selecting import with_part
+from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
@@ -16,6 +16,7 @@ from sniffer.jobs.discover import Discovered
 from sniffer.jobs.discover import discover as find
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
+from sniffer.selection.selection import Selection
 from sniffer.statistics.guesses import FieldGuess, place, runs
 
 
@@ -23,12 +24,14 @@ from sniffer.statistics.guesses import FieldGuess, place, runs
     short_help="Find registers that no table names.",
     epilog=examples(
         "sniffer discover run.mcap",
+        "sniffer discover run.mcap --servo 3 --from 10 --to 20",
         "sniffer discover run.mcap --format toml --model-name my-servo > my_servo.toml",
         "sniffer decode run.mcap --registers my_servo.toml --model my-servo",
     ),
 )
 @click.argument("file", shell_complete=files_here)
 @with_part
+@with_rows
 @decoding
 @with_format("text", "toml", about="What is printed: toml is a register table to begin with.")
 @click.option(
@@ -45,6 +48,7 @@ def discover(
     output_format: str,
     model_name: str,
     window: Window | None,
+    selection: Selection | None,
 ) -> int:
     """Say of bytes in FILE that no register table names what they do.
 
@@ -58,9 +62,11 @@ def discover(
             options,
             input_format=input_format,
             window=window,
+            selection=selection,
             patience=patience,
             tell=Teller(say),
         )
+    say_selected(done.summary)
     if output_format == "toml":
         table = done.stub(model_name)
         RegisterMap.from_text(table, model_name)  # a name that is none is told here

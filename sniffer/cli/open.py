@@ -8,20 +8,24 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import decoding, examples, files_here
+from sniffer.cli.selecting import with_rows
 from sniffer.cli.statuses import DONE
 from sniffer.cli.streams import say
 from sniffer.decoding.options import AUTO, Options
+from sniffer.selection.selection import Selection
 
 
 @click.command(
     short_help="Look inside a capture or a port, frame by frame.",
     epilog=examples(
         "sniffer open recording.mcap",
+        "sniffer open recording.mcap --servo 3 --kind request",
         "sniffer open growing.log --follow",
         "sniffer open /dev/ttyUSB0=mightyzap@57600 -o run.mcap",
     ),
 )
 @click.argument("file", shell_complete=files_here, metavar="FILE|PORT")
+@with_rows
 @decoding
 @click.option("--follow", is_flag=True, help="FILE is being written: show what comes.")
 @click.option(
@@ -36,8 +40,11 @@ def open(
     input_format: str,
     follow: bool,
     output: Path | None,
+    selection: Selection | None,
 ) -> int:
     """Look inside FILE on the terminal: frames, the fields of one, its bytes; ? has the keys.
+
+    --servo, --where and the like are the filter that it begins with; f asks for another.
 
     A PORT (as record takes it) is recorded into a file, and shown while it is.
     """
@@ -46,14 +53,14 @@ def open(
     if not is_port(file):
         if output is not None:
             raise click.UsageError("-o is where a port is recorded to: FILE is there already")
-        look_inside(file, options, input_format=input_format, follow=follow)
+        look_inside(file, options, input_format=input_format, follow=follow, selection=selection)
         return DONE
     if options.tables:
         raise click.UsageError("--registers is not for a port: record it, then open the recording")
     now = datetime.datetime.now()
     path = output or Path(f"sniffer-{now:%Y%m%d-%H%M%S}.mcap")
     try:
-        look_at_port(_arguments(file, path, options), path, options)
+        look_at_port(_arguments(file, path, options), path, options, selection)
     finally:
         if path.exists():
             say(f"recorded in {path}")

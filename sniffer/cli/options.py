@@ -106,6 +106,20 @@ with_times = click.option(
 """Of every command that prints a line a frame."""
 
 
+with_together = click.option(
+    "--together",
+    is_flag=True,
+    help="The FILEs are one capture, read in the order of their times, as decode takes them: such "
+    "as those of a rotation.",
+)
+"""Of every command that takes its files one by one, as captures of their own."""
+
+
+def captures_in(files: tuple[str, ...], *, together: bool) -> list[tuple[str, ...]]:
+    """Return the files of each capture."""
+    return [files] if together else [(file,) for file in files]
+
+
 with_force = click.option("--force", is_flag=True, help="Replace files that are there.")
 """Of every command that writes a file."""
 

@@ -13,7 +13,7 @@ from typing import Any, Final
 import click
 
 from sniffer.cli.options import decoding, examples, files_here, with_format
-from sniffer.cli.selecting import with_part
+from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say
@@ -23,6 +23,7 @@ from sniffer.jobs.query import Answer
 from sniffer.jobs.query import query as ask
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
+from sniffer.selection.selection import Selection
 
 LOOK: Final = 1000
 """Rows by which the width of columns is judged; a longer value behind them is printed as it is."""
@@ -39,6 +40,7 @@ LOOK: Final = 1000
 @click.argument("sql", metavar="SQL")
 @click.argument("files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True)
 @with_part
+@with_rows
 @decoding
 @with_format("text", "json", "csv", about="What is printed: json is a line a row.")
 def query(
@@ -48,6 +50,7 @@ def query(
     input_format: str,
     output_format: str,
     window: Window | None,
+    selection: Selection | None,
 ) -> int:
     """Answer one SELECT over the records of FILE, in DuckDB's SQL.
 
@@ -64,9 +67,12 @@ def query(
             options,
             input_format=input_format,
             window=window,
+            selection=selection,
             patience=patience,
             tell=Teller(say),
         )
+    for summary in answer.summaries:
+        say_selected(summary)
     if output_format == "csv":
         table = csv.writer(sys.stdout, lineterminator="\n")
         table.writerow(answer.columns)

@@ -22,6 +22,7 @@ from sniffer.cli.options import (
     models,
     pipeline_options,
     with_alarms,
+    with_color,
     with_force,
     with_names,
     with_registers,
@@ -149,6 +150,7 @@ WORD_S: Final = 0.5
 )  # fmt: skip
 @click.option("--log", is_flag=True, help="Print each frame on standard output.")
 @with_rows
+@with_color
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but what went wrong.")
 @click.option("--rerun", "in_rerun", is_flag=True, help="Show it live in the Rerun viewer.")
 @click.option(
@@ -192,6 +194,7 @@ def record(
     post: int | None,
     ring_file: Path | None,
     log: bool,
+    color: bool | None,
     quiet: bool,
     in_rerun: bool,
     web: bool,
@@ -215,15 +218,17 @@ def record(
     from sniffer.tap.listen import Listening
     from sniffer.tap.recorder import Wishes
     from sniffer.viewers.outlet import write_within
-    from sniffer.viewers.screen import LOG, usual_mode
+    from sniffer.viewers.screen import BOARD, LOG, usual_mode
 
     def say(line: str) -> None:
         write_within(sys.stderr, f"sniffer: {one_line(worded(line))}\n", WORD_S)
 
     if log and quiet:
         raise click.UsageError("--log prints, --quiet does not: choose one")
-    if selection is not None and not log:
-        raise click.UsageError("a selection is what --log prints: a recording has everything")
+    if selection is not None and not log and (quiet or usual_mode(sys.stderr) != BOARD):
+        raise click.UsageError(
+            "a selection is what --log prints and the board shows: a recording has everything"
+        )
     views = {"window": in_rerun, "web": web, "connect": rerun_connect is not None}
     views["foxglove"] = foxglove or foxglove_at is not None
     if sum(views.values()) > 1:
@@ -270,6 +275,7 @@ def record(
                 rerun_connect or foxglove_at,
                 window,
                 selection,
+                color,
             ),
             commands=[(str(what), command) for what, command in commands],
             wishes=wishes,

@@ -8,11 +8,13 @@ import click
 
 from sniffer.cli.naming import worded
 from sniffer.cli.options import Command, Whole, gathered
+from sniffer.cli.streams import say
 from sniffer.ground.amounts import time_in
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import InputError
 
 if TYPE_CHECKING:
+    from sniffer.decoding.summary import Summary
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
 
@@ -106,7 +108,7 @@ _ROWS = (
     click.option(
         "--where",
         metavar="EXPR",
-        help="Show what an expression selects, as WHERE of SQL: \"servo_id = 3 AND value > 10\".",
+        help="Take what an expression selects, as WHERE of SQL: \"servo_id = 3 AND value > 10\".",
     ),
     click.option(
         "--servo", "servos", multiple=True, callback=_ids, metavar="ID,...",
@@ -144,6 +146,14 @@ def with_part_and_ports(command: Command) -> Command:
 def with_rows(command: Command) -> Command:
     """Add the options that say which records are shown; ``selection`` is what they say."""
     return gathered(command, _ROWS, _selection)
+
+
+def say_selected(summary: Summary) -> None:
+    """Say beside what is printed for programs that it is of a selection, and of how much."""
+    if summary.shown:
+        from sniffer.sinks.report import selected
+
+        say(selected(summary))
 
 
 def _window(given: dict[str, Any]) -> dict[str, Any]:

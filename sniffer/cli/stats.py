@@ -8,8 +8,16 @@ import sys
 
 import click
 
-from sniffer.cli.options import decoding, examples, files_here, with_alarms, with_format
-from sniffer.cli.selecting import with_part
+from sniffer.cli.options import (
+    captures_in,
+    decoding,
+    examples,
+    files_here,
+    with_alarms,
+    with_format,
+    with_together,
+)
+from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
 from sniffer.cli.streams import say
@@ -17,6 +25,7 @@ from sniffer.decoding.options import Options
 from sniffer.jobs.stats import stats as count
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
+from sniffer.selection.selection import Selection
 from sniffer.statistics.flat import COLUMNS, rows
 
 
@@ -25,12 +34,15 @@ from sniffer.statistics.flat import COLUMNS, rows
     epilog=examples(
         "sniffer stats run.mcap",
         "sniffer stats run.mcap --from 10 --to 20",
+        "sniffer stats run.mcap --servo 3 --op store_data",
         "sniffer stats run.mcap --alarm 'temperature > 60'",
         "sniffer stats a.log b.log --format csv > figures.csv",
     ),
 )
 @click.argument("files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True)
+@with_together
 @with_part
+@with_rows
 @decoding
 @with_alarms
 @with_format(
@@ -43,14 +55,17 @@ def stats(
     input_format: str,
     output_format: str,
     every: bool,
+    together: bool,
     window: Window | None,
+    selection: Selection | None,
 ) -> int:
     """Count and measure what each FILE holds.
 
     Of each bus its load and where the bytes went; of each servo and command how often, how
     regularly, how fast and how much is missing; of each servo how far it is from its goals, how
     its goals settle, and its extremes; of each anomaly when and how often. With --alarm RULE also
-    how long each servo met the rule.
+    how long each servo met the rule. Of a selection (--servo, --where ...) what is selected is
+    counted: rates and loads of that, over all the time.
 
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is
     counted).
@@ -59,18 +74,22 @@ def stats(
     if output_format == "csv":
         table.writeheader()
     status = DONE
-    for file in files:
+    captures = captures_in(files, together=together)
+    for capture in captures:
         with patient() as patience:
             done = count(
-                file,
+                capture,
                 options,
                 input_format=input_format,
                 window=window,
+                selection=selection,
                 patience=patience,
                 tell=Teller(say),
             )
         status = max(status, status_of(done.ending, is_lost=False))
         figures = done.as_dict()
+        if output_format != "text":
+            say_selected(done.summary)
         if output_format == "json":
             click.echo(json.dumps(figures))
         elif output_format == "csv":
@@ -78,8 +97,12 @@ def stats(
         else:
             from sniffer.sinks.stats import MOST, print_stats
 
-            if len(files) > 1:
-                click.echo(f"{file}:")
+            if len(captures) > 1:
+                click.echo(f"{done.source}:")
+            if done.summary.shown:
+                from sniffer.sinks.report import selected
+
+                click.echo(selected(done.summary))
             most = None if every else MOST
             print_stats(figures, done.statistics, most=most, how=": --all shows them")
     return status

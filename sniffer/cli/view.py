@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import (
+    Renamed,
     Whole,
     decoding,
     examples,
@@ -49,7 +50,14 @@ from sniffer.selection.selection import Selection
 )
 @with_force
 @click.option("--web", is_flag=True, help="Serve it for a browser on this machine.")
-@click.option("--port", type=Whole(1, 65535), help="Port of the web page.")
+@click.option(
+    "--web-port",
+    "port",
+    cls=Renamed,
+    former=("--port",),
+    type=Whole(1, 65535),
+    help="Port of the web page, on this machine.",
+)
 def view(
     file: str,
     options: Options,
@@ -65,7 +73,7 @@ def view(
     if output is not None and web:
         raise click.UsageError("-o writes a file, --web serves one: choose one")
     if port is not None and not web:
-        raise click.UsageError("--port goes with --web")
+        raise click.UsageError("--web-port goes with --web")
     need_rerun()
     tell = Teller(say)
     with patient() as patience:

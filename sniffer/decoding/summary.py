@@ -300,11 +300,12 @@ class Summary:
             out[key] = dict(total)
         out["buses"] = each
         if self.narrowed:
-            out["selection"] = {
-                **self.narrowed,
-                **({"shown": dict(self.shown)} if self.shown else {}),
-            }
+            out["selection"] = self.asked()
         return out
+
+    def asked(self) -> dict[str, Any]:
+        """Return what was asked for and how many rows of each kind were selected; empty: all."""
+        return {**self.narrowed, **({"shown": dict(self.shown)} if self.shown else {})}
 
 
 def _timing(told: Pace | None) -> dict[str, Any]:

@@ -54,6 +54,7 @@ class LookingGlass(App[None]):
         marks: the file that marks are kept in.
         follow: stay at the last line from the beginning.
         recorder: what writes the capture, where a port is shown.
+        wanted: which lines are shown from the beginning, as the filter line has it.
     """
 
     CSS = CSS
@@ -72,13 +73,13 @@ class LookingGlass(App[None]):
         marks: Path | None = None,
         follow: bool = False,
         recorder: BesideRecorder | None = None,
+        wanted: str = "",
     ) -> None:
         super().__init__()
         self.reading = reading
         self.index = reading.index
         self.view = LineView(self.index)
-        self.asking = ""
-        """What the prompt asks for; empty: it is not there."""
+        self.asking = ""  # what the prompt asks for; empty: it is not there
         self.notes = Notes(marks)
         # kept by name: another screen may stand above theirs
         self.top, self.head = Static(id="top", markup=False), Static(id="head", markup=False)
@@ -91,12 +92,10 @@ class LookingGlass(App[None]):
         self.title = f"sniffer open {self._title}"
         self._follow = follow
         self._recorder = recorder
-        self._said = ""
-        self._is_bad = False
+        self._said, self._is_bad = "", False
         self._wanted: int | None = None
         self._search: Search | None = None
-        self._found_last = ""
-        self._filter_text = ""
+        self._found_last, self._filter_text = "", wanted
         self._is_due = False
 
     def compose(self) -> ComposeResult:
@@ -117,6 +116,8 @@ class LookingGlass(App[None]):
         """Begin to look for what comes; end politely where the system asks for it."""
         exits_on_signals(self.exit)
         self.list.focus()
+        if self._filter_text:
+            self._choose(self._filter_text)
         try:
             self.notes.load()
         except SnifferError as error:
@@ -250,8 +251,7 @@ class LookingGlass(App[None]):
         self.asking = what
         prompt = self.prompt
         prompt.placeholder = ASKED[what]
-        before = {"filter": self._filter_text, "find": self._found_last}
-        prompt.value = before.get(what, "")
+        prompt.value = {"filter": self._filter_text, "find": self._found_last}.get(what, "")
         prompt.cursor_position = len(prompt.value)
         prompt.display = True
         self.status.display = False

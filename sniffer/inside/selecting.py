@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.decoding.narrowing import meant
 from sniffer.inside.columns import GAP
 from sniffer.selection.selection import Selection
 
@@ -58,12 +59,7 @@ class SelectionFilter:
             page = index.pages.get(number)
             batch = page.batch
             shown = self._selection.rows(index.buses[page.bus], page.protocol, batch)
-            frames = shown("frames").copy()
-            frames[batch.values.row[shown("samples")]] = True
-            told = batch.transactions.take(shown("transactions"))
-            for rows in (told.request, told.response):
-                frames[rows[rows >= 0]] = True
-            self._known[number] = frames, shown("gaps"), shown
+            self._known[number] = meant(batch, shown), shown("gaps"), shown
             if len(self._known) > PAGES_KEPT:
                 self._known.popitem(last=False)
         return self._known[number]

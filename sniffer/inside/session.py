@@ -20,6 +20,8 @@ from sniffer.sources import open_source
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.selection.selection import Selection
+
 SWITCH_S: Final = 0.001
 """How long what reads and decodes may keep the screen waiting at a time, in seconds."""
 
@@ -31,6 +33,7 @@ def look_inside(
     input_format: str = "auto",
     follow: bool = False,
     recorder: BesideRecorder | None = None,
+    selection: Selection | None = None,
 ) -> Reading:
     """Show a capture on the terminal; return what was read when the user quits.
 
@@ -40,6 +43,7 @@ def look_inside(
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         follow: the file is being written: show what comes.
         recorder: what writes it, where a port is shown.
+        selection: which lines are shown until another filter is asked for.
 
     Raises:
         InputError: the input cannot be read, or its protocol cannot be told; there is no terminal.
@@ -60,7 +64,12 @@ def look_inside(
             from sniffer.inside.app import LookingGlass
 
             LookingGlass(
-                reading, name=path.name, marks=path, follow=follow, recorder=recorder
+                reading,
+                name=path.name,
+                marks=path,
+                follow=follow,
+                recorder=recorder,
+                wanted="" if selection is None else selection.text,
             ).run()
         finally:
             sys.setswitchinterval(before)
@@ -75,13 +84,16 @@ def look_inside(
     return reading
 
 
-def look_at_port(arguments: Sequence[str], path: Path, options: Options) -> Reading:
+def look_at_port(
+    arguments: Sequence[str], path: Path, options: Options, selection: Selection | None = None
+) -> Reading:
     """Record a port into a file beside, and show it; return when the user quits.
 
     Args:
         arguments: what ``sniffer record`` is called with.
         path: of the recording, as they say it; it must not be there yet.
         options: how it is shown.
+        selection: which lines are shown until another filter is asked for.
 
     Raises:
         InputError: the port cannot be recorded, or there is no terminal.
@@ -91,7 +103,14 @@ def look_at_port(arguments: Sequence[str], path: Path, options: Options) -> Read
     need_terminal(str(path))
     recorder = BesideRecorder(arguments, path)
     try:
-        return look_inside(str(path), options, input_format="mcap", follow=True, recorder=recorder)
+        return look_inside(
+            str(path),
+            options,
+            input_format="mcap",
+            follow=True,
+            recorder=recorder,
+            selection=selection,
+        )
     finally:
         recorder.stop()
 

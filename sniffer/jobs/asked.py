@@ -13,7 +13,7 @@ from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import DamagedInputError, InputError, SnifferError
 from sniffer.ground.wording import Sentence
-from sniffer.selection.places import FOUND, CapturePlace, Window
+from sniffer.selection.places import FOUND, MOMENT, OF_DAY, CapturePlace, Window
 from sniffer.sinks import BYTES
 
 if TYPE_CHECKING:
@@ -57,6 +57,11 @@ class Extract:
     def seeks(self) -> bool:
         """Whether it begins or ends where something is found: the capture is read twice."""
         return any(place is not None and place.kind == FOUND for place in (self.start, self.stop))
+
+    @property
+    def is_dated(self) -> bool:
+        """Whether it begins or ends at a time of day, or on a day."""
+        return any(p is not None and p.kind in (OF_DAY, MOMENT) for p in (self.start, self.stop))
 
     def __str__(self) -> str:
         start = "its beginning" if self.start is None else _words(self.start)
@@ -194,7 +199,9 @@ def time_at(batch: Batch, offset: int) -> int | None:
 
 
 def refuse_part_of(asked: Extract | None, suffixes: Sequence[str]) -> None:
-    """Refuse a recording, or a file of bytes, of what is not all of a capture.
+    """Refuse a recording of what is not all of a capture, or the bytes of a part of it.
+
+    A file of bytes may have the frames of a selection.
 
     Raises:
         SnifferError: there is one among these suffixes.
@@ -202,8 +209,11 @@ def refuse_part_of(asked: Extract | None, suffixes: Sequence[str]) -> None:
     if asked is None:
         return
     if ".mcap" in suffixes:
-        raise SnifferError(
-            "a recording has every byte of its buses: `sniffer cut` makes one of a part"
-        )
+        told = "a recording has every byte of its buses: `sniffer cut` makes one of a part"
+        if asked.selection is not None:
+            told = "a recording has every byte of its buses: frames alone go into a .log"
+        raise SnifferError(told)
+    if asked.selection is not None:
+        return
     if suffix := next((s for s in suffixes if s in BYTES), None):
         raise SnifferError(f"a {suffix} has every byte: `sniffer cut` makes one of a part")

@@ -11,7 +11,7 @@ from sniffer.jobs.hearing import hear
 from sniffer.jobs.telling import Teller
 from sniffer.reports.judging import Subject, judge
 from sniffer.reports.rules import read_rules
-from sniffer.sources import open_source
+from sniffer.sources.several import name_of, open_capture
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +40,7 @@ class Checked:
 
 
 def check(
-    source: str | Path,
+    source: str | Path | Sequence[str | Path],
     rules: str | Path | Sequence[Rule],
     options: Options | None = None,
     *,
@@ -52,7 +52,8 @@ def check(
     """Hold a capture to rules: no incident of a cause, answers in time, the supply above a limit.
 
     Args:
-        source: a path, or ``"-"`` for standard input.
+        source: a path, or ``"-"`` for standard input; several are one capture, read in the order
+            of their times.
         rules: a file of rules (``docs/checking.md``), or rules that were read.
         options: how it is decoded; what a recording says of itself fills what is not said.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
@@ -68,11 +69,12 @@ def check(
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
-    with open_source(
+    with open_capture(
         source, input_format, again=window is not None, wiring=options.wired
     ) as opened:
         options = options.with_facts(opened.facts(), opened.tables)
-        name = "standard input" if str(source) == "-" else str(source)
-        found = hear(opened, options, name=name, tell=tell, patience=patience, window=window)
+        found = hear(
+            opened, options, name=name_of(source), tell=tell, patience=patience, window=window
+        )
     heard = Subject(found.summary, found.collector, found.diagnosis.incidents())
     return Checked(tuple(judge(asked, heard)), found.ending, found.damage)

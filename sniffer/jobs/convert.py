@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Options
 from sniffer.decoding.summary import Summary
-from sniffer.ground.files import files_of
+from sniffer.ground.files import TABLES, files_of
+from sniffer.ground.wording import and_
 from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.copying import Copies, copy_source
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.outputs import check_outputs, gone, open_all, session_facts, told_part
 from sniffer.jobs.session import run_source
 from sniffer.jobs.telling import Teller
-from sniffer.sources import open_source
+from sniffer.sources.several import open_capture
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from sniffer.jobs.session import Ending, Patience
     from sniffer.selection.places import Window
     from sniffer.selection.selection import Selection
+    from sniffer.sinks.raw import RawFile
     from sniffer.sources import Source
 
 
@@ -69,7 +71,7 @@ def convert(
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         overwrite: files that are there already are replaced.
         sinks: further outputs, open already.
-        selection: which records are written; totals are counted of all.
+        selection: which records are written, of bytes which frames; totals are counted of all.
         window: which part of the capture, all of it where None.
         wide: tables have a column for each quantity of a servo; a row a register where None.
         contents: what recordings have beside the raw bytes; the usual where None.
@@ -91,15 +93,14 @@ def convert(
         asked = Extract.of(selection, window)
         refuse_part_of(asked, [path.suffix.lower() for path in outputs])
     tell = tell or Teller(lambda line: None, quiet=True)
+    if selection is not None and (lacking := selection.missing_in("samples")):
+        for path in (path for path in outputs if path.suffix.lower() in TABLES):
+            tell.talk(f"{path} has no rows: samples have no {and_(list(lacking))}")
     inputs = [source] if isinstance(source, str | Path) else [*source]
     again = anonymise or (asked is not None and asked.seeks)
-    if len(inputs) == 1:
-        opened = open_source(inputs[0], input_format, again=again, wiring=options.wired)
-    else:
-        from sniffer.sources.several import open_sources
-
+    if len(inputs) > 1:
         check_outputs([f for p in outputs for f in files_of(p)], [*map(str, inputs)], force=True)
-        opened = open_sources(inputs, input_format, wiring=options.wired)
+    opened = open_capture(inputs, input_format, again=again, wiring=options.wired)
     if (part := told_part(opened.facts())) is not None:
         tell.talk(part)
     if anonymise:
@@ -147,7 +148,11 @@ def convert_opened(
         outputs, told, [source, *others], force=overwrite, wide=wide, contents=contents
     )
     name = "standard input" if source == "-" else source
-    copies, every = Copies(raw), [*decoded, *sinks]
+    every = [*decoded, *sinks]
+    if raw and asked is not None and asked.selection is not None:
+        every += _selected(raw, outputs, tell)
+        raw = []
+    copies = Copies(raw)
     if raw and not every:
         ending = copy_source(opened, copies, name=name, tell=tell, patience=patience)
         return Converted(Summary(), ending, gone(outputs, tell, wide=wide is not None))
@@ -165,3 +170,14 @@ def convert_opened(
             for line in sink.remarks if isinstance(sink, McapSink) else ():
                 tell.talk(line)
     return Converted(summary, ending, gone(outputs, tell, wide=wide is not None))
+
+
+def _selected(raw: Sequence[RawFile], outputs: Sequence[Path], tell: Teller) -> list[Sink]:
+    """Return sinks that write the selected frames to files of bytes, and say what those lack."""
+    from sniffer.sinks import BYTES
+    from sniffer.sinks.selected import LEFT_OUT, SelectedBytes
+
+    for path in outputs:
+        if path.suffix.lower() in BYTES:
+            tell.talk(f"{path} {LEFT_OUT}")
+    return [SelectedBytes(file) for file in raw]

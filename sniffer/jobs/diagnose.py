@@ -13,6 +13,7 @@ from sniffer.jobs.through import hear_part
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from sniffer.diagnosis import Incident
@@ -40,7 +41,7 @@ class Diagnosed:
 
 
 def diagnose(
-    source: str | Path,
+    source: str | Path | Sequence[str | Path],
     options: Options | None = None,
     *,
     input_format: str = "auto",
@@ -51,7 +52,8 @@ def diagnose(
     """Say what is wrong in a capture: incidents with their causes, the likeliest first.
 
     Args:
-        source: a path, or ``"-"`` for standard input.
+        source: a path, or ``"-"`` for standard input; several are one capture, read in the order
+            of their times.
         options: how it is decoded; what a recording says of itself fills what is not said.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         window: which part of it; all of it where None.
@@ -68,14 +70,14 @@ def diagnose(
         hear_part, source, input_format=input_format, window=window, patience=patience, tell=tell
     )
     try:
-        ending = hear(diagnosis, options)
+        done = hear(diagnosis, options)
     except UndecidedError:
         if str(source) == "-":
             raise  # standard input can be read only once
         # What nothing explains may have been read at a wrong rate. Whose frames it is not is the
         # same then: it is judged as the first protocol's.
         diagnosis = Diagnosis()
-        ending = hear(diagnosis, replace(options, protocol=next(iter(PROTOCOLS))))
+        done = hear(diagnosis, replace(options, protocol=next(iter(PROTOCOLS))))
         if not diagnosis.incidents():
             raise
     return Diagnosed(
@@ -83,5 +85,5 @@ def diagnose(
         diagnosis.judged(),
         diagnosis.sentence(),
         diagnosis.has_clock,
-        ending,
+        done.ending,
     )

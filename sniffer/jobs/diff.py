@@ -9,6 +9,7 @@ from sniffer.decoding.options import Options
 from sniffer.ground.model import InputError, OutputError
 from sniffer.ground.needs import need_rerun
 from sniffer.ground.wording import counted
+from sniffer.jobs.asked import Extract
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.outputs import check_outputs, gone
 from sniffer.jobs.session import Ending, merged, run_source
@@ -19,12 +20,14 @@ from sniffer.reports.significance import ALPHA
 from sniffer.sources import open_source
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from sniffer.decoding.sink import Sink
     from sniffer.ground.model import Chunk
     from sniffer.jobs.session import Patience
+    from sniffer.selection.places import Window
+    from sniffer.selection.selection import Selection
     from sniffer.sources import Source
 
 A_B: Final = ("A", "B")
@@ -35,7 +38,8 @@ A_B: Final = ("A", "B")
 class Compared:
     """In what two runs differ, the surest first; ``tests`` is how much was compared.
 
-    ``runs`` are the figures of both, ``ending`` the worse of how the two were read.
+    ``runs`` are the figures of both, ``ending`` the worse of how the two were read. ``asked`` is
+    what of them was compared, as the summary of a decode has it; empty: all.
     """
 
     sources: tuple[str, str]
@@ -43,6 +47,7 @@ class Compared:
     differences: tuple[RunDifference, ...]
     tests: int
     ending: Ending
+    asked: Mapping[str, Any]
     gone: tuple[Path, ...] = ()
 
     @property
@@ -59,6 +64,8 @@ class Compared:
                 f"{name}: {source}: {run.seconds:.1f} s, {counted(expected, 'answer')} expected, "
                 f"{missing} missing"
             )
+        if self.asked:
+            out.insert(0, f"of each what is selected: {'; '.join(self.asked.values())}")
         if self.equal:
             return [*out, f"the same, as far as {self.tests} comparisons can tell"]
         n = len(self.differences)
@@ -72,6 +79,7 @@ class Compared:
         """Return it as ``schemas/diff.schema.json`` has it."""
         both = zip(A_B, self.sources, self.runs, strict=True)
         return {
+            **({"selection": dict(self.asked)} if self.asked else {}),
             **{
                 name.lower(): {
                     "source": source,
@@ -97,6 +105,8 @@ def diff(
     *,
     input_format: str = "auto",
     overwrite: bool = False,
+    window: Window | None = None,
+    selection: Selection | None = None,
     patience: Patience | None = None,
     tell: Teller | None = None,
 ) -> Compared:
@@ -111,6 +121,8 @@ def diff(
         options: how both are decoded.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``, of both.
         overwrite: a file that is there already is replaced.
+        window: which part of each, in seconds of its own; all of it where None.
+        selection: which records are compared; all of them where None.
         patience: takes interruptions.
         tell: takes what should be told; nothing is told without.
 
@@ -132,10 +144,17 @@ def diff(
 
         overlay = OverlaidSink(output)
     runs, endings = [], []
+    whole = Extract.of(selection, window)
+    if whole is not None and whole.is_dated:
+        raise InputError(
+            "two runs have no date in common: write seconds of each, as in 10 or 10min"
+        )
+    again = whole is not None and whole.seeks
+    told: Mapping[str, Any] = {}
     try:
         for name, path in zip(A_B, (a, b), strict=True):
             run = RunFigures()
-            with open_source(path, input_format, wiring=options.wired) as opened:
+            with open_source(path, input_format, again=again, wiring=options.wired) as opened:
                 own = options.with_facts(opened.facts(), opened.tables)
                 begun = Derived(
                     opened, _from_zero(opened, own, tell), opened.facts(), is_mixed=False
@@ -143,20 +162,24 @@ def diff(
                 sinks: list[Sink] = [run]
                 if overlay is not None:
                     sinks.append(_Named(overlay, name))
-                _, ending = run_source(
-                    begun, own, sinks, name=str(path), tell=tell, patience=patience
+                asked = None if whole is None else whole.sought_in(begun, own)
+                summary, ending = run_source(
+                    begun, own, sinks, name=str(path), tell=tell, patience=patience, asked=asked
                 )
             runs.append(run)
             endings.append(ending)
+            told = {k: v for k, v in summary.narrowed.items() if k in ("where", "part")}
     finally:
         if overlay is not None:
             overlay.close()
     first, second = runs
+    if selection is not None and not any(run.frames.total() for run in runs):
+        raise InputError(f"{selection.text}: neither run has any of it")
     _match(first, second, str(a), str(b))
     found, tests = differences(first, second)
     lost = () if output is None else gone([output], tell)
     worst = max(endings, key=list(Ending).index)
-    return Compared((str(a), str(b)), (first, second), tuple(found), tests, worst, lost)
+    return Compared((str(a), str(b)), (first, second), tuple(found), tests, worst, told, lost)
 
 
 class _Named:

@@ -15,10 +15,12 @@ from sniffer.statistics.stub import stub
 
 if TYPE_CHECKING:
     from sniffer.decoding.options import Options
+    from sniffer.decoding.summary import Summary
     from sniffer.ground.registers import RegisterMap
     from sniffer.jobs.session import Ending, Patience
     from sniffer.jobs.telling import Teller
     from sniffer.selection.places import Window
+    from sniffer.selection.selection import Selection
     from sniffer.statistics.guesses import FieldGuess
 
 
@@ -26,13 +28,15 @@ if TYPE_CHECKING:
 class Discovered:
     """What was found on each bus, by its name, and how the reading ended.
 
-    ``tables`` are those by which the servos are read, by bus and servo.
+    ``tables`` are those by which the servos are read, by bus and servo. ``summary`` has the totals
+    of all of the capture, and what was asked for where that is not all.
     """
 
     source: str
     found: dict[str, list[FieldGuess]]
     tables: dict[tuple[str, int], RegisterMap]
     ending: Ending
+    summary: Summary
 
     def stub(self, model: str) -> str:
         """Return a register table with what was found, of the model that most of it is of.
@@ -60,24 +64,28 @@ def discover(
     *,
     input_format: str = "auto",
     window: Window | None = None,
+    selection: Selection | None = None,
     patience: Patience | None = None,
     tell: Teller | None = None,
 ) -> Discovered:
     """Say of the bytes that no register table names what they do, and what they go with.
 
-    Arguments as of ``sniffer.stats``.
+    Arguments as of ``sniffer.stats``. Of a selection the bytes of its frames are followed; what
+    they go with is looked for among all values.
 
     Raises:
-        InputError: the input cannot be read, or its frames carry no addresses.
+        InputError: the input cannot be read, its frames carry no addresses, or the selected ones
+            read and write nothing.
         SnifferError: unknown protocol or model, or a number that cannot be.
     """
     sink = Bytewise()
-    ending = hear_part(
+    done = hear_part(
         source,
         sink,
         options,
         input_format=input_format,
         window=window,
+        selection=selection,
         patience=patience,
         tell=tell,
     )
@@ -87,6 +95,8 @@ def discover(
         raise InputError(
             f"frames of {spoken} carry no addresses here: there is nothing to discover"
         )
+    if selection is not None and not any(lane.spans for lane in lanes.values()):
+        raise InputError(f"{selection.text}: no byte of a register is in the frames it selects")
     found = {name: guesses(lane) for name, lane in lanes.items()}
     tables = {
         (name, guess.servo_id): model_of(lanes[name], guess.servo_id)
@@ -94,4 +104,4 @@ def discover(
         for guess in each
     }
     told = "standard input" if str(source) == "-" else str(source)
-    return Discovered(told, found, tables, ending)
+    return Discovered(told, found, tables, done.ending, done.summary)

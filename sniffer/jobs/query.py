@@ -22,9 +22,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.decoding.options import Options
+    from sniffer.decoding.summary import Summary
     from sniffer.jobs.session import Patience
     from sniffer.jobs.telling import Teller
     from sniffer.selection.places import Window
+    from sniffer.selection.selection import Selection
 
 ROWS: Final = 10_000
 """Rows that are taken at once."""
@@ -45,11 +47,12 @@ _NO_TABLE: Final = re.compile(r"Table with name (\S+) does not exist")
 class Answer:
     """What a query gives: the names of its columns, and its rows, once, as they are made.
 
-    ``ending`` is the worst of the captures'.
+    ``ending`` is the worst of the captures', ``summaries`` are their totals, one by one.
     """
 
     columns: tuple[str, ...]
     ending: Ending
+    summaries: tuple[Summary, ...]
     _result: Any
 
     def __iter__(self) -> Iterator[tuple[Any, ...]]:
@@ -65,6 +68,7 @@ def query(
     *,
     input_format: str = "auto",
     window: Window | None = None,
+    selection: Selection | None = None,
     patience: Patience | None = None,
     tell: Teller | None = None,
 ) -> Answer:
@@ -79,6 +83,7 @@ def query(
         options: how they are decoded; what a recording says of itself fills what is not said.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         window: which part of each; all of it where None.
+        selection: which records the tables have; all of them where None.
         patience: takes interruptions; what was read until then is asked.
         tell: takes what should be told; nothing is told without.
 
@@ -102,23 +107,24 @@ def query(
             raise InputError("a query is one SELECT: nothing can be written, set or attached")
         named = {name.lower() for name in connection.get_table_names(sql)}
     endings = [Ending.DONE]
-    heard = []
+    heard, summaries = [], []
     for source in sources:
         sink = RelationSink(
             [name for name in RELATIONS if name in named],
             file=str(source) if len(sources) > 1 else None,
         )
-        endings.append(
-            hear_part(
-                source,
-                sink,
-                options,
-                input_format=input_format,
-                window=window,
-                patience=patience,
-                tell=tell,
-            )
+        done = hear_part(
+            source,
+            sink,
+            options,
+            input_format=input_format,
+            window=window,
+            selection=selection,
+            patience=patience,
+            tell=tell,
         )
+        endings.append(done.ending)
+        summaries.append(done.summary)
         heard.append(sink.tables())
         if endings[-1] == Ending.INTERRUPTED:
             break
@@ -128,7 +134,8 @@ def query(
             connection.register(name, both)
         result = connection.execute(sql)
         columns = tuple(column[0] for column in result.description)
-    return Answer(columns, max(endings, key=lambda ending: ending.value), result)
+    worst = max(endings, key=lambda ending: ending.value)
+    return Answer(columns, worst, tuple(summaries), result)
 
 
 @contextlib.contextmanager

@@ -52,7 +52,8 @@ class Shown:
     ``mode`` is the terminal's (board, line or log, as ``sniffer.viewers.screen`` names them),
     ``view`` Rerun's (window, web, or connect with the ``url`` of a viewer), whose plots show the
     last ``window_s`` seconds, or foxglove (``url``: HOST:PORT where it is served). ``selection`` is
-    which records a log shows.
+    which records a log shows, or what the board begins with; ``color`` whether both have colours,
+    None: on a terminal.
     """
 
     mode: str | None = None
@@ -60,6 +61,7 @@ class Shown:
     url: str | None = None
     window_s: float = 20.0
     selection: Selection | None = None
+    color: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,6 +177,7 @@ def record(
         tell=tell,
         mode=shown.mode,
         selection=shown.selection,
+        color=shown.color,
         wishes=wishes,
         view=view,
         waits=waits,
@@ -196,11 +199,12 @@ def run_recording(
     waits: Waits | None = None,
     diagnoses: bool = True,
     selection: Selection | None = None,
+    color: bool | None = None,
 ) -> Recorded:
     """Record from ports that are listened to until something ends it; tell what became of it.
 
     ``diagnoses``: the recording has incidents; else there are some only where somebody looks on.
-    ``selection`` is which records a log shows.
+    ``selection`` is which records a log shows, ``color`` whether it has colours.
 
     Raises:
         DamagedInputError: the ports could not be read any more; what was read is recorded.
@@ -255,7 +259,7 @@ def run_recording(
         if mode is not None:
             stream = sys.stdout if mode == LOG else sys.stderr
             screen = tell.screen = Screen(
-                mode, recorder.status, stream=stream, board=board, selection=selection
+                mode, recorder.status, stream=stream, board=board, selection=selection, color=color
             )
             pipeline.add(screen)
         beside.append(functools.partial(_statistics, screen, tell))

@@ -7,47 +7,60 @@ from typing import TYPE_CHECKING, Any
 
 from sniffer.decoding.options import Options
 from sniffer.jobs.through import hear_part
+from sniffer.sources.several import name_of
 from sniffer.statistics import Statistics
 from sniffer.statistics.told import as_dict
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
+    from sniffer.decoding.summary import Summary
     from sniffer.jobs.session import Ending, Patience
     from sniffer.jobs.telling import Teller
     from sniffer.selection.places import Window
+    from sniffer.selection.selection import Selection
 
 
 @dataclass(frozen=True, slots=True)
 class Tallied:
-    """The figures of a capture, and how its reading ended; ``source`` is its name."""
+    """The figures of a capture, and how its reading ended; ``source`` is its name.
+
+    ``summary`` has the totals of all of it, and what was asked for where that is not all.
+    """
 
     source: str
     statistics: Statistics
     ending: Ending
+    summary: Summary
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as ``schemas/stats.schema.json`` has it."""
-        return {"source": self.source, **as_dict(self.statistics)}
+        asked = self.summary.asked()
+        told = {"selection": asked} if asked else {}
+        return {"source": self.source, **told, **as_dict(self.statistics)}
 
 
 def stats(
-    source: str | Path,
+    source: str | Path | Sequence[str | Path],
     options: Options | None = None,
     *,
     input_format: str = "auto",
     window: Window | None = None,
+    selection: Selection | None = None,
     patience: Patience | None = None,
     tell: Teller | None = None,
 ) -> Tallied:
     """Count and measure a capture: load, rates, response times, errors, anomalies.
 
     Args:
-        source: a path, or ``"-"`` for standard input.
+        source: a path, or ``"-"`` for standard input; several are one capture, read in the order
+            of their times.
         options: how it is decoded; what a recording says of itself fills what is not said. How
             long servos met the rules of ``options.alarms`` is told, too.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         window: which part of it; all of it where None.
+        selection: which records are counted; all of them where None.
         patience: takes interruptions; what was read until then is counted.
         tell: takes what should be told; nothing is told without.
 
@@ -57,13 +70,14 @@ def stats(
     """
     options = options or Options()
     told = Statistics(options.alarms)
-    ending = hear_part(
+    done = hear_part(
         source,
         told,
         options,
         input_format=input_format,
         window=window,
+        selection=selection,
         patience=patience,
         tell=tell,
     )
-    return Tallied("standard input" if str(source) == "-" else str(source), told, ending)
+    return Tallied(name_of(source), told, done.ending, done.summary)

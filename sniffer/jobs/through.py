@@ -7,26 +7,32 @@ from typing import TYPE_CHECKING
 from sniffer.jobs.convert import convert
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from sniffer.decoding.options import Options
     from sniffer.decoding.sink import Sink
-    from sniffer.jobs.session import Ending, Patience
+    from sniffer.jobs.convert import Converted
+    from sniffer.jobs.session import Patience
     from sniffer.jobs.telling import Teller
     from sniffer.selection.places import Window
+    from sniffer.selection.selection import Selection
 
 
 def hear_part(
-    source: str | Path,
+    source: str | Path | Sequence[str | Path],
     sink: Sink,
     options: Options | None = None,
     *,
     input_format: str = "auto",
     window: Window | None = None,
+    selection: Selection | None = None,
     patience: Patience | None = None,
     tell: Teller | None = None,
-) -> Ending:
-    """Decode a capture into a sink; return how it ended. Arguments as of ``sniffer.diagnose``.
+) -> Converted:
+    """Decode a capture into a sink; return its totals, and how it ended.
+
+    Arguments as of ``sniffer.stats``.
 
     Raises:
         InputError: the input cannot be read, its protocol cannot be told, or the window is empty.
@@ -39,6 +45,7 @@ def hear_part(
         input_format=input_format,
         sinks=[sink],
         window=window,
+        selection=selection,
         patience=patience,
         tell=tell,
-    ).ending
+    )

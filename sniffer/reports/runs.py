@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.decoding.narrowing import selected
 from sniffer.decoding.sink import bus_of
 from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.codes import COMMANDED, CONFIG, MEASURED, OK, OUTCOMES, REQUEST
@@ -40,7 +41,7 @@ class Who(NamedTuple):
 
 
 class RunFigures:
-    """A sink that keeps what a run is compared by."""
+    """A sink that keeps what a run is compared by, of a selection what is selected."""
 
     def __init__(self) -> None:
         self.frames: Counter[str] = Counter()
@@ -65,13 +66,16 @@ class RunFigures:
         """Take what a pass decided."""
         bus = bus_of(bus, protocol, batch)
         f = batch.frames
+        if len(f):  # what happens so often does so in all the time
+            begin, _ = self.span.get(bus, (int(f.t_start[0]), 0))
+            self.span[bus] = begin, int(f.t_end[-1])
+        batch = selected(batch)
+        f = batch.frames
         self.frames[bus] += len(f)
         if len(batch.anomalies):
             self._errors(bus, Anomalies.of(batch.anomalies))
         if not len(f):
             return
-        begin, _ = self.span.get(bus, (int(f.t_start[0]), 0))
-        self.span[bus] = begin, int(f.t_end[-1])
         self._commands(bus, protocol, batch)
         self._answers(bus, protocol, batch)
         self._values(bus, protocol, batch)

@@ -93,21 +93,30 @@ class Rows:
 
     def __init__(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         self.bus, self.protocol, self.batch = bus, protocol, batch
-        self._asked: tuple[Frames, I64, I64] | None = None
+        self._asked: tuple[Frames, I64] | None = None
         self._found: Anomalies | None = None
         self._gaps: Gaps | None = None
 
     @property
-    def asked(self) -> tuple[Frames, I64, I64]:
-        """What transactions are of: frames, the row of each in them, and of its last frame.
+    def asked(self) -> tuple[Frames, I64]:
+        """What transactions are of: frames, and the row of each in them.
 
-        The first row is that of the request, or of a lone answer; the other one is the batch's.
+        It is that of the request, or of a lone answer.
         """
         if self._asked is None:
             t = self.batch.transactions
-            frames, rows = self.batch.asking(np.where(t.request == -1, t.response, t.request))
-            self._asked = frames, rows, np.maximum(t.request, t.response)
+            if len(t) and t.request.min() >= 0:  # nearly always: all were asked in this batch
+                self._asked = self.batch.frames, t.request
+            else:
+                asked = np.where(t.request == -1, t.response, t.request)
+                self._asked = self.batch.asking(asked)
         return self._asked
+
+    @property
+    def last(self) -> I64:
+        """The row of each transaction's last frame in the batch."""
+        t = self.batch.transactions
+        return np.maximum(t.request, t.response)
 
     @property
     def found(self) -> Anomalies:
@@ -125,15 +134,7 @@ class Rows:
 
     def count(self, table: str) -> int:
         """Return how many rows a table has; samples are counted with those that were refused."""
-        b = self.batch
-        many: Mapping[str, Any] = {
-            "frames": b.frames,
-            "gaps": b.gaps,
-            "transactions": b.transactions,
-            "samples": b.values,
-            "anomalies": b.anomalies,
-        }
-        return len(many[table])
+        return len(getattr(self.batch, "values" if table == "samples" else table))
 
 
 Column = Callable[[Rows], Numbers | Names]
@@ -172,18 +173,20 @@ def _register(called: Callable[[Any], str]) -> ColumnKind:
 
 
 def _asked_id(rows: Rows) -> Any:
-    frames, at, last = rows.asked
+    frames, at = rows.asked
     who = frames.servo_id[at]
-    return np.where(who >= 0, who, rows.batch.frames.servo_id[last])
+    if not len(who) or who.min() >= 0:
+        return who
+    return np.where(who >= 0, who, rows.batch.frames.servo_id[rows.last])
 
 
 def _asked_op(rows: Rows) -> Names:
-    frames, at, _ = rows.asked
+    frames, at = rows.asked
     return Names(lambda test: test.ops(rows.protocol, frames.op[at]))
 
 
 def _asked_at(rows: Rows) -> Any:
-    frames, at, _ = rows.asked
+    frames, at = rows.asked
     here = frames.start[at] + rows.batch.base
     return np.where(rows.batch.transactions.request == -1, -1, here)
 
@@ -238,7 +241,7 @@ TABLES: Final[Mapping[str, Mapping[str, ColumnKind]]] = MappingProxyType(
             "protocol": _PROTOCOL,
         },
         "transactions": {
-            "t_ns": _number(lambda r: r.batch.frames.t_end[r.asked[2]]),
+            "t_ns": _number(lambda r: r.batch.frames.t_end[r.last]),
             "bus": _BUS,
             "servo_id": _known(_asked_id),
             "op": ColumnKind(True, _asked_op),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import Batch, Mask
     from sniffer.protocols.base import BusProtocol
+    from sniffer.selection.columns import Names, Numbers
 
 SHORTHANDS: Final = {
     "servos": "servo_id",
@@ -46,6 +46,10 @@ class Selection:
 
     def __repr__(self) -> str:
         return f"Selection({self.text!r})"
+
+    def missing_in(self, table: str) -> tuple[str, ...]:
+        """Return the columns of the expression that a table does not have."""
+        return tuple(name for name in self._expression.columns if name not in TABLES[table])
 
     @classmethod
     def parse(cls, text: str) -> Selection:
@@ -93,7 +97,15 @@ class Selection:
         A mask is made when it is first asked for.
         """
         rows = Rows(bus, protocol, batch)
-        return functools.cache(lambda table: self.mask(table, rows))
+        known: dict[str, Mask] = {}
+
+        def shown(table: str) -> Mask:
+            mask = known.get(table)
+            if mask is None:
+                mask = known[table] = self.mask(table, rows)
+            return mask
+
+        return shown
 
     def mask(self, table: str, rows: Rows) -> Mask:
         """Return which rows of one table are shown."""
@@ -101,7 +113,15 @@ class Selection:
         if not n or table not in self.tables:
             return np.zeros(n, bool)
         taken = TABLES[table]
-        found = self._expression.holds(lambda name: taken[name].take(rows))
+        known: dict[str, Numbers | Names] = {}
+
+        def ask(name: str) -> Numbers | Names:
+            column = known.get(name)
+            if column is None:
+                column = known[name] = taken[name].take(rows)
+            return column
+
+        found = self._expression.holds(ask)
         mask = np.full(n, found) if isinstance(found, bool) else found
         return mask & rows.batch.values.accepted if table == "samples" else mask
 

@@ -37,8 +37,15 @@ class JsonlSink:
         self._summary.paces[bus] = told
 
     def narrow(self, told: Mapping[str, Any]) -> None:
-        """Take what of it is written, for the summary."""
+        """Take what of it is written, for the summary; a selection says in front that it is one.
+
+        Its bytes are not those of the bus: whoever reads the lines as a capture must know it
+        before.
+        """
         self._summary.narrow(told)
+        if "where" in told:
+            with self._guard():
+                self._file.write(_encode({"type": "selection", **told}) + "\n")
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Write the batch's records."""

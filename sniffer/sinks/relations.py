@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 import pyarrow as pa
 
+from sniffer.decoding.narrowing import selected
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.diagnostics.found import CODES, Anomalies
 from sniffer.ground.codes import OUTCOMES
@@ -89,6 +90,8 @@ def _constant(name: str, n: int) -> Any:
 def transactions_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
     """Return a batch's transactions as an arrow table with the columns of ``TRANSACTIONS``."""
     f, t = batch.frames, batch.transactions
+    if batch.chosen is not None:
+        t = t.take(batch.chosen("transactions"))
     if not len(t):
         return TRANSACTIONS.empty_table()
     is_asked, is_answered = t.request != -1, t.response >= 0
@@ -118,7 +121,7 @@ def transactions_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
 
 def gaps_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
     """Return a batch's gaps as an arrow table with the columns of ``GAPS``."""
-    gaps = Gaps.of(batch.gaps)
+    gaps = Gaps.of(selected(batch).gaps)
     return pa.Table.from_arrays(
         [
             pa.array(gaps.t_ns),
@@ -135,6 +138,8 @@ def gaps_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
 def anomalies_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
     """Return a batch's anomalies as an arrow table with the columns of ``ANOMALIES``."""
     found = Anomalies.of(batch.anomalies)
+    if batch.chosen is not None:
+        found = found.take(batch.chosen("anomalies").nonzero()[0])
     known = [CATALOGUE[code] for code in CODES]
     who = found.servo_id.astype(np.int16)
     return pa.Table.from_arrays(
@@ -174,7 +179,7 @@ RELATIONS: Final[Mapping[str, _Relation]] = MappingProxyType(
 
 
 class RelationSink:
-    """A sink that keeps the tables that are asked for, all their rows.
+    """A sink that keeps the tables that are asked for, all their rows that are shown.
 
     ``file`` stands in a column of that name, in front of the others; None: there is no such column.
     """

@@ -10,6 +10,7 @@ import numpy as np
 from rich.style import Style
 
 from sniffer.decoding.fields import value_ranges
+from sniffer.decoding.narrowing import meant
 from sniffer.decoding.summary import Summary
 from sniffer.diagnosis import Diagnosis
 from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE
@@ -136,7 +137,7 @@ class TextSink:
     def _lines(self, protocol: BusProtocol, batch: Batch) -> Iterator[_Laid]:
         verdicts = _verdicts(batch)
         edges = value_ranges(batch.values, len(batch.frames))
-        rows = range(len(batch.frames)) if batch.chosen is None else _meant(batch)
+        rows = np.flatnonzero(meant(batch)).tolist()
         for i in rows:
             yield self._frame(protocol, batch, i, edges, verdicts[i])
         for g, is_shown in zip(
@@ -259,21 +260,6 @@ HEAD: Final = ("time", "id", " ", "command", "values", "verdict")
 
 def _system(console: Console) -> Any:
     return console._color_system
-
-
-def _meant(batch: Batch) -> list[int]:
-    """Return the frames that a selection shows, and those of its transactions and samples.
-
-    Anomalies have lines of their own.
-    """
-    assert batch.chosen is not None
-    shown = batch.chosen("frames").copy()
-    of = batch.transactions.take(batch.chosen("transactions"))
-    for rows in (of.request, of.response):
-        shown[rows[rows >= 0]] = True
-    shown[batch.values.row[batch.chosen("samples")]] = True
-    told: list[int] = np.flatnonzero(shown).tolist()
-    return told
 
 
 def _verdicts(batch: Batch) -> list[tuple[str, str]]:

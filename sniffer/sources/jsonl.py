@@ -10,7 +10,8 @@ import json
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.limits import OFFSET_END, is_time
-from sniffer.ground.model import Chunk, Clock, Direction
+from sniffer.ground.model import Chunk, Clock, Direction, InputError
+from sniffer.ground.wording import plain
 from sniffer.sources.text import DamagedLine, Opened, blocks, quoted
 
 if TYPE_CHECKING:
@@ -19,7 +20,10 @@ if TYPE_CHECKING:
 CARRIERS: Final = frozenset({"frame", "gap"})
 """Record types that carry bytes."""
 
-TYPES: Final = CARRIERS | {"transaction", "sample", "anomaly", "summary"}
+SELECTION: Final = "selection"
+"""Type of the record in front of lines that have not all records of a capture."""
+
+TYPES: Final = CARRIERS | {"transaction", "sample", "anomaly", "summary", SELECTION}
 """Record types that this tool writes."""
 
 _CLOCKS: Final = {clock.name.lower(): clock for clock in Clock}
@@ -96,6 +100,15 @@ def record_in(line: bytes) -> Mapping[str, Any] | None:
     return None
 
 
+def _no_capture(record: Mapping[str, Any]) -> str:
+    """Return why a selection is not read."""
+    where = plain(str(record.get("where", ""))[:80])
+    return (
+        f"these lines are a selection ({where}): the bytes between its frames are left out, and "
+        "decoded again they would say what nobody said: decode what it was made of"
+    )
+
+
 def _chunks(opened: Opened, stream: _Stream) -> Iterator[Chunk]:
     for block in blocks(opened.stream):
         for number, line in enumerate(block.lines(), block.number):
@@ -107,6 +120,8 @@ def _chunks(opened: Opened, stream: _Stream) -> Iterator[Chunk]:
                     stream.cut_off = True
                     return
                 raise DamagedLine(number, f'{quoted(line)} is no JSON object with a "type"')
+            if record["type"] == SELECTION:
+                raise InputError(_no_capture(record))
             if record["type"] in CARRIERS and (chunk := stream.chunk(record, number)):
                 yield chunk
 

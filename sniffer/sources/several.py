@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sniffer.ground.model import DamagedInputError, InputError
@@ -9,7 +10,6 @@ from sniffer.sources import Source, open_source
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
 
     from sniffer.ground.model import Chunk
     from sniffer.ground.registers import RegisterMap
@@ -83,6 +83,34 @@ class SeveralSources(Source):
         """Release them."""
         for part in self._parts:
             part.close()
+
+
+def name_of(source: str | Path | Sequence[str | Path]) -> str:
+    """Return what a capture is called, of one file or of several."""
+    paths = [source] if isinstance(source, str | Path) else source
+    named = " ".join(map(str, paths))
+    return "standard input" if named == "-" else named
+
+
+def open_capture(
+    source: str | Path | Sequence[str | Path],
+    input_format: str = "auto",
+    *,
+    again: bool = False,
+    wiring: Wiring | None = None,
+) -> Source:
+    """Open a capture, of one file or of several.
+
+    ``again``: it is read more than once.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    if isinstance(source, str | Path):
+        return open_source(source, input_format, again=again, wiring=wiring)
+    if len(source) == 1:
+        return open_source(source[0], input_format, again=again, wiring=wiring)
+    return open_sources(source, input_format, wiring=wiring)
 
 
 def open_sources(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.decoding.narrowing import meant
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.codes import OK, REQUEST, WHOLE
 from sniffer.ground.distinct import distinct
@@ -91,6 +92,7 @@ class LaneBytes:
         places = np.concatenate([address[keep], f.address[writes]])
         is_write = np.arange(len(rows)) >= int(keep.sum())
         order = np.argsort(rows, kind="stable")
+        order = order[meant(batch)[rows[order]]]
         self._take(batch, rows[order], places[order], is_write[order])
         self._compare(batch)
 
@@ -134,8 +136,8 @@ class LaneBytes:
         heard.last = wider[-1]
 
     def _compare(self, batch: Batch) -> None:
-        """Keep the values that are known."""
-        v = batch.samples
+        """Keep the values that are known, also those of a selection's neighbours."""
+        v = batch.values.take(batch.values.accepted)
         value = np.where(np.isnan(v.value), v.raw, v.value)
         rows = np.flatnonzero((v.part == WHOLE) & (v.servo_id >= 0))
         keys, which, _ = distinct(v.servo_id[rows].astype(np.int64) << 32 | v.register[rows])

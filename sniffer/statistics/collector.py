@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.decoding.narrowing import selected
 from sniffer.decoding.sink import bus_of
 from sniffer.diagnostics.found import SEVERITY, Anomalies
 from sniffer.ground.codes import NEVER, NO_RESPONSE, OK, OUTCOMES, RESPONSE, WHOLE
@@ -62,10 +63,15 @@ class LaneFigures:
         self._book = GoalBook(protocol)
 
     def add(self, batch: Batch, grid: Grid) -> None:
-        """Count in what the servos said."""
-        self._meet(batch)
-        self._count_answers(batch, grid)
-        self._count_values(batch, grid)
+        """Count in what the servos said, of a selection what is selected of it.
+
+        It is judged by all that was said: by the goals that hold, by what became of requests.
+        """
+        mine = selected(batch)
+        self._meet(mine)
+        self._count_answers(mine, grid)
+        self._count_values(mine, grid)
+        self._count_errors(batch, grid)
         self._book.add(batch, self.servos)
 
     def _meet(self, batch: Batch) -> None:
@@ -119,8 +125,10 @@ class LaneFigures:
             mine = rows[order[edges[k] : edges[k + 1]]]
             if servo in self.servos:
                 _count_range(self.servos[servo], quantity, unit, batch, mine, grid)
+
+    def _count_errors(self, batch: Batch, grid: Grid) -> None:
         for course in self.motion.add(batch):
-            known = np.flatnonzero(~np.isnan(course.goal - course.position))
+            known = np.flatnonzero(~np.isnan(course.goal - course.position) & course.shown)
             figures = self.servos.get(course.servo_id)
             if figures is not None and len(known):
                 curve = _own(figures, ERROR, course.unit, grid)
@@ -148,7 +156,10 @@ class Collector:
         name = bus_of(bus, protocol, batch)
         if name not in self.lanes:
             self.lanes[name] = LaneFigures(bus, protocol)
-        self._count_wire(self._wire(bus), batch)
+        if batch.chosen is not None and len(batch.frames):
+            ends = batch.frames.t_end[[0, -1]]  # the time of a curve is that of all frames
+            self.grid.add(self._wire(bus).curves[BYTES], ends, np.zeros(2))
+        self._count_wire(self._wire(bus), selected(batch))
         self.lanes[name].add(batch, self.grid)
 
     def close(self) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.decoding.narrowing import selected
 from sniffer.decoding.summary import Quantiles
 from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.ledger import pair_key
@@ -108,7 +109,9 @@ class CommandBook:
         self._nobody = np.array([-1, *protocol.everyone])
 
     def add(self, batch: Batch) -> None:
-        """Count a batch in."""
+        """Count a batch in, of a selection what is selected of it."""
+        self._retries.add(batch)
+        batch = selected(batch)
         f = batch.frames
         if len(f):
             asks = (f.kind == REQUEST) & (f.flags & ECHO == 0)
@@ -117,7 +120,6 @@ class CommandBook:
             self._meet(key)
             self._count(key, asks, said, f.length)
             self._follow(batch, np.flatnonzero(asks))
-        self._retries.add(batch)
         if len(batch.transactions):
             self._judge(batch)
 

@@ -45,6 +45,8 @@ class Course:
     goal: F64
     before: float
     """The goal before the first row."""
+    shown: Mask
+    """Which rows are counted: of a selection those whose value is selected."""
 
     @property
     def measured(self) -> Mask:
@@ -71,7 +73,8 @@ class Follower:
 
     def add(self, batch: Batch) -> Iterator[Course]:
         """Yield what a batch tells of each servo that states positions or is given goals."""
-        v, f = batch.samples, batch.frames
+        taken = batch.values.accepted
+        v, f = batch.values.take(taken), batch.frames
         kind = self._kind[v.register]
         rows = np.flatnonzero((kind >= 0) & (v.part == WHOLE) & ~np.isnan(v.value))
         ended = self._ended(batch)
@@ -86,6 +89,8 @@ class Follower:
         value = np.concatenate([v.value[rows], none])[order]
         servo = np.concatenate([v.servo_id[rows], f.servo_id[ended]])[order]
         t_ns = np.concatenate([v.t_ns[rows], f.t_end[ended]])[order]
+        chosen = batch.shows("samples", len(taken))[taken][rows]
+        shown = np.concatenate([chosen, np.ones(len(ended), bool)])[order]
         of_all = np.isin(servo, self._everyone)
         known = {who for who, _ in self._goal}
         met = set(servo[~of_all].tolist())
@@ -109,6 +114,7 @@ class Follower:
                     np.where(what[take] == _MEASURED, value[take], np.nan),
                     goal,
                     before,
+                    shown[take],
                 )
         for number in range(len(self.units)):
             aims = np.flatnonzero(of_all & (what != _MEASURED))

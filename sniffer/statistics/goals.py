@@ -36,12 +36,15 @@ class GoalBook:
         self._pending: dict[int, list[int]] = {}
 
     def add(self, batch: Batch, servos: Mapping[int, ServoFigures]) -> None:
-        """Count in the goals of a batch, and what became of those before it."""
+        """Count in the goals of a batch that are shown, and what became of those before it."""
         f, v, t = batch.frames, batch.values, batch.transactions
         fates = self._fates(batch)
         offset = batch.base + f.start
         rows = np.flatnonzero(self._is_goal[v.register])
         rows = rows[(f.kind[v.row[rows]] == REQUEST) & (f.flags[v.row[rows]] & ECHO == 0)]
+        if batch.chosen is not None:  # what was refused is no sample: its frame is asked for
+            refused = ~v.accepted & batch.chosen("frames")[v.row]
+            rows = rows[(batch.chosen("samples") | refused)[rows]]
         told = set(zip(v.row[rows].tolist(), v.servo_id[rows].tolist(), strict=True))
         for row, servo in sorted(told):
             self._pending.setdefault(int(offset[row]), []).append(servo)

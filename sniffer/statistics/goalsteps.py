@@ -137,7 +137,7 @@ class GoalSteps:
         before = np.where(edges[:-1] > 0, position[edges[:-1] - 1], last) if len(rows) else last
         travel = goal - before
         least = RESOLUTION * self._count.get(key[1], 0.0)
-        real = np.flatnonzero(np.abs(travel) > 2 * least)
+        real = np.flatnonzero((np.abs(travel) > 2 * least) & course.shown[begins])
         if not len(real):
             return
         let_go = np.isnan(course.goal[changes[1:]])[real]
@@ -189,7 +189,7 @@ class GoalSteps:
             self._end(key, before, "let_go" if np.isnan(goal) else "overtaken")
         travel = goal - self._last.get(key, np.nan)
         least = RESOLUTION * self._count.get(key[1], 0.0)
-        if abs(travel) > 2 * least:  # also false where either is not known
+        if course.shown[row] and abs(travel) > 2 * least:  # also false where either is not known
             band = max(BAND * abs(travel), least)
             self._open[key] = _Step(goal, travel, band, t_ns, int(course.spread[row]), t_ns)
 

@@ -44,7 +44,7 @@ class Motion:
         """By servo and unit."""
 
     def add(self, batch: Batch) -> Iterator[Course]:
-        """Take a batch; yield what it tells, servo by servo."""
+        """Take a batch, all of it; yield what it tells, servo by servo."""
         for course in self._follower.add(batch):
             self.steps.add(course)
             self._measure(course)
@@ -52,7 +52,7 @@ class Motion:
 
     def _measure(self, course: Course) -> None:
         error = course.goal - course.position
-        rows = np.flatnonzero(~np.isnan(error))
+        rows = np.flatnonzero(~np.isnan(error) & course.shown)
         if not len(rows):
             return
         mine = self.errors.setdefault((course.servo_id, course.unit), ErrorFigures())

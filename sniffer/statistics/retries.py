@@ -23,7 +23,8 @@ OPEN: Final = 256
 class Retries:
     """Counts requests with the same bytes as the one before them to the same servo, which failed.
 
-    A write of another value behind a failure is a new order, and no retry.
+    A write of another value behind a failure is a new order, and no retry. Of a selection those
+    that are selected are counted, whatever stands before them.
     """
 
     def __init__(self) -> None:
@@ -39,6 +40,7 @@ class Retries:
         failed = np.isin(t.outcome[rows], FAILED)
         if failed.any() or self._failed:
             asked, which = batch.asking(t.request[rows])
+            shown = batch.shows("transactions", len(t))[rows]
             answer = t.response[rows]
             place = np.where(answer >= 0, f.start[np.maximum(answer, 0)], asked.start[which])
             for k in np.argsort(place, kind="stable").tolist():
@@ -46,15 +48,16 @@ class Retries:
                 start, end = int(asked.start[row]), int(asked.end[row])
                 at = batch.base + start
                 said = self._open.get(at, b"") if start < 0 else batch.data[start:end]
-                self._judge(int(asked.servo_id[row]), int(asked.op[row]), at, said, failed[k])
+                servo = int(asked.servo_id[row])
+                if self._is_again(servo, at, said, failed[k]) and shown[k]:
+                    self.counts[servo, int(asked.op[row])] += 1
         self._remember(batch)
 
-    def _judge(self, servo: int, op: int, at: int, said: bytes, failed: bool) -> None:
+    def _is_again(self, servo: int, at: int, said: bytes, failed: bool) -> bool:
         before = self._failed.pop(servo, None)
-        if before is not None and before[0] != at and before[1] == said:
-            self.counts[servo, op] += 1
         if failed:
             self._failed[servo] = at, said
+        return before is not None and before[0] != at and before[1] == said
 
     def _remember(self, batch: Batch) -> None:
         """Keep the bytes of requests that are answered in a later batch."""

@@ -6,8 +6,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from sniffer.decoding.narrowing import selected
 from sniffer.decoding.sink import bus_of
-from sniffer.decoding.summary import accounted
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps
 from sniffer.ground.timing import byte_time_ns
@@ -59,28 +59,35 @@ class WireBytes:
         """How long a byte takes."""
         return byte_time_ns(self.baud)
 
+    def hear(self, batch: Batch) -> None:
+        """Take in from when to when frames of any kind were heard."""
+        f = batch.frames
+        if len(f):
+            first, last = int(f.t_start.min()), int(f.t_end.max())
+            if self.first_ns is None:
+                self.first_ns, self.last_ns = first, last
+            self.first_ns, self.last_ns = min(self.first_ns, first), max(self.last_ns, last)
+
     def add(self, batch: Batch) -> None:
         """Count a batch in."""
         f = batch.frames
-        self.bytes += accounted(batch)
         if len(batch.gaps):
             gaps = Gaps.of(batch.gaps)
             self.in_gaps += int(gaps.length.sum())
+            self.bytes += int(gaps.length.sum())
             kinds, _, counts = distinct(gaps.kind)
             for kind, n in zip(kinds.tolist(), counts.tolist(), strict=True):
                 self.gaps[REASONS[kind]] += n
         if len(f):
             self.frames += len(f)
             self.in_frames += int(f.length.sum())
-            first, last = int(f.t_start.min()), int(f.t_end.max())
-            if self.first_ns is None:
-                self.first_ns, self.last_ns = first, last
-            self.first_ns, self.last_ns = min(self.first_ns, first), max(self.last_ns, last)
+            self.bytes += int(f.length.sum())
 
 
 class Statistics:
     """A sink that keeps what ``sniffer stats`` tells, in memory that does not grow with the time.
 
+    Of a selection what is selected is counted; rates are over all the time that was heard.
     ``alarms`` are rules of the user's own: how long they were met is told, too.
     """
 
@@ -103,7 +110,9 @@ class Statistics:
         self.collector.write(bus, protocol, batch)
         wire = self._wire(bus)
         wire.baud = wire.baud or protocol.baud
-        wire.add(batch)
+        wire.hear(batch)
+        mine = selected(batch)
+        wire.add(mine)
         name = bus_of(bus, protocol, batch)
         lane = self.lanes.get(name)
         if lane is None:
@@ -111,8 +120,8 @@ class Statistics:
             lane = LaneNumbers(protocol, CommandBook(protocol), TroubleBook(), exceedings)
             self.lanes[name] = lane
         lane.commands.add(batch)
-        lane.troubles.add(batch, self.collector.grid)
-        lane.exceedings.add(batch)
+        lane.troubles.add(mine, self.collector.grid)
+        lane.exceedings.add(mine)
 
     def close(self) -> None:
         """Do nothing: what was counted is asked for afterwards."""

@@ -20,6 +20,7 @@ from sniffer.decoding.sink import written
 from sniffer.ground.wording import one_line
 from sniffer.sinks.text import TextSink
 from sniffer.viewers.board.board import Board
+from sniffer.viewers.board.controls import Controls
 from sniffer.viewers.board.line import line, statistics
 from sniffer.viewers.outlet import Outlet, StalledError
 from sniffer.viewers.terminal import TerminalPicture
@@ -78,7 +79,8 @@ class Screen:
         stream: where to; the board and lines belong on standard error, the log on standard output.
         board: what the board and the lines show; ``LOG`` needs it for statistics alone.
         notes: where ``say`` and statistics go: ``stream``, but for a log standard error.
-        selection: which records a log shows.
+        selection: which records a log shows; of a board it is the filter that it begins with.
+        color: whether a log or a board has colours; None: on a terminal.
     """
 
     def __init__(
@@ -90,6 +92,7 @@ class Screen:
         board: Board | None = None,
         notes: TextIO | None = None,
         selection: Selection | None = None,
+        color: bool | None = None,
     ) -> None:
         self.dropped = self.dropped_batches = 0
         """Frames, and batches, that were left out: nobody took what was written in time."""
@@ -102,11 +105,16 @@ class Screen:
         self._out = Outlet(stream)
         other = sys.stderr if notes is None and mode == LOG else notes
         self._notes = self._out if other is None else Outlet(other)
-        self._log = TextSink(cast("TextIO", self._out)) if mode == LOG else None
+        self._log = TextSink(cast("TextIO", self._out), color=color) if mode == LOG else None
         self._selection = selection
         if self._log is not None and selection is not None:
             self._log.narrow({"where": selection.text, "tables": list(selection.tables)})
-        self._picture = TerminalPicture(self._out) if mode == BOARD else None
+        self._picture = TerminalPicture(self._out, color=color) if mode == BOARD else None
+        self._still: tuple[Board, Status] | None = None
+        """The board as it stood when the picture was held."""
+        if self._picture is not None and self._board is not None:
+            self._board.controls = Controls()
+            self._board.watch(selection)
         self._queue: deque[tuple[Any, ...]] = deque()
         self._lock = threading.Lock()
         self._records = self._bytes = 0
@@ -160,6 +168,8 @@ class Screen:
         with self._lock:
             if not self._silent:
                 self._forget()
+        if self._thread.is_alive() and self._picture is not None:
+            self._picture.keyboard.give_back()
         if not self._thread.is_alive():
             for out in {self._out, self._notes}:
                 out.close()
@@ -228,7 +238,7 @@ class Screen:
             self._take(until=time.monotonic() + WORK_S)
             self._speak()
             now = time.monotonic()
-            if now >= due:
+            if self._press() or now >= due:
                 self._refresh()
                 due = max(due + every, now + every / 2)
             self._stop.wait(max(NAP_S, SHARE * (time.thread_time() - began)))
@@ -239,6 +249,7 @@ class Screen:
         self._speak()
         if self._log is not None:
             self._log.close()
+        self._still = None
         self._refresh()
 
     def _take(self, until: float) -> None:
@@ -273,10 +284,24 @@ class Screen:
             return
         self._board.left_out = self.dropped
         if self._picture is not None:
-            self._picture.draw(self._board, self._status())
+            self._picture.draw(*(self._still or (self._board, self._status())))
         else:
             self._out.write(line(self._status(), self._board) + "\n")
             self._out.flush()
+
+    def _press(self) -> bool:
+        """Do what keys say; tell whether there were any."""
+        keys = [] if self._picture is None else self._picture.keyboard.read()
+        if self._board is None or self._board.controls is None:
+            return False
+        controls = self._board.controls
+        for key in keys:
+            controls.press(key, self._board)
+        if not controls.held:
+            self._still = None
+        elif self._still is None:
+            self._still = self._board.still(), self._status()
+        return bool(keys)
 
     def _speak(self) -> None:
         """Write what was said, and the statistics somebody asked for."""

@@ -17,8 +17,10 @@ from typing import TYPE_CHECKING, Any, Final, Self, TextIO, cast
 from rich.console import Console
 from rich.text import Text
 
+from sniffer.sinks.consoles import console_for
 from sniffer.tap.status import Status
 from sniffer.viewers.board.board import Board
+from sniffer.viewers.keyboard import Keyboard
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -54,15 +56,16 @@ class TerminalPicture:
     One thread draws. ``left`` may be called from another one, within a signal handler.
     """
 
-    def __init__(self, out: Outlet) -> None:
+    def __init__(self, out: Outlet, *, color: bool | None = None) -> None:
         self._out = out
-        self._colours: Any = Console(file=cast("TextIO", out)).color_system
+        self._colours: Any = console_for(cast("TextIO", out), color=color).color_system
         self._has_other = _has_other_screen(out.fileno())
         self._is_there = False
         self._shown: tuple[Board, Status] | None = None
         self._latest: deque[str] = deque(maxlen=REMEMBERED)
         self._held: deque[str] = deque(maxlen=HELD)
         self._writing = threading.Lock()
+        self.keyboard = Keyboard(out.fileno())
         # What rich loads when it first draws is loaded here, before anything is recorded.
         self._text(Board(), Status(0.0, 0, "…×", 0, 0, ()), 80, 24)
         self._wrapped("…", 80)
@@ -72,6 +75,7 @@ class TerminalPicture:
 
     def __exit__(self, *_: object) -> None:
         """Give the first screen back, with the last picture on it."""
+        self.keyboard.close()
         with contextlib.suppress(OSError), self._writing:
             self._out.forget()
             self._out.let_go()
@@ -79,11 +83,14 @@ class TerminalPicture:
             if self._held:
                 self._write("\n".join(self._held) + "\n")
             if self._shown is not None:
-                self._write(self._text(*self._shown, *self._out.size()) + "\n")
+                board, status = self._shown
+                board.controls = None  # nobody presses keys any more
+                self._write(self._text(board, status, *self._out.size()) + "\n")
 
     def draw(self, board: Board, status: Status) -> None:
         """Draw the board as it is now; nothing in the background: the terminal is the shell's."""
         if not self._out.is_ours():
+            self.keyboard.forget()  # whoever has the terminal now has it as they want it
             self._shown = None
             return
         columns, lines = self._out.size()
@@ -95,6 +102,7 @@ class TerminalPicture:
         with self._writing:
             enter = "" if self._is_there else ENTER
             self._is_there = True
+            self.keyboard.take()
             self._write(f"{enter}{BEGIN}{drawn}{rest}{END}")
         self._shown = board, status
 
@@ -116,6 +124,7 @@ class TerminalPicture:
         """
         is_mine = self._writing.acquire(timeout=LEAVE_S)
         try:
+            self.keyboard.give_back()
             self._out.try_write(self._leave())
             yield
         finally:

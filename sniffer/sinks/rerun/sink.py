@@ -138,6 +138,8 @@ class RerunSink:
         """Take what has become of an incident: it stands at the bus and at each of its servos."""
         import rerun as rr
 
+        if self._dated is None:  # whoever decodes live may be behind what is told of incidents
+            self._dated = line.t_ns >= DATED_NS
         path = rr.new_entity_path([bus, INCIDENTS])
         if bus not in self._stories:
             self._stories[bus] = Log(Track(path, bus, EVERYONE, ""))
@@ -152,6 +154,10 @@ class RerunSink:
         self._send(1 if self._live else ROWS)
         if self._live:
             self._layout()
+
+    def shows(self, bus: str, servo: int) -> bool:
+        """Tell whether anything of a servo is drawn."""
+        return any(key[:2] == (bus, servo) for lines in (self._lines, self._lanes) for key in lines)
 
     def close(self) -> None:
         """Send what waits; finish the file with its layout."""

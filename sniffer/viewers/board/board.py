@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 from rich.segment import Segment
 from rich.style import Style
 
-from sniffer.viewers.board.picture import Picture
+from sniffer.viewers.board.pages import picture
 from sniffer.viewers.board.remembered import Remembered
 
 if TYPE_CHECKING:
@@ -20,13 +20,17 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
 
     from sniffer.tap.status import Status
-    from sniffer.viewers.board.picture import Line
+    from sniffer.viewers.board.controls import Controls
+    from sniffer.viewers.board.findings import Line
 
 STYLES: Final = {
     "": Style.null(),
     "dim": Style(dim=True),
     "id": Style(bold=True),
     "title": Style(dim=True, underline=True),
+    "sorted": Style(bold=True, underline=True),
+    "cursor": Style(reverse=True),
+    "lit": Style(color="bright_white", bold=True),
     "bus": Style(bold=True),
     "good": Style(color="green"),
     "doubt": Style(color="yellow"),
@@ -57,6 +61,15 @@ class BoardLines:
 class Board(Remembered):
     """A sink that remembers what is now, and shows it when it is asked to."""
 
+    controls: Controls | None = None
+    """What keys have asked for; None: there are no keys."""
+
+    def still(self) -> Board:
+        """Return all that is remembered now, with the same keys."""
+        out = super().still()
+        out.controls = self.controls
+        return out
+
     def render(self, status: Status, width: int, height: int) -> BoardLines:
         """Return the picture: at most ``height`` lines of at most ``width`` cells."""
-        return BoardLines(Picture(self, self.apart(status), width, height).lines(), width)
+        return BoardLines(picture(self, self.apart(status), width, height, self.controls), width)

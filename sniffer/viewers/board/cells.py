@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 Cell = tuple[str, str]
 """A text that cannot steer the terminal, and a style of the board by name."""
 
+LIT_NS: Final = NS // 2
+"""A value that was another one before is lit for so long."""
+
 STALE_NS: Final = 2 * NS
 """A value older than this is dimmed."""
 
@@ -51,6 +54,7 @@ COLUMNS: Final = (
     Column("id", ("id", "id"), (3, 3)),
     Column("goal_position", ("goal", "goal"), (8, 10), 5),
     Column("position", ("position", "position"), (8, 10)),
+    Column("error", ("error", "error"), (6, 8), 9),
     Column("load", ("load", "load"), (7, 9), 4),
     Column("voltage", ("supply", "supply"), (6, 8), 3),
     Column("temperature", ("temp", "temp"), (5, 7), 2),
@@ -134,6 +138,13 @@ def clock(seconds: float) -> str:
     return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
 
 
+def age_style(now_ns: int, seen_ns: int, changed_ns: int) -> str:
+    """Return how a value is shown: lit where it has just changed, dim where it is old."""
+    if now_ns - seen_ns > STALE_NS:
+        return "dim"
+    return "lit" if changed_ns and now_ns - changed_ns < LIT_NS else ""
+
+
 class ServoCells:
     """The servos of one bus as cells, computed for one moment."""
 
@@ -144,6 +155,7 @@ class ServoCells:
         self._rates = sums / seconds
         self._p50, self._p99 = tally.times(end_ns)
         self._alarmed = tally.alarmed()
+        self._errors = tally.errors()
         trouble = tally.servos.trouble_ns
         self._recent = (trouble > 0) & (now_ns - trouble < RECENT_NS)
         self.order = np.argsort(tally.servos.servo_id).tolist()
@@ -151,6 +163,10 @@ class ServoCells:
 
     def __len__(self) -> int:
         return len(self.order)
+
+    def id(self, row: int) -> int:
+        """Return the servo of a row."""
+        return int(self._tally.servos.servo_id[row])
 
     def troubled(self, row: int) -> bool:
         """Tell whether a servo has an alarm on or had trouble in the last moments."""
@@ -181,19 +197,60 @@ class ServoCells:
             if key == "damaged":
                 return str(count), style
             return f"{count} {share(count, int(s.asked[row])):>4}", style
+        if key == "error":
+            return self._error(row)
         return self._value(row, key)
+
+    def measure(self, row: int, key: str) -> float:
+        """Return the number by which servos are sorted in a column; NaN: there is none."""
+        s, t = self._tally.servos, self._tally
+        if key in ("missing", "damaged"):
+            return int((s.missing if key == "missing" else s.damaged)[row])
+        if key in ("p50", "p99"):
+            bounds = (self._p50 if key == "p50" else self._p99)[row]
+            return math.nan if bounds is None else bounds.high
+        if key == "rate":
+            return float(self._rates[row])
+        if key == "error":
+            return abs(float(self._errors[row]))
+        if key == "id":
+            return int(s.servo_id[row])
+        k = self._column(row, key)
+        return abs(float(t.value[row, k])) if t.seen_ns[row, k] >= 0 else math.nan
+
+    def sorted(self, key: str, *, falls: bool) -> list[int]:
+        """Return the rows by a column; what has no number there stands last."""
+        told = [(self.measure(row, key), row) for row in self.order]
+        known = sorted((e for e in told if e[0] == e[0]), key=lambda e: e[0], reverse=falls)
+        return [row for _, row in known] + [row for number, row in told if number != number]
+
+    def _error(self, row: int) -> Cell:
+        """Say how far the position is off the goal; it is as old as the position."""
+        error, t = float(self._errors[row]), self._tally
+        if error != error:
+            return "-", "dim"
+        k = QUANTITIES.index("position")
+        digits = decimals(t.protocol.registers[int(t.register[row, k])])
+        old = self._now_ns - int(t.seen_ns[row, k]) > STALE_NS
+        return f"{error:+.{digits}f}", "dim" if old else ""
+
+    def _column(self, row: int, key: str) -> int:
+        """Return where a quantity stands; a servo that states its current has that as load."""
+        k = QUANTITIES.index(key)
+        if key == "load" and self._tally.seen_ns[row, k] < 0:
+            return QUANTITIES.index("current")
+        return k
 
     def _value(self, row: int, key: str) -> Cell:
         t = self._tally
-        k = QUANTITIES.index(key)
-        if key == "load" and t.seen_ns[row, k] < 0:
-            k = QUANTITIES.index("current")
+        k = self._column(row, key)
         seen = int(t.seen_ns[row, k])
         if seen < 0:
             return "-", "dim"
         register = t.protocol.registers[int(t.register[row, k])]
         text = told_value(register, int(t.raw[row, k]), float(t.value[row, k]))
-        return text, "dim" if self._now_ns - seen > STALE_NS else ""
+        changed = int(t.memory.changed_ns[row, int(t.register[row, k])])
+        return text, age_style(self._now_ns, seen, changed)
 
     def _alarms(self, row: int) -> Cell:
         if not self._alarmed[row]:

@@ -5,12 +5,9 @@ A line is a list of cells, texts with the name of a style.
 
 from __future__ import annotations
 
-import datetime
 from typing import TYPE_CHECKING, Final
 
-from rich.cells import cell_len
-
-from sniffer.ground.model import NS, Severity
+from sniffer.ground.model import Severity
 from sniffer.ground.wording import counted, plain
 from sniffer.viewers.board.cells import (
     ALARMS,
@@ -21,7 +18,7 @@ from sniffer.viewers.board.cells import (
     fitted,
     size,
 )
-from sniffer.viewers.board.state import RECENT_NS, latest
+from sniffer.viewers.board.findings import FindingLines, Line, length
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,10 +26,8 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.tracking import Tracked
     from sniffer.tap.status import BusStatus, Status
     from sniffer.viewers.board.cells import Column
+    from sniffer.viewers.board.controls import Controls
     from sniffer.viewers.board.remembered import Remembered
-    from sniffer.viewers.board.state import Trouble
-
-Line = list[Cell]
 
 STATES: Final = {"listening": "good", "silent": "doubt", "away": "alarm"}
 
@@ -60,11 +55,19 @@ class Picture:
         width: of the terminal, in cells.
         height: how many lines there may be.
         hint: the end of the last line.
+        controls: what keys have asked for.
     """
 
     def __init__(
-        self, board: Remembered, status: Status, width: int, height: int, hint: str = "Ctrl-C stops"
+        self,
+        board: Remembered,
+        status: Status,
+        width: int,
+        height: int,
+        hint: str = "Ctrl-C stops",
+        controls: Controls | None = None,
     ) -> None:
+        self._controls = controls
         self._board = board
         self._status = status
         self._width = width
@@ -79,15 +82,17 @@ class Picture:
         self._name = max(map(len, self._names), default=0)
         spoken = max((len(b.protocol) for b in status.buses if b.protocol), default=0)
         self._tails = [_tail(bus, spoken) for bus in status.buses]
-        self._tail = max((_length(tail) for tail in self._tails), default=0)
-        self._incidents = shown(board.incidents)
+        self._tail = max((length(tail) for tail in self._tails), default=0)
+        self._incidents = self._watched(shown(board.incidents))
+        self._troubles = board.troubles if board.watched is None else board.watched.troubles
 
     def lines(self) -> list[Line]:
         """Return the lines, the most important ones where not all fit."""
         buses = range(len(self._rows))
-        servos = [(nth, row) for nth in buses if (r := self._rows[nth]) for row in r.order]
-        wanted = min(len(self._incidents) + len(self._board.troubles), 3)
-        room = self._height - 3  # titles, the head of the anomalies, the footer
+        servos = [(nth, row) for nth in buses for row in self._servos(nth)]
+        wanted = min(len(self._incidents) + len(self._troubles), 3)
+        asked = self._asked()
+        room = self._height - 3 - len(asked)  # titles, the head of the anomalies, the footer
         heads = 2
         if 2 * len(buses) + len(servos) + wanted > room:
             heads = 1
@@ -98,10 +103,13 @@ class Picture:
         left = max(room - len(body), 0)
         blank: list[Line] = [[]] if left >= SPARE else []
         room = left - 2 * len(blank)
-        told = [self._incident(one) for one in self._incidents[: max(room, 0)]]
-        told += self._anomalies(room - len(told))
-        out = [self._titles(), *body, *blank, self._levels(), *told, *blank]
-        return [*out[: self._height - 1], self._footer()] if self._height > 0 else []
+        lines = FindingLines(
+            self._status.now_ns, self._width, self._name if len(self._names) > 1 else 0
+        )
+        told = [lines.incident(one) for one in self._incidents[: max(room, 0)]]
+        told += lines.anomalies(self._troubles, self._incidents, room - len(told))
+        out = [self._titles(), *body, *asked, *blank, self._levels(), *told, *blank]
+        return [*out[: self._height - 1], self.footer()] if self._height > 0 else []
 
     def _cut(self, room: int, servos: list[tuple[int, int]]) -> list[Line]:
         """Return a table of so many lines, the last of which says what is not in it."""
@@ -128,6 +136,34 @@ class Picture:
             more.append((f", {bad} of them in trouble", "bad"))
         return [*body, more][: max(room, 0)]
 
+    def _servos(self, nth: int) -> list[int]:
+        """Return the rows of a bus's servos that are shown, in the order that is asked for."""
+        rows, controls = self._rows[nth], self._controls
+        if rows is None:
+            return []
+        order: list[int] = rows.order
+        if controls is not None:
+            order = rows.sorted(controls.sort, falls=controls.falls)
+        watched = self._board.watched
+        if watched is None:
+            return order
+        return [row for row in order if (self._bus(nth), rows.id(row)) in watched.servos]
+
+    def _bus(self, nth: int) -> str:
+        return self._status.buses[nth].bus
+
+    def _watched(self, incidents: list[Tracked]) -> list[Tracked]:
+        """Return the incidents of servos that are shown, and those of whole buses."""
+        watched = self._board.watched
+        if watched is None:
+            return incidents
+        return [
+            one
+            for one in incidents
+            if not one.incident.servo_ids
+            or any((one.incident.bus, who) in watched.servos for who in one.incident.servo_ids)
+        ]
+
     def _is_trouble(self, nth: int) -> bool:
         bus, rows = self._status.buses[nth], self._rows[nth]
         ill = bus.state != "listening" or bus.lost > 0 or bool(bus.line_errors)
@@ -136,14 +172,24 @@ class Picture:
     def _table(self, buses: Sequence[int], servos: list[tuple[int, int]], heads: int) -> list[Line]:
         keys = [column.key for column in self._columns]
         out: list[Line] = []
+        drawn: list[tuple[str, int]] = []
         for nth in buses:
             out += self._head(nth) if heads == 2 else [self._short_head(nth)]
             rows = self._rows[nth]
             if rows is not None:
                 for which, row in servos:
                     if which == nth:
-                        out.append(self._line(rows.cells(row, keys)))
+                        drawn.append((self._bus(nth), rows.id(row)))
+                        out.append(self._line(self._marked(rows.cells(row, keys), drawn[-1])))
+        if self._controls is not None:
+            self._controls.rows = drawn
         return out
+
+    def _marked(self, cells: list[Cell], who: tuple[str, int]) -> list[Cell]:
+        """Return the cells of a servo; the id of the chosen one is lit up."""
+        if self._controls is None or self._controls.cursor != who:
+            return cells
+        return [(cells[0][0], "cursor"), *cells[1:]]
 
     def _line(self, cells: list[Cell]) -> Line:
         out: Line = []
@@ -157,10 +203,13 @@ class Picture:
         return column.widths[self._wide]
 
     def _titles(self) -> Line:
-        titles = [
-            fitted(c.titles[self._wide], self._width_of(c), right=True) for c in self._columns
-        ]
-        return [(fitted(" ".join([*titles, "alarms"]), self._width), "title")]
+        by = "" if self._controls is None else self._controls.sort
+        out: Line = []
+        for c in self._columns:
+            is_mark = c.key == by and by != "id"
+            title = fitted(c.titles[self._wide], self._width_of(c), right=True)
+            out += [(title, "sorted" if is_mark else "title"), (" ", "title")]
+        return [*out, (fitted("alarms", max(self._width - length(out), 0)), "title")]
 
     def _head(self, nth: int) -> list[Line]:
         """Return two lines: who it is and how it goes; where its bytes are."""
@@ -181,7 +230,7 @@ class Picture:
         second += [(f", lost {bus.lost}", "bad" if bus.lost else "dim")]
         errors = "unknown" if bus.line_errors is None else str(bus.line_errors)
         text = f", line errors {errors}"
-        if _length(second) + len(text) > self._width:
+        if length(second) + len(text) > self._width:
             text = f", errors {errors}"
         return [first, [*second, (text, "bad" if bus.line_errors else "dim")]]
 
@@ -196,7 +245,7 @@ class Picture:
             (f"{bus.baud:>{told}}  ", ""),
             *self._load(nth, ""),
             *self._tails[nth],
-            (" " * (self._tail - _length(self._tails[nth]) + 2), ""),
+            (" " * (self._tail - length(self._tails[nth]) + 2), ""),
         ]
         for word, count in (("lost", bus.lost), ("errors", bus.line_errors)):
             if count:
@@ -245,66 +294,26 @@ class Picture:
         if self._board.incidents:
             out.append((f"  {counted(still, 'open incident')}", "bad" if still else "dim"))
         hint = "reply times: last 10 s"
-        room = self._width - _length(out) - len(hint)
+        room = self._width - length(out) - len(hint)
         return [*out, (" " * room + hint, "dim")] if room > 1 else out
 
-    def _incident(self, one: Tracked) -> Line:
-        """Say what is wrong, why and how often: dim once it is over."""
-        i = one.incident
-        moment = datetime.datetime.fromtimestamp(i.first_ns // NS, datetime.UTC)
-        level = i.severity.name.lower()
-        who = ",".join(map(str, i.servo_ids))
-        style = "dim" if one.is_over else ""
-        out: Line = [
-            (f"{who if len(who) <= 3 else 'all':>3}  ", style or "id"),
-            (f"{moment:%H:%M:%S}.{i.first_ns % NS // 1_000_000:03d}  ", style),
-            (f"{level:5}  ", style or level),
-        ]
-        if len(self._names) > 1:
-            out.append((fitted(plain(i.bus), self._name) + "  ", style or "bus"))
-        if self._wide:
-            out.append((fitted(i.cause, 20) + "  ", style or level))
-        out.append((f"{f'×{i.count}':>6}  ", style))
-        sure = f"{100 * i.causes[0].confidence:.0f} % "
-        room = self._width - _length(out)
-        told = f"{sure}{plain(i.story)}" if self._wide else f"{sure}{i.cause}: {plain(i.story)}"
-        return [*out, (fitted(told, room).rstrip(), style or "id")]
+    def _asked(self) -> list[Line]:
+        """Return a line on what is shown, none where that is all in the usual order."""
+        if self._controls is not None and self._controls.complaint:
+            return [[(fitted(plain(self._controls.complaint), self._width).rstrip(), "bad")]]
+        told = []
+        if self._board.watched is not None:
+            told.append(f"only {plain(self._board.watched.selection.text)}")
+        if self._controls is not None and (self._controls.sort != "id" or self._controls.turned):
+            title = next(c.titles[1] for c in COLUMNS if c.key == self._controls.sort)
+            told.append(f"by {title}, {'greatest' if self._controls.falls else 'least'} first")
+        return [[(fitted("; ".join(told), self._width).rstrip(), "note")]] if told else []
 
-    def _anomalies(self, room: int) -> list[Line]:
-        """Return the latest anomalies; those that an incident explains come where room is left."""
-        held = self._board.troubles.latest(len(self._board.troubles))
-        every = [one.incident for one in self._incidents]
-        told = {(i.bus, f.code) for i in every for f in i.findings}
-        free = [e for e in held if (e.bus, e.last.code) not in told]
-        rest = [e for e in held if (e.bus, e.last.code) in told]
-        kept = [*latest(rest, room - len(free)), *latest(free, room)]
-        return [self._anomaly(e) for e in held if e in kept]
-
-    def _anomaly(self, trouble: Trouble) -> Line:
-        a = trouble.last
-        moment = datetime.datetime.fromtimestamp(a.t_ns // NS, datetime.UTC)
-        level = a.severity.name.lower()
-        now = self._status.now_ns - a.t_ns < RECENT_NS
-        who = "" if a.servo_id is None else str(a.servo_id)
-        times = f"×{trouble.count}" if trouble.count > 1 else ""
-        out: Line = [
-            (f"{who:>3}  ", "id" if now else "dim"),
-            (f"{moment:%H:%M:%S}.{a.t_ns % NS // 1_000_000:03d}  ", "" if now else "dim"),
-            (f"{level:5}  ", level),
-        ]
-        if len(self._names) > 1:
-            out.append((fitted(plain(trouble.bus), self._name) + "  ", "bus"))
-        if self._wide:
-            out.append((fitted(a.code, 20) + "  ", level))
-        out.append((f"{times:>6}  ", "" if now else "dim"))
-        return [
-            *out,
-            (fitted(plain(a.detail), self._width - _length(out)).rstrip(), "" if now else "dim"),
-        ]
-
-    def _footer(self) -> Line:
+    def footer(self) -> Line:
         """Return the last line; two cells stay free, for the terminal's echo of Ctrl-C."""
         s = self._status
+        if self._controls is not None and self._controls.asking is not None:
+            return self._prompt(self._controls)
         late = s.waiting > BEHIND
         tail: Line = [
             (f"  {size(s.size):>8}" if s.file else "", ""),
@@ -313,10 +322,18 @@ class Picture:
         if self._board.left_out:
             tail.append((f"  {counted(self._board.left_out, 'frame')} not shown", "doubt"))
         tail.append((f"  {self._hint}" if self._hint else "", "dim"))
+        if self._controls is not None and self._controls.held:
+            tail[-1:] = [("  held, Space goes on", "doubt")]
         time = f"{clock(s.elapsed_s)}  "
         name = plain(s.file) or "not recorded"
-        room = self._width - 2 - len(time) - _length(tail)
+        room = self._width - 2 - len(time) - length(tail)
         return _shortened([(time, "bus"), (_port(name, max(room, 0)), ""), *tail], self._width - 2)
+
+    def _prompt(self, controls: Controls) -> Line:
+        """Return the line in which a filter is typed; its end is seen."""
+        typed = plain(controls.asking or "")
+        room = max(self._width - len("only: ") - 3, 8)
+        return _shortened([("only: ", "bus"), (typed[-room:] + "_", "")], self._width - 2)
 
 
 def shown(incidents: Sequence[Tracked]) -> list[Tracked]:
@@ -345,10 +362,6 @@ def _tail(bus: BusStatus, room: int) -> Line:
     if bus.state == "listening":
         return [("listening for the protocol", "doubt")]
     return [state, (", protocol not known yet", "dim")]
-
-
-def _length(line: Line) -> int:
-    return sum(cell_len(text) for text, _ in line)
 
 
 def _port(port: str, width: int) -> str:

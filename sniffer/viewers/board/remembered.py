@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Self
 
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.model import NS
 from sniffer.viewers.board.cells import ServoCells
-from sniffer.viewers.board.state import LOAD_NS, BusTally, Sliding, Troubles, stamps
+from sniffer.viewers.board.state import LOAD_NS, BusTally, Sliding, stamps
+from sniffer.viewers.board.troubles import Troubles
+from sniffer.viewers.board.watched import Watched
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,6 +19,7 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.tracking import Tracked
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
+    from sniffer.selection.selection import Selection
     from sniffer.tap.status import BusStatus, Status
 
 BITS: Final = 10
@@ -32,6 +36,8 @@ class Remembered:
     def __init__(self) -> None:
         self.buses: dict[str, BusTally] = {}
         self.troubles = Troubles()
+        self.watched: Watched | None = None
+        """The filter, and what it has shown."""
         self.incidents: tuple[Tracked, ...] = ()
         """Incidents as they were judged last; whoever judges them sets this."""
         self.left_out = 0
@@ -60,8 +66,19 @@ class Remembered:
             tally = self.buses[bus] = BusTally(protocol)
         tally.add(batch)
         self.troubles.add(bus, batch.anomalies)
+        if self.watched is not None:
+            self.watched.add(bus, wire, protocol, batch)
         if len(batch.frames):
             self.newest_ns = max(self.newest_ns, int(batch.frames.t_end[-1]))
+
+    def watch(self, selection: Selection | None) -> None:
+        """Show what a selection shows from now on; None: everything."""
+        self.watched = None if selection is None else Watched(selection)
+
+    def still(self) -> Self:
+        """Return all that is remembered now; what comes does not change it."""
+        shared = [self.incidents, self.watched, *(t.protocol for t in self.buses.values())]
+        return copy.deepcopy(self, {id(one): one for one in shared})
 
     def close(self) -> None:
         """Do nothing: what was is still shown."""

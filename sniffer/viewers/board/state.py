@@ -6,18 +6,28 @@ entry. All times are those of the recording's clock, in ns.
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sniffer.decoding.summary import Bounds, accounted
-from sniffer.ground.codes import DAMAGED, MISMATCHED, NEVER, NO_RESPONSE, OK, RESPONSE, WHOLE
-from sniffer.ground.model import I16, I64, NS, Anomaly, Batch, Mask, Severity
+from sniffer.ground.codes import (
+    DAMAGED,
+    MISMATCHED,
+    NEVER,
+    NO_RESPONSE,
+    OK,
+    REQUEST,
+    RESPONSE,
+    WHOLE,
+)
+from sniffer.ground.model import F64, I16, I64, NS, RESETS, Batch, Mask, Severity
+from sniffer.protocols.base import ends_goal
+from sniffer.viewers.board.registers import RegisterMemory
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from sniffer.ground.model import Chunk
     from sniffer.protocols.base import BusProtocol
@@ -44,9 +54,6 @@ PER_OCTAVE: Final = 16
 BINS: Final = 24 * PER_OCTAVE
 FIRST_OCTAVE: Final = 10
 """Reply times from 1 us (2 ** 10 ns) to 17 s in a histogram of logarithms, to 2 %."""
-
-KINDS_KEPT: Final = 64
-"""Kinds of anomalies (bus, code, servo) that are remembered, the latest ones."""
 
 IDS: Final = 256
 STATUS_BYTE: Final = 0xFF
@@ -154,11 +161,16 @@ class BusTally:
         self._quantity = np.array(
             [QUANTITIES.index(r.quantity) if r.quantity in QUANTITIES else -1 for r in registers]
         )
+        self._units = [r.unit for r in registers]
         shape = (0, len(QUANTITIES))
         self.value = np.zeros(shape)
         self.raw = np.zeros(shape, np.int64)
         self.register = np.zeros(shape, np.int64)
         self.seen_ns = np.zeros(shape, np.int64)
+        self.memory = RegisterMemory(len(registers))
+        self._ends = np.array(sorted(ends_goal(protocol)), np.int64)
+        self._aimless_ns = np.zeros(0, np.int64)
+        """When a servo was let go last: a goal from before holds no more."""
         self._alarm_registers = [i for i, r in enumerate(registers) if r.alarms]
         self._alarm_raw = np.zeros((0, len(self._alarm_registers)), np.int64)
         bits = np.array([1 << bit for bit in range(8)], np.int16)
@@ -182,6 +194,7 @@ class BusTally:
             self._meet(f.servo_id[(f.kind == RESPONSE) | (f.reply != NEVER)])
             self._count(batch)
             self._read_status(batch)
+            self._let_go(batch)
             self._read_values(batch)
         for a in batch.anomalies:
             if a.servo_id is not None and a.severity > Severity.NOTE:
@@ -243,6 +256,8 @@ class BusTally:
         self._row[new] = np.arange(len(self.servos), n)
         self.servos.append(new.astype(np.int16))
         self.answers.grow(n)
+        self.memory.grow(n)
+        self._aimless_ns = np.append(self._aimless_ns, np.zeros(len(new), np.int64))
         self._times.grow(n * BINS)
         self._most.grow(n * BINS)
         for name in ("value", "raw", "register", "seen_ns", "_alarm_raw"):
@@ -300,6 +315,28 @@ class BusTally:
         # Of rows that repeat the last one stays: it is the latest.
         self.servos.status[who] = f.status[rows] & self._states
 
+    def _let_go(self, batch: Batch) -> None:
+        """Take commands that end a goal without another."""
+        f = batch.frames
+        ends = (f.flags & RESETS) != 0
+        for op in self._ends.tolist():
+            ends |= f.op == op
+        rows = np.flatnonzero(ends & (f.kind == REQUEST)) if ends.any() else ()
+        for row in rows:
+            who = int(self._rows(f.servo_id[row : row + 1])[0])
+            self._aimless_ns[slice(None) if who < 0 else who] = f.t_end[row]
+
+    def errors(self) -> F64:
+        """Return how far each servo's last position is off its goal, NaN where nobody knows.
+
+        In the unit of both: where they have two units, it is not known either.
+        """
+        goal, here = QUANTITIES.index("goal_position"), QUANTITIES.index("position")
+        seen, unit = self.seen_ns, np.array([*self._units, ""])[self.register]
+        known = (seen[:, goal] > self._aimless_ns) & (seen[:, here] > 0)
+        known &= unit[:, goal] == unit[:, here]
+        return np.where(known, self.value[:, goal] - self.value[:, here], np.nan)
+
     def _read_values(self, batch: Batch) -> None:
         v = batch.values
         if not len(v):
@@ -307,6 +344,8 @@ class BusTally:
         self._meet(v.servo_id)
         who = self._rows(v.servo_id)
         true = (who >= 0) & v.accepted & (v.part == WHOLE)
+        mine = np.flatnonzero(true)
+        self.memory.add(who[mine], v.register[mine], v.raw[mine], v.value[mine], v.t_ns[mine])
         quantity = self._quantity[v.register]
         rows = np.flatnonzero(true & (quantity >= 0))
         at = who[rows], quantity[rows]
@@ -323,54 +362,6 @@ def _bins(ns: I64) -> I64:
     """Return where durations stand in a histogram of their logarithms."""
     k = (np.log2(np.maximum(ns, 1)) - FIRST_OCTAVE) * PER_OCTAVE
     return np.clip(k.astype(np.int64), 0, BINS - 1)
-
-
-@dataclass(slots=True)
-class Trouble:
-    """Anomalies of one kind, from one servo: the latest of them and how many there were."""
-
-    bus: str
-    last: Anomaly
-    count: int = 1
-
-
-class Troubles:
-    """The last anomalies; one kind of one servo is one entry and stays in its place."""
-
-    def __init__(self) -> None:
-        self.severities: Counter[Severity] = Counter()
-        self._held: dict[Any, Trouble] = {}
-
-    def add(self, bus: str, anomalies: Iterable[Anomaly]) -> None:
-        """Take anomalies of a bus."""
-        for a in anomalies:
-            self.severities[a.severity] += 1
-            key = bus, a.code, a.servo_id
-            known = self._held.get(key)
-            if known is not None:
-                known.last = a
-                known.count += 1
-                continue
-            if len(self._held) >= KINDS_KEPT:
-                del self._held[min(self._held, key=lambda k: self._held[k].last.t_ns)]
-            self._held[key] = Trouble(bus, a)
-
-    def __len__(self) -> int:
-        return len(self._held)
-
-    def latest(self, n: int) -> list[Trouble]:
-        """Return the ``n`` that happened last, in the order in which they first did."""
-        return latest(list(self._held.values()), n)
-
-
-def latest(held: list[Trouble], n: int) -> list[Trouble]:
-    """Return the ``n`` that happened last, in their order."""
-    if n <= 0:
-        return []
-    if len(held) <= n:
-        return held
-    edge = sorted((e.last.t_ns for e in held), reverse=True)[n - 1]
-    return [e for e in held if e.last.t_ns >= edge][-n:]
 
 
 def stamps(chunks: Sequence[Chunk]) -> tuple[I64, I64]:
