@@ -93,9 +93,8 @@ def _offs(got: bytes, exact: Sequence[_Exact]) -> list[float]:
         off
         for off in OFF
         if any(
-            _explains(got, one, off, rise, middle)
+            _explains(got, one, off, rise)
             for rise in (RISES if off > 0 else RISES[:1])
-            for middle in MIDDLES
             for one in exact
         )
     ]
@@ -116,14 +115,25 @@ def _exact(got: bytes, one: bytes, size: int) -> _Exact:
     return _Exact(one, size, _wrong(got, one, size), common)
 
 
-def _explains(got: bytes, one: _Exact, off: float, rise: float, middle: float) -> bool:
-    told = _as_heard(one.data, off, rise, middle)
-    if _common(got, told) >= one.common + GAIN:
+def _explains(got: bytes, one: _Exact, off: float, rise: float) -> bool:
+    told = tuple(_as_heard(one.data, off, rise, middle) for middle in MIDDLES)
+    if _agrees(got, told) >= one.common + GAIN:
         return True
     # a first byte that became a blank, or none, is nothing that a tear begins with
-    if told[:1] != one.data[:1] and _common(got, told[1:]) >= one.common + GAIN:
+    behind = tuple(some[1:] for some in told if some[:1] != one.data[:1])
+    if behind and _agrees(got, behind) >= one.common + GAIN:
         return True
-    return one.wrong >= WRONG and _wrong(got, told, one.size) <= LEFT * one.wrong
+    left = min(_wrong(got, some, one.size) for some in told)
+    return one.wrong >= WRONG and left <= LEFT * one.wrong
+
+
+def _agrees(got: bytes, told: Sequence[bytes]) -> int:
+    """Return up to where each byte is as one of several would have it.
+
+    A receiver finds each start bit anew, a sixteenth of a bit sooner or later.
+    """
+    n = min(len(got), min(map(len, told)))
+    return next((k for k in range(n) if all(some[k] != got[k] for some in told)), n)
 
 
 def _common(a: bytes, b: bytes) -> int:

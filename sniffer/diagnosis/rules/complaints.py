@@ -12,6 +12,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.tracks import in_force
 from sniffer.diagnostics.catalogue import CATALOGUE
+from sniffer.ground.codes import RESPONSE
 from sniffer.ground.gaps import NOISE
 from sniffer.ground.model import NS
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.rules import Rule
 
 FINDINGS: Final = (
@@ -44,7 +46,7 @@ FINDINGS: Final = (
         "unasked-now-and-then",
         "device",
         "What a servo says unasked stands behind few of its exchanges.",
-        "From the first such answer to the last one, behind fewer than a third of its sound exchanges: a second servo of the same id would answer each.",
+        "From the first such answer to the last one, behind fewer than a third of its sound exchanges, with what is torn behind them: a second servo of the same id would answer each.",
     ),
     FindingCode(
         "speaks-unasked",
@@ -245,16 +247,22 @@ def chatty(case: Case) -> Iterator[Finding]:
         since, until = int(told.t_ns.min()), int(told.t_ns.max())
         within = (answers["t_last"] >= since) & (answers["t_first"] <= until)
         ok = int(answers["ok"][within & (answers["servo_id"] == servo)].sum())
-        if n < SELDOM * ok:
+        more = n + sum(since <= d.t_ns <= until and _is_behind(d, servo) for d in case.damages)
+        if more < SELDOM * ok:
             yield Finding(
                 "unasked-now-and-then",
                 servo,
                 since,
                 until,
                 n,
-                f"servo {servo} said something more behind {n} of {ok} exchanges",
-                strength=min(1.0, (SELDOM * ok - n) / max(n, 1)),
+                f"servo {servo} said something more behind {more} of {ok} exchanges at most",
+                strength=min(1.0, (SELDOM * ok - more) / more),
             )
+
+
+def _is_behind(d: Damage, servo: int) -> bool:
+    """Tell whether damage stands behind an exchange of a servo, or in the next one."""
+    return (d.asked_id if d.behind == RESPONSE else d.earlier_id) == servo
 
 
 def together(case: Case) -> Iterator[Finding]:

@@ -11,6 +11,7 @@ from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.losses import alike
 from sniffer.diagnosis.twins import of_twins
+from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -31,7 +32,7 @@ FINDINGS: Final = (
         "streams-apart",
         "line",
         "Requests come in two rhythms that know nothing of each other.",
-        "A kind of request that comes at regular times, and another one that stands at any place between them: by no multiple of the rhythm up to the sixth do they go together.",
+        "A kind of request that comes at regular times, and another one that stands at any place between them: by no multiple of the rhythm up to the sixth do they go together. It counts little where less is torn than by two who do not listen.",
     ),
 )
 
@@ -76,6 +77,17 @@ PARTS: Final = 4
 
 EXACT_NS: Final = 2_000_000
 """Stamps that are worse tell no place in a cycle."""
+
+MEET: Final = 0.1
+"""Part of the meetings that chance would have of two who do not listen: fewer, and one of them does
+or there is only one."""
+
+MET: Final = 3
+"""Torn places that are no accident."""
+
+TIMERS: Final = 0.3
+"""How much two rhythms count that never meet: one program may have two timers, and does not run into
+itself."""
 
 MS: Final = 1_000_000
 
@@ -139,6 +151,7 @@ def streams_apart(case: Case) -> Iterator[Finding]:
     if best is None:
         return
     together, one, other, period, first, last = best
+    times = int(case.ledger.exchanges.kinds.n[other])
     kinds, protocol = case.ledger.exchanges.kinds, case.protocol
     names = [f"{protocol.op_name(kinds.op[k])} of servo {kinds.servo_id[k]}" for k in (one, other)]
     yield Finding(
@@ -149,9 +162,15 @@ def streams_apart(case: Case) -> Iterator[Finding]:
         1,
         f"{names[0]} comes every {period / MS:.1f} ms, {names[1]} at any time between (they go "
         f"together by {together:.2f}, 1 is always, 0 never)",
-        strength=1.0 if together < APART / 2 else 0.8,
+        strength=(1.0 if together < APART / 2 else 0.8) if do_meet(case, times) else TIMERS,
         brief="requests come in two rhythms",
     )
+
+
+def do_meet(case: Case, times: float, least: int = MET) -> bool:
+    """Tell whether so much is torn as two must tear who do not listen; ``times`` one of them speaks."""
+    busy = case.ledger.bytes * case.ledger.byte_ns / max(case.seconds * NS, 1.0)
+    return int(case.damage["n"].sum()) >= max(least, MEET * busy * times)
 
 
 def least_together(case: Case) -> tuple[float, int, int, float, int, int] | None:

@@ -8,8 +8,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.crossings import EXACT_NS, least_together
-from sniffer.ground.model import NS
+from sniffer.diagnosis.rules.crossings import EXACT_NS, TIMERS, do_meet, least_together
 from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ FINDINGS: Final = (
         "unrelated-periods",
         "pairing",
         "Requests come in two even periods of which neither is a multiple of the other.",
-        "Requests of at least two kinds, each within 3 % of its period in three of five cases, the periods 4 % off any multiple of each other.",
+        "Requests of at least two kinds, each within 3 % of its period in three of five cases, the periods 4 % off any multiple of each other. It counts little where less is torn than by two who do not listen.",
     ),
 )
 
@@ -43,10 +42,6 @@ LATER: Final = 0.2
 EVEN: Final = 0.24
 """What comes sooner is spread: no twentieth of an octave holds more than this part of it. A loop
 that waits for what is missing has a few periods, each of which holds a third or so."""
-
-MEET: Final = 0.1
-"""Part of the meetings that chance would have of two who do not listen: fewer, and one of them does
-or there is only one."""
 
 TIGHT: Final = 0.6
 """Part of the periods that are the usual one, where one program keeps the time."""
@@ -93,8 +88,7 @@ def interleaved(case: Case) -> Iterator[Finding]:
     ]
     if len({r.servo_id for r in mixed}) < 2:
         return
-    busy = case.ledger.bytes * case.ledger.byte_ns / max(case.seconds * NS, 1.0)
-    if int(case.damage["n"].sum()) < MEET * busy * sum(r.sooner * r.times for r in mixed):
+    if not do_meet(case, sum(r.sooner * r.times for r in mixed), least=0):
         return
     most = max(mixed, key=lambda r: r.times)
     yield _finding(
@@ -132,8 +126,7 @@ def unrelated(case: Case) -> Iterator[Finding]:
             slow.times + fast.times,
             f"some requests come every {fast.period_ns / 1e6:.1f} ms, others every "
             f"{slow.period_ns / 1e6:.1f} ms, {ratio:.2f} times as long; {torn} torn places",
-            # one program may have two timers, but it does not run into itself
-            strength=1.0 if torn >= 3 else 0.3,
+            strength=1.0 if do_meet(case, slow.times) else TIMERS,
             brief="requests in two unrelated rhythms",
         )
         return

@@ -24,7 +24,7 @@ FINDINGS: Final = (
         "voltage-sag",
         "device",
         "The supply voltage that a servo measures falls far below what it usually is, or below its limit.",
-        "A voltage more than a tenth below what the servo has for most of the time, or its peers; it counts in full from a fifth on, or below the servo's own limit.",
+        "A voltage more than an eighth below what the servo has for most of the time, or its peers; it counts in full from a quarter on, or below the servo's own limit.",
     ),
     FindingCode(
         "supply-steady",
@@ -45,16 +45,17 @@ BEFORE_NS: Final = NS
 OLD: Final = 0.4
 """How much a voltage counts that is a second old."""
 
-SAG: Final = 0.10
-"""Part of the usual voltage; wires and a sound supply under a robot's load move it by less."""
+SAG: Final = 0.12
+"""Part of the usual voltage; thin wires and a battery under a robot's load move it by less."""
 
 STEADY: Final = 0.05
 
-DEEP: Final = 0.20
+DEEP: Final = 0.25
 """... and from this part on nothing else explains it."""
 
-SHALLOW: Final = 0.07
-"""At this part it counts for nothing."""
+SHALLOW: Final = 0.10
+"""At this part it counts for nothing: of a sixth alone, with no complaint and no silence, no engineer
+would say that a supply breaks down."""
 
 USUALLY: Final = 0.75
 """The voltage that is reached for a quarter of the time is that without load."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -44,7 +45,7 @@ FINDINGS: Final = (
         "load-high",
         "device",
         "A servo bears nearly all that it can, for long.",
-        "For a second or longer, three times or more in a row, a load of 80 % (60 %, and for two seconds 50 %, if that is four times what the servos of the bus usually have), or a current twice that of a motor that pushes.",
+        "For one and a half seconds or longer, looked at twice a second and three times at least, a load of 80 % (for two seconds 60 %, for three 50 %, if that is four times what the servos of the bus usually have), or a current twice that of a motor that pushes.",
     ),
 )
 
@@ -65,8 +66,16 @@ HALF: Final = 0.5
 
 TIMES: Final = 4.0
 
-LASTS_NS: Final = NS
-PLENTY_NS: Final = 3 * NS
+LASTS_NS: Final = 3 * NS // 2
+LONGER_NS: Final = 2 * NS
+LONGEST_NS: Final = 3 * NS
+"""How long it must be: a start and a hard stop take tenths of a second, a lift a second, and servos
+that save themselves from 80 % are shipped to bear that for two."""
+
+PLENTY_NS: Final = 5 * NS
+
+APART_NS: Final = NS // 2
+"""Looks that are further apart show single moments: who looks behind each goal sees each start."""
 
 
 def temperature(case: Case) -> Iterator[Finding]:
@@ -150,12 +159,14 @@ def load(case: Case) -> Iterator[Finding]:
         usual = _usual(case, motor)
         m = motor.steady
         if motor.full:
-            heavy = (m >= BEARS * motor.full) | (m >= max(MUCH * motor.full, TIMES * usual))
+            levels = (
+                (BEARS * motor.full, LASTS_NS),
+                (max(MUCH * motor.full, TIMES * usual), LONGER_NS),
+                (max(HALF * motor.full, TIMES * usual), LONGEST_NS),
+            )
         else:
-            heavy = m >= max(2 * motor.pushes_from, TIMES * usual)
-        stretches = _long(motor, heavy, LASTS_NS)
-        if not stretches and motor.full:
-            stretches = _long(motor, m >= max(HALF * motor.full, TIMES * usual), 2 * LASTS_NS)
+            levels = ((max(2 * motor.pushes_from, TIMES * usual), LASTS_NS),)
+        stretches = next(filter(None, (_long(motor, m >= x, lasts) for x, lasts in levels)), [])
         if not stretches:
             continue
         s = motor.series
@@ -183,7 +194,13 @@ def load(case: Case) -> Iterator[Finding]:
 def _long(motor: Effort, heavy: Mask, least_ns: int) -> list[tuple[int, int]]:
     """Return the stretches that last, and were looked at often enough."""
     s = motor.series
-    return [(a, b) for a, b in runs(heavy, s.t, least_ns) if s.n[a:b].sum() >= LOOKS - 1]
+    edges = [0, *(np.flatnonzero(s.t_first[1:] - s.t[:-1] > APART_NS) + 1).tolist(), len(s)]
+    return [
+        (first + a, first + b)
+        for first, behind in itertools.pairwise(edges)
+        for a, b in runs(heavy[first:behind], s.t[first:behind], least_ns)
+        if s.n[first + a : first + b].sum() >= LOOKS - 1
+    ]
 
 
 def _stands(case: Case, servo: int, stretches: Sequence[tuple[int, int]]) -> bool:

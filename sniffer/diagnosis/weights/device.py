@@ -6,7 +6,20 @@ from typing import Final
 
 from sniffer.diagnosis.weights.table import for_
 
+_NOT_ITS_WORD: Final = (
+    ("clock-off", -2.5, "its clock is off: it misreads goals, and its values are misread"),
+    ("last-bits", -2.5, "its bytes are misread at their end: goals and values alike"),
+    ("answers-mixed", -2.5, "two servos say where it is"),
+    ("answers-twice", -2.5, "two servos say where it is"),
+)
+"""What speaks against a joint's or a motor's fault: what is known of it is not its own."""
+
 WEIGHTS: Final = (
+    *(
+        weight
+        for cause in ("torque-off", "stall", "overload", "position-jump")
+        for weight in for_(cause, *_NOT_ITS_WORD)
+    ),
     *for_(
         "brownout",
         ("voltage-sag", 3.2, "its supply is measured low"),
@@ -148,6 +161,7 @@ WEIGHTS: Final = (
         ("refuses-command", -3.0, "it refuses what it is told"),
         ("joint-stalled", -2.0, "its motor pushes"),
         ("refuses-torque", -4.0, "it refuses to switch its torque on"),
+        ("writes-part", -2.5, "it is told half a goal"),
     ),
     *for_(
         "stall",
