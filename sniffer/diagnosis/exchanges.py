@@ -333,6 +333,14 @@ class Exchanges:
         """Rows of retries, the one that is not over among them."""
         return self.runs if self._run is None else [*self.runs, self._run]
 
+    def sizes(self) -> tuple[float, float]:
+        """Return how many bytes a request has on average, and an answer: what is longer is hit oftener."""
+        n, lengths = self.kinds.n, [len(one) for one in self.kinds.example]
+        asked = float(np.average(lengths, weights=n[: len(lengths)])) if n.sum() else 1.0
+        answers = self.answer_lengths
+        told = float(np.average(np.arange(len(answers)), weights=answers)) if answers.sum() else 1.0
+        return asked, told
+
     def waited(self) -> dict[str, I64]:
         """Return ``waits`` as columns, with ``servo_id`` and ``outcome``."""
         key, columns = self.waits.table()

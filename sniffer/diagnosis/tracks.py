@@ -183,7 +183,9 @@ class JointTrack:
         away: Mask = (gap > self.far) & ~comes
         # goals that pass over the place where it hangs: slow ones, for fast ones nobody follows
         means = self._slow_goals
-        low, high = _extremes(p, np.searchsorted(p.t, p.t - self._long_ns), np.arange(len(p)) + 1)
+        # where it was when the goals began to move, which may have been looked at a little before
+        since = np.maximum(np.searchsorted(p.t, p.t - self._long_ns) - 1, 0)
+        low, high = _extremes(p, since, np.arange(len(p)) + 1)
         away |= (means > 2 * self.far) & (high - low < FOLLOWS * means)
         return away & (looks >= LOOKS - 1)
 

@@ -36,7 +36,7 @@ FINDINGS: Final = (
         "line-babbles",
         "line",
         "The line falls all the time, for moments, and no frame gets by meanwhile.",
-        "Quarters of a second with 120 bytes and more that are short falls of an idle line, which hold nearly all of them, and in which few frames get by; without a clock: rows of sixteen bytes and more, nearly all ones.",
+        "Quarters of a second with 120 bytes and more that are short falls of an idle line, which hold nearly all of them, with hardly any between, and in which few frames get by; without a clock: rows of sixteen bytes and more, nearly all ones.",
     ),
 )
 
@@ -57,7 +57,7 @@ BYTES: Final = 16
 MANY: Final = 64
 """Bytes of FF that are too many for short falls of the line."""
 
-STOPS: Final = 0.75
+STOPS: Final = 0.9
 """Part of the usual frames that may get by in a quarter second in which the line babbles."""
 
 DENSE: Final = 120
@@ -69,6 +69,11 @@ SOME: Final = 25
 
 NEARLY_ALL: Final = 0.95
 """Part of all falls that must be in such moments: it babbles, or it is well."""
+
+FADES: Final = 5
+FADING: Final = 0.1
+"""Quarters of a second with some falls, apart from those that are full of them, and how many there
+may be for each of those: what comes with the motors comes in every strength."""
 
 FALLS: Final = frozenset(0xFF << k & 0xFF for k in range(9))
 """Bytes of one rising edge: what a UART makes of a line that falls low for a moment."""
@@ -172,7 +177,8 @@ def _falls(case: Case) -> tuple[Sequence[Damage], str]:
     if dense.sum() < TWICE or falls[falls >= SOME].sum() < NEARLY_ALL * falls.sum():
         return (), ""
     let_by = float(frames[full].mean())
-    if let_by > STOPS * usual:
+    beside = np.convolve(full, np.ones(3, np.int64), "same") > 0
+    if let_by > STOPS * usual or (~beside & (falls >= FADES)).sum() > FADING * full.sum():
         return (), ""
     rows = [d for d, k in zip(torn, at.tolist(), strict=True) if full[k]]
     per_s = falls[full].mean() * NS / BUCKET_NS

@@ -89,6 +89,10 @@ PLENTY: Final = 12
 """So many places are beyond doubt."""
 
 
+ONE_WAY: Final = 0.6
+"""How much it counts that chance may have hit answers only, or requests only, so few they are."""
+
+
 def who_is_damaged(case: Case) -> Iterator[Finding]:
     """Tell whose frames are damaged: some servos' answers, all answers, all requests, or all."""
     d = case.damage
@@ -122,7 +126,7 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
             f"{torn[servo]} of {answered[servo]} answers of servo {servo} are damaged, and "
             f"{rest} of {frames} other frames",
             f"{torn[servo]} answers of servo {servo} damaged",
-            sureness(chance),
+            max(sureness(chance), 0.5),
         )
     torn = {s: n for s, n in torn.items() if s not in few}
     answered = {s: n for s, n in answered.items() if s not in few}
@@ -131,7 +135,8 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
         return
     answers = sum(answered.values())
     rows = in_request | (in_reply & ~np.isin(d["servo_id"], few))
-    share = answers / max(answers + requests, 1)
+    sizes = case.ledger.exchanges.sizes()
+    share = answers * sizes[1] / max(answers * sizes[1] + requests * sizes[0], 1)
     what = (
         f"{left} of {answers} answers of {counted(len(answered), 'servo')} and "
         f"{asked_torn} of {requests} requests are damaged"
@@ -141,7 +146,9 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
     elif asked_torn >= LEAST and at_least(asked_torn, left + asked_torn, 1 - share) < CHANCE:
         yield _damage(case, rows, "damage-in-requests", None, what, "requests damaged")
     else:
-        yield _damage(case, rows, "damage-everywhere", None, what, "frames damaged")
+        sure = min(0.5 + (left + asked_torn) / (2 * PLENTY), 1.0)
+        sure *= 1.0 if left and asked_torn else ONE_WAY
+        yield _damage(case, rows, "damage-everywhere", None, what, "frames damaged", sure)
 
 
 def _few(
@@ -256,7 +263,7 @@ def _damage(
                 strict=True,
             )
         ),
-        strength=min(0.5 + n / (2 * PLENTY), 1.0) if strength is None else max(strength, 0.5),
+        strength=min(0.5 + n / (2 * PLENTY), 1.0) if strength is None else strength,
         brief=brief,
         values=(("torn", n),),
     )

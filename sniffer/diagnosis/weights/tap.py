@@ -93,6 +93,8 @@ WEIGHTS: Final = (
                 "loop-jitters",
                 "goal-jump",
                 "joint-not-following",
+                "joint-limp",
+                "joint-stalled",
                 "joint-limp-after-restart",
                 "unrelated-periods",
             )
