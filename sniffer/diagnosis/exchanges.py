@@ -334,7 +334,7 @@ class Exchanges:
         return self.runs if self._run is None else [*self.runs, self._run]
 
     def sizes(self) -> tuple[float, float]:
-        """Return how many bytes a request has on average, and an answer: what is longer is hit oftener."""
+        """Return how many bytes a request has on average, and an answer."""
         n, lengths = self.kinds.n, [len(one) for one in self.kinds.example]
         asked = float(np.average(lengths, weights=n[: len(lengths)])) if n.sum() else 1.0
         answers = self.answer_lengths

@@ -94,6 +94,7 @@ def twins(case: Case) -> Mapping[int, Twin]:
     known = case.ledger.damages.likes.known
     begins = _beginnings(case)
     requests = tuple(dict.fromkeys(case.ledger.exchanges.kinds.example))
+    belated = {d.at for d in late_answers(case)}
     for d in case.damages:
         mine = found.get(d.servo_id)
         if d.turn == IN_REPLY and d.is_answered and mine is not None:
@@ -101,11 +102,8 @@ def twins(case: Case) -> Mapping[int, Twin]:
             if asks <= _common(d.got, begins.get(d.servo_id, b"")):  # else a request was torn
                 mine.torn.append(d)
         earlier = found.get(d.earlier_id)
-        if earlier is not None and d.earlier_id != d.servo_id and d.turn not in (AT_TURN, IN_IDLE):
-            theirs = begins.get(d.earlier_id, b"")
-            others = [b for s, b in begins.items() if s != d.earlier_id]
-            if _begins_like(d.got, theirs, [*others, *requests]):
-                earlier.foreign.append(d)
+        if earlier is not None and d.at not in belated and _is_foreign(d, begins, requests):
+            earlier.foreign.append(d)
     late = _late_twins(case)
     strays = [d for d in case.damages if d.turn == AT_TURN]
     torn = [d for d in case.damages if d.turn == IN_REQUEST]
@@ -138,6 +136,30 @@ def twins(case: Case) -> Mapping[int, Twin]:
         if twin is not surest:  # what stands at others' places is one twin's, not several's
             twin.stray, twin.foreign, twin.crossed = [], [], []
     return {s: t for s, t in found.items() if _is_twin(case, t)}
+
+
+def late_answers(case: Case) -> Sequence[Damage]:
+    """Return torn places that begin as the answer to the request before the last one.
+
+    That one stands right before the last, with nothing between: it is its one and only answer.
+    """
+    begins, kinds = _beginnings(case), case.ledger.exchanges.kinds
+    requests = tuple(dict.fromkeys(kinds.example))
+    ends = {f.at + f.length: f for f in case.ledger.exchanges.failed}
+    out = []
+    for d in case.damages:
+        first = ends.get(d.at - len(d.asked)) if d.turn == IN_REPLY and d.asked else None
+        if first is not None and first.servo_id == d.earlier_id:
+            out += [d] if _is_foreign(d, begins, requests) else []
+    return out
+
+
+def _is_foreign(d: Damage, begins: Mapping[int, bytes], requests: Sequence[bytes]) -> bool:
+    """Tell whether damage in another one's place begins as answers of the servo asked before."""
+    if d.earlier_id == d.servo_id or d.turn in (AT_TURN, IN_IDLE):
+        return False
+    others = [b for s, b in begins.items() if s != d.earlier_id]
+    return _begins_like(d.got, begins.get(d.earlier_id, b""), [*others, *requests])
 
 
 def _spare(case: Case, found: Mapping[int, Twin]) -> None:

@@ -101,7 +101,7 @@ def requests_run_together(case: Case) -> Iterator[Finding]:
         if not (case.twins and of_twins(case, d))
     ]
     known = tuple(dict.fromkeys(case.ledger.exchanges.kinds.example))
-    shared = _shared(known)
+    shared = header_of(known) if known else 0
     into = [d for d in torn if d.turn == IN_REQUEST and _is_two(d, known, known, shared)]
     answers = [
         d for d in torn if d.turn == IN_REPLY and d.alike and _is_two(d, d.alike, known, shared)
@@ -140,9 +140,10 @@ def _is_two(d: Damage, firsts: Iterable[bytes], seconds: Sequence[bytes], shared
     )
 
 
-def _shared(known: Sequence[bytes]) -> int:
+def header_of(known: Iterable[bytes]) -> int:
     """Return how many first bytes all requests share: a header tells nothing."""
-    return min((alike(known[0], other) for other in known[1:]), default=0)
+    one, *others = known
+    return min((alike(one, other) for other in others), default=0)
 
 
 def streams_apart(case: Case) -> Iterator[Finding]:

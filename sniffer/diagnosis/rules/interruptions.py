@@ -4,23 +4,27 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.crossings import header_of
 from sniffer.diagnosis.rules.losses import alike, is_altered
 from sniffer.diagnosis.rules.order import Order
-from sniffer.ground.codes import DAMAGED
+from sniffer.ground.codes import DAMAGED, RESPONSE
 from sniffer.ground.model import Clock
 from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Collection, Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.rules import Rule
+    from sniffer.ground.model import I64
 
 FINDINGS: Final = (
     FindingCode(
@@ -42,7 +46,8 @@ FINDINGS: Final = (
         "controller",
         "Behind a torn answer the request that always follows is missing: it was said into the answer.",
         "The kinds of requests in the order in which this controller makes them: where an answer is "
-        "torn that lacks no bytes, one is left out.",
+        "torn that lacks no bytes, or bytes stand behind one that end as the missing one does, one is "
+        "left out.",
     ),
     FindingCode(
         "answers-spoken-into",
@@ -128,7 +133,8 @@ def request_in_answer(case: Case) -> Iterator[Finding]:
     if not places:
         return
     known = {*case.ledger.exchanges.kinds.example, *(d.asked for d in places)}
-    torn = [d for d in places if _holds_request(d, known)]
+    header = header_of(known)
+    torn = [d for d in places if _holds_request(d, known, header)]
     if len(torn) < ENOUGH or len(torn) < PART_TORN * len(places):
         return
     yield Finding(
@@ -179,6 +185,51 @@ def swallowed(case: Case) -> Iterator[Finding]:
     )
 
 
+def swallowed_behind(case: Case) -> Iterator[Finding]:
+    """Requests that are missing where bytes stand behind an answer, and whose last byte ends them.
+
+    A bare answer that is spoken into holds as it is: what is left of the request is noise.
+    """
+    if not case.has_clock or case.latency_ns > LATENCY_NS:
+        return
+    order, kinds = Order(case), case.ledger.exchanges.kinds
+    stretches = case.ledger.exchanges.moments.stretches()
+    judged, shown = 0, []
+    for d in case.damages:
+        if d.behind != RESPONSE or not 0 <= d.since_ns <= case.ledger.byte_ns or not d.got:
+            continue
+        pair = _around(d.t_ns, stretches)
+        if pair is None or min(pair) < 0 or pair[0] not in order.usual:
+            continue
+        judged += 1
+        missing = [k for k in order.usual[pair[0]] if k >= 0 and kinds.example[k][-1] == d.got[-1]]
+        if missing and order.skips_one(*pair):
+            shown.append(d)
+    if len(shown) < ENOUGH or len(shown) < SHARE * judged:
+        return
+    yield Finding(
+        "request-swallowed",
+        None,
+        shown[0].t_ns,
+        shown[-1].t_ns,
+        len(shown),
+        f"{len(shown)} of {judged} times bytes stand behind an answer, the request is missing that comes "
+        "next in this controller's order, and its last byte ends them",
+        tuple(Place(d.at, d.length, d.t_ns, "what is left of a request") for d in shown[:3]),
+        strength=min(0.5 + len(shown) / 10, 1.0),
+        brief="requests are missing behind answers",
+    )
+
+
+def _around(t_ns: int, stretches: Sequence[tuple[I64, I64]]) -> tuple[int, int] | None:
+    """Return the kinds of the requests before and behind a moment; None: they are not kept."""
+    for t, kind in stretches:
+        row = int(np.searchsorted(t, t_ns, "right"))
+        if 0 < row < len(t):
+            return int(kind[row - 1]), int(kind[row])
+    return None
+
+
 def _is_in_one_go(case: Case, d: Damage, asked_ns: int) -> bool:
     """Tell whether no bytes are missing in damage behind a request.
 
@@ -191,14 +242,17 @@ def _is_in_one_go(case: Case, d: Damage, asked_ns: int) -> bool:
     return d.t_ns - asked_ns <= begins + whole + case.latency_ns
 
 
-def _holds_request(d: Damage, known: Iterable[bytes]) -> bool:
-    """Tell whether damage begins or ends as a request, and not as the answer that is due."""
+def _holds_request(d: Damage, known: Collection[bytes], header: int) -> bool:
+    """Tell whether damage begins or ends as a request, and not as the answer that is due.
+
+    ``header`` is how many first bytes all requests share: answers have them, too.
+    """
     if any(is_altered(d.got, q) or q.startswith(d.got) for q in known):
         return False  # nothing but a request that is torn
     tail, head = alike(d.got[::-1], d.expected[::-1]), alike(d.got, d.expected)
     for request in known:
         ends, begins = alike(d.got[::-1], request[::-1]), alike(d.got, request)
-        if ends >= max(TAIL, tail + MORE) or begins >= max(TAIL, head + MORE):
+        if ends >= max(TAIL, tail + MORE) or begins >= max(TAIL, head + MORE, header + 1):
             return True
     return False
 
@@ -246,5 +300,11 @@ def _is_spoken_into(d: Damage, some: tuple[bytes, ...]) -> bool:
     return is_known and len(wrong) >= LONG and len(heard) >= 2
 
 
-RULES: Final[tuple[Rule, ...]] = (overlapping, request_in_answer, swallowed, spoken_into)
+RULES: Final[tuple[Rule, ...]] = (
+    overlapping,
+    request_in_answer,
+    swallowed,
+    swallowed_behind,
+    spoken_into,
+)
 """The rules of this area."""

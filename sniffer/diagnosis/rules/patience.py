@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.twins import late_answers
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
 from sniffer.ground.model import NEVER_NS, NS
 
@@ -30,7 +32,8 @@ FINDINGS: Final = (
         "controller",
         "Answers come when the controller has asked something else already.",
         "`late-response` for requests behind which the next one came within the manual's window; or "
-        "answers that come behind the next request time and again, each of which was waited with.",
+        "answers that come behind the next request time and again, each of which was waited with; or torn "
+        "ones that begin as that of the servo asked right before, whose own place is empty.",
     ),
     FindingCode(
         "retry-storm",
@@ -176,6 +179,31 @@ def after_next(case: Case) -> Iterator[Finding]:
         )
 
 
+def belated(case: Case) -> Iterator[Finding]:
+    """Answers in the place of the next one's, to a controller that did not wait for them."""
+    waits = case.ledger.exchanges.waited()
+    late = late_answers(case)
+    hasty = {
+        servo: int(waits["hasty"][waits["servo_id"] == servo].sum())
+        for servo in {d.earlier_id for d in late}
+    }
+    late = [d for d in late if case.has_clock and 2 * hasty[d.earlier_id] >= HABIT]
+    if len(late) < max(OVERLAPS, PART_TORN * sum(d.turn == IN_REPLY for d in case.damages)):
+        return
+    yield Finding(
+        "answers-after-next",
+        None,
+        late[0].t_ns,
+        late[-1].t_ns,
+        len(late),
+        f"{len(late)} torn answers begin as that of the servo asked before, whose request had none, and "
+        "the next one came before it was due",
+        tuple(Place(d.at, d.length, d.t_ns, "the answer to the request before") for d in late[:3]),
+        strength=min(0.5 + len(late) / 20, 1.0),
+        brief="answers come behind the next request",
+    )
+
+
 def _shortest(case: Case) -> dict[int, int]:
     """Return the shortest time, in ns, within which sound answers are over, by kind of request."""
     spans = case.ledger.exchanges.spans
@@ -250,5 +278,5 @@ def absent_costs(case: Case) -> Iterator[Finding]:
         )
 
 
-RULES: Final[tuple[Rule, ...]] = (hasty, hurried, after_next, retry_storms, absent_costs)
+RULES: Final[tuple[Rule, ...]] = (hasty, hurried, after_next, belated, retry_storms, absent_costs)
 """The rules of this area."""

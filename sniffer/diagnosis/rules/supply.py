@@ -24,7 +24,7 @@ FINDINGS: Final = (
         "voltage-sag",
         "device",
         "The supply voltage that a servo measures falls far below what it usually is, or below its limit.",
-        "A voltage more than an eighth below what the servo has for most of the time, or its peers; it counts in full from a quarter on, or below the servo's own limit.",
+        "A voltage more than an eighth below what the servo has for most of the time, or its peers, and no less than it can speak with; it counts in full from a quarter on, or below the servo's own limit.",
     ),
     FindingCode(
         "supply-steady",
@@ -57,6 +57,9 @@ SHALLOW: Final = 0.10
 """At this part it counts for nothing: of a sixth alone, with no complaint and no silence, no engineer
 would say that a supply breaks down."""
 
+ALIVE: Final = 0.35
+"""Below this part of its usual voltage a servo says nothing any more: who states it was misread."""
+
 USUALLY: Final = 0.75
 """The voltage that is reached for a quarter of the time is that without load."""
 
@@ -80,7 +83,9 @@ def voltage_sag(case: Case) -> Iterator[Finding]:
             continue
         normal = peers if usual[servo] < APART * peers else usual[servo]
         limit = _limit(case, servo)
-        low = np.flatnonzero((v.low < (1 - SAG) * normal) | (v.low < limit))
+        low = np.flatnonzero(
+            (v.low >= ALIVE * normal) & ((v.low < (1 - SAG) * normal) | (v.low < limit))
+        )
         if not len(low) or (len(v) < 2 and normal == usual[servo]):
             continue
         yield _sag(case, servo, v, low, normal, limit)

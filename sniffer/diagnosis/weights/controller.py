@@ -21,13 +21,15 @@ WEIGHTS: Final = (
             cause, ("same-bytes-torn", -8.0, "the same bytes, and never whole: they were sent so")
         )
     ),
-    *(weight for cause in ("bus-noise", "bad-cable", "emi-load") for weight in for_(cause, _MIXED)),
+    *(
+        weight
+        for cause in ("bus-noise", "bad-cable", "emi-load", "signal-integrity", "clock-drift")
+        for weight in for_(cause, _MIXED)
+    ),
     *(
         weight
         for cause in (
-            "signal-integrity",
             "turnaround",
-            "clock-drift",
             "line-stuck",
             "duplicate-id",
             "chatty-device",
@@ -48,9 +50,13 @@ WEIGHTS: Final = (
             "emi-load",
             "clock-drift",
             "servo-reset-loop",
-            "duplicate-id",
         )
         for weight in for_(cause, *_SPEAKS_INTO)
+    ),
+    *for_(
+        "duplicate-id",
+        ("request-swallowed", -5.0, "what stands there is a request: the one that is missing"),
+        ("hasty-request", -3.0, "the controller does not wait for the answers that are missing"),
     ),
     *for_(
         "impatient-controller",
