@@ -190,7 +190,7 @@ def swallowed_behind(case: Case) -> Iterator[Finding]:
 
     A bare answer that is spoken into holds as it is: what is left of the request is noise.
     """
-    if not case.has_clock or case.latency_ns > LATENCY_NS:
+    if case.has_checksum or not case.has_clock or case.latency_ns > LATENCY_NS:
         return
     order, kinds = Order(case), case.ledger.exchanges.kinds
     stretches = case.ledger.exchanges.moments.stretches()
@@ -202,8 +202,9 @@ def swallowed_behind(case: Case) -> Iterator[Finding]:
         if pair is None or min(pair) < 0 or pair[0] not in order.usual:
             continue
         judged += 1
-        missing = [k for k in order.usual[pair[0]] if k >= 0 and kinds.example[k][-1] == d.got[-1]]
-        if missing and order.skips_one(*pair):
+        due = [kinds.example[k] for k in order.usual[pair[0]] if k >= 0]
+        left = [one for one in due if d.length < len(one) and d.got[-1] == one[-1]]
+        if left and order.skips_one(*pair):
             shown.append(d)
     if len(shown) < ENOUGH or len(shown) < SHARE * judged:
         return

@@ -247,6 +247,18 @@ WEIGHTS: Final = (
         ("limp-by-status", 0.4, "it refuses to switch its torque on"),
         ("device-alarm", 0.3, "it reports what its manual does not name"),
         ("device-recovered", 0.1, "it does not refuse everything"),
+        *(
+            (code, -1.5, "what is torn and holds says anything")
+            for code in (
+                "damage-everywhere",
+                "damage-in-answers",
+                "damage-one-servo",
+                "strays-anywhere",
+                "strays-at-turn",
+                "doubtful-value",
+                "answers-twice",
+            )
+        ),
     ),
     *for_(
         "chatty-device",

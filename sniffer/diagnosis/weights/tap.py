@@ -62,7 +62,6 @@ WEIGHTS: Final = (
                 "last-bits",
                 "first-byte-torn",
                 "last-byte-torn",
-                "line-error",
                 "value-out-of-range",
                 "doubtful-value",
                 "echo-mismatch",
@@ -118,6 +117,8 @@ WEIGHTS: Final = (
         ("away-for-a-while", 0.2, "answers in a row are missing here"),
         ("hasty-request", -2.0, "the controller itself cuts answers"),
         ("request-in-answer", -2.0, "two senders at once"),
+        ("line-error", -2.5, "bytes that are lost leave the others with their stop bits"),
+        ("line-break", -1.5, "bytes that are lost leave the others with their stop bits"),
     ),
     *for_(
         "tap-swapped",
@@ -159,7 +160,7 @@ WEIGHTS: Final = (
         ("headless-frames", -2.0, "pieces stand alone, nobody spoke beside them"),
         ("bytes-lost", -1.5, "the tap's driver counted losses"),
         ("adapter-echo", -2.0, "the adapter hears what it sends"),
-        ("pieces-complete", -3.5, "what runs together is altered"),
+        ("pieces-complete", -1.5, "what runs together is altered where it does"),
     ),
     *(
         weight
