@@ -28,14 +28,16 @@ FINDINGS: Final = (
         "timing",
         "The controller's loop stops for several cycles, and goes on.",
         "Pauses before requests that come without one in nearly every cycle, longer than two usual "
-        "pauses beyond what the stamps leave open, with no missing answer or damage in them.",
+        "pauses, and than two of those before the same request, beyond what the stamps leave open, with "
+        "no missing answer or damage in them.",
     ),
     FindingCode(
         "loop-jitters",
         "timing",
         "The controller's loop is uneven: its cycles differ by half their length and more.",
         "The times between like requests: how far those at 5 % and at 95 % are from the middle, twice the "
-        "lesser of both, less what the stamps leave open; hardly any answer is missing.",
+        "lesser of both, less what the stamps leave open; not three periods that hold most of them; hardly "
+        "any answer is missing.",
     ),
     FindingCode(
         "bus-full",
@@ -79,6 +81,10 @@ CYCLES: Final = 40
 LONGER: Final = 2.0
 STALL_NS: Final = 10 * MS
 """A stall is so many usual pauses and so much longer: a cycle that was missed, not one that is late."""
+
+REGIMES: Final = 0.75
+"""Part of the cycles in three periods: a program that does one thing, then another, has some; a loop
+that trembles has all between."""
 
 OFTEN: Final = 0.15
 """Share of the requests of one kind that may have a stall before them; more is the program's way."""
@@ -158,10 +164,23 @@ def _cycle(case: Case, key: int) -> tuple[int, int, int, int, int] | None:
     low, middle, high = (periods.at(key, share) for share in (EDGE, 0.5, 1 - EDGE))
     if low is None or middle is None or high is None or periods.count(key) < CYCLES:
         return None
+    if _lumps(periods.counts(key)) >= REGIMES:
+        return None
     # Pauses make cycles longer and none shorter: what is uneven is so on both sides.
     side = min(middle.low - low.high, high.low - middle.high)
     spread = max(2 * side - 2 * case.latency_ns, 0)
     return spread, middle.high, low.high, high.low, periods.count(key)
+
+
+def _lumps(bins: I64) -> float:
+    """Return the part of all cycles that the fullest three periods have, each 3 % to both sides."""
+    left, held = bins.copy(), 0
+    for _ in range(3):
+        wide = np.convolve(left, np.ones(5, np.int64), "same")
+        top = int(wide.argmax())
+        held += int(wide[top])
+        left[max(top - 2, 0) : top + 3] = 0
+    return held / max(int(bins.sum()), 1)
 
 
 def _failing(case: Case) -> int:
@@ -192,6 +211,7 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
         p
         for p in stalls
         if before[p.next_kind] <= OFTEN * kinds.n[p.next_kind]
+        and p.sure_ns >= LONGER * _usual_before(case, p.next_kind)
         and not _explained(p, damaged, usual)
         and not order.leaves_out(p.kind, p.next_kind)  # what is missing was not heard
     ]
@@ -224,6 +244,14 @@ def _in_the_loop(case: Case, pause: Pause, usual: float) -> bool:
         return False
     begun = max(kinds.t_first[pause.kind], kinds.t_first[pause.next_kind])
     return begun <= pause.t_ns - 4 * usual
+
+
+def _usual_before(case: Case, kind: int) -> int:
+    """Return how long the rests before one kind of request are that are no outliers; 0: short ones."""
+    exchanges = case.ledger.exchanges
+    rests = [p.sure_ns for p in exchanges.pauses if p.next_kind == kind]
+    rank = int(OFTEN * exchanges.kinds.n[kind])
+    return rests[rank] if rank < len(rests) else 0
 
 
 def _damaged_at(case: Case) -> I64:
