@@ -97,7 +97,7 @@ def twins(case: Case) -> Mapping[int, Twin]:
     belated = {d.at for d in late_answers(case)}
     for d in case.damages:
         mine = found.get(d.servo_id)
-        if d.turn == IN_REPLY and d.is_answered and mine is not None:
+        if d.turn == IN_REPLY and d.is_answered and mine is not None and d.at not in belated:
             asks = max((_common(d.got, one) for one in requests), default=0)
             if asks <= _common(d.got, begins.get(d.servo_id, b"")):  # else a request was torn
                 mine.torn.append(d)

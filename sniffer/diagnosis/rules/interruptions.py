@@ -225,7 +225,7 @@ def swallowed_behind(case: Case) -> Iterator[Finding]:
 def _around(t_ns: int, stretches: Sequence[tuple[I64, I64]]) -> tuple[int, int] | None:
     """Return the kinds of the requests before and behind a moment; None: they are not kept."""
     for t, kind in stretches:
-        row = int(np.searchsorted(t, t_ns, "right"))
+        row = int(np.searchsorted(t, t_ns))
         if 0 < row < len(t):
             return int(kind[row - 1]), int(kind[row])
     return None

@@ -1,0 +1,197 @@
+"""What is sound and looks like a fault, and faults that look like others: what tells them apart."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+
+import pytest
+
+from sniffer.diagnosis.clocks import clock_of
+from sniffer.diagnosis.uart import heard as as_heard
+from sniffer.diagnosis.uart import sent
+from tests.conversations import Conversation, robot, swinging
+from tests.diagnosed import codes, verdicts
+from tests.servos import BEGAN_NS, heard
+from tests.streams import mightyzap, rs30x
+from tests.test_diagnosis_findings import volts
+from tests.test_diagnosis_tap import one_wire
+
+STATE, LOAD_AT = 0x8C, 4
+"""Where a mightyZAP tells position, speed and load, and where among these the load stands."""
+
+
+# ------------------------------------------------------------------------------ sound conversations
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "wck"])
+def test_one_program_with_two_timers_is_no_second_controller(protocol: str) -> None:
+    talk = Conversation(protocol)
+    due = {1: 0.0, 2: 0.0}
+    while talk.now_s < 12:
+        servo = min(due, key=lambda s: due[s])
+        talk.until(due[servo])
+        talk.read(servo, swinging(servo, talk.now_s))
+        due[servo] += {1: 0.02, 2: 0.0473}[servo]
+    assert "streams-apart" in codes(talk.diagnosed())
+    assert not talk.diagnosed().incidents()
+
+
+def test_looking_for_servos_under_all_ids_again_and_again_is_no_fault() -> None:
+    talk = Conversation("mightyzap")
+    for _ in range(6):
+        for servo in range(1, 40):
+            if servo <= 3:
+                talk.read(servo, 0.5)
+            else:
+                talk.ask_in_vain(servo, 8)
+        for _ in range(60):
+            talk.until(talk.now_s + 0.04)
+            for servo in (1, 2, 3):
+                talk.read(servo, 0.5)
+    assert not talk.diagnosed().incidents()
+
+
+def test_rests_of_any_length_before_each_move_are_the_programs_way() -> None:
+    rng = random.Random(2)
+    talk = Conversation("mightyzap")
+    for _ in range(40):
+        for servo in (1, 2, 3):
+            place = rng.random()
+            talk.send(servo, place)
+            talk.rest(rng.choice((5, 30, 60)))
+            talk.read(servo, place)
+        talk.rest(rng.uniform(200, 800))
+    assert not talk.diagnosed(
+        replace(c, t_ns=(c.t_ns or 0) // 1000 * 1000) for c in talk.chunks
+    ).incidents()
+
+
+def loaded(every_s: float, load: int) -> list[tuple[float, bytes]]:
+    """Return a mightyZAP that is looked at so often; it bears something from 4 s to 8 s."""
+    out = []
+    for k in range(round(14 / every_s)):
+        t = k * every_s
+        now = load if 4 <= t < 8 else 60
+        out += mightyzap_state(t, [2000 + k % 3, 0, now])
+    return out
+
+
+def mightyzap_state(t: float, words: list[int]) -> list[tuple[float, bytes]]:
+    data = b"".join(word.to_bytes(2, "little") for word in words)
+    asked = mightyzap.packet(1, 0xF2, bytes((STATE, len(data))))
+    return [(t, asked), (t + 0.004, mightyzap.packet(1, 0, data))]
+
+
+def test_a_load_that_is_borne_for_seconds_is_an_overload() -> None:
+    assert verdicts(heard(loaded(0.1, 900), "mightyzap").incidents()) == [("overload", (1,))]
+
+
+def test_loads_at_single_looks_are_the_starts_of_moves() -> None:
+    assert "load-high" not in codes(heard(loaded(0.7, 900), "mightyzap"))
+
+
+def test_a_sixth_of_the_supply_under_load_is_no_breakdown() -> None:
+    d = heard(volts(*[12.0] * 40, 10.1, 10.2, *[12.0] * 40), "mightyzap")
+    assert not d.incidents()
+
+
+def test_a_voltage_at_which_no_servo_speaks_was_misread() -> None:
+    d = heard(volts(*[12.0] * 40, 1.8, *[12.0] * 40), "mightyzap")
+    assert "voltage-sag" not in codes(d)
+
+
+# ------------------------------------------------------------------------- faults that look alike
+
+
+def test_an_answer_in_the_next_ones_place_is_late_and_no_second_one() -> None:
+    """The controller asks the next servo before the answer is due; the next but one tears it."""
+    talk = Conversation("rs30x")
+    for cycle in range(120):
+        talk.until(cycle / 25)
+        hasty = cycle >= 30
+        for servo in (1, 8):
+            talk.say(talk.tongue.ask(servo))
+            if not hasty:
+                talk.rest(3)
+                talk.say(talk.tongue.answer(servo, swinging(servo, talk.now_s)))
+                talk.rest(0.5)
+            elif servo == 1:
+                talk.rest(2)
+        if hasty:
+            talk.rest(0.6)
+            late = talk.tongue.answer(1, swinging(1, talk.now_s))
+            talk.say(late[:-2] + bytes((late[-2] & 0x1E,)))
+            talk.rest(1.5)
+            talk.say(talk.tongue.answer(8, swinging(8, talk.now_s)))
+    told = talk.diagnosed()
+    assert "answers-after-next" in codes(told)
+    assert "answers-twice" not in codes(told)
+    assert verdicts(told.incidents()) == [("impatient-controller", ())]
+
+
+def test_what_is_left_of_a_request_behind_a_bare_answer_is_the_missing_one() -> None:
+    lost = 0
+
+    def into(talk: Conversation, cycle: int, servo: int) -> bool:
+        nonlocal lost
+        if lost:
+            lost -= 1
+            return True
+        if cycle < 100 or cycle % 3 or servo != 1:
+            return False
+        lost = 1
+        request = talk.tongue.ask(2)
+        talk.say(talk.tongue.ask(1))
+        talk.rest(0.3)
+        talk.say(talk.tongue.answer(1, 0.5) + request[-1:])
+        return True
+
+    told = robot("wck", 8, instead=into, goals=False).diagnosed()
+    assert "request-swallowed" in codes(told)
+    assert verdicts(told.incidents()) == [("impatient-controller", ())]
+
+
+@pytest.mark.parametrize("lost", [b"", b"\xff\xff\xff"])
+def test_a_request_without_its_first_byte_alone_was_not_lost_by_the_tap(lost: bytes) -> None:
+    talk, rng, torn = robot("mightyzap", 10, goals=False), random.Random(3), []
+    asks = {talk.tongue.ask(servo) for servo in (1, 2, 3)}
+    for chunk in one_wire(talk):
+        hit = chunk.data in asks and rng.random() < 0.05
+        torn.append(replace(chunk, data=lost or chunk.data[1:]) if hit else chunk)
+    assert "requests-torn-short" not in codes(talk.diagnosed(torn))
+
+
+def test_each_byte_of_a_slow_clock_may_be_sampled_sooner_or_later() -> None:
+    sound = tuple(b"*13QD%d\r" % n for n in (120, 131, 142))
+    early, late = (as_heard(sent(sound[0], 1.06, rise=0.24), m) for m in (0.5, 0.56))
+    mixed = bytes(b if k % 2 else a for k, (a, b) in enumerate(zip(early, late, strict=True)))
+    assert mixed not in (early, late)
+    found = clock_of(tuple((mixed, sound) for _ in range(4)))
+    assert found is not None
+    assert found.off > 0
+
+
+def test_a_joint_that_was_not_looked_at_while_it_moved_does_follow() -> None:
+    said = []
+    for k in range(240):
+        t = k / 20
+        place = 1000 if t < 6 else 3000
+        said.append((t, rs30x_goal(place)))
+        if not 5.5 < t < 6.6:  # what was said then was torn
+            said += rs30x_state(t + 0.01, place)
+    assert not heard(said, "rs30x").incidents(), BEGAN_NS
+
+
+def rs30x_goal(place: int) -> bytes:
+    return rs30x.write(1, 0x1E, (place // 10).to_bytes(2, "little", signed=True))
+
+
+def rs30x_state(t: float, place: int) -> list[tuple[float, bytes]]:
+    """Return a look at position, time, speed and current of a servo."""
+    words = (place // 10, 0, 0, 40)
+    data = b"".join(word.to_bytes(2, "little", signed=True) for word in words)
+    return [
+        (t, rs30x.packet(1, 0x0F, 0x2A, len(data), 0)),
+        (t + 0.003, rs30x.returned(1, 0x2A, data)),
+    ]
