@@ -139,6 +139,44 @@ def person(bench: Bench, rng: random.Random) -> Pattern:
         yield Pause(int(rng.lognormvariate(0.2, 0.9) * NS))
 
 
+def timers(bench: Bench, rng: random.Random) -> Pattern:
+    """Let one program do three things at three rates of their own, one at a time."""
+    dialect, ids = bench.dialect, bench.ids
+    jobs = (
+        (NS / rng.uniform(15, 40), lambda: dialect.move_all({i: bench.goal(i) for i in ids})),
+        (NS / rng.uniform(5, 13), lambda: [dialect.position(i) for i in ids]),
+        (NS * rng.uniform(0.3, 1.2), lambda: [dialect.health(i) for i in ids]),
+    )
+    due = [0.0] * len(jobs)
+    while True:
+        first = due.index(min(due))
+        yield Pause(until_ns=int(due[first]))
+        period, requests = jobs[first]
+        yield from (request for request in requests())
+        due[first] = max(due[first] + period, bench.now_ns)
+
+
+def sweeps(bench: Bench, ids: Sequence[int], *, patience_ns: int) -> Pattern:
+    """Ask the servos that are there, and every few seconds look for those that came."""
+    while True:
+        yield from scan(bench, ids, patience_ns=patience_ns)
+        begin = bench.now_ns
+        while bench.now_ns < begin + 3 * NS:
+            for i in bench.ids:
+                yield bench.dialect.state(i)
+            yield Pause(20 * MS)
+
+
+def looks(bench: Bench, rng: random.Random) -> Pattern:
+    """Send each servo far, look at it once soon behind, and rest for as long as it takes."""
+    while True:
+        for body in bench.bodies.values():
+            yield bench.dialect.move(body, rng.uniform(0.1, 0.9))
+            yield Pause(rng.choice((5, 30, 60)) * MS)
+            yield bench.dialect.state(body.servo_id)
+        yield Pause(int(rng.uniform(0.2, 0.8) * NS))
+
+
 def with_pauses(pattern: Pattern, bench: Bench, rng: random.Random) -> Pattern:
     """Let a program rest for seconds now and then: somebody has stopped it, and goes on."""
     answer = b""

@@ -45,6 +45,12 @@ def _scan(it: Plan, bench: Bench, rng: random.Random) -> Pattern:
     return p.one_after_the_other(looking, p.start_up(bench), _loop()(it, bench, rng))
 
 
+def _sweeps(it: Plan, bench: Bench, rng: random.Random) -> Pattern:
+    del it
+    ids = [i for i in bench.dialect.ids if i <= max(30, *bench.ids)]
+    return p.sweeps(bench, ids, patience_ns=rng.choice((5, 12)) * MS + bench.dialect.delay_ns[1])
+
+
 def _pauses(it: Plan, bench: Bench, rng: random.Random) -> Pattern:
     return p.with_pauses(_loop(goals="each")(it, bench, rng), bench, rng)
 
@@ -69,6 +75,9 @@ PATTERNS: Final[Mapping[str, tuple[Build, Mapping[str, Any]]]] = {
     "still": (_loop(goals="each"), {}),
     "steps": (_loop(goals="each"), {}),
     "taught": (lambda it, bench, rng: p.taught(bench, rng, rate_hz=it.rate_hz / 5), {}),
+    "timers": (lambda it, bench, rng: p.timers(bench, rng), {}),
+    "sweeps": (_sweeps, {"seconds": (15, 25)}),
+    "looks": (lambda it, bench, rng: p.looks(bench, rng), {"seconds": (20, 40)}),
     "start-up": (
         lambda it, bench, rng: p.one_after_the_other(p.start_up(bench), _loop()(it, bench, rng)),
         {},
