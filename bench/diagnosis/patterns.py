@@ -11,7 +11,7 @@ from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
     import random
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
 FAST_HOST, USUAL_HOST, SLOW_HOST = (20 * US, 90 * US), (200 * US, 900 * US), (1 * MS, 5 * MS)
 """What a microcontroller, a compiled program and a script leave between two requests."""
@@ -142,7 +142,7 @@ def person(bench: Bench, rng: random.Random) -> Pattern:
 def timers(bench: Bench, rng: random.Random) -> Pattern:
     """Let one program do three things at three rates of their own, one at a time."""
     dialect, ids = bench.dialect, bench.ids
-    jobs = (
+    jobs: tuple[tuple[float, Callable[[], Sequence[Asked]]], ...] = (
         (NS / rng.uniform(15, 40), lambda: dialect.move_all({i: bench.goal(i) for i in ids})),
         (NS / rng.uniform(5, 13), lambda: [dialect.position(i) for i in ids]),
         (NS * rng.uniform(0.3, 1.2), lambda: [dialect.health(i) for i in ids]),

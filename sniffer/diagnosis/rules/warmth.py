@@ -158,6 +158,7 @@ def load(case: Case) -> Iterator[Finding]:
             continue
         usual = _usual(case, motor)
         m = motor.steady
+        levels: tuple[tuple[float, int], ...]
         if motor.full:
             levels = (
                 (BEARS * motor.full, LASTS_NS),
