@@ -45,7 +45,7 @@ FINDINGS: Final = (
         "load-high",
         "device",
         "A servo bears nearly all that it can, for long.",
-        "For one and a half seconds or longer, looked at twice a second and three times at least, a load of 80 % (for two seconds 60 %, for three 50 %, if that is four times what the servos of the bus usually have), or a current twice that of a motor that pushes.",
+        "For one and a half seconds or longer (one, and looked at seldomer, where the servo puts an end to it by an alarm), looked at twice a second and three times at least, a load of 80 % (for two seconds 60 %, for three 50 %, if that is four times what the servos of the bus usually have), or a current twice that of a motor that pushes.",
     ),
 )
 
@@ -71,6 +71,12 @@ LONGER_NS: Final = 2 * NS
 LONGEST_NS: Final = 3 * NS
 """How long it must be: a start and a hard stop take tenths of a second, a lift a second, and servos
 that save themselves from 80 % are shipped to bear that for two."""
+
+SAVED_NS: Final = NS
+SELDOM_NS: Final = 3 * NS // 2
+"""It takes less, and looks may be further apart, where the servo itself puts an end to it."""
+
+SAVES: Final = ("device-overload", "device-safe-mode", "device-overheating", "device-blocked")
 
 PLENTY_NS: Final = 5 * NS
 
@@ -168,9 +174,12 @@ def load(case: Case) -> Iterator[Finding]:
         else:
             levels = ((max(2 * motor.pushes_from, TIMES * usual), LASTS_NS),)
         stretches = next(filter(None, (_long(motor, m >= x, lasts) for x, lasts in levels)), [])
+        s = motor.series
+        if not stretches:
+            short = _long(motor, m >= levels[0][0], SAVED_NS, SELDOM_NS)
+            stretches = [x for x in short if _is_saved(case, servo, int(s.t[x[1] - 1]))]
         if not stretches:
             continue
-        s = motor.series
         longest_ns = max(int(s.t[b - 1] - s.t_first[a]) for a, b in stretches)
         most = float(max(motor.steady[a:b].mean() for a, b in stretches))
         still = _stands(case, servo, [(int(s.t_first[a]), int(s.t[b - 1])) for a, b in stretches])
@@ -192,10 +201,18 @@ def load(case: Case) -> Iterator[Finding]:
         )
 
 
-def _long(motor: Effort, heavy: Mask, least_ns: int) -> list[tuple[int, int]]:
+def _is_saved(case: Case, servo: int, end_ns: int) -> bool:
+    """Tell whether a servo complained when its load ended: it saved itself before it was enough."""
+    told = case.anomalies(*SAVES, servo_id=servo).t_ns
+    return bool((np.abs(told - end_ns) <= NS).any())
+
+
+def _long(
+    motor: Effort, heavy: Mask, least_ns: int, apart_ns: int = APART_NS
+) -> list[tuple[int, int]]:
     """Return the stretches that last, and were looked at often enough."""
     s = motor.series
-    edges = [0, *(np.flatnonzero(s.t_first[1:] - s.t[:-1] > APART_NS) + 1).tolist(), len(s)]
+    edges = [0, *(np.flatnonzero(s.t_first[1:] - s.t[:-1] > apart_ns) + 1).tolist(), len(s)]
     return [
         (first + a, first + b)
         for first, behind in itertools.pairwise(edges)
