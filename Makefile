@@ -27,7 +27,7 @@ QUICK := $(addprefix tests/test_, $(addsuffix .py, architecture detect golden ls
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-quick coverage lint format bench bench-diagnosis bench-live soak rig fuzz schemas captures golden shell clean
+.PHONY: help demo test test-quick coverage lint format bench bench-diagnosis bench-live soak rig fuzz schemas wireshark captures golden shell clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -80,6 +80,9 @@ $(PROTOC)/.done: Makefile
 	$(PROTOC_PYTHON) -m venv $(PROTOC)
 	$(PROTOC)/bin/python -m pip --disable-pip-version-check install --quiet $(PROTOC_TOOLS)
 	@touch $@
+
+wireshark: $(VENV)/.dev ## regenerate the dissector of Wireshark from engine, grammars and tables
+	$(BIN)/python -m sniffer.wireshark.tables sniffer/wireshark/files/servo.lua
 
 captures: $(VENV)/.dev ## regenerate sample_captures; read the diff before committing it
 	$(BIN)/python -m sniffer.simulation.captures sample_captures

@@ -101,6 +101,9 @@ RATE: Final = ", rate "
 NO_TIMES: Final = ", no times"
 """In an interface's description, where its times are only counted from the bytes."""
 
+WITHIN: Final = ", stamps within "
+"""In an interface's description, before how late its stamps may be, in ms."""
+
 HEAD: Final = struct.Struct(">IIBBH")
 """RTAC head: seconds and microseconds, event, control lines, footer."""
 

@@ -24,7 +24,7 @@ from sniffer.ground.codes import REQUEST
 from sniffer.ground.files import open_binary, writing
 from sniffer.ground.limits import OFFSET_END, number_in
 from sniffer.ground.model import NS, Clock, Direction
-from sniffer.ground.timing import byte_time_ns
+from sniffer.ground.timing import LATENCY_NS, byte_time_ns
 from sniffer.ground.wording import counted
 from sniffer.messages import OFFSET, TOOL
 from sniffer.pcapfile.blocks import interface, packet, section
@@ -37,6 +37,7 @@ from sniffer.pcapfile.layout import (
     PROTOCOLS,
     RATE,
     RTAC_SERIAL,
+    WITHIN,
     RtacEvent,
     RtacFooter,
     rtac,
@@ -184,13 +185,21 @@ class PcapngSink:
         how = pace.rate if pace and bus not in self._rates else STATED
         told = f"{name} servo bus, {baud} baud, 8N1"
         told += f"{RATE}{how}" if how != STATED else ""
-        told += NO_TIMES if parts[0][1].clock == Clock.NONE else ""
+        told += self._stamps(bus, parts[0][1].clock)
         facts = {f"protocol.{bus}": name}
         if self._session.get("rate") != ASSUMED or f"{SINCE}.{bus}" in self._session:
             facts[f"baud.{bus}"] = str(baud)
         return interface(
             RTAC_SERIAL, bus, told, speed=baud, since_s=own.since_s or 0, facts=_facts(facts)
         )
+
+    def _stamps(self, bus: str, clock: Clock) -> str:
+        """Return how late the stamps of a bus may be, in words that the dissector reads."""
+        if clock == Clock.NONE:
+            return NO_TIMES
+        known = self._session.get(f"latency_ns.{bus}", self._session.get("latency_ns", ""))
+        late = number_in(known, 0, NS)
+        return f"{WITHIN}{(LATENCY_NS[clock] if late is None else late) / 1e6:g} ms"
 
     def _rows(self, bus: str, parts: Sequence[Part]) -> list[_PacketRow]:
         """Return the packets of a pass, in the order of the stream, with their comments."""

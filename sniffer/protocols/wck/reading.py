@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class _Read:
+class ByteRead:
     """A register's value in a frame: the byte at ``at``, shifted and masked; or H3 and L7 there."""
 
     register: int
@@ -27,33 +27,38 @@ class _Read:
     mask: int = 0xFF
     servo: int | None = None
 
+    @property
+    def is_ten_bits(self) -> bool:
+        """Whether H3 and L7 stand there, whose value only the bus tells wholly."""
+        return self.register in (_GOAL_10BIT, _POSITION_10BIT)
+
 
 _GOAL_10BIT, _POSITION_10BIT = REGISTERS["goal_position_10bit"], REGISTERS["position_10bit"]
 _SYNC_KEYS: Final = 128
 """Key of a frame's shape: row of OPS * 2 + kind; of a synchronized move this plus its count."""
 
 
-def _bit_reads(bits: tuple[Bits, ...], at: int) -> list[_Read]:
-    out: list[_Read] = []
+def _bit_reads(bits: tuple[Bits, ...], at: int) -> list[ByteRead]:
+    out: list[ByteRead] = []
     shift = 8
     for b in bits:
         shift -= b.width
         if b.name in REGISTERS:
-            out.append(_Read(REGISTERS[b.name], at, shift, (1 << b.width) - 1))
+            out.append(ByteRead(REGISTERS[b.name], at, shift, (1 << b.width) - 1))
     return out
 
 
-def _byte_reads(names: tuple[str, ...], at: int) -> list[_Read]:
+def _byte_reads(names: tuple[str, ...], at: int) -> list[ByteRead]:
     named = {**REGISTERS, "target_h3": _GOAL_10BIT, "h3": _POSITION_10BIT}
     return [
-        _Read(named[name], at + i, mask=MASKS.get(name, 0xFF))
+        ByteRead(named[name], at + i, mask=MASKS.get(name, 0xFF))
         for i, name in enumerate(names)
         if name in named
     ]
 
 
-def _reads() -> list[list[_Read]]:
-    out: list[list[_Read]] = [[] for _ in range(_SYNC_KEYS + ID_BITS + 1)]
+def _reads() -> list[list[ByteRead]]:
+    out: list[list[ByteRead]] = [[] for _ in range(_SYNC_KEYS + ID_BITS + 1)]
     for i, op in enumerate(OPS):
         out[2 * i + REQUEST] = [
             *_bit_reads(op.data1, DATA1),
@@ -68,14 +73,24 @@ def _reads() -> list[list[_Read]]:
             read
             for k in range(count)
             for read in (
-                _Read(torque.register, torque.at, torque.shift, torque.mask, servo=k),
-                _Read(goal, PARAMS + k, servo=k),
+                ByteRead(torque.register, torque.at, torque.shift, torque.mask, servo=k),
+                ByteRead(goal, PARAMS + k, servo=k),
             )
         ]
     return out
 
 
 _READS: Final = _reads()
+
+
+def reads_of(op: int, kind: int, count: int = 0) -> list[ByteRead]:
+    """Return which registers the bytes of a command (row of OPS) or of its reply are, in order.
+
+    ``count`` is that of the targets of a synchronized move.
+    """
+    return _READS[_SYNC_KEYS + count if count else 2 * op + kind]
+
+
 _COUNT: Final = np.array([len(reads) for reads in _READS], np.int64)
 
 
@@ -118,7 +133,7 @@ def values(block: Block, frames: Frames, rows: I64, state: State) -> Values:
         for i, read in enumerate(_READS[k]):
             register[out + i] = read.register
             raw[out + i] = data[at + read.at] >> read.shift & read.mask
-            if read.register in (_GOAL_10BIT, _POSITION_10BIT):
+            if read.is_ten_bits:
                 raw[out + i] = raw[out + i] << 8 | data[at + read.at + 1]
             if read.servo is not None:
                 servo[out + i] = read.servo

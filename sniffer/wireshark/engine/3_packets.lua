@@ -1,0 +1,379 @@
+------------------------------------------------------------------------------------------- pairing
+
+-- The rules are the decoder's: what both carry must agree, servo and token (the key); of requests
+-- and answers of one key the last requests have the first answers, so that the answer of a retry is
+-- the retry's. A silence, `reach` bytes or sixteen other requests close a request.
+
+local DEPTH = 16
+local seen, buses  -- by frame number; by bus
+
+function P.init() seen, buses = {}, {} end
+
+local function new_bus()
+  return {state = {servos = {}}, offset = 0, asked = 0, open = {}, runs = {}, row = {}}
+end
+
+local function bind(request, answer, outcome)
+  if answer.request and answer.request.answer == answer then answer.request.answer = nil end
+  answer.request, answer.outcome = request, outcome
+  if request then request.answer = answer end
+end
+
+local function is_open(spec, q, r)
+  return r.start - q.stop <= spec.reach and r.asked - q.asked < DEPTH
+end
+
+local function names(q, id) return id == q.frame.id or q.frame.alt == true or (id and q.frame.alt == id) end
+
+local function fits(q, r)
+  return names(q, r.frame.id) and (r.frame.token == nil or r.frame.token == q.frame.token)
+end
+
+local function key_of(id, token) return (id or "") .. "|" .. (token or "") end
+
+local function enter(bus, q, key)  -- a request into the run of its key, in order
+  local run = bus.runs[key]
+  if not run or #run.answers > 0 then
+    run = {requests = {}, answers = {}}
+    bus.runs[key] = run
+  end
+  q.key = key
+  local at = #run.requests + 1
+  while at > 1 and run.requests[at - 1].number > q.number do at = at - 1 end
+  table.insert(run.requests, at, q)
+end
+
+local function ask(spec, bus, q)
+  local f = q.frame
+  bus.open[#bus.open + 1] = q
+  if #bus.open > 4 * DEPTH then
+    local kept = {}
+    for i = #bus.open - 2 * DEPTH, #bus.open do kept[#kept + 1] = bus.open[i] end
+    bus.open = kept
+  end
+  if f.many then
+    for key in pairs(bus.runs) do
+      if key:match("|(.*)$") == f.token then bus.runs[key] = nil end
+    end
+  elseif not f.alt then
+    enter(bus, q, key_of(f.id, f.token))
+  end
+end
+
+local function answer(spec, bus, r)
+  local f, token = r.frame, r.frame.token
+  for _, q in ipairs(bus.open) do  -- whose id may be another's takes it from its first answer
+    if not q.key and not q.frame.many and fits(q, r) and is_open(spec, q, r) then
+      enter(bus, q, key_of(f.id, q.frame.token))
+    end
+  end
+  if token == nil then
+    for i = #bus.open, 1, -1 do
+      local q = bus.open[i]
+      if q.frame.many then break end
+      if names(q, f.id) and is_open(spec, q, r) then token = q.frame.token; break end
+    end
+  end
+  local run = token ~= nil and bus.runs[key_of(f.id, token)]
+  if run then
+    table.insert(run.answers, r)
+    local asked, n = run.requests, 0
+    while n < math.min(#asked, #run.answers)
+      and is_open(spec, asked[#asked - n], run.answers[n + 1]) do n = n + 1 end
+    for _, q in ipairs(asked) do q.answer = nil end
+    for i = 1, n do bind(asked[#asked - n + i], run.answers[i], "ok") end
+    if r.request then return end
+  end
+  for i = #bus.open, 1, -1 do
+    local q = bus.open[i]
+    if q.frame.many and fits(q, r) and is_open(spec, q, r) then
+      r.request, r.outcome = q, "ok"
+      q.answer = q.answer or r
+      return
+    end
+  end
+  local last = bus.last
+  if last and last.frame.asks and is_open(spec, last, r) and (last.frame.many
+    or (last.row == r.row - 1 and not last.answer)) then
+    bind(last, r, "mismatched")
+  else
+    r.outcome = "unsolicited"
+  end
+end
+
+-- Where answers name nobody: of m in a row the last m requests before them have one each.
+local function in_order(bus, r)
+  local row = bus.row
+  table.insert(row.answers, r)
+  for i, q in ipairs(row) do q.answer = nil end
+  for i, one in ipairs(row.answers) do
+    local q = row[#row - #row.answers + i]
+    one.request, one.outcome = nil, "unsolicited"
+    if q and q.frame.asks then bind(q, one, "ok") end
+  end
+end
+
+local function told(spec, bus, me, raw)  -- what this frame changes for those behind it
+  local f = me.frame
+  if f.kind == 1 then
+    local q = me.request
+    f.asked = me.outcome == "ok" and q and q.frame or nil
+    if f.bare and q then
+      f.id = q.frame.id
+      if q.frame.command and q.frame.command.nobody then f.id = byte(raw, 1) end
+    end
+    if q and q.before and f.status and spec.refusals then
+      for _, mask in ipairs(spec.refusals) do
+        if has(f.status, mask) then bus.state = q.before end  -- it did not become so
+      end
+    end
+    if not f.asked and not f.itself then me.state = bus.state; return end
+    if spec.names then bus.state = named(spec, bus.state, f) end
+  end
+  if spec.ops then
+    bus.state = shown(bus.state, reads_of(spec, f, raw), raw)
+  elseif spec.watches then
+    local before = bus.state
+    local values = values_in[spec.style](spec, before, f, raw)
+    bus.state = heard(spec, before, f, values)
+    if bus.state == before then me.values = values else me.before = before end
+    if f.resets then
+      for _, name in ipairs(spec.watches) do bus.state = with(bus.state, f.id, name, nil) end
+    end
+  end
+  me.state = bus.state
+end
+
+local function learn(spec, number, kind, raw, bus_number, begins, ends)
+  local bus = buses[bus_number]
+  if not bus or ends < (bus.ends or ends) - spec.tail then  -- time went back: another capture
+    bus = new_bus()
+    buses[bus_number] = bus
+  end
+  local me = {number = number, begins = begins, ends = ends, bus = bus}
+  seen[number] = me
+  if bus.ends and begins - bus.ends > spec.tail then
+    bus.open, bus.runs, bus.row, bus.last = {}, {}, {}, nil
+  end
+  bus.ends = ends
+  me.start, me.stop = bus.offset, bus.offset + #raw
+  bus.offset = me.stop
+  local found = describe[spec.style](spec, raw, kind % 2)
+  if kind == 2 and not found then found = describe[spec.style](spec, raw, 1) end
+  local is_bad = found and found.sum and found.sum[1] ~= found.sum[2]
+  if is_bad then me.bad = found.sum end
+  if kind < 2 and not is_bad then
+    me.frame = found
+  end
+  if me.frame then
+    bus.rows = (bus.rows or 0) + 1
+    me.row = bus.rows
+    if kind == 0 then
+      if me.frame.asks then bus.asked = bus.asked + 1 end
+      me.asked = bus.asked
+      if spec.ordered then
+        if not bus.row.answers or #bus.row.answers > 0 then bus.row = {answers = {}} end
+        table.insert(bus.row, me)
+      elseif me.frame.asks then ask(spec, bus, me) end
+      bus.last = me
+    else
+      me.asked = bus.asked
+      if spec.ordered then
+        bus.row.answers = bus.row.answers or {}
+        in_order(bus, me)
+      else answer(spec, bus, me) end
+    end
+    told(spec, bus, me, raw)
+  end
+  return me
+end
+
+------------------------------------------------------------------------------------------ the tree
+
+-- A capture without times says so of its interface: then what is between two stamps is no time.
+-- Of one with times it says how far they may be late. Asked where there is a tree, and remembered
+-- only once there is an answer: without a tree, and in a first pass, no field has a value.
+local interface_field = Field.new("frame.interface_description")
+
+local function clock_of(bus)
+  local told = not bus.clock and interface_field()
+  if told then
+    local text = tostring(told)
+    local _, at = text:find(WITHIN, 1, true)
+    local late = at and tonumber(text:match("^[%d.]+", at + 1))
+    bus.clock = {timed = not text:find(NO_TIMES, 1, true), unsure = late and late / 1e3}
+  end
+  return bus.clock or {timed = true}
+end
+
+local function in_micros(value) return floor(value * 1e6 + 0.5) / 1e6 end
+
+local function show_value(state, tree, tvb, v, id)
+  local servo, reg, at, width, raw = v[1], v[2], v[3], v[4], v[5]
+  local range = tvb(at, width)
+  local value = nil
+  if not v[6] then value = value_of(state, servo, reg, raw) end
+  local item
+  if value then
+    item = tree:add(reg.field, range, in_micros(value))
+    if reg.unit then item:append_text(" " .. reg.unit) end
+  else
+    item = tree:add(F.register, range, reg.name)
+    if v[6] then item:append_text(", a part of it") end
+  end
+  local words = name_of(reg, raw)
+  item:append_text(format(" (raw %d%s)", raw, words and not v[6] and (", " .. words) or ""))
+  if servo and servo ~= id then item:add(F.target, range, servo) end
+  if not value then item:add(F.raw, range, Int64.new(raw)) end
+end
+
+local function in_words(state, values, id)  -- for the column: what the frame says of registers
+  local out = {}
+  for i, v in ipairs(values) do
+    if i > 6 then out[#out + 1] = "..."; break end
+    local servo, reg, raw = v[1], v[2], v[5]
+    local value = not v[6] and value_of(state, servo, reg, raw)
+    local words = not v[6] and name_of(reg, raw)
+    local said = words or (value and (format("%.6g", value) .. (reg.unit and " " .. reg.unit or "")))
+    out[#out + 1] = (servo ~= id and servo and servo .. ": " or "") .. reg.name .. " "
+      .. (said or format("raw %d", raw))
+  end
+  return table.concat(out, ", ")
+end
+
+local function show_sum(top, tvb, sum)
+  if not sum then
+    top:add(F.sum_status, 2):set_generated()
+    return
+  end
+  local want, got = sum[1], sum[2]
+  local item = top:add(F.checksum, tvb(tvb:len() - 1, 1))
+  local bad = want ~= got
+  item:append_text(bad and format(" [should be 0x%02x]", want) or " [correct]")
+  item:add(F.sum_status, bad and 0 or 1):set_generated()
+  if bad then
+    item:add(F.sum_bad, true):set_generated()
+    item:add_proto_expert_info(E_SUM)
+  end
+end
+
+local function show_status(spec, top, tvb, f)
+  local at = spec.status_at or 0
+  local item = top:add(F.status, tvb(math.min(at, tvb:len() - 1), 1), f.status)
+  if f.status == 0 then return end
+  local said = spec.status[f.status]
+  if spec.status_bits then
+    for k = 0, 7 do
+      if has(f.status, 2 ^ k) then
+        item:add(F.status_name, tvb(at, 1), spec.status_bits[k] or ("bit" .. k))
+      end
+    end
+  end
+  if said then item:add(F.status_name, tvb(0, 1), said) end
+  item:add_proto_expert_info(E_STATUS)
+end
+
+local function show(spec, me, tvb, tree, values, op, address)
+  local f = me.frame
+  local whole = tvb()
+  local top = tree:add(P, whole, spec.title)
+  top:add(F.protocol, spec.name):set_generated()
+  top:add(F.kind, f and f.kind or 2):set_generated()
+  if not f then
+    top:add(F.data, whole)
+    top:add_proto_expert_info(E_GAP)
+    if me.bad then show_sum(top, tvb, me.bad) end
+    return
+  end
+  if f.id then
+    local item = top:add(F.id, f.id_at and tvb(f.id_at, f.id_width or 1) or whole, f.id)
+    local model = spec.models[model_of(spec, me.state, f.id)]
+    if #spec.models > 1 and #values > 0 then item:add(F.model, model.name):set_generated() end
+  end
+  top:add(F.op, f.op_at and tvb(f.op_at, f.op_width or 1) or whole, op)
+  if f.status then show_status(spec, top, tvb, f) end
+  if address then top:add(F.addr, whole, address) end
+  if f.count then top:add(F.count, whole, f.count) end
+  if f.text then top:add(F.text, tvb(f.at, f.width), f.text) end
+  if f.data_length and f.data_length > 0 then top:add(F.data, tvb(f.data_at, f.data_length)) end
+  for _, v in ipairs(values) do show_value(me.state, top, tvb, v, f.id) end
+  show_sum(top, tvb, f.sum)
+  if f.kind == 1 then
+    top:add(F.outcome, me.outcome):set_generated()
+    if me.outcome == "unsolicited" then top:add_proto_expert_info(E_UNASKED) end
+  end
+  if me.request then
+    top:add(F.response_to, me.request.number):set_generated()
+    local clock = clock_of(me.bus)
+    if clock.timed then
+      local took = in_micros(math.max(me.begins - me.request.ends, 0))  -- the head has no more
+      local item = top:add(F.rtt, took):set_generated()
+      if clock.unsure then item:add(F.rtt_unsure, clock.unsure):set_generated() end
+    end
+  end
+  if me.answer then top:add(F.response_in, me.answer.number):set_generated() end
+end
+
+local function dissect(spec, tvb, pinfo, tree, kind, bus_number, begins)
+  local raw = tvb:raw()
+  local number = pinfo.number
+  local me = seen[number]
+  if not me then
+    me = learn(spec, number, kind, raw, bus_number, begins, pinfo.abs_ts)
+  end
+  local f = me.frame
+  pinfo.cols.protocol = spec.name
+  if not f then
+    pinfo.cols.info = "no frame: " .. tvb:bytes():tohex(false, " ")
+    if tree then show(spec, me, tvb, tree) end
+    return
+  end
+  local q = me.request
+  if f.kind == 1 then
+    f.asked = me.outcome == "ok" and q and q.frame or nil
+  end
+  local op, address = f.op, f.address
+  if f.kind == 1 and q and (me.outcome == "ok" or not f.itself) then
+    op, address = q.frame.op, address or q.frame.address
+  end
+  local values = me.values
+  me.values = nil  -- of the first pass, where they were read already
+  if not values then
+    local is_told = f.kind == 0 or f.asked or f.itself
+    values = is_told and values_in[spec.style](spec, me.state, f, raw) or {}
+  end
+  local who = f.id and ("servo " .. f.id) or "servos"
+  if f.kind == 0 and f.id and spec.everyone[f.id] then who = "all servos" end
+  pinfo.cols.src = f.kind == 0 and "controller" or who
+  pinfo.cols.dst = f.kind == 0 and who or "controller"
+  local said = #values > 0 and in_words(me.state, values, f.id) or f.text or ""
+  if #values == 0 and f.count and address then said = format("address %d, %d bytes", address, f.count) end
+  pinfo.cols.info = format("%s %s %s", f.kind == 0 and "request " or "response", op or "?", said)
+  if tree then show(spec, me, tvb, tree, values, op, address) end
+end
+
+---------------------------------------------------------------------------------- which are ours
+
+local HEAD = 12  -- bytes of the RTAC head: seconds, microseconds, event, control lines, footer
+local TX = 1     -- event: data of the terminal equipment, which is the controller's
+
+local encap = DissectorTable.get("wtap_encap")
+local original = encap:get_dissector(wtap.RTAC_SERIAL)
+local shim = Proto("servo_rtac", "Servo bus in RTAC serial")
+
+function P.dissector(tvb, pinfo, tree)  -- "Decode as": nothing is known but the bytes
+  return 0
+end
+
+function shim.dissector(tvb, pinfo, tree)
+  local foot = tvb:len() > HEAD and tvb(10, 2):uint() or 0
+  local spec = PROTOCOLS[foot % 16]
+  if floor(foot / 4096) ~= 5 or not spec then return original:call(tvb, pinfo, tree) end
+  if tree then original:call(tvb(0, HEAD):tvb(), pinfo, tree) end
+  local begins = tvb(0, 4):uint() + tvb(4, 4):uint() * 1e-6
+  local kind = pinfo.p2p_dir == 0 and 0 or pinfo.p2p_dir == 1 and 1 or 2
+  dissect(spec, tvb(HEAD):tvb(), pinfo, tree, kind, foot % 4096, begins)
+  return tvb:len()
+end
+
+encap:add(wtap.RTAC_SERIAL, shim)
