@@ -60,7 +60,7 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
         *("cli/", "ports/", "tap/", "viewers/", "sinks/rerun/", "simulation/play/", "inside/"),
     ),
     "socket": ("viewers/viewer.py",),
-    "subprocess": ("viewers/", "inside/recorder.py"),
+    "subprocess": ("viewers/", "inside/recorder.py", "wireshark/places.py"),
     "logging": (),
     "pytest": (),
     "hypothesis": (),

@@ -53,6 +53,7 @@ COMMANDS: Final = {
     "ports": "List the serial ports.",
     "doctor": "Check whether a port is fit to record from.",
     "simulate": "Play a bus without hardware.",
+    "wireshark": "Teach Wireshark to read servo buses.",
     "protocols": "List the protocols with their models and baud rates.",
     "registers": "Show the register table of a model.",
     "completion": "Print the completion of a shell.",
