@@ -13,6 +13,7 @@ from sniffer.ground.limits import BAUDS, DURATION_MOST_NS, IDS, OFFSET_END, numb
 from sniffer.ground.model import InputError, SnifferError
 from sniffer.ground.wording import Sentence, offered
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
+from sniffer.protocols.registry import AUTO as AUTO
 from sniffer.protocols.tables import check_tables, known_models, owner_of, with_tables
 
 if TYPE_CHECKING:
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
     from sniffer.diagnostics.alarms import Alarm
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import BusProtocol
-
-AUTO: Final = "auto"
-"""Stands for a protocol that is to be told from the bytes."""
 
 SINCE: Final = "rate_since"
 """Facts ``rate_since.<bus>``: the offset in the stream from which on its rate holds."""

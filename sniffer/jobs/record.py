@@ -108,6 +108,7 @@ def record(
     stops: Stops | None = None,
     shown: Shown | None = None,
     commands: Sequence[tuple[str, str]] = (),
+    sinks: Sequence[Sink] = (),
     wishes: Wishes | None = None,
     tell: Teller | None = None,
 ) -> Recorded:
@@ -125,6 +126,7 @@ def record(
         shown: where it is shown meanwhile.
         commands: what is run when something happens: a code, a cause, a rule or ``any``, and a
             command of the shell.
+        sinks: what takes all of it beside the files.
         wishes: what may be asked of it while it runs.
         tell: takes what should be told; nothing is told without.
 
@@ -150,7 +152,7 @@ def record(
         view = live_view(shown, tapping, first.stem, tell.talk)
         source = ", ".join(spec.port for spec in ports)
         facts = {**session_facts(source, options, tapping.facts), **tapping.facts}
-        file, sinks = open_files(
+        file, opened = open_files(
             files, facts, tapping.options, now=tapping.anchor.now, tell=tell.talk
         )
     except BaseException:
@@ -161,7 +163,7 @@ def record(
     recorded = run_recording(
         tapping,
         file,
-        sinks,
+        [*opened, *sinks],
         stops,
         tell=tell,
         mode=shown.mode,

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
     from sniffer.protocols.plugins import Plugin
 
-_RESERVED: Final = ("auto",)
+AUTO: Final = "auto"
+"""Stands for a protocol that is to be told from the bytes."""
 
 
 class Registry(Mapping[str, BusProtocol]):
@@ -145,7 +146,7 @@ class Registry(Mapping[str, BusProtocol]):
             self._plugins = found
             why: list[str] = []
             for plugin in plugins.installed():
-                if plugin.name in self._built_in or plugin.name in _RESERVED:
+                if plugin.name in self._built_in or plugin.name == AUTO:
                     why.append(f"{plugin} is left out: that name is taken by a built-in one")
                 elif not plugins.NAME.fullmatch(plugin.name):
                     why.append(f"{plugin} is left out: a name is made of A-Z a-z 0-9 _ -")
