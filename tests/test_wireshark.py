@@ -14,9 +14,12 @@ from typing import TYPE_CHECKING, Any, Final
 import pytest
 
 import sniffer
+from sniffer.decoding.options import AUTO, Options
+from sniffer.protocols.wck.grammar import build
 from sniffer.wireshark.lua import lua
 from sniffer.wireshark.tables import dissector
 from tests.sharks import DISSECTOR, join, tshark
+from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,8 +31,42 @@ SAMPLES: Final = sorted(
 """Those whose times count from 1970 first: the dissector takes times that go back for another
 capture."""
 
+TALKS: Final = {
+    "an_answer_that_fits_nothing_until_the_right_one_comes": (
+        "lss",
+        b"#5QDT\r*5QD12\r*5QDT3\r#5QD\r*5QT1\r*5QD1\r",
+    ),
+    "bare_replies_in_a_row_are_those_of_as_many_commands": (
+        "wck",
+        build("status_read", data1={"id": 2}) + build("status_read", data1={"id": 3}) + b"\0\1\0\2",
+    ),
+    "a_refused_resolution_does_not_hold": (
+        "mightyzap",
+        b"".join(
+            (
+                packet(1, 0xF3, b"\x16\x02"),
+                packet(1, 0x40),
+                packet(1, 0xF2, b"\x8c\x02"),
+                packet(1, 0, b"\xff\x07"),
+            )
+        ),
+    ),
+}
+"""Talk that a dissector once had wrong, or may."""
+
 FIELDS: Final = (
-    *("kind", "id", "op", "status", "addr", "text", "outcome", "response_to", "response_in"),
+    *(
+        "kind",
+        "id",
+        "op",
+        "status",
+        "addr",
+        "text",
+        "outcome",
+        "refused",
+        "response_to",
+        "response_in",
+    ),
     *("rtt", "rtt.uncertainty", "register", "raw", "target", "checksum.status", "checksum.bad"),
 )
 VALUE: Final = "servo.reg."
@@ -66,9 +103,12 @@ def packets(tmp_path_factory: pytest.TempPathFactory) -> list[Compared]:
     """Every packet of the sample captures, looked at as one file: tshark starts slowly."""
     folder = tmp_path_factory.mktemp("shark")
     captures, said = [], []
-    for path in SAMPLES:
+    for name, (_, data) in TALKS.items():
+        (folder / f"{name}.bin").write_bytes(data)
+    for path in [*SAMPLES, *(folder / f"{name}.bin" for name in TALKS)]:
         outputs = [folder / f"{path.stem}{suffix}" for suffix in (".pcapng", ".jsonl")]
-        sniffer.convert(path, outputs)
+        protocol = TALKS[path.stem][0] if path.stem in TALKS else AUTO
+        sniffer.convert(path, outputs, Options(protocol))
         captures.append(str(outputs[0]))
         said.append([json.loads(line) for line in outputs[1].read_text("utf-8").splitlines()])
     whole = folder / "all.pcapng"
@@ -180,8 +220,12 @@ def test_response_times_are_those_of_the_decode_to_the_microsecond_of_the_format
 
 
 def test_registers_have_the_values_of_the_samples(packets: list[Compared]) -> None:
-    count = 0
+    count = refused = 0
     for p in packets:
+        if p.shown["servo.refused"]:  # what was asked for is shown, and none of it became true
+            assert not p.samples, p
+            refused += 1
+            continue
         valued: dict[str, list[float]] = defaultdict(list)
         for s in p.samples:
             if s["value"] is not None:
@@ -199,6 +243,7 @@ def test_registers_have_the_values_of_the_samples(packets: list[Compared]) -> No
         others = [s["servo_id"] for s in p.samples if s["servo_id"] != p.record["servo_id"]]
         assert p.shown["servo.target"] == [str(servo) for servo in others], p
     assert count > 20_000
+    assert refused > 0
 
 
 def test_texts_that_servos_answer_are_shown(packets: list[Compared]) -> None:

@@ -77,6 +77,7 @@ F.response_in = ProtoField.framenum("servo.response_in", "Response in", base.NON
   frametype.RESPONSE)
 F.response_to = ProtoField.framenum("servo.response_to", "Response to", base.NONE,
   frametype.REQUEST)
+F.refused = ProtoField.bool("servo.refused", "Refused by the servo")
 F.outcome = ProtoField.string("servo.outcome", "Outcome")
 F.rtt = ProtoField.double("servo.rtt", "Response time [s]")
 F.rtt_unsure = ProtoField.double("servo.rtt.uncertainty", "Uncertainty of the response time [s]")

@@ -4823,6 +4823,7 @@ F.response_in = ProtoField.framenum("servo.response_in", "Response in", base.NON
   frametype.RESPONSE)
 F.response_to = ProtoField.framenum("servo.response_to", "Response to", base.NONE,
   frametype.REQUEST)
+F.refused = ProtoField.bool("servo.refused", "Refused by the servo")
 F.outcome = ProtoField.string("servo.outcome", "Outcome")
 F.rtt = ProtoField.double("servo.rtt", "Response time [s]")
 F.rtt_unsure = ProtoField.double("servo.rtt.uncertainty", "Uncertainty of the response time [s]")
@@ -5321,6 +5322,10 @@ end
 
 local function bind(request, answer, outcome)
   if answer.request and answer.request.answer == answer then answer.request.answer = nil end
+  local before = request and request.answer
+  if before and before ~= answer and before.outcome == "mismatched" then  -- it was none after all
+    before.request, before.outcome = nil, "unsolicited"
+  end
   answer.request, answer.outcome = request, outcome
   if request then request.answer = answer end
 end
@@ -5386,7 +5391,9 @@ local function answer(spec, bus, r)
     local asked, n = run.requests, 0
     while n < math.min(#asked, #run.answers)
       and is_open(spec, asked[#asked - n], run.answers[n + 1]) do n = n + 1 end
-    for _, q in ipairs(asked) do q.answer = nil end
+    for _, q in ipairs(asked) do
+      if q.answer and q.answer.outcome == "ok" then q.answer = nil end
+    end
     for i = 1, n do bind(asked[#asked - n + i], run.answers[i], "ok") end
     if r.request then return end
   end
@@ -5419,20 +5426,29 @@ local function in_order(bus, r)
   end
 end
 
+local function refuses(spec, r)  -- an answer by which the servo says that it did not do it
+  for _, mask in ipairs(r and r.outcome == "ok" and r.frame.status and spec.refusals or {}) do
+    if has(r.frame.status, mask) then return true end
+  end
+  return false
+end
+
+-- What an answer is only with its request, which a later answer may still change.
+local function ask_of(me, raw)
+  local f, q = me.frame, me.request
+  f.asked = me.outcome == "ok" and q and q.frame or nil
+  if f.bare and q then
+    f.id = q.frame.id
+    if q.frame.command and q.frame.command.nobody then f.id = byte(raw, 1) end
+  end
+end
+
 local function told(spec, bus, me, raw)  -- what this frame changes for those behind it
   local f = me.frame
   if f.kind == 1 then
     local q = me.request
-    f.asked = me.outcome == "ok" and q and q.frame or nil
-    if f.bare and q then
-      f.id = q.frame.id
-      if q.frame.command and q.frame.command.nobody then f.id = byte(raw, 1) end
-    end
-    if q and q.before and f.status and spec.refusals then
-      for _, mask in ipairs(spec.refusals) do
-        if has(f.status, mask) then bus.state = q.before end  -- it did not become so
-      end
-    end
+    ask_of(me, raw)
+    if q and q.before and refuses(spec, me) then bus.state = q.before end  -- it did not become so
     if not f.asked and not f.itself then me.state = bus.state; return end
     if spec.names then bus.state = named(spec, bus.state, f) end
   end
@@ -5618,6 +5634,7 @@ local function show(spec, me, tvb, tree, values, op, address)
     end
   end
   if me.answer then top:add(F.response_in, me.answer.number):set_generated() end
+  if refuses(spec, me.answer) then top:add(F.refused, true):set_generated() end
 end
 
 local function dissect(spec, tvb, pinfo, tree, kind, bus_number, begins)
@@ -5635,9 +5652,7 @@ local function dissect(spec, tvb, pinfo, tree, kind, bus_number, begins)
     return
   end
   local q = me.request
-  if f.kind == 1 then
-    f.asked = me.outcome == "ok" and q and q.frame or nil
-  end
+  if f.kind == 1 then ask_of(me, raw) end
   local op, address = f.op, f.address
   if f.kind == 1 and q and (me.outcome == "ok" or not f.itself) then
     op, address = q.frame.op, address or q.frame.address
