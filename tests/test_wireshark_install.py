@@ -6,6 +6,7 @@ import ast
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -245,3 +246,21 @@ def test_the_page_has_every_field_of_the_dissector_and_no_other() -> None:
     there = set(re.findall(r'Proto(?:Field\.\w+|Expert\.new)\("(servo\.[\w.]+)"', lua))
     named = set(re.findall(r"`(servo\.[a-z_.]+)(?:NAME)?`", PAGE))
     assert there == {name for name in named if not re.fullmatch(r"servo\.reg\..+", name)}
+
+
+def test_the_program_answers_from_a_folder_with_blanks_in_its_name(tmp_path: Path) -> None:
+    python = tmp_path / "a folder" / "python"
+    python.parent.mkdir()
+    python.symlink_to(sys.executable)
+    program = tmp_path / "servo-sniffer"
+    text = (FILES / "extcap").read_text("utf-8").replace("@PYTHON@", str(python))
+    program.write_text(text.replace("@VERSION@", sniffer.__version__))
+    program.chmod(0o755)
+    told = subprocess.run(
+        [program, "--extcap-interfaces"], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert told.stderr == ""
+    assert told.stdout.splitlines() == [
+        f"extcap {{version={sniffer.__version__}}}{{display=servo-sniffer}}",
+        "interface {value=servo-bus}{display=Robot servo bus (servo-sniffer)}",
+    ]

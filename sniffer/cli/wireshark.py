@@ -15,7 +15,6 @@ from sniffer.wireshark.places import PROFILE, places
     short_help="Teach Wireshark to read servo buses.",
     epilog=examples(
         "sniffer wireshark install",
-        "sniffer decode run.mcap -o run.pcapng && wireshark -C servo run.pcapng",
         "sniffer wireshark path",
         "sniffer wireshark uninstall",
     ),

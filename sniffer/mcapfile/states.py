@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from sniffer.mcapfile.ros2 import RosWriter
     from sniffer.protocols.base import BusProtocol
 
-    class Channels(Protocol):
+    class MessageChannels(Protocol):
         """Opens the channel of a topic of the bus, once, and returns its id."""
 
         def __call__(self, topic: str, message: type[Message], **facts: str) -> int:
@@ -72,7 +72,7 @@ class States:
         self,
         protocol: BusProtocol,
         queue: Queue,
-        channel: Channels,
+        channel: MessageChannels,
         count_up: Callable[[int, int], npt.NDArray[np.uint32]],
         bus: str = "",
         ros2: RosWriter | None = None,
