@@ -7,8 +7,9 @@ from pathlib import Path
 import click
 
 from sniffer.cli.amounts import topics as topics_of
-from sniffer.cli.options import decoding, examples, files_here, with_alarms, with_force
+from sniffer.cli.options import decoding, examples, files_here, with_force
 from sniffer.cli.selecting import say_selected, with_part, with_rows
+from sniffer.cli.servos import with_alarms
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say, wrote

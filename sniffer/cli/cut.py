@@ -6,13 +6,7 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import (
-    decoding,
-    examples,
-    files_here,
-    with_force,
-    with_outputs,
-)
+from sniffer.cli.options import decoding, examples, files_here, with_force, with_outputs
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of

@@ -14,14 +14,13 @@ from sniffer.cli.options import (
     decoding,
     examples,
     files_here,
-    with_alarms,
     with_color,
     with_force,
     with_format,
-    with_names,
     with_times,
 )
 from sniffer.cli.selecting import with_part, with_rows
+from sniffer.cli.servos import with_alarms, with_names
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say

@@ -11,12 +11,12 @@ from sniffer.cli.options import (
     decoding,
     examples,
     files_here,
-    with_alarms,
     with_color,
     with_format,
     with_together,
 )
 from sniffer.cli.selecting import with_part
+from sniffer.cli.servos import with_alarms
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
 from sniffer.cli.streams import say

@@ -8,7 +8,8 @@ from typing import Final
 
 import click
 
-from sniffer.cli.options import ProtocolName, examples, with_registers
+from sniffer.cli.options import ProtocolName, examples
+from sniffer.cli.servos import with_registers
 from sniffer.cli.streams import width_of_terminal
 from sniffer.decoding.options import AUTO, Options
 from sniffer.ground.registers import RegisterMap

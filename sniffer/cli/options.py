@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from sniffer.cli.profiles import with_profile
+from sniffer.cli.servos import models, with_registers
 from sniffer.cli.wires import WIRES, wiring_of
-from sniffer.ground.limits import BAUDS, IDS, number_in
-from sniffer.ground.model import InputError
+from sniffer.ground.limits import BAUDS
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import nearly
 from sniffer.protocols import PROTOCOLS
@@ -214,113 +214,6 @@ def files_here(
 def examples(*lines: str) -> str:
     """Return the end of a command's help, in lines as they are."""
     return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in lines)
-
-
-def models(
-    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
-) -> dict[int | None, str]:
-    """Read ``--model ID=MODEL`` (one servo) or ``--model MODEL`` (all of them)."""
-    out: dict[int | None, str] = {}
-    for text in given:
-        who, equals, model = text.rpartition("=")
-        servo = number_in(who, 0, IDS - 1)
-        if equals and servo is None:
-            raise click.BadParameter(
-                f"{text[:40]!r}: write ID=MODEL with an id of 0..255, or MODEL"
-            )
-        out[servo] = model
-    # what is said of one servo wins over what is said of all
-    return dict(sorted(out.items(), key=lambda e: e[0] is not None))
-
-
-def names_of(
-    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
-) -> dict[int, str]:
-    """Read ``--name 3=left_knee``, and files with a table ``[names]``."""
-    from sniffer.decoding.options import NAME_MOST, is_name
-
-    out: dict[int, str] = {}
-    for text in given:
-        who, equals, name = text.partition("=")
-        told = {who: name} if equals else _table_of_names(text)
-        for servo, name in told.items():
-            number = number_in(servo, 0, IDS - 1)
-            if number is None or not isinstance(name, str) or not is_name(name):
-                raise click.BadParameter(
-                    f"{servo[:20]}={str(name)[:40]!r}: write ID=NAME with an id of 0..255 and a "
-                    f"name of at most {NAME_MOST} signs, or name a file that has a table [names]"
-                )
-            out[number] = name
-    return out
-
-
-def _table_of_names(path: str) -> dict[str, Any]:
-    import tomllib
-
-    try:
-        with Path(path).open("rb") as file:
-            told = tomllib.load(file).get("names")
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise click.BadParameter(
-            f"{path[:60]!r} is neither ID=NAME nor a TOML file that can be read ({error})"
-        ) from None
-    if not isinstance(told, dict):
-        raise click.BadParameter(f'{path[:60]}: it has no table [names] with lines 3 = "knee"')
-    return told
-
-
-with_names = click.option(
-    "--name",
-    "names",
-    multiple=True,
-    callback=names_of,
-    metavar="ID=NAME|FILE.toml",
-    help="What a servo or its joint is called in plots and texts: 3=left_knee, or a file with a "
-    "table [names]; may be repeated.",
-)
-"""Of every command that shows servos by name."""
-
-
-def tables_of(
-    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
-) -> tuple[RegisterMap, ...]:
-    """Read ``--registers FILE.toml``."""
-    return tuple(RegisterMap.from_toml(path) for path in given)
-
-
-with_registers = click.option(
-    "--registers",
-    "tables",
-    multiple=True,
-    callback=tables_of,
-    metavar="FILE.toml",
-    help="A register table of your own, for --model; may be repeated.",
-)
-"""Of every command that has ``--model``, but ``simulate``."""
-
-
-def alarms_of(
-    context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
-) -> tuple[Alarm, ...]:
-    """Read ``--alarm 'temperature > 70 for 2s'``."""
-    from sniffer.diagnostics.alarms import alarm_in
-
-    try:
-        return tuple(map(alarm_in, given))
-    except InputError as error:
-        raise click.BadParameter(str(error)) from None
-
-
-with_alarms = click.option(
-    "--alarm",
-    "alarms",
-    multiple=True,
-    callback=alarms_of,
-    metavar="RULE",
-    help="A rule of your own, such as 'temperature > 70 for 2s', '3.voltage < 9' or "
-    "'position_error > 5'; may be repeated.",
-)
-"""Of every command that judges values by rules of the user's own."""
 
 
 def decoding(command: Command) -> Command:

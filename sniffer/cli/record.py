@@ -19,16 +19,13 @@ from sniffer.cli.options import (
     Whole,
     examples,
     files_here,
-    models,
     pipeline_options,
-    with_alarms,
     with_color,
     with_force,
-    with_names,
-    with_registers,
 )
 from sniffer.cli.profiles import Ports, with_profile
 from sniffer.cli.selecting import with_rows
+from sniffer.cli.servos import models, with_alarms, with_names, with_registers
 from sniffer.cli.signals import signals
 from sniffer.cli.statuses import DONE, INTERRUPTED, MISTAKE
 from sniffer.cli.waits import commands_on, waited_for

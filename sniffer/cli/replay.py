@@ -17,11 +17,11 @@ from sniffer.cli.options import (
     files_here,
     with_color,
     with_force,
-    with_names,
     with_times,
 )
 from sniffer.cli.playing import play_on, refuse_with_port, refuse_without_port, with_playing
 from sniffer.cli.selecting import with_part_and_ports, with_rows
+from sniffer.cli.servos import with_names
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import click
 
 from sniffer.cli.amounts import Duration
-from sniffer.cli.options import ProtocolName, Whole, examples, models, with_force
+from sniffer.cli.options import ProtocolName, Whole, examples, with_force
 from sniffer.cli.playing import told_bytes
+from sniffer.cli.servos import models
 from sniffer.cli.signals import ended_by_signals
 from sniffer.cli.streams import say
 from sniffer.ground.limits import BAUDS

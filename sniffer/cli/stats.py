@@ -13,11 +13,11 @@ from sniffer.cli.options import (
     decoding,
     examples,
     files_here,
-    with_alarms,
     with_format,
     with_together,
 )
 from sniffer.cli.selecting import say_selected, with_part, with_rows
+from sniffer.cli.servos import with_alarms
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
 from sniffer.cli.streams import say

@@ -6,16 +6,9 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import (
-    Renamed,
-    Whole,
-    decoding,
-    examples,
-    files_here,
-    with_force,
-    with_names,
-)
+from sniffer.cli.options import Renamed, Whole, decoding, examples, files_here, with_force
 from sniffer.cli.selecting import with_part, with_rows
+from sniffer.cli.servos import with_names
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say

@@ -24,6 +24,7 @@ from sniffer.ground.model import Clock, OutputError, Severity
 from sniffer.sinks.rerun.derived import groups
 from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, Log, LogLine, Strip
 from sniffer.sinks.rerun.gauges import Gauges
+from sniffer.sinks.rerun.labels import ALL, entity_path, named, words
 from sniffer.sinks.rerun.layout import TIMELINE, application_id, blueprint
 from sniffer.sinks.rerun.plots import ALARMS, EVERYONE, POSITION, RESPONSE_TIME, TimeRange, Track
 
@@ -34,14 +35,10 @@ if TYPE_CHECKING:
     import rerun as rr
 
     from sniffer.ground.model import Batch, Chunk
-    from sniffer.ground.registers import Register
     from sniffer.protocols.base import BusProtocol
 
 FLUSH_S: Final = 60.0
 """How long a slow disk or viewer may take for what is still to be written."""
-
-ALL: Final = -1
-"""The servo id of frames that name none; for protocols that say so, it means all servos."""
 
 INCIDENTS: Final = "incidents"
 """What entities are called that tell of incidents."""
@@ -273,12 +270,12 @@ class RerunSink:
             name: Callable[[int], str]
             if number < 0:
                 track = Track(self._entity(bus, servo, ALARMS), bus, who, ALARMS, is_state=True)
-                colour, name = ALARM, lambda raw: _words(protocol.status_names(raw))
+                colour, name = ALARM, lambda raw: words(protocol.status_names(raw))
             else:
                 r = protocol.registers[number]
                 path = self._entity(bus, servo, r.name)
                 track = Track(path, bus, who, r.quantity, is_state=True)
-                name = functools.partial(_named, r)
+                name = functools.partial(named, r)
             lane = self._lanes[bus, servo, number] = Strip(track, name, colour)
         return lane
 
@@ -293,7 +290,7 @@ class RerunSink:
 
     def _entity(self, bus: str, servo: int, name: str) -> str:
         """Return the path of an entity of a servo, or of all."""
-        return _path(bus, servo, name, self._names.get(servo))
+        return entity_path(bus, servo, name, self._names.get(servo))
 
     def _entities(self) -> Iterator[Entity]:
         for entities in (self._lines, self._lanes, self._logs, self._stories, self._marks):
@@ -381,24 +378,3 @@ def _is_utf8(path: Path) -> bool:
     except UnicodeEncodeError:
         return False
     return True
-
-
-def _path(bus: str, servo: int, name: str, called: str | None) -> str:
-    import rerun as rr
-
-    who = "all" if servo == ALL else str(servo) if called is None else f"{servo} {called}"
-    who = who.replace(" ", "_")  # in a path the viewer shows a blank with a backslash
-    return rr.new_entity_path([bus, "servo", who, *name.split("/")])
-
-
-def _named(register: Register, raw: int) -> str:
-    return _words(register.names(raw), raw)
-
-
-def _words(names: str | Sequence[str] | None, raw: int = 0) -> str:
-    """Return a state's name as people read it."""
-    if names == "unknown":
-        return f"unknown ({raw})"
-    if isinstance(names, str):
-        return names.replace("_", " ")
-    return ", ".join(names or ()).replace("_", " ") or "none"
