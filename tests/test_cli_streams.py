@@ -171,7 +171,7 @@ def test_ctrl_c_before_anything_was_read_is_told_in_one_line(
     def interrupted(*_: object, **__: object) -> object:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("sniffer.jobs.convert.open_source", interrupted)
+    monkeypatch.setattr("sniffer.jobs.convert.open_capture", interrupted)
     ran = within(capsys, "decode", good)
     assert (ran.status, ran.out) == (130, "")
     assert ran.complaint == "interrupted"

@@ -10,7 +10,7 @@ import random
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sniffer.ground.limits import TIME_END_NS
@@ -348,6 +348,7 @@ def test_an_empty_input_is_no_mistake(tmp_path: Path) -> None:
     assert list(source) == []
 
 
+@example(b"\x00\r\x00")
 @given(st.one_of(st.binary(max_size=300), st.text(max_size=100).map(str.encode)))
 def test_no_input_raises_anything_but_our_own_errors(data: bytes) -> None:
     for input_format in ("auto", *SOURCES.keys() - {"mcap"}):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ class Wiring:
     than 0.3 of a bit. ``baud``: bits per second, None where nobody stated them.
     """
 
-    channels: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    channels: Mapping[str, str] = field(default_factory=dict)
     invert: bool = False
     glitch_us: float | None = None
     baud: int | None = None

@@ -12,7 +12,6 @@ Both stamp where a byte begins. The duration of Logic 2 ends in the middle of th
 
 from __future__ import annotations
 
-import csv
 import itertools
 import re
 from decimal import Decimal, InvalidOperation
@@ -21,7 +20,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.ground.limits import BAUDS, is_time
 from sniffer.ground.model import NS, Chunk, Clock, Mark, MarkKind
 from sniffer.ground.patterns import later
-from sniffer.sources.text import CUT_OFF, DamagedLine, LineBlock, Opened, blocks, quoted
+from sniffer.sources.text import CUT_OFF, DamagedLine, LineBlock, Opened, blocks, cells_of, quoted
 from sniffer.sources.walltime import ZONELESS, WallClock
 
 if TYPE_CHECKING:
@@ -295,16 +294,6 @@ class _Logic2(_ByteTable):
         return iter(())
 
 
-def _cells(line: str) -> list[str]:
-    """Return the cells of a row, one that is empty where its quotes make no sense."""
-    if '"' not in line:
-        return line.split(",")
-    try:
-        return next(csv.reader([line]), [])
-    except csv.Error:
-        return [""]
-
-
 def _rows(opened: Opened) -> Iterator[Chunk]:
     table: _Logic1 | _Logic2 | None = None
     try:
@@ -319,7 +308,7 @@ def _rows(opened: Opened) -> Iterator[Chunk]:
                 if table is None:
                     table = _table(line, number, opened.bus)
                 else:
-                    yield from table.row(_cells(line), number, block.cut_off)
+                    yield from table.row(cells_of(line), number, block.cut_off)
         if table is not None:
             yield from table.rest()
     except DamagedLine:
@@ -338,7 +327,7 @@ def _table(line: str, number: int, bus: str) -> _Logic1 | _Logic2:
     text = line.encode()
     if TABLE_1.match(text):
         return _Logic1(bus)
-    head = [cell.strip() for cell in _cells(line)]
+    head = [cell.strip() for cell in cells_of(line)]
     if TABLE_2.match(text) and "data" in head:
         return _Logic2(bus, head)
     raise DamagedLine(number, f"{quoted(text)} is no head of a table of the Async Serial analyzer")
@@ -347,10 +336,10 @@ def _table(line: str, number: int, bus: str) -> _Logic1 | _Logic2:
 def is_hexadecimal(lines: Sequence[bytes]) -> bool:
     """Tell whether all values in the first lines of a table are hexadecimal numbers."""
     text = [line.decode("utf-8", "replace") for line in lines]
-    head = [cell.strip() for cell in _cells(text[0])]
+    head = [cell.strip() for cell in cells_of(text[0])]
     column = head.index("data") if "data" in head else 1
     kind = head.index("type") if "type" in head else None
-    rows = [_cells(line) for line in text[1:]]
+    rows = [cells_of(line) for line in text[1:]]
     values = [
         row[column]
         for row in rows

@@ -7,7 +7,6 @@ its comments tells the times.
 
 from __future__ import annotations
 
-import csv
 import re
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -16,7 +15,7 @@ import numpy as np
 from sniffer.ground.model import NS, InputError
 from sniffer.signals.stretch import LogicInput, Stretch
 from sniffer.sources.sigrok import rate_in, unlike
-from sniffer.sources.text import DamagedLine, LineBlock, blocks, quoted
+from sniffer.sources.text import DamagedLine, LineBlock, blocks, cells_of, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -110,7 +109,7 @@ def _head(text: Iterator[LineBlock]) -> _Head:
             first = LineBlock(rest, block.number + nth, 0, block.cut_off)
             return _Head(*_named(names, columns, line, rate), rate, is_sigrok, first)
         elif shown:
-            columns = [column.strip() for column in next(csv.reader([shown]), [])]
+            columns = [column.strip() for column in cells_of(shown)]
     raise InputError("no line of the table has a time and levels")
 
 

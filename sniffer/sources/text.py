@@ -7,6 +7,7 @@ having yielded all that came before.
 
 from __future__ import annotations
 
+import csv
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
@@ -152,3 +153,13 @@ def untimed(pieces: Iterable[bytes], bus: str) -> Iterator[Chunk]:
     """Yield chunks without times."""
     for piece in joined(pieces):
         yield Chunk(piece, bus=bus)
+
+
+def cells_of(line: str) -> list[str]:
+    """Return the cells of a row, one that is empty where its quotes make no sense."""
+    if '"' not in line:
+        return line.split(",")
+    try:
+        return next(csv.reader([line]), [])
+    except csv.Error:
+        return [""]
