@@ -65,7 +65,8 @@ def test_a_recording_cut_anywhere_yields_a_prefix_and_says_that_it_is_cut(
     data, sent = small
     found = 0
     end = 0
-    for size in range(len(data)):
+    # Every fifth place, 3,500 of them: all of them would take five times as long.
+    for size in (*range(0, len(data) - 1, 5), len(data) - 1):
         got, error = read(data[:size])
         assert got == sent[: len(got)]
         assert len(got) >= found, "a longer file holds more"

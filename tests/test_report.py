@@ -367,7 +367,7 @@ def test_a_bus_with_very_many_servos_has_a_page_of_bounded_size(
 ) -> None:
     capture = tmp_path / "many.log"
     frames = simulate(
-        "lss", seed=1, servo_ids=range(1, 120), rate_hz=4, start_ns=10**18, duration_s=6.0
+        "lss", seed=1, servo_ids=range(1, 120), rate_hz=4, start_ns=10**18, duration_s=2.0
     )
     capture.write_text(candump(frame_reads(frames)), encoding="ascii")
     page = page_of(capsys, capture, tmp_path)
@@ -384,12 +384,12 @@ def test_very_many_buses_and_facts_have_a_page_of_bounded_size(
     part = simulated("mightyzap", 0.3)
     facts = {f"fact {k}": "x y " * 2_000 for k in range(300)}
     sink = McapSink(capture, facts)
-    for k in range(120):
+    for k in range(60):
         sink.raw(f"bus{k}", [replace(chunk, bus=f"bus{k}") for chunk in part])
     sink.close()
     page = page_of(capsys, capture, tmp_path, "--protocol", "mightyzap")
     assert len(page.encode()) < 3_000_000
     told = Reader(page).text
-    assert "and 104 further buses: without curves" in told
+    assert "and 44 further buses: without curves" in told
     assert re.search(r"and \d+ more facts", told)
-    assert "bus119" in told
+    assert "bus59" in told
