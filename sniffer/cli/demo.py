@@ -29,10 +29,12 @@ def demo() -> None:
     record_damaged([recording, plots])
     found = report(STORY, page, overwrite=True).content.incidents
     console.print(f"\nWhat is wrong in {STORY} (how it is known: sniffer diagnose):\n")
+    story = Table.grid(padding=(0, 1))
     for incident in found:
         first = incident.causes[0]
-        console.print(f"-  {incident.story}")
-        console.print(f"   {first.cause}, {100 * first.confidence:.0f} % sure. {incident.next}")
+        sure = f"{first.cause}, {100 * first.confidence:.0f} % sure. {incident.next}"
+        story.add_row("-", f"{incident.story}\n{sure}")
+    console.print(story)
     console.print(
         f"\nwrote {recording} (the damaged captures as one recording), {plots} (its plots) and "
         f"{page}\n(all of the story, with its bytes and curves: open it in a browser)",
