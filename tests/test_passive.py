@@ -214,15 +214,15 @@ def test_a_program_that_speaks_would_be_seen(tmp_path: Path) -> None:
 SPEAKS: Final = "simulation/play/ports.py"
 """The only file that opens terminals for writing."""
 
-PLAYS: Final = {"simulation/play", "playing"}
+PLAYS: Final = {"simulation/play", "playback"}
 """Folders that use it ..."""
 
 PLAYERS: Final = {
-    "jobs/play_back.py",
+    "jobs/playback.py",
     "jobs/played.py",
     "jobs/like.py",
     "cli/simulate.py",
-    "cli/playing.py",
+    "cli/playback.py",
 }
 """... and the files that use these: what the commands ``simulate`` and ``replay --to`` run."""
 
@@ -257,7 +257,7 @@ def test_only_what_plays_reaches_that_file() -> None:
     for file in FILES:
         if file.parent.as_posix() in PLAYS or file.as_posix() in {*PLAYERS, DOOR}:
             continue
-        if not re.search(r"\b(simulation|playing)\b", text_of(file)):
+        if not re.search(r"\b(simulation|playback)\b", text_of(file)):
             continue
         reached = {there for m in imports(file) if (there := file_named(m)) is not None}
         assert not {f for f in reached if f.parent.as_posix() in PLAYS}, file

@@ -13,16 +13,16 @@ from sniffer.jobs.like import scenario_like
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation.respond import Responder
 from tests.commands import within
-from tests.played import CLEAN, DAMAGED
+from tests.playbacks import CLEAN, DAMAGED
 from tests.simulations import ear, running
 from tests.streams.mightyzap import packet as zap
 from tests.streams.rs30x import packet, returned, write
-from tests.test_play_servos import exchanges_of
+from tests.test_playback_servos import exchanges_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from sniffer.playing.exchanges import RecordedExchange
+    from sniffer.playback.exchanges import RecordedExchange
     from sniffer.simulation.play.scenario import Scenario
 
 Capsys = pytest.CaptureFixture[str]

@@ -19,7 +19,7 @@ from sniffer.cli.options import (
     with_force,
     with_times,
 )
-from sniffer.cli.playing import play_on, refuse_with_port, refuse_without_port, with_playing
+from sniffer.cli.playback import play_on, refuse_with_port, refuse_without_port, with_playback
 from sniffer.cli.selecting import with_part_and_ports, with_rows
 from sniffer.cli.servos import with_names
 from sniffer.cli.signals import patient
@@ -75,7 +75,7 @@ from sniffer.sinks.standard import Standard
     help="Also write what is played; the suffix says what (see sniffer convert). May be repeated.",
 )
 @with_force
-@with_playing
+@with_playback
 def replay(
     file: str,
     options: Options,
@@ -91,14 +91,14 @@ def replay(
     window: Window | None,
     selection: Selection | None,
     to: tuple[str, ...],
-    playing: dict[str, Any],
+    playback: dict[str, Any],
 ) -> int:
     """Play FILE (a recording, or any capture) again through the console or Rerun, or on a port.
 
     An input without times is played at the pace of its baud rate.
     """
     if not to:
-        refuse_without_port(playing)
+        refuse_without_port(playback)
     else:
         given = click.get_current_context().params
         refuse_with_port(given)
@@ -106,7 +106,7 @@ def replay(
             file,
             to,
             options,
-            playing,
+            playback,
             input_format=input_format,
             window=window,
             buses=given["buses"],

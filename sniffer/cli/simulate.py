@@ -13,7 +13,7 @@ import click
 
 from sniffer.cli.amounts import Duration
 from sniffer.cli.options import ProtocolName, Whole, examples, with_force
-from sniffer.cli.playing import told_bytes
+from sniffer.cli.playback import told_bytes
 from sniffer.cli.servos import models
 from sniffer.cli.signals import ended_by_signals
 from sniffer.cli.streams import say

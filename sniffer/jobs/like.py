@@ -9,7 +9,7 @@ from sniffer.ground.model import InputError, SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.session import run_source
 from sniffer.jobs.telling import Teller
-from sniffer.playing.likeness import SeenSink
+from sniffer.playback.likeness import SeenSink
 from sniffer.simulation.buses import BUSES
 from sniffer.simulation.faults import DROP, Fault
 from sniffer.simulation.play.scenario import Scenario

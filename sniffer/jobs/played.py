@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.jobs.session import Ending
-    from sniffer.playing.controller import ServosHeard
-    from sniffer.playing.line import Pacing
-    from sniffer.playing.servos import ServoAnswers
+    from sniffer.playback.controller import ServosHeard
+    from sniffer.playback.line import Pacing
+    from sniffer.playback.servos import ServoAnswers
     from sniffer.reports.differing import RunDifference
     from sniffer.simulation.play.outlet import FrameWriter
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from sniffer.ground.framing import Block
 from sniffer.ground.model import Chunk, Clock
-from sniffer.playing.outlets import LOOK_NS, said
+from sniffer.playback.outlets import LOOK_NS, said
 from sniffer.simulation.hearing import NO_BARRIERS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from sniffer.playing.exchanges import RecordedExchange
+    from sniffer.playback.exchanges import RecordedExchange
     from sniffer.protocols.base import BusProtocol
     from sniffer.simulation.play.outlet import FrameWriter
     from sniffer.simulation.play.player import Stop

@@ -9,7 +9,7 @@ import threading
 from typing import TYPE_CHECKING, Any
 
 from sniffer.decoding.options import Options
-from sniffer.jobs.play_back import play_back
+from sniffer.jobs.playback import play_back
 from sniffer.jobs.played import PlayedBack, PlayedPorts, PlayedRole
 from sniffer.simulation.play.player import Stop
 from tests.simulations import DEADLINE_S

@@ -17,13 +17,13 @@ from sniffer.decoding.options import Options
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.decoding.rows import FrameRow
 from sniffer.ground.model import NS, Chunk, Clock
-from sniffer.playing.exchanges import ExchangeSink, PlayedReply, RecordedExchange, RequestKey
-from sniffer.playing.recollection import LATELY, Ground, Recollection
-from sniffer.playing.servos import RecordedServos
+from sniffer.playback.exchanges import ExchangeSink, PlayedReply, RecordedExchange, RequestKey
+from sniffer.playback.recollection import LATELY, Ground, Recollection
+from sniffer.playback.servos import RecordedServos
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
 from tests.commands import COMMAND, environment
-from tests.played import CLEAN, DAMAGED, playing, wait_for_recorder
+from tests.playbacks import CLEAN, DAMAGED, playing, wait_for_recorder
 from tests.simulations import DEADLINE_S, ear
 from tests.streams.mightyzap import packet as zap
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
-    from sniffer.playing.servos import ServoAnswers
+    from sniffer.playback.servos import ServoAnswers
 
 ASKED: Final = 60
 """Requests that a controller asks in a row."""

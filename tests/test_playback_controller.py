@@ -13,15 +13,15 @@ import sniffer
 from sniffer.decoding.rows import FrameRow
 from sniffer.ground.model import NS
 from sniffer.jobs.played import PlayedRole
-from sniffer.playing import controller
-from sniffer.playing.exchanges import PlayedReply, RecordedExchange, RequestKey
+from sniffer.playback import controller
+from sniffer.playback.exchanges import PlayedReply, RecordedExchange, RequestKey
 from sniffer.protocols import PROTOCOLS
 from sniffer.selection.places import Window
 from sniffer.simulation.play.outlet import FrameWriter
 from tests.commands import log, talk, within
-from tests.played import CLEAN, playing
+from tests.playbacks import CLEAN, playing
 from tests.streams.mightyzap import packet as zap
-from tests.test_play_line import MS, Noted, Wall
+from tests.test_playback_line import MS, Noted, Wall
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

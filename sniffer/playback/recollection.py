@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.playing.exchanges import RecordedExchange, RequestKey
+    from sniffer.playback.exchanges import RecordedExchange, RequestKey
 
 LATELY: Final = 64
 """Requests that tell what a controller is doing now: more than one asks in a cycle."""

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from sniffer.ground.model import NS, Chunk, Clock, OutputError, SnifferError
 from sniffer.jobs.played import PlayedRole
-from sniffer.playing.line import LinePlayer
+from sniffer.playback.line import LinePlayer
 from sniffer.selection.places import Window, is_port
 from sniffer.simulation.play.outlet import FrameWriter
 from tests.commands import COMMAND, damaged, environment, log, talk, within
-from tests.played import CLEAN, playing
+from tests.playbacks import CLEAN, playing
 from tests.simulations import DEADLINE_S, ear
 from tests.terminals import LINUX_ONLY
 

@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.model import NS
-from sniffer.playing.outlets import LOOK_NS, said
+from sniffer.playback.outlets import LOOK_NS, said
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

@@ -27,7 +27,7 @@ less than they did."""
 
 _ROWS: Final = ("where", "servos", "ops", "kinds", "codes")
 
-_PLAYING: Final = (
+_PLAYBACK: Final = (
     click.option(
         "--as", "role", type=click.Choice(("line", "servos", "controller")),
         help="With --to PORT, who speaks: everybody, or the servos, which answer a controller, or "
@@ -53,17 +53,17 @@ _PLAYING: Final = (
 )  # fmt: skip
 
 
-def with_playing(command: Command) -> Command:
-    """Add the options of a recording that speaks; ``playing`` is what they say."""
+def with_playback(command: Command) -> Command:
+    """Add the options of a recording that speaks; ``playback`` is what they say."""
     names = ("role", "links", "tap", "tap_link", "echo", "transmit")
 
     def gather(given: dict[str, Any]) -> dict[str, Any]:
-        return {"playing": {name: given.pop(name) for name in names}, **given}
+        return {"playback": {name: given.pop(name) for name in names}, **given}
 
-    return gathered(command, _PLAYING, gather)
+    return gathered(command, _PLAYBACK, gather)
 
 
-def refuse_without_port(playing: Mapping[str, Any]) -> None:
+def refuse_without_port(playback: Mapping[str, Any]) -> None:
     """Refuse options that are about a port where none is named.
 
     Raises:
@@ -72,7 +72,7 @@ def refuse_without_port(playing: Mapping[str, Any]) -> None:
     told = {"role": "--as", "links": "--link", "tap": "--tap", "tap_link": "--tap-link"}
     told |= {"echo": "--echo", "transmit": "--yes-transmit"}
     for name, option in told.items():
-        if playing[name] not in (None, (), False):
+        if playback[name] not in (None, (), False):
             raise click.UsageError(f"{option} goes with a port to play on: --to pty, --to DEV")
 
 
@@ -97,7 +97,7 @@ def play_on(
     file: str,
     to: tuple[str, ...],
     options: Options,
-    playing: Mapping[str, Any],
+    playback: Mapping[str, Any],
     *,
     input_format: str,
     window: Window | None,
@@ -108,7 +108,7 @@ def play_on(
     force: bool,
 ) -> int:
     """Play a recording on ports; return the exit status."""
-    from sniffer.jobs.play_back import play_back
+    from sniffer.jobs.playback import play_back
     from sniffer.jobs.played import PlayedPorts, PlayedRole
     from sniffer.simulation.play.player import Stop
 
@@ -117,13 +117,13 @@ def play_on(
         click.echo("\n".join(f"{bus} {n}" if several else n for bus, n in names.items()))
         sys.stdout.flush()
 
-    role = PlayedRole(playing["role"] or "line")
+    role = PlayedRole(playback["role"] or "line")
     ports = PlayedPorts(
         to,
-        links=playing["links"],
-        transmit=playing["transmit"],
-        tap=playing["tap"],
-        tap_link=playing["tap_link"],
+        links=playback["links"],
+        transmit=playback["transmit"],
+        tap=playback["tap"],
+        tap_link=playback["tap_link"],
         ready=ready,
     )
     with contextlib.closing(Stop()) as stop, ended_by_signals(stop.ask):
@@ -137,7 +137,7 @@ def play_on(
             buses=buses,
             speed=speed,
             loop=loop,
-            echo=playing["echo"],
+            echo=playback["echo"],
             outputs=outputs,
             overwrite=force,
             stop=stop,

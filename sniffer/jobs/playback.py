@@ -21,11 +21,11 @@ from sniffer.jobs.played import PlayedBack, PlayedPorts, PlayedRole, PortUse
 from sniffer.jobs.replay import peek, spoken_by, timed
 from sniffer.jobs.session import Ending, merged, run_source
 from sniffer.jobs.telling import Teller
-from sniffer.playing.controller import ControllerPlayer
-from sniffer.playing.exchanges import ExchangeSink
-from sniffer.playing.line import PIECE_NS, LinePlayer
-from sniffer.playing.outlets import await_listeners, check_ports, opened_ports, unnoted
-from sniffer.playing.servos import RecordedServos
+from sniffer.playback.controller import ControllerPlayer
+from sniffer.playback.exchanges import ExchangeSink
+from sniffer.playback.line import PIECE_NS, LinePlayer
+from sniffer.playback.outlets import await_listeners, check_ports, opened_ports, unnoted
+from sniffer.playback.servos import RecordedServos
 from sniffer.reports.differing import differences
 from sniffer.reports.runs import RunFigures
 from sniffer.selection.places import FRESH

@@ -8,8 +8,8 @@ from sniffer.ground.codes import NEVER
 from sniffer.ground.codes import REQUEST as ASKS
 from sniffer.ground.model import NS
 from sniffer.ground.wording import counted
-from sniffer.playing.exchanges import RequestKey
-from sniffer.playing.recollection import Ground, Recollection
+from sniffer.playback.exchanges import RequestKey
+from sniffer.playback.recollection import Ground, Recollection
 from sniffer.simulation.hearing import Ears
 from sniffer.simulation.listener import LineListener, Uttered
 from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, TrueFrame
@@ -17,7 +17,7 @@ from sniffer.simulation.talk import NOISE, REQUEST, RESPONSE, TrueFrame
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from sniffer.playing.exchanges import RecordedExchange
+    from sniffer.playback.exchanges import RecordedExchange
     from sniffer.protocols.base import BusProtocol
 
 
