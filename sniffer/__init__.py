@@ -41,8 +41,7 @@ if TYPE_CHECKING:
     from sniffer.jobs.like import scenario_like
     from sniffer.jobs.merge import merge
     from sniffer.jobs.outputs import Contents, Wide
-    from sniffer.jobs.playback import play_back
-    from sniffer.jobs.played import PlayedBack, PlayedPorts, PlayedRole
+    from sniffer.jobs.playback import PlayedBack, PlayedPorts, PlayedRole, play_back
     from sniffer.jobs.query import Answer, query
     from sniffer.jobs.record import Recorded, Shown, record
     from sniffer.jobs.replay import replay
@@ -149,8 +148,7 @@ _ROOMS: Final = {
     "jobs.merge": ("merge",),
     "jobs.outputs": ("Contents", "Wide"),
     "jobs.like": ("scenario_like",),
-    "jobs.playback": ("play_back",),
-    "jobs.played": ("PlayedBack", "PlayedPorts", "PlayedRole"),
+    "jobs.playback": ("PlayedBack", "PlayedPorts", "PlayedRole", "play_back"),
     "jobs.diagnose": ("Diagnosed", "diagnose"),
     "jobs.replay": ("replay",),
     "selection.places": ("Window",),

@@ -9,8 +9,7 @@ import threading
 from typing import TYPE_CHECKING, Any
 
 from sniffer.decoding.options import Options
-from sniffer.jobs.playback import play_back
-from sniffer.jobs.played import PlayedBack, PlayedPorts, PlayedRole
+from sniffer.jobs.playback import PlayedBack, PlayedPorts, PlayedRole, play_back
 from sniffer.simulation.play.player import Stop
 from tests.simulations import DEADLINE_S
 from tests.terminals import wait

@@ -219,7 +219,6 @@ PLAYS: Final = {"simulation/play", "playback"}
 
 PLAYERS: Final = {
     "jobs/playback.py",
-    "jobs/played.py",
     "jobs/like.py",
     "cli/simulate.py",
     "cli/playback.py",

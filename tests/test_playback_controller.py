@@ -12,7 +12,7 @@ import pytest
 import sniffer
 from sniffer.decoding.rows import FrameRow
 from sniffer.ground.model import NS
-from sniffer.jobs.played import PlayedRole
+from sniffer.jobs.playback import PlayedRole
 from sniffer.playback import controller
 from sniffer.playback.exchanges import PlayedReply, RecordedExchange, RequestKey
 from sniffer.protocols import PROTOCOLS
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from sniffer.jobs.played import PlayedBack
+    from sniffer.jobs.playback import PlayedBack
 
 Capsys = pytest.CaptureFixture[str]
 CONTROLLER: Final = PlayedRole.CONTROLLER

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sniffer.ground.model import NS, Chunk, Clock, OutputError, SnifferError
-from sniffer.jobs.played import PlayedRole
+from sniffer.jobs.playback import PlayedRole
 from sniffer.playback.line import LinePlayer
-from sniffer.selection.places import Window, is_port
+from sniffer.selection.places import Window, names_port
 from sniffer.simulation.play.outlet import FrameWriter
 from tests.commands import COMMAND, damaged, environment, log, talk, within
 from tests.playbacks import CLEAN, playing
@@ -138,7 +138,7 @@ def test_each_bus_has_its_port_and_every_byte_comes_damage_and_noise_too(tmp_pat
         assert arm.listen(until=len(said["arm"])) == said["arm"]
         assert leg.listen(until=len(said["leg"])) == said["leg"]
         done = it.wait()
-    assert [(p.bus, p.size, p.lost) for p in done.ports] == [
+    assert [(bus, w.size, w.lost) for bus, w in done.ports.items()] == [
         (bus, len(data), 0) for bus, data in said.items()
     ]
     assert done.pacing is not None
@@ -151,7 +151,7 @@ def test_it_begins_when_the_port_is_opened_so_that_nothing_is_lost(tmp_path: Pat
         with ear(it.names["bus0"]) as listener:
             heard = listener.listen()
         assert heard == talk(2)
-        assert it.wait().ports[0].lost == 0
+        assert it.wait().ports["bus0"].lost == 0
 
 
 def test_an_input_without_times_is_played_at_the_pace_of_its_rate() -> None:
@@ -197,14 +197,14 @@ def test_it_goes_on_from_its_beginning_until_it_is_stopped(tmp_path: Path) -> No
     "text", ["pty", "PTY", "/dev/pts/3", "./bus", "../bus", "COM3", "com12", "/x"]
 )
 def test_these_are_ports(text: str) -> None:
-    assert is_port(text)
+    assert names_port(text)
 
 
 @pytest.mark.parametrize(
     "text", ["10", "20s", "20:35:20.5", "2026-01-31T20:35:20Z", "@first-error", "COM", "bus", ""]
 )
 def test_these_are_no_ports(text: str) -> None:
-    assert not is_port(text)
+    assert not names_port(text)
 
 
 @LINUX_ONLY

@@ -18,8 +18,9 @@ from sniffer.jobs.telling import Teller
 
 if TYPE_CHECKING:
     from sniffer.decoding.options import Options
-    from sniffer.jobs.played import PlayedBack
+    from sniffer.jobs.playback import PlayedBack
     from sniffer.selection.places import Window
+    from sniffer.simulation.play.outlet import Written
 
 OTHERWISE: Final = 1
 """The status where a controller asked what the recording has nothing like, or where servos answer
@@ -108,8 +109,7 @@ def play_on(
     force: bool,
 ) -> int:
     """Play a recording on ports; return the exit status."""
-    from sniffer.jobs.playback import play_back
-    from sniffer.jobs.played import PlayedPorts, PlayedRole
+    from sniffer.jobs.playback import PlayedPorts, PlayedRole, play_back
     from sniffer.simulation.play.player import Stop
 
     def ready(names: Mapping[str, str]) -> None:
@@ -148,9 +148,8 @@ def play_on(
 
 def _told(done: PlayedBack) -> int:
     """Say what became of it; return the exit status."""
-    for port in done.ports:
-        label = f"{port.bus}: " if len(done.ports) > 1 else ""
-        say(told_bytes(label, port.size, port.lost, port.overrun))
+    for name, written in done.ports.items():
+        say(told_bytes(f"{name}: " if len(done.ports) > 1 else "", written))
     if done.pacing is not None and done.pacing.pieces:
         mean, worst = done.pacing.mean_ns / 1e6, done.pacing.worst_ns / 1e6
         say(f"written {mean:.2f} ms late on average, {worst:.2f} ms at most")
@@ -168,11 +167,11 @@ def _told(done: PlayedBack) -> int:
     return status_of(done.ending) or (0 if done.as_recorded else OTHERWISE)
 
 
-def told_bytes(label: str, size: int, lost: int, overrun: int) -> str:
+def told_bytes(label: str, written: Written) -> str:
     """Return what became of the bytes for a port, in words."""
-    told = f"{label}{size} bytes written"
-    if lost:
-        told += f", {lost} that nobody read"
-    if overrun:
-        told += f", {overrun} lost because the reader was too slow"
+    told = f"{label}{written.size} bytes written"
+    if written.lost:
+        told += f", {written.lost} that nobody read"
+    if written.overrun:
+        told += f", {written.overrun} lost because the reader was too slow"
     return told

@@ -66,10 +66,10 @@ def _places_and_ports(
     context: click.Context, parameter: click.Parameter, given: tuple[str, ...]
 ) -> tuple[str | None, tuple[str, ...]]:
     """Tell the place where a part ends from the ports that it is played on."""
-    from sniffer.selection.places import is_port
+    from sniffer.selection.places import names_port
 
-    ports = tuple(text for text in given if is_port(text))
-    places = [text for text in given if not is_port(text)]
+    ports = tuple(text for text in given if names_port(text))
+    places = [text for text in given if not names_port(text)]
     if len(places) > 1:
         raise click.BadParameter(f"{places[0]!r} and {places[1]!r}: a part ends at one place")
     return _place(context, parameter, places[0] if places else None), ports

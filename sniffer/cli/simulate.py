@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from sniffer.cli.amounts import Duration
-from sniffer.cli.options import ProtocolName, Whole, examples, with_force
+from sniffer.cli.options import ProtocolName, Whole, examples, files_here, with_force
 from sniffer.cli.playback import told_bytes
 from sniffer.cli.servos import models
 from sniffer.cli.signals import ended_by_signals
@@ -69,7 +69,8 @@ def _faults(
 @click.argument("protocol", type=ProtocolName(plugins=False), required=False)
 @click.option(
     "--like",
-    type=click.Path(exists=False, path_type=Path),
+    metavar="FILE",
+    shell_complete=files_here,
     help="Play the servos that a recording shows, or any capture: as they answered then. With "
     "PROTOCOL, --baud and --model it is decoded so; implies --respond.",
 )
@@ -108,10 +109,15 @@ def _faults(
     help="With --respond: repeat both sides on a second port, for record.  [default: tap]",
 )  # fmt: skip
 @click.option("--tap-link", type=click.Path(path_type=Path), help="Make a link to the tap.")
-@click.option("--port", "device", metavar="DEV", help="Play on a serial port that is there.")
+@click.option(
+    "--port",
+    "device",
+    metavar="DEV",
+    help="Play on a serial port that is there: it is sent on its bus, and servos may move.",
+)
 def simulate(
     protocol: str | None,
-    like: Path | None,
+    like: str | None,
     buses: tuple[str, ...],
     servos: str | None,
     chosen: dict[int | None, str],
@@ -141,37 +147,26 @@ def simulate(
     if like is not None:
         if servos is not None:
             raise click.UsageError("--like tells which servos there are: leave --servos out")
-        alike = _like(like, protocol, baud, chosen, buses)
-        every = (*alike.faults, *faults)
-        scenario = replace(
-            alike,
-            seed=seed,
-            duration_ns=duration,
-            faults=every,
-            rate_hz=rate if isinstance(rate, int) else None,
-            full=full or rate == MAX,
-        )
-        respond = True
+        scenario = _like(like, protocol, baud, chosen, buses)
     elif protocol is None:
         raise click.UsageError("Missing argument 'PROTOCOL', or --like FILE.")
     elif buses:
         raise click.UsageError("--bus goes with --like")
     else:
         scenario = Scenario(
-            protocol,
-            servos=_servos(servos),
-            baud=baud,
-            rate_hz=rate if isinstance(rate, int) else None,
-            full=full or rate == MAX,
-            seed=seed,
-            duration_ns=duration,
-            faults=faults,
-            respond=respond,
-            models=chosen,
+            protocol, servos=_servos(servos), baud=baud, respond=respond, models=chosen
         )
+    scenario = replace(
+        scenario,
+        seed=seed,
+        duration_ns=duration,
+        faults=(*scenario.faults, *faults),
+        rate_hz=rate if isinstance(rate, int) else None,
+        full=full or rate == MAX,
+    )
 
     def ready(bus: str, tap: str | None) -> None:
-        if respond:
+        if scenario.respond:
             click.echo(f"bus {bus}" + ("" if tap is None else f"\ntap {tap}"))
         else:
             click.echo(bus)
@@ -193,7 +188,7 @@ def simulate(
 
 
 def _like(
-    file: Path,
+    file: str,
     protocol: str | None,
     baud: int | None,
     models: Mapping[int | None, str],
@@ -204,7 +199,7 @@ def _like(
     from sniffer.jobs.telling import Teller
 
     options = Options(protocol=protocol or AUTO, baud=baud, models=models)
-    return scenario_like(str(file), options, buses=buses, tell=Teller(say))
+    return scenario_like(file, options, buses=buses, tell=Teller(say))
 
 
 def _servos(text: str | None) -> int | tuple[int, ...] | None:
@@ -222,7 +217,7 @@ def _report(played: Played) -> None:
     """Say what became of the bytes."""
     ports = {"": played.bus} if played.tap is None else {"bus: ": played.bus, "tap: ": played.tap}
     for name, written in ports.items():
-        say(told_bytes(name, written.size, written.lost, written.overrun))
+        say(told_bytes(name, written))
     if played.held_up_ns:
         say(
             f"held up for {played.held_up_ns / 1e6:.0f} ms in all, and went on later by as much: "

@@ -198,6 +198,35 @@ def time_at(batch: Batch, offset: int) -> int | None:
     return None
 
 
+def buses_of(source: str, found: Sequence[str], wanted: Sequence[str]) -> list[str]:
+    """Return those of a capture's buses that are wanted; all of them where none is named.
+
+    Raises:
+        InputError: it has none, or not what is wanted.
+    """
+    if not found:
+        raise InputError(f"{source} is empty: nothing to play")
+    for bus in wanted:
+        if bus not in found:
+            told = "{buses}: there is no bus {bus}, only {found}"
+            raise InputError(Sentence(told, bus=bus, found=", ".join(found)))
+    return [bus for bus in found if not wanted or bus in wanted]
+
+
+def only_bus(source: str, found: Sequence[str], wanted: Sequence[str]) -> str:
+    """Return the one bus of a capture that is wanted.
+
+    Raises:
+        InputError: it has none, or not what is wanted.
+        SnifferError: there is more than one.
+    """
+    buses = buses_of(source, found, wanted)
+    if len(buses) > 1:
+        told = "it has {n} buses ({names}): choose one with {buses}"
+        raise SnifferError(Sentence(told, n=len(buses), names=", ".join(buses)))
+    return buses[0]
+
+
 def refuse_part_of(asked: Extract | None, suffixes: Sequence[str]) -> None:
     """Refuse a recording of what is not all of a capture, or the bytes of a part of it.
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sniffer.decoding.pipeline import Options
-from sniffer.ground.model import InputError, SnifferError
-from sniffer.ground.wording import Sentence
+from sniffer.ground.model import InputError
+from sniffer.jobs.asked import only_bus
 from sniffer.jobs.session import run_source
 from sniffer.jobs.telling import Teller
-from sniffer.playback.likeness import SeenSink
 from sniffer.simulation.buses import BUSES
 from sniffer.simulation.faults import DROP, Fault
+from sniffer.simulation.likeness import SeenSink
 from sniffer.simulation.play.scenario import Scenario
 from sniffer.sources import open_source
 
@@ -41,7 +41,8 @@ def scenario_like(
         tell: takes what should be told.
 
     Raises:
-        InputError: it cannot be read, its protocol cannot be told, or nobody answers in it.
+        InputError: it cannot be read, its protocol cannot be told, it has no such bus, or nobody
+            answers in it.
         SnifferError: its protocol has no simulator, or it has several buses and none is named.
     """
     options = options or Options()
@@ -51,11 +52,7 @@ def scenario_like(
     with open_source(source, input_format, again=True, wiring=options.wired) as opened:
         options = options.with_facts(opened.facts(), opened.tables)
         run_source(opened, options, [sink], name=str(source), tell=tell)
-    found = [bus for bus in sink.buses if not buses or bus in buses]
-    if len(found) != 1:
-        told = "it has the buses {names}: choose one with {buses}"
-        raise SnifferError(Sentence(told, names=", ".join(sink.buses)))
-    seen = sink.buses[found[0]]
+    seen = sink.buses[only_bus(str(source), list(sink.buses), buses)]
     name = seen.protocol.name
     every, known = seen.likenesses(), BUSES.get(name)
     like = {who: one for who, one in every.items() if known is None or who in known.ids}
@@ -72,7 +69,7 @@ def scenario_like(
     return Scenario(
         name,
         servos=tuple(like),
-        baud=sink.bauds[found[0]],
+        baud=seen.baud,
         respond=True,
         faults=tuple(Fault(DROP, s.missing, who) for who, s in like.items() if s.missing),
         models={who: model for who, model in models.items() if who is None or who in like},

@@ -3,44 +3,104 @@
 from __future__ import annotations
 
 import contextlib
+import enum
 import functools
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from sniffer.decoding.detect import ENOUGH
 from sniffer.decoding.pipeline import AUTO, Options, Pipeline
-from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import DamagedInputError, InputError, SnifferError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
+from sniffer.jobs.asked import buses_of, only_bus
 from sniffer.jobs.copying import Copies
 from sniffer.jobs.cut import part_of
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.outputs import open_all, session_facts
-from sniffer.jobs.played import PlayedBack, PlayedPorts, PlayedRole, PortUse
-from sniffer.jobs.replay import peek, spoken_by, timed
+from sniffer.jobs.replay import peek, spoken_by, timed, usual_baud
 from sniffer.jobs.session import Ending, merged, run_source
 from sniffer.jobs.telling import Teller
 from sniffer.playback.controller import ControllerPlayer
 from sniffer.playback.exchanges import ExchangeSink
 from sniffer.playback.line import PIECE_NS, LinePlayer
-from sniffer.playback.outlets import await_listeners, check_ports, opened_ports, unnoted
+from sniffer.playback.outlets import await_listeners, check_ports, opened_ports
 from sniffer.playback.servos import RecordedServos
 from sniffer.reports.differing import differences
 from sniffer.reports.runs import RunFigures
-from sniffer.selection.places import FRESH
+from sniffer.simulation.play.opening import opened_port
+from sniffer.simulation.play.outlet import FrameWriter, unnoted
 from sniffer.simulation.play.player import Player, SimulatedClock, Stop
 from sniffer.sources import open_source
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from sniffer.decoding.sink import Sink
     from sniffer.ground.model import Batch, Chunk
+    from sniffer.playback.controller import ServosHeard
+    from sniffer.playback.line import Pacing
+    from sniffer.playback.servos import ServoAnswers
     from sniffer.protocols.base import BusProtocol
+    from sniffer.reports.differing import RunDifference
     from sniffer.selection.places import Window
+    from sniffer.simulation.play.outlet import Written
     from sniffer.sources import Source
+
+
+class PlayedRole(enum.Enum):
+    """What of a recording speaks."""
+
+    LINE = "line"
+    """Everything, as it was heard."""
+    SERVOS = "servos"
+    CONTROLLER = "controller"
+
+
+@dataclass(frozen=True, slots=True)
+class PlayedPorts:
+    """Where it is played.
+
+    Args:
+        to: a port for each bus, in the order in which they first speak: a path, or ``"pty"`` for a
+            pseudo-terminal that is made for it; one ``"pty"`` is for all of them.
+        links: symbolic links that lead to new pseudo-terminals meanwhile, one a bus.
+        transmit: a serial port may be among them, and its servos may move.
+        tap: with servos: a second port repeats both sides of the talk.
+        tap_link: a link that leads there.
+        ready: takes what each port is called (a bus, or ``"bus"`` and ``"tap"``) and its name.
+    """
+
+    to: Sequence[str]
+    links: Sequence[Path] = ()
+    transmit: bool = False
+    tap: bool | None = None
+    tap_link: Path | None = None
+    ready: Callable[[Mapping[str, str]], None] = lambda names: None
+
+
+@dataclass(frozen=True, slots=True)
+class PlayedBack:
+    """What was played, and how the reading of the recording ended.
+
+    ``ports`` says what became of the bytes for each port, by bus, or for ``bus`` and ``tap``.
+    ``pacing`` is there for a line, ``answers`` for servos; for a controller ``hearing``, and
+    ``slower``, where response times differ from those of the recording.
+    """
+
+    ports: Mapping[str, Written]
+    ending: Ending
+    pacing: Pacing | None = None
+    answers: ServoAnswers | None = None
+    hearing: ServosHeard | None = None
+    slower: tuple[RunDifference, ...] = ()
+
+    @property
+    def as_recorded(self) -> bool:
+        """Whether nothing was asked that the recording does not know, and all was answered."""
+        known = self.answers is None or not self.answers.unknown
+        return known and (self.hearing is None or self.hearing.all_answered)
 
 
 def play_back(
@@ -108,8 +168,10 @@ def play_back(
             if role == PlayedRole.CONTROLLER:
                 return _controller(stage, speed, outputs, overwrite=overwrite)
             return _servos(stage, echo=echo)
-        except _StoppedError:
-            return PlayedBack((), Ending.INTERRUPTED)
+        except InputError:
+            if stop.asked:  # before there was anything to play
+                return PlayedBack({}, Ending.INTERRUPTED)
+            raise
 
 
 class _Stage(NamedTuple):
@@ -127,9 +189,10 @@ class _Stage(NamedTuple):
         """Return all groups of chunks, in order."""
         return merged(self.opened, self.opened, self.options, tell)
 
-
-class _StoppedError(Exception):
-    """It was stopped before anything was played."""
+    def refuse_if_stopped(self) -> None:
+        """Play nothing of what was read in part only."""
+        if self.stop.asked:
+            raise InputError("stopped before anything was played")
 
 
 def _until(stop: Stop, groups: Iterable[list[Chunk]]) -> Iterator[list[Chunk]]:
@@ -175,8 +238,11 @@ def _line(stage: _Stage, speed: float, *, loop: bool) -> PlayedBack:
                 tell.once(f"{error}: played as far as it goes")
             again = loop
         player.finish()
-        used = tuple(PortUse.of(bus, outlet) for bus, outlet in outlets.items())
-    return PlayedBack(used, ending, pacing=player.pacing)
+    return PlayedBack(_written(outlets), ending, pacing=player.pacing)
+
+
+def _written(outlets: Mapping[str, FrameWriter]) -> dict[str, Written]:
+    return {name: outlet.written for name, outlet in outlets.items()}
 
 
 def _timed(groups: Iterable[Sequence[Chunk]], bauds: Mapping[str, int]) -> Iterator[Chunk]:
@@ -196,40 +262,19 @@ def _buses(stage: _Stage) -> list[str]:
     with contextlib.suppress(DamagedInputError):  # it comes again when it is played
         for group in stage.merged(stage.tell):
             found |= {chunk.bus: None for chunk in group if chunk.data}
-    if stage.stop.asked:
-        raise _StoppedError
-    return _chosen(stage, list(found))
-
-
-def _chosen(stage: _Stage, found: Sequence[str]) -> list[str]:
-    """Return those that are wanted of the buses that there are.
-
-    Raises:
-        InputError: there is none, or not what is wanted.
-    """
-    if not found:
-        raise InputError(f"{stage.source} is empty: nothing to play")
-    for bus in stage.buses:
-        if bus not in found:
-            told = "{buses}: there is no bus {bus}, only {found}"
-            raise InputError(Sentence(told, bus=bus, found=", ".join(found)))
-    return [bus for bus in found if not stage.buses or bus in stage.buses]
+    stage.refuse_if_stopped()
+    return buses_of(stage.source, list(found), stage.buses)
 
 
 def _bauds(stage: _Stage, buses: Sequence[str]) -> dict[str, int]:
     """Return the rate of each bus: as stated, or as usual for what it speaks."""
     options = stage.options
-    stated = {bus: options.bauds.get(bus, options.baud) for bus in buses}
-    if options.protocol == AUTO and None in stated.values():
+    stated = [options.bauds.get(bus, options.baud) for bus in buses]
+    if options.protocol == AUTO and None in stated:
         head, _ = peek((chunk for group in stage.opened for chunk in group), ENOUGH)
         told = {**spoken_by(head, options, stage.tell), **options.protocols}
         options = replace(options, protocols=told)
-    out = {}
-    for bus in buses:
-        named = options.protocols.get(bus, options.protocol)
-        usual = FALLBACK_BAUD if named == AUTO else options.all_spoken(named)[0].baud
-        out[bus] = stated[bus] or usual
-    return out
+    return {bus: usual_baud(options, bus) for bus in buses}
 
 
 def _heard(stage: _Stage, others: Sequence[Sink] = ()) -> tuple[ExchangeSink, str, Ending]:
@@ -241,22 +286,12 @@ def _heard(stage: _Stage, others: Sequence[Sink] = ()) -> tuple[ExchangeSink, st
     """
     sink = ExchangeSink()
     every = [sink, *others]
-    given = stage.opened, stage.options, every
-    try:
-        _, ending = run_source(*given, name=stage.source, tell=stage.tell)
-    except InputError:
-        if stage.stop.asked:
-            raise _StoppedError from None
-        raise
-    if stage.stop.asked:
-        raise _StoppedError
-    buses = _chosen(stage, list(sink.buses))
-    if len(buses) > 1:
-        told = "it has {n} buses ({names}): choose one with {buses}"
-        raise SnifferError(Sentence(told, n=len(buses), names=", ".join(buses)))
-    if not sink.buses[buses[0]]:
+    _, ending = run_source(stage.opened, stage.options, every, name=stage.source, tell=stage.tell)
+    stage.refuse_if_stopped()
+    bus = only_bus(stage.source, list(sink.buses), stage.buses)
+    if not sink.buses[bus]:
         raise InputError(f"{stage.source}: no request was heard: there is nothing to play")
-    return sink, buses[0], ending
+    return sink, bus, ending
 
 
 def _servos(stage: _Stage, *, echo: bool) -> PlayedBack:
@@ -272,10 +307,8 @@ def _servos(stage: _Stage, *, echo: bool) -> PlayedBack:
         opened = opened_ports(ports.to, ports.links, {bus: baud}, transmit=ports.transmit)
         outlets = {"bus": stack.enter_context(opened)[bus]}
         if ports.tap is not False:
-            links = [] if ports.tap_link is None else [ports.tap_link]
-            outlets |= stack.enter_context(
-                opened_ports([FRESH], links, {"tap": baud}, transmit=False)
-            )
+            tap = opened_port(None, baud, ports.tap_link, transmit=False)
+            outlets["tap"] = FrameWriter(stack.enter_context(tap))
         ports.ready({name: outlet.port.name for name, outlet in outlets.items()})
         servos = RecordedServos(
             sink.protocols[bus],
@@ -288,8 +321,7 @@ def _servos(stage: _Stage, *, echo: bool) -> PlayedBack:
         player.respond(servos, outlets["bus"], outlets.get("tap"), unnoted, echo=echo)
         for outlet in outlets.values():
             outlet.finish()
-        used = tuple(PortUse.of(name, outlet) for name, outlet in outlets.items())
-    return PlayedBack(used, ending, answers=servos.answers)
+    return PlayedBack(_written(outlets), ending, answers=servos.answers)
 
 
 def _controller(
@@ -321,14 +353,13 @@ def _controller(
             player = ControllerPlayer(outlet, protocol, byte_ns, bus=bus, stop=stop, heard=heard)
             player.play(sink.buses[bus], speed)
             outlet.finish()
-            used = (PortUse.of(bus, outlet),)
         pipeline.close()
     finally:
         pipeline.finish()
         copies.finish(tell)
     found, _ = differences(then, now)
     slower = tuple(one for one in found if one.about == "response_time")
-    return PlayedBack(used, ending, hearing=player.hearing, slower=slower)
+    return PlayedBack(_written(outlets), ending, hearing=player.hearing, slower=slower)
 
 
 class _OneBus:

@@ -193,8 +193,9 @@ def replay(
         if options.protocol == AUTO and not played:
             told = {**spoken_by(head, options, now), **options.protocols}
             options = replace(options, protocols=told)
-        ends = (None, None) if asked is None else asked.ends(first_time(head))
-        groups = paced(steps(timed(chunks, usual_baud(options))), speed, ends=ends)
+        ends = (None, None) if asked is None else asked.ends(_first_time(head))
+        baud = usual_baud(options, head[0].bus if head else "")
+        groups = paced(steps(timed(chunks, baud)), speed, ends=ends)
         session = session_facts(opened.origin(str(source)), options, facts)
         decoded, raw = open_all(outputs, session, [str(source)], force=overwrite)
         copies = Copies(raw)
@@ -216,7 +217,7 @@ def replay(
     return ending
 
 
-def first_time(head: Iterable[Chunk]) -> int | None:
+def _first_time(head: Iterable[Chunk]) -> int | None:
     """Return the time of the first byte, None where there is no clock."""
     return next((chunk.t_ns for chunk in head if chunk.data), None)
 
@@ -241,7 +242,9 @@ def spoken_by(
     return out
 
 
-def usual_baud(options: Options) -> int:
-    """Return the rate of an input without times: what was said, or what its protocol has."""
-    named = next(iter(options.protocols.values()), options.protocol)
-    return options.baud or (FALLBACK_BAUD if named == AUTO else options.all_spoken(named)[0].baud)
+def usual_baud(options: Options, bus: str) -> int:
+    """Return the rate of a bus without times: what was said, or what its protocol has."""
+    if stated := options.bauds.get(bus, options.baud):
+        return stated
+    named = options.protocols.get(bus, options.protocol)
+    return FALLBACK_BAUD if named == AUTO else options.all_spoken(named)[0].baud

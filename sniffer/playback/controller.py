@@ -10,8 +10,9 @@ import numpy as np
 
 from sniffer.ground.framing import Block
 from sniffer.ground.model import Chunk, Clock
-from sniffer.playback.outlets import LOOK_NS, said
+from sniffer.playback.outlets import said
 from sniffer.simulation.hearing import NO_BARRIERS
+from sniffer.simulation.play.player import LOOK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

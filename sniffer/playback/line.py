@@ -6,7 +6,8 @@ import time
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.model import NS
-from sniffer.playback.outlets import LOOK_NS, said
+from sniffer.playback.outlets import said
+from sniffer.simulation.play.player import LOOK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.model import OutputError, SnifferError
+from sniffer.ground.model import SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.selection.places import FRESH
-from sniffer.simulation.play.link import linked
+from sniffer.simulation.play.opening import opened_port
 from sniffer.simulation.play.outlet import FrameWriter
+from sniffer.simulation.play.player import LOOK_NS
 from sniffer.simulation.talk import NOISE, TrueFrame
 
 if TYPE_CHECKING:
@@ -17,10 +18,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.simulation.play.player import Stop
-    from sniffer.simulation.play.ports import PlayPort
-
-LOOK_NS: Final = 5_000_000
-"""How often it is looked whether somebody has opened a pseudo-terminal: nothing tells."""
 
 SETTLE_NS: Final = 500_000_000
 """What a program that has opened a port gets until it is spoken to: many throw away what they find
@@ -40,7 +37,7 @@ def check_ports(to: Sequence[str], links: Sequence[Path], buses: Sequence[str]) 
     """
     n = len(buses)
     have = f"it has the bus{'es' * (n > 1)} {', '.join(buses)}"
-    if tuple(to) != (FRESH,) and len(to) != n:
+    if [port.lower() for port in to] != [FRESH] and len(to) != n:
         told = "{have}: say {to} once for each, or {to:pty} for all of them"
         raise SnifferError(Sentence(told, have=have))
     if links and len(links) != n:
@@ -59,22 +56,14 @@ def opened_ports(
     Raises:
         OutputError: one cannot be had, or is a serial port that nothing may be sent to.
     """
-    try:
-        from sniffer.simulation.play import ports
-    except ImportError:
-        raise OutputError("this system has no pseudo-terminals: use Linux or macOS") from None
     every = to if len(to) == len(bauds) else [FRESH] * len(bauds)
+    leading = links or [None] * len(bauds)
     with contextlib.ExitStack() as stack:
         out = {}
-        for nth, (bus, where) in enumerate(zip(bauds, every, strict=True)):
-            port: PlayPort
-            if where.lower() == FRESH:
-                port = ports.Pty()
-            else:
-                port = ports.Device(where, bauds[bus], transmit=transmit)
-            stack.callback(port.close)
-            stack.enter_context(linked(links[nth] if links else None, port.name))
-            out[bus] = FrameWriter(port, unnoted)
+        for (bus, baud), where, link in zip(bauds.items(), every, leading, strict=True):
+            path = None if where.lower() == FRESH else where
+            port = stack.enter_context(opened_port(path, baud, link, transmit=transmit))
+            out[bus] = FrameWriter(port)
         yield out
 
 
@@ -89,7 +78,3 @@ def await_listeners(outlets: Sequence[FrameWriter], stop: Stop) -> None:
         stop.sleep(LOOK_NS)
     if waited and not stop.asked:
         stop.sleep(SETTLE_NS)
-
-
-def unnoted(frame: TrueFrame, offset: int | None) -> None:
-    """Note nothing."""

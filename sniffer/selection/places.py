@@ -74,7 +74,7 @@ class CapturePlace:
         return replace(self, kind=MOMENT, ns=t_ns)
 
 
-def is_port(text: str) -> bool:
+def names_port(text: str) -> bool:
     """Tell whether a text names a port instead of a place: a path, COM<n>, or ``pty``."""
     return _PORT.fullmatch(text) is not None
 

@@ -100,7 +100,7 @@ def by_model(tables: Sequence[RegisterMap]) -> Mapping[str, RegisterMap]:
     return MappingProxyType({table.model: table for table in tables})
 
 
-class Servo:
+class Servo(abc.ABC):
     """One servo: a joint and, in the protocols that have them, registers."""
 
     follows: ClassVar[frozenset[str]] = frozenset()
@@ -119,6 +119,7 @@ class Servo:
         self._seen_at = -1.0
         self.power_on()
 
+    @abc.abstractmethod
     def shipped(self, baud: int) -> None:
         """Come from the factory set to the baud rate of the bus; else nobody would hear it."""
 
@@ -152,14 +153,15 @@ class Servo:
         """What it was seen to measure, as long as its joint has not moved since."""
         return self._seen if self.joint.position == self._seen_at else {}
 
+    @abc.abstractmethod
     def adopt(self, values: Mapping[str, int]) -> None:
         """Take registers as they were seen; its id is its own."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def place_in(self, values: Mapping[str, int]) -> float | None:
         """Return where a joint is that measures this, 0..1; None where nothing says so."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def guard(self) -> None:
         """Do what the servo does by itself to save its motor, if it is time."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
@@ -20,10 +21,28 @@ PIECE: Final = 1 << 14
 """Bytes of those that are written at once: about as many as a pseudo-terminal takes."""
 
 
+@dataclass(frozen=True, slots=True)
+class Written:
+    """What became of the bytes said on a port.
+
+    ``size`` were written; nobody read ``lost`` more, and the reader was too slow for ``overrun``.
+    """
+
+    size: int
+    lost: int
+    overrun: int
+
+
+def unnoted(frame: TrueFrame, offset: int | None) -> None:
+    """Note nothing."""
+
+
 class FrameWriter:
     """Writes frames to a port; ``note`` is told of each one, with its offset or None."""
 
-    def __init__(self, port: PlayPort, note: Callable[[TrueFrame, int | None], None]) -> None:
+    def __init__(
+        self, port: PlayPort, note: Callable[[TrueFrame, int | None], None] = unnoted
+    ) -> None:
         self.port = port
         self.size = 0
         """Bytes written."""
@@ -36,6 +55,11 @@ class FrameWriter:
         self._rest = bytearray()  # the bytes of those that are not written yet
         self._begun = 0  # bytes of the first of them that are written
         self._heard = False
+
+    @property
+    def written(self) -> Written:
+        """What became of the bytes so far."""
+        return Written(self.size, self.lost, self.overrun)
 
     @property
     def waits(self) -> bool:

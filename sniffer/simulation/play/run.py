@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sniffer.ground.files import refuse_occupied
-from sniffer.ground.model import NS, OutputError, SnifferError
+from sniffer.ground.model import NS, SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.simulation.buses import simulate
-from sniffer.simulation.play.link import linked
-from sniffer.simulation.play.outlet import FrameWriter
+from sniffer.simulation.play.opening import opened_port
+from sniffer.simulation.play.outlet import FrameWriter, Written, unnoted
 from sniffer.simulation.play.player import GROUP_NS, GROUPED_FROM, Player, SimulatedClock, Stop
 from sniffer.simulation.play.truth import Truth
 from sniffer.simulation.respond import Responder
@@ -20,21 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from sniffer.simulation.play.ports import PlayPort
     from sniffer.simulation.play.scenario import Scenario
-    from sniffer.simulation.talk import TrueFrame
-
-
-@dataclass(frozen=True, slots=True)
-class Written:
-    """What became of the bytes said on a port.
-
-    ``size`` were written; nobody read ``lost`` more, and the reader was too slow for ``overrun``.
-    """
-
-    size: int
-    lost: int
-    overrun: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,26 +69,18 @@ def play(
     _check(scenario, port, link, tap=tap, tap_link=tap_link)
     if truth is not None and not overwrite:
         refuse_occupied([truth])
-    try:
-        from sniffer.simulation.play import ports
-    except ImportError:
-        raise OutputError("this system has no pseudo-terminals: use Linux or macOS") from None
+    baud = scenario.line_baud
     with contextlib.ExitStack() as stack:
-        # who names a device wants it to speak
-        first: PlayPort = (
-            ports.Device(port, scenario.line_baud, transmit=True) if port else ports.Pty()
-        )
-        stack.callback(first.close)
-        second = ports.Pty() if scenario.respond and tap is not False else None
-        if second is not None:
-            stack.callback(second.close)
-            stack.enter_context(linked(tap_link, second.name))
-        stack.enter_context(linked(link, first.name))
+        # a bus is simulated to be sent: who names a port wants it to speak
+        first = stack.enter_context(opened_port(port, baud, link, transmit=True))
+        second = None
+        if scenario.respond and tap is not False:
+            second = stack.enter_context(opened_port(None, baud, tap_link, transmit=False))
         stop = stop or stack.enter_context(contextlib.closing(Stop()))
         clock = SimulatedClock()
         told = None if truth is None else Truth(truth, clock)
-        note = _silent if told is None else told.add
-        bus = FrameWriter(first, note if second is None else _silent)
+        note = unnoted if told is None else told.add
+        bus = FrameWriter(first, note if second is None else unnoted)
         repeated = None if second is None else FrameWriter(second, note)
         if told is not None:
             told.head(scenario.facts())
@@ -113,7 +91,7 @@ def play(
         bus.finish()
         if repeated is not None:
             repeated.finish()
-    return Played(_written(bus), None if repeated is None else _written(repeated), clock.lost_ns)
+    return Played(bus.written, None if repeated is None else repeated.written, clock.lost_ns)
 
 
 def _check(
@@ -130,10 +108,6 @@ def _check(
         raise SnifferError(Sentence("{tap_link} needs the tap: leave {tap:False} out"))
     if port is not None and link is not None:
         raise SnifferError(Sentence("{port} has a name already: {link} is for a new one"))
-
-
-def _written(outlet: FrameWriter) -> Written:
-    return Written(outlet.size, outlet.lost, outlet.overrun)
 
 
 def _play(
@@ -156,7 +130,7 @@ def _play(
             models=scenario.models,
             like=scenario.like,
         )
-        note = _silent if truth is None else truth.add
+        note = unnoted if truth is None else truth.add
         player.respond(responder, bus, tap, note, duration_ns=scenario.duration_ns)
         return
     duration_s = None if scenario.duration_ns is None else scenario.duration_ns / NS
@@ -176,10 +150,6 @@ def _play(
         group_ns=GROUP_NS if scenario.full or scenario.line_baud > GROUPED_FROM else 0,
         duration_ns=scenario.duration_ns,
     )
-
-
-def _silent(frame: TrueFrame, offset: int | None) -> None:
-    """Note nothing."""
 
 
 def _close(truth: Truth, told: FrameWriter, clock: SimulatedClock) -> None:
