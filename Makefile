@@ -84,8 +84,9 @@ $(PROTOC)/.done: Makefile
 	$(PROTOC)/bin/python -m pip --disable-pip-version-check install --quiet $(PROTOC_TOOLS)
 	@touch $@
 
-wireshark: $(VENV)/.dev ## regenerate the dissector of Wireshark from engine, grammars and tables
-	$(BIN)/python -m sniffer.wireshark.tables sniffer/wireshark/files/servo.lua
+wireshark: $(VENV)/.run ## write the dissector of Wireshark to build/servo.lua, to read or copy it
+	@mkdir -p build
+	$(BIN)/python -m sniffer.wireshark.tables build/servo.lua
 
 captures: $(VENV)/.dev ## regenerate sample_captures; read the diff before committing it
 	$(BIN)/python -m sniffer.simulation.captures sample_captures

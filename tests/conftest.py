@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import pytest
 from hypothesis import HealthCheck, settings
 
+from sniffer.wireshark import tables
 from tests.commands import talk
 from tests.hostile import Victim, recording
 from tests.viewer import HeadlessViewer, headless
@@ -64,6 +65,14 @@ def headless_viewer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Headle
     """
     with headless(tmp_path_factory.mktemp("viewer")) as viewer:
         yield viewer
+
+
+@pytest.fixture(scope="session")
+def dissector(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Wireshark's dissector as a file."""
+    path = tmp_path_factory.mktemp("dissector") / "servo.lua"
+    path.write_text(tables.dissector(), encoding="utf-8")
+    return path
 
 
 @pytest.fixture

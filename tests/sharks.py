@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import pytest
@@ -13,27 +12,24 @@ from tests.commands import environment
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
-DISSECTOR: Final = Path(__file__).parents[1] / "sniffer" / "wireshark" / "files" / "servo.lua"
 _BETWEEN: Final = "\x1f"
 
 
-def tshark(
-    *arguments: str, fields: Sequence[str], script: Path | None = DISSECTOR, **more: str
-) -> list[dict[str, list[str]]]:
-    """Return all values of fields for each packet; skips where there is no tshark."""
+def tshark(script: Path, *arguments: str, fields: Sequence[str]) -> list[dict[str, list[str]]]:
+    """Return all values of fields for each packet, with a dissector; skips without tshark."""
     if shutil.which("tshark") is None:
         pytest.skip("needs tshark")
     asked = [argument for name in fields for argument in ("-e", name)]
-    load = [] if script is None else ["-X", f"lua_script:{script}"]
     format_ = ["-T", "fields", "-E", "occurrence=a", "-E", f"aggregator={_BETWEEN}"]
     ran = subprocess.run(
-        ["tshark", *load, *arguments, *format_, *asked],
+        ["tshark", "-X", f"lua_script:{script}", *arguments, *format_, *asked],
         capture_output=True,
         text=True,
         check=False,
         timeout=120,
-        env=environment(**more),
+        env=environment(),
     )
     assert ran.returncode == 0, ran.stderr
     assert "Lua" not in ran.stderr, ran.stderr
@@ -56,11 +52,11 @@ def join(target: Path, captures: Sequence[str]) -> None:
     subprocess.run(command, check=True, capture_output=True, timeout=60)
 
 
-def counted(capture: Path, filters: Sequence[str]) -> list[int]:
-    """Return how many packets each filter shows, all in one go; skips where there is no tshark."""
+def counted(script: Path, capture: Path, filters: Sequence[str]) -> list[int]:
+    """Return how many packets each filter shows, all in one go; skips without tshark."""
     if shutil.which("tshark") is None:
         pytest.skip("needs tshark")
-    command = ["tshark", "-2", "-X", f"lua_script:{DISSECTOR}", "-r", str(capture), "-q"]
+    command = ["tshark", "-2", "-X", f"lua_script:{script}", "-r", str(capture), "-q"]
     told = ",".join(["io,stat,0", *filters])
     ran = subprocess.run(
         [*command, "-z", told], capture_output=True, text=True, timeout=120, check=False

@@ -17,8 +17,7 @@ import sniffer
 from sniffer.decoding.options import AUTO, Options
 from sniffer.protocols.wck.grammar import build
 from sniffer.wireshark.lua import lua
-from sniffer.wireshark.tables import dissector
-from tests.sharks import DISSECTOR, join, tshark
+from tests.sharks import join, tshark
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
@@ -99,7 +98,7 @@ class Compared:
 
 
 @pytest.fixture(scope="module")
-def packets(tmp_path_factory: pytest.TempPathFactory) -> list[Compared]:
+def packets(dissector: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Compared]:
     """Every packet of the sample captures, looked at as one file: tshark starts slowly."""
     folder = tmp_path_factory.mktemp("shark")
     captures, said = [], []
@@ -115,7 +114,7 @@ def packets(tmp_path_factory: pytest.TempPathFactory) -> list[Compared]:
     join(whole, captures)
     registers = {r["register"] for records in said for r in records if r["type"] == "sample"}
     names = [f"servo.{name}" for name in FIELDS] + [VALUE + name for name in sorted(registers)]
-    rows = tshark("-2", "-r", str(whole), fields=names)
+    rows = tshark(dissector, "-2", "-r", str(whole), fields=names)
     out = list(_joined(said, rows))
     assert len(out) == len(rows)
     return out
@@ -256,10 +255,6 @@ def test_texts_that_servos_answer_are_shown(packets: list[Compared]) -> None:
     assert texts > 3
 
 
-def test_the_dissector_in_the_tree_is_the_one_that_is_generated() -> None:
-    assert DISSECTOR.read_text("utf-8") == dissector(), "run `make wireshark`"
-
-
 @pytest.mark.parametrize(
     ("value", "written"),
     [
@@ -284,5 +279,5 @@ def test_the_engine_has_no_operators_that_old_lua_lacks() -> None:
 
 
 @pytest.mark.skipif(shutil.which("luac5.1") is None, reason="needs luac5.1")
-def test_the_dissector_is_lua_of_the_oldest_kind() -> None:
-    assert subprocess.run(["luac5.1", "-p", str(DISSECTOR)], check=False).returncode == 0
+def test_the_dissector_is_lua_of_the_oldest_kind(dissector: Path) -> None:
+    assert subprocess.run(["luac5.1", "-p", dissector], check=False).returncode == 0

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 import sniffer
-from sniffer.wireshark.install import MARK, pieces
+from sniffer.wireshark.install import MARK, install, pieces
 from sniffer.wireshark.places import Places, places
 from tests.commands import environment, within
+from tests.commands import sniffer as sniffed
 from tests.sharks import counted
 
 if TYPE_CHECKING:
@@ -104,6 +105,13 @@ def test_path_tells_where_each_file_is_and_what_is_there(home: Path, capsys: Cap
     assert "installed" in told["preferences"]
 
 
+def test_what_one_process_installs_another_one_knows_again(home: Path) -> None:
+    told = {"HOME": str(home), "PATH": ""}
+    assert sniffed("wireshark", "install", env={**told, "PYTHONHASHSEED": "1"}).status == 0
+    seen = sniffed("wireshark", "path", env={**told, "PYTHONHASHSEED": "2"}).out.splitlines()
+    assert sum(" installed " in line for line in seen) == len(seen) == 6
+
+
 def test_a_file_that_is_not_ours_is_kept_and_nothing_is_written(home: Path, capsys: Capsys) -> None:
     theirs = home / ".config/wireshark/profiles/servo/preferences"
     theirs.parent.mkdir(parents=True)
@@ -182,8 +190,6 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., str]:
     mine = tmp_path_factory.mktemp("home")
     own = environment(HOME=str(mine))
     own.pop("XDG_CONFIG_HOME", None)
-    from sniffer.wireshark.install import install
-
     install(places(own))
 
     def call(*arguments: str) -> str:
@@ -216,7 +222,7 @@ def test_tshark_lists_the_capture_interface_and_its_link_type(
     assert "RTAC_SERIAL" in installed("-L", "-i", "servo-bus")
 
 
-def test_every_filter_of_the_profile_is_one(capture: Path) -> None:
+def test_every_filter_of_the_profile_is_one(dissector: Path, capture: Path) -> None:
     colors = [
         line.split("@")[2]
         for line in (FILES / "profile/colorfilters").read_text().splitlines()
@@ -227,22 +233,22 @@ def test_every_filter_of_the_profile_is_one(capture: Path) -> None:
     )
     assert (len(colors), len(buttons)) == (6, 6)
     every = [f.replace("\\x22", '"') for f in (*colors, *buttons)]
-    assert sum(counted(capture, every)) > 700
+    assert sum(counted(dissector, capture, every)) > 700
 
 
 PAGE = Path("docs/with/wireshark.md").read_text(encoding="utf-8")
 
 
-def test_the_filters_of_the_page_show_what_it_says(capture: Path) -> None:
+def test_the_filters_of_the_page_show_what_it_says(dissector: Path, capture: Path) -> None:
     told = re.findall(r"^\| `([^`]+)` \| (\d+) \|$", PAGE, re.M)
     assert len(told) == 9
     # statistics count for all filters in one pass
-    shown = counted(capture, [filter_ for filter_, _ in told])
+    shown = counted(dissector, capture, [filter_ for filter_, _ in told])
     assert dict(zip((f for f, _ in told), shown, strict=True)) == {f: int(n) for f, n in told}
 
 
-def test_the_page_has_every_field_of_the_dissector_and_no_other() -> None:
-    lua = (FILES / "servo.lua").read_text("utf-8")
+def test_the_page_has_every_field_of_the_dissector_and_no_other(dissector: Path) -> None:
+    lua = dissector.read_text("utf-8")
     there = set(re.findall(r'Proto(?:Field\.\w+|Expert\.new)\("(servo\.[\w.]+)"', lua))
     named = set(re.findall(r"`(servo\.[a-z_.]+)(?:NAME)?`", PAGE))
     assert there == {name for name in named if not re.fullmatch(r"servo\.reg\..+", name)}

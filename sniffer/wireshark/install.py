@@ -11,6 +11,7 @@ from sniffer import __version__
 from sniffer.ground.files import writing
 from sniffer.ground.model import OutputError
 from sniffer.ground.wording import Sentence
+from sniffer.wireshark.tables import dissector
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -54,7 +55,7 @@ class OwnFile:
 
 def pieces(places: Places) -> list[OwnFile]:
     """Return all files of ours, for these folders."""
-    out = [OwnFile("dissector", places.plugins / "servo-sniffer.lua", _text("servo.lua"))]
+    out = [OwnFile("dissector", places.plugins / "servo-sniffer.lua", dissector())]
     out += [
         OwnFile("profile", places.profile / name, _text("profile", name))
         for name in ("preferences", "colorfilters", "dfilter_buttons")
@@ -96,7 +97,7 @@ def install(places: Places, *, overwrite: bool = False) -> list[OwnFile]:
 
 
 def uninstall(places: Places) -> tuple[list[OwnFile], list[OwnFile]]:
-    """Remove what is ours, and folders that are empty then; return it, and what was left as it was.
+    """Remove what is ours, and the profile's folder if empty; return it, and what was left.
 
     Raises:
         OutputError: a file cannot be removed.
@@ -111,9 +112,8 @@ def uninstall(places: Places) -> tuple[list[OwnFile], list[OwnFile]]:
             removed.append(piece)
         elif state == THEIRS:
             left.append(piece)
-    for folder in (places.profile,):
-        if folder.is_dir() and not any(folder.iterdir()):
-            folder.rmdir()
+    if places.profile.is_dir() and not any(places.profile.iterdir()):
+        places.profile.rmdir()
     return removed, left
 
 

@@ -1,6 +1,7 @@
 """The dissector: its engine, with the tables of grammars, commands and registers put in.
 
-``make wireshark`` writes it; what is in the tree is what would be generated, a test holds that.
+It is made anew whenever it is installed or compared, so it is never behind what the decoder reads.
+``python -m sniffer.wireshark.tables FILE`` writes it to be read or copied (``make wireshark``).
 """
 
 from __future__ import annotations
@@ -61,7 +62,9 @@ def dissector() -> str:
     told = {**words, "NAMES": dict.fromkeys(names, 0), "PROTOCOLS": specs}
     tables = "\n\n".join(f"local {name} = {lua(value)}" for name, value in told.items())
     head, _, rest = engine.partition(HERE)
-    return f"{head}-- Generated up to the next ruler: make wireshark.\n\n{tables}{rest}"
+    return (
+        f"{head}-- Generated up to the next ruler (sniffer/wireshark/tables.py).\n\n{tables}{rest}"
+    )
 
 
 def _spec(protocol: BusProtocol) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 -- Written by `sniffer wireshark install`.
 --
 -- The engine is written by hand (sniffer/wireshark/engine); the tables in it are generated from the
--- grammars, commands and register tables that the decoder reads (make wireshark).
+-- grammars, commands and register tables that the decoder reads (sniffer/wireshark/tables.py).
 -- It reads what `sniffer` writes as pcapng: link type RTAC serial, a packet a frame or a gap, told
 -- by the footer of its head; any other RTAC capture is left to Wireshark's own dissector.
 --
