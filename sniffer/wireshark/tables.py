@@ -19,7 +19,7 @@ from sniffer.pcapfile.layout import NO_TIMES, WITHIN
 from sniffer.pcapfile.layout import PROTOCOLS as NUMBERS
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.lss import grammar as lss
-from sniffer.protocols.mightyzap.grammar import FAMILY
+from sniffer.protocols.mightyzap import PROTOCOL as MIGHTYZAP
 from sniffer.protocols.packets.declare import field_named, flag_bits
 from sniffer.protocols.packets.walk import shape_of
 from sniffer.protocols.rs30x import grammar as rs30x
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from sniffer.ground.plan import Plan
     from sniffer.ground.registers import Register, RegisterMap
     from sniffer.protocols.base import BusProtocol
+    from sniffer.protocols.packets.declare import Command
 
 ENGINE: Final = ("1_values.lua", "2_protocols.lua", "3_packets.lua")
 """The parts of the engine, in order: they become one file."""
@@ -57,9 +58,7 @@ def dissector() -> str:
     folder = resources.files("sniffer.wireshark").joinpath("engine")
     engine = "\n".join(folder.joinpath(part).read_text("utf-8") for part in ENGINE)
     specs = {NUMBERS[name]: _spec(PROTOCOLS[name]) for name in PROTOCOLS.built_in}
-    names = sorted({r.name for name in PROTOCOLS.built_in for r in PROTOCOLS[name].registers})
-    words = {"NO_TIMES": NO_TIMES, "WITHIN": WITHIN}
-    told = {**words, "NAMES": dict.fromkeys(names, 0), "PROTOCOLS": specs}
+    told = {"NO_TIMES": NO_TIMES, "WITHIN": WITHIN, "PROTOCOLS": specs}
     tables = "\n\n".join(f"local {name} = {lua(value)}" for name, value in told.items())
     head, _, rest = engine.partition(HERE)
     return (
@@ -81,7 +80,6 @@ def _spec(protocol: BusProtocol) -> dict[str, Any]:
     return {
         "name": protocol.name,
         "title": protocol.title,
-        "baud": protocol.baud,
         "reach": protocol.reach,
         "tail": protocol.tail_ns / 1e9,
         "ordered": protocol.ordered or None,
@@ -136,8 +134,7 @@ def _framing(plan: Plan) -> dict[str, Any]:
 
 def _packets() -> dict[str, Any]:
     """Return a member of the packet family: the plan of its packet, a shape a command."""
-    family = FAMILY
-    plan = PROTOCOLS[family.name].plan  # type: ignore[attr-defined]  # of a member of the family
+    family, plan = MIGHTYZAP.family, MIGHTYZAP.plan
     return {
         "style": "packets",
         **_framing(plan),
@@ -158,7 +155,7 @@ def _packets() -> dict[str, Any]:
     }
 
 
-def _command(command: Any) -> dict[str, Any]:
+def _command(command: Command) -> dict[str, Any]:
     shape = shape_of(command.params)
     at = {name: where for name, (where, _) in shape.at.items()}
     many = shape.data or shape.targets is not None
@@ -288,7 +285,7 @@ def _op(index: int, op: wck.Op) -> dict[str, Any]:
     }
 
 
-def _reads(reads: Iterable[Any]) -> list[dict[str, Any]]:
+def _reads(reads: Iterable[reading.ByteRead]) -> list[dict[str, Any]]:
     return [
         {
             "reg": read.register + 1,

@@ -96,16 +96,17 @@ local E_UNASKED = ProtoExpert.new("servo.expert.unsolicited", "An answer that no
   expert.group.SEQUENCE, expert.severity.WARN)
 P.experts = {E_SUM, E_STATUS, E_GAP, E_UNASKED}
 
-for name in pairs(NAMES) do
-  NAMES[name] = ProtoField.double("servo.reg." .. name, (name:gsub("_", " ")))
-  F["reg_" .. name] = NAMES[name]
+local function field_of(name)  -- one for all registers of a name, whatever their protocol
+  local key = "reg_" .. name
+  F[key] = F[key] or ProtoField.double("servo.reg." .. name, (name:gsub("_", " ")))
+  return F[key]
 end
 
 for _, spec in pairs(PROTOCOLS) do
   for _, model in ipairs(spec.models) do
     model.owner = {}
     for _, reg in ipairs(model.registers) do
-      reg.field = NAMES[reg.name]
+      reg.field = field_of(reg.name)
       reg.read = READS[reg.type]
       for k = 0, (reg.address and reg.width or 0) - 1 do model.owner[reg.address + k] = reg end
     end
@@ -124,9 +125,9 @@ end
 -- Kept by bus: for each servo the model its number or name tells and the registers that select a
 -- scale. Tables are never changed, only replaced, so that a frame can keep the one it was read by.
 
-local MODEL_OF_NOBODY = {}
+local NOTHING = {}
 
-local function told_of(state, id) return state.servos[id] or MODEL_OF_NOBODY end
+local function told_of(state, id) return state.servos[id] or NOTHING end
 
 local function with(state, id, key, value)
   local servos, one = {}, {}

@@ -369,7 +369,6 @@ end
 ---------------------------------------------------------------------------------- which are ours
 
 local HEAD = 12  -- bytes of the RTAC head: seconds, microseconds, event, control lines, footer
-local TX = 1     -- event: data of the terminal equipment, which is the controller's
 
 local encap = DissectorTable.get("wtap_encap")
 local original = encap:get_dissector(wtap.RTAC_SERIAL)
