@@ -34,7 +34,6 @@ _CLOCKS: Final = {clock.value: clock for clock in Clock}
 _DIRECTIONS: Final = {direction.value: direction for direction in Direction}
 _KINDS: Final = {kind.value: kind for kind in MarkKind}
 
-
 _DECODERS: Final = frozenset({MarkKind.TUNED, MarkKind.SKIPPED})
 """Kinds of marks that the pipeline sets, beside those of the tap."""
 

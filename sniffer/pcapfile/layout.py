@@ -33,6 +33,24 @@ SIMPLE: Final = 3
 ENHANCED: Final = 6
 BYTE_ORDER: Final = 0x1A2B3C4D
 
+PCAP_MAGICS: Final[Mapping[bytes, tuple[str, int]]] = MappingProxyType(
+    {
+        b"\xd4\xc3\xb2\xa1": ("<", 1000),
+        b"\xa1\xb2\xc3\xd4": (">", 1000),
+        b"\x4d\x3c\xb2\xa1": ("<", 1),
+        b"\xa1\xb2\x3c\x4d": (">", 1),
+    }
+)
+"""Order of bytes, and how many ns the fraction of a time counts, by the first bytes of a pcap."""
+
+PCAPNG_MAGIC: Final = SECTION.to_bytes(4, "little")
+"""A pcapng, if the order of its bytes follows at 8: a servo bus may say that, too."""
+
+BYTE_ORDERS: Final[Mapping[bytes, str]] = MappingProxyType(
+    {BYTE_ORDER.to_bytes(4, "little"): "<", BYTE_ORDER.to_bytes(4, "big"): ">"}
+)
+"""What a section says of the order of its bytes."""
+
 END_OF_OPTIONS: Final = 0
 COMMENT: Final = 1
 USER_APPLICATION: Final = 4  # of a section

@@ -11,14 +11,13 @@ import itertools
 import json
 import struct
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 from sniffer.ground.limits import is_time
 from sniffer.ground.model import NS, DamagedInputError
 from sniffer.messages import TOOL
 from sniffer.pcapfile.layout import (
-    BYTE_ORDER,
+    BYTE_ORDERS,
     CHUNK_ENDS,
     END_OF_OPTIONS,
     ENHANCED,
@@ -31,6 +30,8 @@ from sniffer.pcapfile.layout import (
     IF_TSRESOL,
     INTERFACE,
     PACKET,
+    PCAP_MAGICS,
+    PCAPNG_MAGIC,
     SECTION,
     SIMPLE,
     USER_APPLICATION,
@@ -54,16 +55,6 @@ FACES_MOST: Final = 256
 FACTS_MOST: Final = 4096
 """Facts that are kept at most: a section and each of its buses have a few."""
 
-_PCAP: Final[Mapping[bytes, tuple[str, int]]] = MappingProxyType(
-    {
-        b"\xd4\xc3\xb2\xa1": ("<", 1000),
-        b"\xa1\xb2\xc3\xd4": (">", 1000),
-        b"\x4d\x3c\xb2\xa1": ("<", 1),
-        b"\xa1\xb2\x3c\x4d": (">", 1),
-    }
-)
-"""Order of bytes, and how many ns the fraction of a time counts, by the first bytes of a pcap."""
-
 
 class _Layouts(NamedTuple):
     """The fixed parts of blocks in one order of bytes."""
@@ -81,7 +72,6 @@ class _Layouts(NamedTuple):
 
 _LAYOUTS: Final = {order: _Layouts.of(order) for order in "<>"}
 
-PCAPNG_MAGIC: Final = SECTION.to_bytes(4, "little")
 _LINK_BITS: Final = 0x03FF_FFFF  # above it stands how long a check sequence is
 
 
@@ -178,8 +168,8 @@ class PacketReader:
 
     def __iter__(self) -> Iterator[CapturedPacket]:
         magic = self._bytes.take(4)
-        if magic in _PCAP:
-            return self._pcap(*_PCAP[magic])
+        if magic in PCAP_MAGICS:
+            return self._pcap(*PCAP_MAGICS[magic])
         if magic == PCAPNG_MAGIC:
             return self._pcapng()
         raise self._bytes.wrong("this is neither pcap nor pcapng")
@@ -215,11 +205,11 @@ class PacketReader:
         """Return what is in a block, nothing where it is passed over."""
         length, done = self._bytes.take(4), 8
         if kind == SECTION:
-            mark = self._bytes.take(4)
+            order = BYTE_ORDERS.get(self._bytes.take(4))
             done = 12
-            if mark not in (BYTE_ORDER.to_bytes(4, "little"), BYTE_ORDER.to_bytes(4, "big")):
+            if order is None:
                 raise self._bytes.wrong("a section does not say in which order its bytes are")
-            self._order = "<" if mark == BYTE_ORDER.to_bytes(4, "little") else ">"
+            self._order = order
             self._layouts = _LAYOUTS[self._order]
         (size,) = self._layouts.word.unpack(length)
         rest = size - done - 4

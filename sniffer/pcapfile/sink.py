@@ -80,12 +80,12 @@ class _PacketRow(NamedTuple):
 
 
 class _Face:
-    """What is known of a bus that has an interface."""
+    """A bus; ``number`` is that of its interface, which it has from its first packet on."""
 
-    def __init__(self, number: int, first: int) -> None:
-        self.number = number
+    def __init__(self, first: int) -> None:
+        self.number = -1
         self.ends = ChunkEnds(first)
-        self.since_s: int | None = None
+        self.since_s = 0
         self.last = _PacketRow(0, first, first, 0, 0, RtacEvent.COMPLETE, 0, [])
         """Where the last packet ends."""
 
@@ -142,7 +142,7 @@ class PcapngSink:
         out: list[bytes] = []
         own.ends.tell(_remarks(parts))
         rows = self._rows(bus, parts)
-        if own.since_s is None and rows:
+        if own.number < 0 and rows:
             first = min(row.t_end for row in rows)
             own.since_s = first // NS - ROOM_S if first < 0 else 0
             out.append(self._interface(bus, parts, own))
@@ -170,7 +170,7 @@ class PcapngSink:
     def _bus(self, bus: str) -> _Face:
         if bus not in self._buses:
             first = number_in(self._session.get(f"{OFFSET}.{bus}", ""), 0, OFFSET_END)
-            self._buses[bus] = _Face(-1, first or 0)
+            self._buses[bus] = _Face(first or 0)
         return self._buses[bus]
 
     def _baud(self, bus: str, parts: Sequence[Part]) -> int:
@@ -190,7 +190,7 @@ class PcapngSink:
         if self._session.get("rate") != ASSUMED or f"{SINCE}.{bus}" in self._session:
             facts[f"baud.{bus}"] = str(baud)
         return interface(
-            RTAC_SERIAL, bus, told, speed=baud, since_s=own.since_s or 0, facts=_facts(facts)
+            RTAC_SERIAL, bus, told, speed=baud, since_s=own.since_s, facts=_facts(facts)
         )
 
     def _stamps(self, bus: str, clock: Clock) -> str:
@@ -230,7 +230,7 @@ class PcapngSink:
         return sorted([*kept, *events], key=lambda row: row.order)
 
     def _packet(self, own: _Face, row: _PacketRow, data: bytes) -> bytes:
-        since_ns = (own.since_s or 0) * NS
+        since_ns = own.since_s * NS
         t_ns = max(row.t_end - since_ns, 0)
         event, flags = row.event, 0
         if event is None:

@@ -77,7 +77,10 @@ _EIGHTHS: Final = (0, 4, 2, 1, 3, 5, 6, 7)
 
 
 class _Urb(NamedTuple):
-    """A USB request as usbmon has it: submitted (``S``) or complete (``C``)."""
+    """A USB request as usbmon has it: submitted (``S``) or complete (``C``).
+
+    ``length`` is what was transferred where it has data, else what there would be room for.
+    """
 
     number: int
     kind: str
@@ -105,7 +108,7 @@ class UsbDevice:
         self._packet = 0
         self._held: list[_Urb] = []
         self._held_size = 0
-        self._asked: dict[int, None] = {}
+        self._asked: set[int] = set()
 
     @property
     def latency_ns(self) -> int:
@@ -134,10 +137,10 @@ class UsbDevice:
             if self.is_ftdi is not None and self._held:
                 yield from self._release_held()
             return
-        if urb.transfer != BULK or not (urb.data or urb.length):
+        if urb.transfer != BULK:
             return
         is_in = bool(urb.endpoint & 0x80)
-        if urb.kind != ("C" if is_in else "S"):
+        if urb.kind != ("C" if is_in else "S") or not (urb.data or urb.length):
             return
         if self.is_ftdi is None:
             self._held.append(urb)
@@ -161,7 +164,7 @@ class UsbDevice:
 
     def _control(self, urb: _Urb) -> None:
         if urb.kind == "C" and urb.number in self._asked:
-            del self._asked[urb.number]
+            self._asked.remove(urb.number)
             if len(urb.data) >= 14 and urb.data[1] == 1:  # a device descriptor (USB 2.0, 9.6.1)
                 vendor, product, self._release = struct.unpack_from("<HHH", urb.data, 8)
                 self.ids = (vendor, product)
@@ -173,7 +176,7 @@ class UsbDevice:
         if (to, request, value >> 8) == (0x80, 6, 1):
             if len(self._asked) == ASKED_MOST:
                 self._asked.clear()
-            self._asked[urb.number] = None
+            self._asked.add(urb.number)
         elif (to, request) in ((0x21, 0x20), (0x41, 0x1E)) and len(urb.data) >= 4:
             # SET_LINE_CODING of CDC, SET_BAUDRATE of the CP210x
             self._rate(struct.unpack_from("<I", urb.data)[0])
@@ -281,8 +284,6 @@ def _urb(packet: CapturedPacket) -> _Urb | None:
     (length,) = struct.unpack_from(f"{order}I", data, 32)
     asked = data[40:48] if setup == 0 and transfer == CONTROL else b""
     payload = data[head:]
-    # a submitted read says how much it has room for, not how much there is
-    told = length if kind == ord("C") or not endpoint & 0x80 else 0
     return _Urb(
         number,
         chr(kind),
@@ -290,7 +291,7 @@ def _urb(packet: CapturedPacket) -> _Urb | None:
         endpoint,
         f"{bus}.{device}",
         asked,
-        told if endpoint & 0x80 or kind == ord("S") else 0,
+        length,
         payload,
         packet.t_ns,
     )

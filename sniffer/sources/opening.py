@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final, Protocol
 
 from sniffer.ground.model import DamagedInputError, InputError
-from sniffer.sources.recognise import HEAD, PCAP_MAGICS, PCAPNG_MAGIC
+from sniffer.pcapfile.layout import PCAP_MAGICS, PCAPNG_MAGIC
+from sniffer.sources.recognise import HEAD
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,6 +13,7 @@ from typing import Final
 from sniffer.ground.model import InputError
 from sniffer.ground.patterns import later
 from sniffer.ground.wording import Sentence
+from sniffer.pcapfile.layout import BYTE_ORDERS, PCAP_MAGICS, PCAPNG_MAGIC
 from sniffer.sources import candump, jsonl
 from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, DumpLine, bytes_in, counted, tidy
 from sniffer.sources.logic_forms import logic_form
@@ -32,13 +33,6 @@ HEAD: Final = 1 << 16
 
 RAW_SUFFIXES: Final = frozenset({".bin", ".dat", ".raw"})
 MCAP_MAGIC: Final = b"\x89MCAP"
-PCAP_MAGICS: Final = tuple(
-    magic.to_bytes(4, order) for magic in (0xA1B2C3D4, 0xA1B23C4D) for order in ("big", "little")
-)
-"""A pcap with times in us or ns, in both orders of bytes (draft-ietf-opsawg-pcap)."""
-PCAPNG_MAGIC: Final = b"\x0a\x0d\x0d\x0a"
-"""A pcapng, if the order of its bytes follows: a servo bus may say that, too."""
-_BYTE_ORDER: Final = (b"\x1a\x2b\x3c\x4d", b"\x4d\x3c\x2b\x1a")
 
 _CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\v\f\r")) + b"\x7f"
 _CARRIAGE: Final = later(rb"\r(?!\n)")
@@ -92,9 +86,7 @@ def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
 
 
 def _is_pcap(head: bytes) -> bool:
-    return head.startswith(PCAP_MAGICS) or (
-        head.startswith(PCAPNG_MAGIC) and head[8:12] in _BYTE_ORDER
-    )
+    return head[:4] in PCAP_MAGICS or (head[:4] == PCAPNG_MAGIC and head[8:12] in BYTE_ORDERS)
 
 
 def _lines(text: bytes) -> list[bytes]:
