@@ -33,10 +33,15 @@ _END: Final = b"PK\x05\x06"
 _END_SIZE: Final = 22
 _COMMENT_MOST: Final = 0xFFFF
 _BROKEN: Final = (
-    *(zipfile.BadZipFile, zlib.error, EOFError, struct.error, ValueError),
-    *(NotImplementedError, RuntimeError, OSError),
+    zipfile.BadZipFile,  # a list, a header or a checksum that is none
+    NotImplementedError,  # ZipFile, ZipFile.open: made for a later version, packed as a patch
+    RuntimeError,  # ZipFile.open: encrypted
+    ValueError,  # ZipFile: a name is no UTF-8; reading: an offset beyond 64 bits
+    OSError,  # reading: an entry that begins before the file does, or a disk that fails
+    zlib.error,  # reading: what is packed makes no sense
+    EOFError,  # reading: the file ends before the entry does
 )
-"""What Python's zipfile raises for archives that are none, or that it cannot read."""
+"""What Python's zipfile raises for archives that are damaged, or that it cannot read."""
 
 
 class SampleArchive:

@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 from sniffer.ground.model import InputError
 from sniffer.ground.patterns import later
+from sniffer.sources.logic_forms import ZIP_MAGIC
 
 
 class _Kind(NamedTuple):
@@ -45,7 +46,6 @@ _MAGICS: Final = (
     (b"\xfd7zXZ\x00", "an xz file", "unpack it: `xz -dc FILE | sniffer decode -`"),
     (b"BZh", "a bzip2 file", "unpack it: `bzip2 -dc FILE | sniffer decode -`"),
 )
-_ZIP: Final = b"PK\x03\x04"
 
 _DATE: Final = rb"\d{4}[-/]\d\d[-/]\d\d[ T]\d\d:\d\d:\d\d"
 _LOGS: Final = tuple(
@@ -87,7 +87,7 @@ def refuse_binary(head: bytes) -> None:
     for magic, what, instead in _MAGICS:
         if head.startswith(magic):
             raise refused(what, instead)
-    if head.startswith(_ZIP):
+    if head.startswith(ZIP_MAGIC):
         if b"meta.json" in head or b"digital-" in head:
             instead = "in Logic 2, File > Export raw data gives CSV or binary files that are"
             raise refused("a Saleae capture (.sal)", instead)
