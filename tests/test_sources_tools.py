@@ -22,6 +22,7 @@ from sniffer.ground.codes import OK
 from sniffer.ground.model import Batch, Clock, DamagedInputError, Direction, MarkKind, SnifferError
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources import open_source
+from sniffer.sources.text import LONGEST_LINE
 from tests import toollogs
 from tests.commands import within
 from tests.inputs import BUS, SAMPLES, chunks, read, refusal, until_damage
@@ -355,6 +356,13 @@ def test_random_harm_never_ends_in_anything_but_our_own_errors(name: str, seed: 
         )
     with contextlib.suppress(SnifferError):
         read(bytes(log), rng.choice(("auto", FORMAT[name])))
+
+
+@EVERY
+def test_what_stands_in_front_of_an_endless_line_is_kept(name: str) -> None:
+    got, message = until_damage(LOGS[name] + b"x" * (LONGEST_LINE + 1))
+    assert got == WHOLE
+    assert "is no dump" in message
 
 
 def test_quotes_that_make_no_sense_are_damage() -> None:

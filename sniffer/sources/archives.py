@@ -34,12 +34,11 @@ _END_SIZE: Final = 22
 _COMMENT_MOST: Final = 0xFFFF
 _BROKEN: Final = (
     zipfile.BadZipFile,  # a list, a header or a checksum that is none
-    NotImplementedError,  # ZipFile, ZipFile.open: made for a later version, packed as a patch
-    RuntimeError,  # ZipFile.open: encrypted
-    ValueError,  # ZipFile: a name is no UTF-8; reading: an offset beyond 64 bits
-    OSError,  # reading: an entry that begins before the file does, or a disk that fails
-    zlib.error,  # reading: what is packed makes no sense
-    EOFError,  # reading: the file ends before the entry does
+    RuntimeError,  # encrypted; NotImplementedError: of a later version, packed as a patch
+    ValueError,  # a name that is no UTF-8, an offset beyond 64 bits
+    OSError,  # an entry that begins in front of the file; a disk that fails
+    zlib.error,  # what is packed makes no sense
+    EOFError,  # the file ends before the entry does
 )
 """What Python's zipfile raises for archives that are damaged, or that it cannot read."""
 

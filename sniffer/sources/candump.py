@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import NS, Chunk, Clock, Direction
 from sniffer.ground.patterns import later
-from sniffer.sources.text import CUT_OFF, DamagedLine, LineBlock, Opened, blocks, quoted
+from sniffer.sources.text import CUT_OFF, DamagedLine, LineBlock, Opened, TextLog, quoted, read_log
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,7 +42,7 @@ def is_line(line: bytes) -> bool:
     return _LINE.match(line) is not None
 
 
-class _Log:
+class _Log(TextLog):
     def __init__(self) -> None:
         self._buses: dict[bytes, str] = {}
         self.errors = 0
@@ -104,9 +104,4 @@ class _Log:
 
 def read_candump(opened: Opened) -> Iterator[Chunk]:
     """Yield one chunk a line; its time is that of the line, on the file's clock."""
-    log = _Log()
-    try:
-        for block in blocks(opened.stream):
-            yield from log.chunks(block)
-    finally:
-        opened.notes.extend(log.notes())
+    return read_log(opened, _Log())

@@ -15,7 +15,16 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import Chunk, Clock
 from sniffer.ground.patterns import later
-from sniffer.sources.text import CUT_OFF, PIECE, DamagedLine, LineBlock, Opened, blocks, quoted
+from sniffer.sources.text import (
+    CUT_OFF,
+    PIECE,
+    DamagedLine,
+    LineBlock,
+    Opened,
+    TextLog,
+    quoted,
+    read_log,
+)
 from sniffer.sources.walltime import ZONELESS, WallClock
 
 if TYPE_CHECKING:
@@ -36,7 +45,7 @@ def is_row(line: bytes) -> bool:
     return bool(_PAIRS.fullmatch(line.partition(b"   ")[0].partition(b"\t")[0].rstrip(b" ")))
 
 
-class _Blocks:
+class _Blocks(TextLog):
     """Where a log has got to: of which port the bytes are, and what waits for a stamp."""
 
     def __init__(self, bus: str) -> None:
@@ -49,12 +58,8 @@ class _Blocks:
 
     def chunks(self, block: LineBlock) -> Iterator[Chunk]:
         """Yield what the lines of ``block`` hold."""
-        try:
-            for number, line in enumerate(block.lines(), block.number):
-                yield from self._line(line, number, block.cut_off)
-        except DamagedLine:
-            yield from self.rest()
-            raise
+        for number, line in enumerate(block.lines(), block.number):
+            yield from self._line(line, number, block.cut_off)
         yield from self.rest()
 
     def rest(self) -> Iterator[Chunk]:
@@ -126,9 +131,4 @@ class _Blocks:
 
 def read_jpnevulator(opened: Opened) -> Iterator[Chunk]:
     """Yield the first byte of each block with its time, the others without; a port is a bus."""
-    log = _Blocks(opened.bus)
-    try:
-        for block in blocks(opened.stream):
-            yield from log.chunks(block)
-    finally:
-        opened.notes.extend(log.notes())
+    return read_log(opened, _Blocks(opened.bus))

@@ -18,7 +18,16 @@ from sniffer.ground.limits import OFFSET_END
 from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind
 from sniffer.ground.patterns import later
 from sniffer.sources.sides import handed_over, oriented
-from sniffer.sources.text import CUT_OFF, PIECE, DamagedLine, LineBlock, Opened, blocks, quoted
+from sniffer.sources.text import (
+    CUT_OFF,
+    PIECE,
+    DamagedLine,
+    LineBlock,
+    Opened,
+    TextLog,
+    quoted,
+    read_log,
+)
 from sniffer.sources.walltime import ZONELESS, WallClock
 
 if TYPE_CHECKING:
@@ -61,7 +70,7 @@ class _Block:
         self.data = bytearray()
 
 
-class _SocatLog:
+class _SocatLog(TextLog):
     """Where a log has got to."""
 
     def __init__(self, bus: str) -> None:
@@ -83,11 +92,7 @@ class _SocatLog:
             stamps = [found[3] for found in HEADER.findall(block.text) if len(found[3]) == _NINE]
             self._micro = all(stamp.startswith(_MICRO) for stamp in stamps) if stamps else None
         for number, line in enumerate(block.lines(), block.number):
-            try:
-                yield from self._line(line, number, block.cut_off)
-            except DamagedLine:
-                yield from self.rest()
-                raise
+            yield from self._line(line, number, block.cut_off)
 
     def rest(self) -> Iterator[Chunk]:
         """Yield what has come of a block that is not whole."""
@@ -201,17 +206,7 @@ def _counts(header: re.Match[bytes]) -> bytes:
     return b"length=%s from=%s to=%s" % (header[5], header[6], header[7])
 
 
-def _chunks(opened: Opened) -> Iterator[Chunk]:
-    log = _SocatLog(opened.bus)
-    try:
-        for block in blocks(opened.stream):
-            yield from log.chunks(block)
-        yield from log.rest()
-    finally:
-        opened.notes.extend(log.notes())
-
-
 def read_socat(opened: Opened) -> Iterator[Chunk]:
     """Yield one chunk a block; who of the two sides is the controller, its frames tell."""
-    told = oriented(_chunks(opened), opened.notes, (">", "<"))
+    told = oriented(read_log(opened, _SocatLog(opened.bus)), opened.notes, (">", "<"))
     return handed_over(told, Direction.TX)

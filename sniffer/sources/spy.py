@@ -17,7 +17,16 @@ from sniffer.ground.limits import is_time
 from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark, MarkKind
 from sniffer.ground.patterns import later
 from sniffer.sources.sides import handed_over, oriented
-from sniffer.sources.text import CUT_OFF, PIECE, DamagedLine, LineBlock, Opened, blocks, quoted
+from sniffer.sources.text import (
+    CUT_OFF,
+    PIECE,
+    DamagedLine,
+    LineBlock,
+    Opened,
+    TextLog,
+    quoted,
+    read_log,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,7 +51,7 @@ _MS: Final = NS // 1000
 _BREAKS: Final = (b"send_break", b"active")
 
 
-class _Calls:
+class _Calls(TextLog):
     """Where a log has got to: the call whose lines are being read."""
 
     def __init__(self, bus: str) -> None:
@@ -58,11 +67,7 @@ class _Calls:
         """Yield what the lines of ``block`` hold."""
         for number, line in enumerate(block.lines(), block.number):
             text = COLOURS.sub(b"", line) if b"\x1b" in line else line
-            try:
-                yield from self._line(text, number, block.cut_off)
-            except DamagedLine:
-                yield from self.rest()
-                raise
+            yield from self._line(text, number, block.cut_off)
 
     def rest(self) -> Iterator[Chunk]:
         """Yield the call that no line continues."""
@@ -147,17 +152,8 @@ class _Calls:
             yield "; ".join(told)
 
 
-def _chunks(opened: Opened) -> Iterator[Chunk]:
-    calls = _Calls(opened.bus)
-    try:
-        for block in blocks(opened.stream):
-            yield from calls.chunks(block)
-        yield from calls.rest()
-    finally:
-        opened.notes.extend(calls.notes())
-
-
 def read_spy(opened: Opened) -> Iterator[Chunk]:
     """Yield one chunk a call; who of the two sides is the controller, its frames tell."""
     # the program stamps what it writes before it writes, whoever it plays
-    return oriented(handed_over(_chunks(opened), Direction.TX), opened.notes, ("TX", "RX"))
+    calls = handed_over(read_log(opened, _Calls(opened.bus)), Direction.TX)
+    return oriented(calls, opened.notes, ("TX", "RX"))

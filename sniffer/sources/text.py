@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 from sniffer.ground.model import Chunk, DamagedInputError
 
@@ -127,6 +127,33 @@ def blocks(stream: Stream, part: Callable[[bytes], int] | None = None) -> Iterat
         column = 0
     if held:
         yield LineBlock(held, number, column, cut_off=True)
+
+
+class TextLog(Protocol):
+    """Where the reader of a log has got to."""
+
+    def chunks(self, block: LineBlock) -> Iterator[Chunk]:
+        """Yield what the lines of ``block`` hold."""
+
+    def rest(self) -> Iterator[Chunk]:
+        """Yield what is held back, in case a further line belongs to it."""
+        return iter(())
+
+    def notes(self) -> Iterator[str]:
+        """Yield what is worth knowing about the log, at its end."""
+
+
+def read_log(opened: Opened, log: TextLog) -> Iterator[Chunk]:
+    """Yield the chunks of a log; those before damage, too, and the notes however it ends."""
+    try:
+        for block in blocks(opened.stream):
+            yield from log.chunks(block)
+        yield from log.rest()
+    except DamagedInputError:
+        yield from log.rest()
+        raise
+    finally:
+        opened.notes.extend(log.notes())
 
 
 def joined(pieces: Iterable[bytes]) -> Iterator[bytes]:
