@@ -18,7 +18,7 @@ from sniffer.ground.wiring import Wiring
 from sniffer.ground.wording import Sentence
 from sniffer.signals.channels import Channels
 from sniffer.sources.dsview import read_dsl
-from sniffer.sources.saleae_binary import read_saleae
+from sniffer.sources.saleae_binary import read_saleae_binary
 from sniffer.sources.signal_csv import read_signal_csv
 from sniffer.sources.sigrok import read_sr
 from sniffer.sources.vcd import read_vcd
@@ -36,7 +36,7 @@ FORMS: Final[Mapping[str, Callable[[Opened], LogicInput]]] = MappingProxyType(
         "sr": read_sr,
         "dsl": read_dsl,
         "vcd": read_vcd,
-        "saleae-bin": read_saleae,
+        "saleae-bin": read_saleae_binary,
         "logic-csv": read_signal_csv,
     }
 )

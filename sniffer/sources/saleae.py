@@ -21,7 +21,7 @@ from sniffer.ground.limits import BAUDS, is_time
 from sniffer.ground.model import NS, Chunk, Clock, Mark, MarkKind
 from sniffer.ground.patterns import later
 from sniffer.sources.text import CUT_OFF, DamagedLine, LineBlock, Opened, blocks, cells_of, quoted
-from sniffer.sources.walltime import ZONELESS, WallClock
+from sniffer.sources.walltime import ZONELESS, WallClock, zone_ns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -57,7 +57,7 @@ _PLAIN_2: Final = later(
 )
 _COLUMNS_2: Final = ("name", "type", "start_time", "duration", "data", "error")
 _BYTE: Final = {b"%02X" % value: bytes((value,)) for value in range(256)}
-_KNOWN: Final = ("name", "type", "start_time", "duration", "data", "error", "address")
+_KNOWN: Final = (*_COLUMNS_2, "address")
 _ERRORS: Final[Mapping[str, MarkKind]] = {
     "parity": MarkKind.PARITY,
     "framing": MarkKind.FRAMING,
@@ -111,7 +111,7 @@ class _ByteTable:
             t_ns = -t_ns if seconds[1] else t_ns
         elif dated:
             parts = [(dated[i] or "").encode() for i in (1, 2, 3)]
-            t_ns = self._wall.ns(parts[0], parts[1], parts[2], line) - _zone_ns(dated[4] or "")
+            t_ns = self._wall.ns(parts[0], parts[1], parts[2], line) - zone_ns(dated[4] or "")
             self.zoneless, self.dated = self.zoneless or not dated[4], True
         else:
             t_ns = self.span(text, line)
@@ -139,13 +139,6 @@ class _ByteTable:
             yield f"{self.left_out} rows of other analyzers are left out"
         if self.cut_off:
             yield CUT_OFF
-
-
-def _zone_ns(zone: str) -> int:
-    if zone in ("", "Z"):
-        return 0
-    minutes = int(zone[1:3]) * 60 + int(zone[-2:])
-    return (-minutes if zone[0] == "-" else minutes) * 60 * NS
 
 
 class _Logic1(_ByteTable):
@@ -294,7 +287,8 @@ class _Logic2(_ByteTable):
         return iter(())
 
 
-def _rows(opened: Opened) -> Iterator[Chunk]:
+def read_saleae(opened: Opened) -> Iterator[Chunk]:
+    """Yield one chunk a byte: its time is that of its end, the names in a table are buses."""
     table: _Logic1 | _Logic2 | None = None
     try:
         for block in blocks(opened.stream):
@@ -346,8 +340,3 @@ def is_hexadecimal(lines: Sequence[bytes]) -> bool:
         if len(row) == len(head) and (kind is None or row[kind] == "data")
     ]
     return all(_HEX.fullmatch(value.strip()) for value in values)
-
-
-def read_saleae(opened: Opened) -> Iterator[Chunk]:
-    """Yield one chunk a byte: its time is that of its end, the names in a table are buses."""
-    return _rows(opened)

@@ -6,10 +6,11 @@ Export Formats - 2025 Update" (version 1): times are doubles, in seconds from th
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -31,7 +32,7 @@ AT_ONCE: Final = 1 << 17
 SECONDS_MOST: Final = 1e7
 """A time beyond this many seconds, four months, is none: doubles carry ns up to there."""
 
-_HEAD: Final = struct.Struct("<8sii")
+_HEAD: Final = struct.Struct("<8xii")  # behind the magic: version, type
 _VERSION_0: Final = struct.Struct("<IddQ")  # level, begin, end, transitions
 _CHUNKS: Final = struct.Struct("<Q")
 _VERSION_1: Final = struct.Struct("<IdddQ")  # level, samples a second, begin, end, transitions
@@ -58,7 +59,7 @@ class _ExactStream:
             out += data
         return bytes(out)
 
-    def unpack(self, form: struct.Struct) -> tuple[float, ...]:
+    def unpack(self, form: struct.Struct) -> tuple[Any, ...]:
         """Return a header.
 
         Raises:
@@ -74,7 +75,7 @@ class _ExactStream:
         return DamagedInputError(f"{self._name}: {why}")
 
 
-def read_saleae(opened: Opened) -> LogicInput:
+def read_saleae_binary(opened: Opened) -> LogicInput:
     """Open an export.
 
     Raises:
@@ -82,10 +83,7 @@ def read_saleae(opened: Opened) -> LogicInput:
         DamagedInputError: it is cut off at its beginning.
     """
     stream = _ExactStream(opened.stream, opened.name)
-    data = stream.read(_HEAD.size)
-    if len(data) < _HEAD.size:
-        raise stream.damaged("it is cut off")
-    _, version, kind = _HEAD.unpack(data)
+    version, kind = stream.unpack(_HEAD)
     if kind != 0:
         raise InputError(f"{opened.name}: an analog export: export the digital channel")
     if version not in (0, 1):
@@ -103,11 +101,11 @@ def _parts(stream: _ExactStream, version: int) -> Iterator[_SaleaePart]:
     """Yield what lies between gaps; behind each its transitions are to be read."""
     if version == 0:
         level, begin, end, count = stream.unpack(_VERSION_0)
-        yield _checked(stream, _SaleaePart(int(level), 0, begin, end, int(count)))
+        yield _checked(stream, _SaleaePart(level, 0, begin, end, count))
         return
-    for _ in range(int(stream.unpack(_CHUNKS)[0])):
+    for _ in range(stream.unpack(_CHUNKS)[0]):
         level, rate, begin, end, count = stream.unpack(_VERSION_1)
-        yield _checked(stream, _SaleaePart(int(level), rate, begin, end, int(count)))
+        yield _checked(stream, _SaleaePart(level, rate, begin, end, count))
 
 
 def _checked(stream: _ExactStream, part: _SaleaePart) -> _SaleaePart:
@@ -121,9 +119,8 @@ def _checked(stream: _ExactStream, part: _SaleaePart) -> _SaleaePart:
 def _stretches(
     stream: _ExactStream, first: _SaleaePart, rest: Iterator[_SaleaePart]
 ) -> Iterator[Stretch]:
-    part: _SaleaePart | None = first
     last_ns, level = round(first.begin * NS), first.level
-    while part is not None:
+    for part in itertools.chain((first,), rest):
         begin_ns = round(part.begin * NS)
         if begin_ns < last_ns:
             raise stream.damaged("its times go back")
@@ -141,7 +138,6 @@ def _stretches(
         end_ns = max(round(part.end * NS), last_ns)
         yield Stretch([level], [np.empty(0, np.int64)], end_ns)
         last_ns = end_ns
-        part = next(rest, None)
 
 
 def _transitions(stream: _ExactStream, count: int) -> I64:

@@ -7,6 +7,7 @@ its comments tells the times.
 
 from __future__ import annotations
 
+import itertools
 import re
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -16,6 +17,7 @@ from sniffer.ground.model import NS, InputError
 from sniffer.signals.stretch import LogicInput, Stretch
 from sniffer.sources.sigrok import rate_in, unlike
 from sniffer.sources.text import DamagedLine, LineBlock, blocks, cells_of, quoted
+from sniffer.sources.walltime import zone_ns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -149,11 +151,7 @@ def _unit_of(line: bytes, rate: float) -> float:
 def _unix_ns(dated: re.Match[bytes]) -> int:
     """Return a date as Unix time; without a zone it is taken as UTC."""
     out = int(np.datetime64(dated[1].decode(), "ns").astype(np.int64))
-    zone = (dated[2] or b"Z").replace(b":", b"")
-    if zone != b"Z":
-        minutes = 60 * int(zone[1:3]) + int(zone[3:5])
-        out -= (1 if zone[:1] == b"+" else -1) * minutes * 60 * NS
-    return out
+    return out - zone_ns((dated[2] or b"").decode())
 
 
 class _LevelRows:
@@ -176,7 +174,7 @@ class _LevelRows:
         Raises:
             DamagedLine: a row is none, or its time goes back.
         """
-        for block in _joined(first, text):
+        for block in itertools.chain((first,), text):
             at, levels = self._read(block)
             if len(at):
                 yield self._stretch(at, levels, block)
@@ -266,11 +264,6 @@ class _LevelRows:
                 self._levels[channel] = said[-1]
         self._last = int(at[-1])
         return Stretch(before, edges, self._last)
-
-
-def _joined(first: LineBlock, text: Iterator[LineBlock]) -> Iterator[LineBlock]:
-    yield first
-    yield from text
 
 
 def _is_row(line: str, count: int) -> bool:

@@ -7,6 +7,7 @@ on its line, others put each on a line of its own, so words count and lines do n
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
 from typing import TYPE_CHECKING, Final
@@ -41,8 +42,6 @@ _DECLARED: Final = re.compile(
     r"|\$var\s+\S+\s+1\s+(?P<id>\S+)\s+(?P<name>\S+)(?:\s*\[[^\]]*\])?\s+\$end"
 )
 _COMMENT: Final = re.compile(rb"\$comment\b.*?\$end", re.DOTALL)
-_SPACE: Final = np.zeros(256, bool)
-_SPACE[list(b" \t\r\n\v\f")] = True
 
 
 def _class(signs: bytes) -> Mask:
@@ -51,6 +50,7 @@ def _class(signs: bytes) -> Mask:
     return out
 
 
+_SPACE: Final = _class(b" \t\r\n\v\f")
 _BIT: Final = _class(b"01xXzZ")
 _LONG: Final = _class(b"bBrRsS")  # the wire's name is a word of its own
 
@@ -133,7 +133,7 @@ class _Changes:
             DamagedLine: times go back, or are none.
         """
         held = b""
-        for block in _all(first, text):
+        for block in itertools.chain((first,), text):
             data, held = held + block.text + b"\n", b""
             if b"$comment" in data:
                 data = _COMMENT.sub(b" ", data)
@@ -222,11 +222,6 @@ class _Changes:
             edges[wire] = at[part][new]
             self._levels[wire] = said[-1]
         return Stretch(levels.tolist(), edges, self._now)
-
-
-def _all(first: LineBlock, text: Iterator[LineBlock]) -> Iterator[LineBlock]:
-    yield first
-    yield from text
 
 
 def _alternate(words: Mask) -> Mask:

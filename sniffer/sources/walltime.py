@@ -16,6 +16,14 @@ ZONELESS: Final = "its times are of a clock whose zone is not said: they are tak
 _NANO: Final = 9  # digits of a fraction that are kept
 
 
+def zone_ns(zone: str) -> int:
+    """Return by how much a zone is ahead of UTC: ``+01:00``, ``-0330``, ``Z`` or nothing."""
+    if zone in ("", "Z"):
+        return 0
+    minutes = int(zone[1:3]) * 60 + int(zone[-2:])
+    return (-minutes if zone[0] == "-" else minutes) * 60 * NS
+
+
 class WallClock:
     """Reads dates and times; lines of one second, as most are, cost one division less."""
 
