@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.ground.limits import BAUDS, is_time
 from sniffer.ground.model import NS, Chunk, Clock, Mark, MarkKind
 from sniffer.ground.patterns import later
+from sniffer.signals.rates import STANDARD, snapped
 from sniffer.sources.text import CUT_OFF, DamagedLine, LineBlock, Opened, blocks, cells_of, quoted
 from sniffer.sources.walltime import ZONELESS, WallClock, zone_ns
 
@@ -65,14 +66,6 @@ _ERRORS: Final[Mapping[str, MarkKind]] = {
 _ROWS: Final = 4096  # of Logic 1, by which the length of a byte is told
 _CLOSEST: Final = 0.05  # share of the rows that follow each other as close as they can
 _SAME: Final = 1.05  # bytes a twentieth further apart follow each other, too
-_NEAR: Final = 0.035  # a UART whose rate is further off is not understood
-_RATES: Final = (
-    *(300, 600, 1200, 2400, 4800, 9600, 14400, 19200, 28800, 31250, 38400, 57600, 74880, 76800),
-    *(100_000, 115200, 125_000, 128_000, 200_000, 230400, 250_000, 256_000, 400_000, 460800),
-    *(500_000, 576_000, 625_000, 750_000, 921600, 1_000_000, 1_250_000, 1_500_000, 2_000_000),
-    *(2_250_000, 2_500_000, 3_000_000, 4_000_000, 4_500_000, 6_000_000, 8_000_000, 10_000_000),
-)
-"""Rates that are sold, in baud: bytes that are as long as one of theirs are no chance."""
 
 
 _Row = tuple[int, bytes, tuple[Mark, ...]]
@@ -215,8 +208,7 @@ def _byte_ns(starts: Sequence[int]) -> int:
     packed = [gap for gap in apart if gap <= closest * _SAME]
     byte_ns = packed[len(packed) // 2]
     # ten bits; eleven with parity, or two stop bits
-    rates = (bits * NS / byte_ns for bits in (10, 11))
-    is_rate = any(abs(rate / known - 1) < _NEAR for rate in rates for known in _RATES)
+    is_rate = any(snapped(bits * NS / byte_ns, ()) in STANDARD for bits in (10, 11))
     return byte_ns if is_rate and byte_ns <= 11 * NS // BAUDS[0] else 0
 
 
