@@ -93,9 +93,8 @@ class Channels:
         wires = Counter(channel.bus for channel in self._channels.values())
         self._held: dict[str, list[Chunk]] = {bus: [] for bus, n in wires.items() if n > 1}
         for channel in self._channels.values():
-            way = _WAY.search(channel.name)
-            if channel.bus in self._held and way is not None:
-                channel.direction = Direction.TX if way[1] in "tT" else Direction.RX
+            if channel.bus in self._held:
+                channel.direction = _wire(channel.name)
         self._is_over = False
         none = np.empty(0, np.int64)
         self._end = Stretch([1] * len(given.names), [none] * len(given.names), 0)
@@ -169,8 +168,7 @@ class Channels:
             if c.is_left_out and c.verdict is not None and c.count
         ]
         buses = {channel.bus: channel for channel in self._read()}
-        ways = {way[1].lower() for c in buses.values() if (way := _WAY.search(c.name))}
-        if len(buses) > 1 and ways == {"t", "r"}:
+        if {Direction.TX, Direction.RX} <= {_wire(c.name) for c in buses.values()}:
             out.append("TX and RX are two buses here: name one bus for both if they are its wires")
         return out
 
@@ -251,13 +249,13 @@ class Channels:
         """Begin to read what is known to be serial; return what that gives."""
         waiting = [c for c in self._channels.values() if c.is_open and c.verdict is not None]
         out: list[Chunk] = []
-        for channel in waiting:
+        for channel, verdict in ((c, c.verdict) for c in waiting if c.verdict is not None):
             self._need_if_asked(channel)
             if channel.is_left_out:
                 continue
-            if channel.verdict is not None and (channel.verdict.is_explained or channel.is_asked):
+            if verdict.is_explained or channel.is_asked:
                 out += self._begun(channel, last=last)
-            elif channel.verdict is None or not channel.verdict.is_plausible:
+            elif not verdict.is_plausible:
                 channel.drop()
         bauds = {self._told(channel).baud for channel in self._read()}
         full = last or sum(c.count for c in self._channels.values() if c.is_open) > WAITING_MOST
@@ -335,6 +333,14 @@ def _named(names: Sequence[str], wiring: Wiring) -> Mapping[int, SignalChannel]:
         for row, name in enumerate(names)
         if not asked or name in asked
     }
+
+
+def _wire(name: str) -> Direction:
+    """Return which wire of a bus a channel is, by its name."""
+    way = _WAY.search(name)
+    if way is None:
+        return Direction.UNKNOWN
+    return Direction.TX if way[1] in "tT" else Direction.RX
 
 
 def _time(chunk: Chunk) -> int:

@@ -8,6 +8,7 @@ the first byte behind a pause is a chunk of its own: whatever begins there begin
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -90,11 +91,4 @@ class Chunker:
             chunk = chunks[nth]
             at = row - int(first[nth])
             marks = tuple(Mark(kind, at, 1) for flag, kind in _KINDS if flags & flag)
-            chunks[nth] = Chunk(
-                chunk.data,
-                chunk.t_ns,
-                chunk.clock,
-                chunk.bus,
-                chunk.direction,
-                (*chunk.marks, *marks),
-            )
+            chunks[nth] = replace(chunk, marks=(*chunk.marks, *marks))

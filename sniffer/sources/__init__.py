@@ -106,13 +106,13 @@ SOURCES: Final[Mapping[str, Reader]] = MappingProxyType(
         **{form: _levels(form) for form in LABELS},
     }
 )
+"""Readers by the name of their format, as ``--input-format`` knows it."""
 
 _BINARY: Final = frozenset({"bin", "pcap", "mcap", *LABELS})
 """Formats that are no text: they have no lines."""
 
 MIXED: Final = frozenset({"candump"})
 """Formats of inputs that name a wire and may be mixed; what this tool wrote has one order."""
-"""Readers by the name of their format, as ``--input-format`` knows it."""
 
 _LABELS: Final[Mapping[str, str]] = {
     "bin": "raw bytes, no times",

@@ -106,11 +106,10 @@ def open_capture(
     Raises:
         InputError: it cannot be read.
     """
-    if isinstance(source, str | Path):
-        return open_source(source, input_format, again=again, wiring=wiring)
-    if len(source) == 1:
-        return open_source(source[0], input_format, again=again, wiring=wiring)
-    return open_sources(source, input_format, wiring=wiring)
+    paths = [source] if isinstance(source, str | Path) else source
+    if len(paths) == 1:
+        return open_source(paths[0], input_format, again=again, wiring=wiring)
+    return open_sources(paths, input_format, wiring=wiring)
 
 
 def open_sources(
