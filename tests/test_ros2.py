@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING, Any, Final
 
 import pytest
@@ -201,6 +202,14 @@ def test_a_recording_calls_joints_as_it_calls_its_servos(tmp_path: Path, capsys:
     found = read_by_others(out)["/joint_states"]
     assert {s.name[0] for s in found} == {"hip", "bus0_servo2", "bus0_servo3"}
     assert all(s.header.stamp.sec >= START_NS // 10**9 for s in found)
+
+
+def test_a_time_that_ros_cannot_say_is_refused_in_a_line(tmp_path: Path, capsys: Capsys) -> None:
+    late = tmp_path / "late.log"
+    late.write_text(re.sub(r"^\(\d+", "(4795215306", LOG.read_text(), flags=re.MULTILINE))
+    done = within(capsys, "convert", late, tmp_path / "x.mcap", "--ros2")
+    assert done.status == 2
+    assert "messages of ROS 2 have no times after January 2038" in done.complaint
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sniffer.ground.model import NS
+from sniffer.ground.model import NS, OutputError
 from sniffer.mcapfile.container import MessageType
 
 if TYPE_CHECKING:
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 _HEAD: Final = b"\x00\x01\x00\x00"
 """Of each message: CDR, little-endian; no options."""
+
+SECONDS_END: Final = 1 << 31
+"""Stamps end before this second of Unix time: builtin_interfaces/Time has 32 bits, one a sign."""
 
 _LINE: Final = "=" * 80
 _HEADER: Final = f"""{_LINE}
@@ -81,9 +84,16 @@ class _Cdr:
     """One message as it grows."""
 
     def __init__(self, t_ns: int) -> None:
-        """Begin with a header: its stamp, and no frame."""
+        """Begin with a header: its stamp, and no frame.
+
+        Raises:
+            OutputError: there is no stamp of that time.
+        """
+        seconds, rest = divmod(t_ns, NS)
+        if seconds >= SECONDS_END:
+            raise OutputError("messages of ROS 2 have no times after January 2038: leave out --ros2")
         self.data = bytearray(_HEAD)
-        self.data += struct.pack("<iI", t_ns // NS, t_ns % NS)
+        self.data += struct.pack("<iI", seconds, rest)
         self.text("")
 
     def align(self, size: int) -> None:
