@@ -122,12 +122,16 @@ class Loose:
     @classmethod
     def of(cls, messages: Iterable[Message], heads: Heads) -> Loose:
         """Return records of messages that were built one by one."""
+        return cls.holding((message.SerializeToString() for message in messages), heads)
+
+    @classmethod
+    def holding(cls, encoded: Iterable[bytes], heads: Heads) -> Loose:
+        """Return records of messages in any encoding."""
         numbers = (c.tolist() for c in (heads.channel, heads.sequence, heads.publish))
         records = []
-        for message, channel, sequence, publish in zip(messages, *numbers, strict=True):
-            data = message.SerializeToString()
-            head = RECORD.pack(Opcode.MESSAGE, 22 + len(data), channel, sequence, 0, publish)
-            records.append(head + data)
+        for data, channel, sequence, publish in zip(encoded, *numbers, strict=True):
+            size = RECORD.size - _HEAD.size + len(data)
+            records.append(RECORD.pack(Opcode.MESSAGE, size, channel, sequence, 0, publish) + data)
         return cls(records, heads)
 
     @property

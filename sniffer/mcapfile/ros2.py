@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from mcap.opcode import Opcode
 
 from sniffer.ground.distinct import distinct
 from sniffer.ground.model import Severity
@@ -21,7 +20,7 @@ from sniffer.mcapfile.cdr import (
     diagnostics,
     joint_state,
 )
-from sniffer.mcapfile.encoder import RECORD, Heads, Loose
+from sniffer.mcapfile.encoder import Heads, Loose
 from sniffer.mcapfile.fields import quantity_of, unit_of
 from sniffer.mcapfile.joints import SI, RosJoint
 
@@ -42,8 +41,7 @@ KIND: Final = "ros2"
 
 POSITION: Final = "position"
 SPEED: Final = "speed_deg_per_s"
-HEAD: Final = 9
-"""Opcode and length of a record, in bytes."""
+"""Which values of a servo are a joint's, where its file says nothing else."""
 
 _QOS: Final = {"offered_qos_profiles": ""}
 """What rosbag2 wants to be said of a channel; none: its own."""
@@ -77,7 +75,6 @@ class RosWriter:
         open_channel: Callable[[str, MessageType, Mapping[str, str]], int],
     ) -> None:
         self._joints = {(joint.bus, joint.servo): joint for joint in joints}
-        self._is_chosen = bool(joints)
         self._names = names
         self._queue = queue
         self._open = open_channel
@@ -157,7 +154,7 @@ class RosWriter:
         fits = [i for i in stated if wanted in (names[i], quantity_of(names[i]))]
         if servo < 0 or not fits:
             return None
-        if self._is_chosen and key not in self._joints:
+        if self._joints and key not in self._joints:
             self._left[key] = "not among the joints"
             return None
         # a scale is meant for what has none of its own
@@ -183,10 +180,4 @@ class RosWriter:
         sequence = np.arange(first, first + n).astype(np.uint32)
         ids = np.full(n, channel, np.uint16)
         heads = Heads(ids, sequence, log, publish, self._queue.ranks(n))
-        numbers = zip(sequence.tolist(), publish.tolist(), messages, strict=True)
-        records = [
-            RECORD.pack(Opcode.MESSAGE, RECORD.size - HEAD + len(data), channel, number, 0, t)
-            + data
-            for number, t, data in numbers
-        ]
-        self._queue.add(KIND, Loose(records, heads))
+        self._queue.add(KIND, Loose.holding(messages, heads))

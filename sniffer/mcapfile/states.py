@@ -65,7 +65,8 @@ class States:
         queue: takes the records.
         channel: opens a topic of the bus.
         count_up: returns the next sequence numbers of a channel.
-        bus: its name, for ``ros2``, which writes what ROS 2 understands; None: nobody does.
+        bus: its name.
+        ros2: writes what ROS 2 understands of it, None: nobody does.
     """
 
     def __init__(
@@ -74,8 +75,8 @@ class States:
         queue: Queue,
         channel: MessageChannels,
         count_up: Callable[[int, int], npt.NDArray[np.uint32]],
-        bus: str = "",
-        ros2: RosWriter | None = None,
+        bus: str,
+        ros2: RosWriter | None,
     ) -> None:
         self.seen: dict[str, set[str]] = {}
         """Fields that the states of a topic had so far."""
