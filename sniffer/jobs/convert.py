@@ -167,8 +167,9 @@ def convert_opened(
         from sniffer.mcapfile.sink import McapSink
 
         for sink in decoded:
-            for line in sink.remarks if isinstance(sink, McapSink) else ():
-                tell.talk(line)
+            if isinstance(sink, McapSink):
+                for line in sink.remarks:
+                    tell.talk(line)
     return Converted(summary, ending, gone(outputs, tell, wide=wide is not None))
 
 

@@ -96,7 +96,6 @@ def live_view(
         need_foxglove()
     else:
         need_rerun()
-
     return LiveView(
         show.view,
         options=tapping.options,

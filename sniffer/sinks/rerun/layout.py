@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
     from sniffer.ground.colours import Rgb
+
 TIMELINE: Final = "time"
 
 GLOBAL_VIEW: Final = "5c0dca6a-e63f-9cf7-f657-2602590474cc"

@@ -35,6 +35,7 @@ DONE: Final = "done"
 has been shown."""
 
 PORT_MOST: Final = 65535
+"""The last port there is."""
 
 _SIZE: Final = struct.Struct("=I")
 
@@ -71,8 +72,7 @@ def address_in(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
     number = number_in(port, 0, PORT_MOST)
     if not colon or not host or number is None:
-        told = "{address!r} is no address: write HOST:PORT, as in 127.0.0.1:8765"
-        raise OutputError(told.format(address=text[:60]))
+        raise OutputError(f"{text[:60]!r} is no address: write HOST:PORT, as in 127.0.0.1:8765")
     return host.strip("[]"), number
 
 
