@@ -31,6 +31,8 @@ from tests.test_convert import CAPTURES, LOG, Capsys
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from tests.viewer import HeadlessViewer
+
 DEGREES: Final = CAPTURES / "rs30x_damaged.log"
 
 rosbags = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed")
@@ -202,6 +204,20 @@ def test_a_recording_calls_joints_as_it_calls_its_servos(tmp_path: Path, capsys:
     found = read_by_others(out)["/joint_states"]
     assert {s.name[0] for s in found} == {"hip", "bus0_servo2", "bus0_servo3"}
     assert all(s.header.stamp.sec >= START_NS // 10**9 for s in found)
+
+
+@pytest.mark.parametrize("options", [(), ("--ros2",)])
+def test_rerun_plots_joint_states_unasked_and_all_joints_as_one_curve(
+    options: tuple[str, ...], tmp_path: Path, capsys: Capsys, headless_viewer: HeadlessViewer
+) -> None:
+    within(capsys, "convert", DEGREES, tmp_path / "run.mcap", *options)
+    views = headless_viewer.show(tmp_path / "run.mcap").views
+    assert headless_viewer.complaints() == []
+    curves = {view.name for view in views if view.view_class == "TimeSeries"}
+    known = [e.entity_path for e in headless_viewer.client.get_recording_schema().entities]
+    drawn = {f"joint_states/{what}" for what in ("position", "velocity", "effort")}
+    assert curves == (drawn if options else set())
+    assert known.count("/joint_states/position") == len(options), "an entity for three joints"
 
 
 def test_a_time_that_ros_cannot_say_is_refused_in_a_line(tmp_path: Path, capsys: Capsys) -> None:
