@@ -7,6 +7,7 @@ speaks: texts are JSON with an ``op``; binary ones are data, opcode 1.
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 import os
 import socket
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 PROTOCOL: Final = "foxglove.sdk.v1"
-_TEXT, _BINARY, _CLOSE, _PING = 1, 2, 8, 9
+_TEXT, _BINARY, _PING, _PONG = 1, 2, 9, 10
 _DATA: Final = 1
 
 
@@ -31,8 +32,6 @@ class FoxgloveClient:
         self.topics: dict[str, dict[str, Any]] = {}
         self.got: dict[str, list[tuple[int, Any]]] = defaultdict(list)
         """Log times and messages by topic, parsed by the schemas that were announced."""
-        self.warned: list[str] = []
-        self.is_open = True
         self._by_subscription: dict[int, str] = {}
         self._types: dict[str, Any] = {}
         self._buffer = b""
@@ -58,13 +57,8 @@ class FoxgloveClient:
 
     def look(self) -> None:
         """Take what has come; waits a tenth of a second where there is nothing."""
-        try:
+        with contextlib.suppress(TimeoutError):  # what came before has not been looked at
             self._fill()
-        except TimeoutError:
-            pass  # what came with the handshake has not been looked at
-        except OSError:
-            self.is_open = False
-            return
         for opcode, data in self._frames():
             if opcode == _TEXT:
                 self._told(json.loads(data))
@@ -73,13 +67,9 @@ class FoxgloveClient:
                 topic = self._by_subscription[subscription]
                 self.got[topic].append((log_time, self._types[topic].FromString(data[13:])))
             elif opcode == _PING:
-                self._send(10, data)
-            elif opcode == _CLOSE:
-                self.is_open = False
+                self._send(_PONG, data)
 
     def _told(self, message: dict[str, Any]) -> None:
-        if message["op"] == "status":
-            self.warned.append(message["message"])
         if message["op"] != "advertise":
             return
         wanted = []

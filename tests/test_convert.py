@@ -1,4 +1,4 @@
-"""``sniffer convert``: bytes as other files hold them, wide tables, captures without names."""
+"""``sniffer convert``: bytes as other files hold them, captures without names."""
 
 from __future__ import annotations
 
@@ -184,9 +184,6 @@ def test_an_input_that_breaks_off_is_converted_up_to_there(tmp_path: Path, capsy
     assert (tmp_path / "x.log").read_text() == "".join(
         line.replace(".5)", ".500000000)") for line in good
     )
-
-
-# --- wide tables -------------------------------------------------------------------------------
 
 
 # --- without names -----------------------------------------------------------------------------

@@ -13,10 +13,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from sniffer.ground.model import Severity
+from sniffer.messages.log_pb2 import Log
+from sniffer.sinks.foxglove import INCIDENTS, FoxgloveSink
 from sniffer.viewers.companion.parcels import address_in
 from tests.commands import within
 from tests.foxglove_client import FoxgloveClient
-from tests.live import group
+from tests.live import START_NS, group, until
 from tests.recorder import Recorder, assert_true_to_itself, raw, said_by, say_slowly
 from tests.recordings import messages
 from tests.terminals import LINUX_ONLY, Terminal
@@ -99,6 +102,23 @@ def test_who_looks_on_gets_what_is_recorded_and_a_server_that_dies_takes_nothing
             mine = {m.SerializeToString(deterministic=True) for _, m in rows}
             assert len(mine & there) >= 0.9 * len(mine), topic
             assert [t for t, _ in rows] == sorted(t for t, _ in rows)
+
+
+def test_what_becomes_of_an_incident_is_told_in_words() -> None:
+    sink = FoxgloveSink(["bus0"], {}, "127.0.0.1", 0)
+    with FoxgloveClient(int(sink.address.rpartition(":")[2])) as client:
+        told = client.got[INCIDENTS]
+
+        def has_come() -> bool:
+            client.look()  # it subscribes first: nobody is sent what was said before
+            sink.incident("bus0", START_NS, Severity.WARN, "bad-cable")
+            return bool(told)
+
+        until(has_come)
+    t_ns, log = told[0]
+    assert (t_ns, log.timestamp.ToNanoseconds()) == (START_NS, START_NS)
+    assert (log.level, log.name, log.message) == (Log.Level.WARNING, "bus0", "bad-cable")
+    sink.close()
 
 
 def children(pid: int) -> list[int]:

@@ -11,8 +11,6 @@ from sniffer.viewers.companion.parcels import Parcel, Unpacker, packed
 MARKS = st.builds(
     Mark, st.sampled_from(MarkKind), st.integers(-9, 9), st.integers(0, 99), st.integers(0, 1 << 62)
 )
-
-
 CHUNKS = st.lists(
     st.builds(
         Chunk,

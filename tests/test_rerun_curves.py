@@ -17,15 +17,12 @@ from sniffer.ground.model import Chunk, Clock, Severity
 from sniffer.sinks.rerun.entities import LogLine
 from sniffer.sinks.rerun.sink import RerunSink
 from tests.streams.mightyzap import packet
-from tests.test_rerun import START_NS, Bus, read, write
+from tests.test_rerun import LOAD, START_NS, STORE, Bus, read, write
 from tests.transcripts import ROOT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
-
-
-LOAD, STORE, SYMMETRIC_STORE = 0xF2, 0xF3, 0x73
 
 
 def test_a_goal_is_drawn_on_to_the_end(tmp_path: Path) -> None:

@@ -91,7 +91,9 @@ class _Cdr:
         """
         seconds, rest = divmod(t_ns, NS)
         if seconds >= SECONDS_END:
-            raise OutputError("messages of ROS 2 have no times after January 2038: leave out --ros2")
+            raise OutputError(
+                "messages of ROS 2 have no times after January 2038: leave out --ros2"
+            )
         self.data = bytearray(_HEAD)
         self.data += struct.pack("<iI", seconds, rest)
         self.text("")

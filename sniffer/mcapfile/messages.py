@@ -11,7 +11,7 @@ import copy
 import json
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
@@ -25,8 +25,10 @@ from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds
 from sniffer.mcapfile.levels import LEVELS, SEVERITIES
 from sniffer.mcapfile.raw import HeldChunks
 from sniffer.mcapfile.states import States
+from sniffer.messages import FLAT
 from sniffer.messages.log_pb2 import Log
-from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, RawChunk, Transaction
+from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, RawChunk, Stats, Transaction
+from sniffer.messages.servo_state_pb2 import Quantity, ServoState
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -39,6 +41,19 @@ if TYPE_CHECKING:
     from sniffer.mcapfile.queue import Queue
     from sniffer.mcapfile.ros2 import RosWriter
     from sniffer.protocols.base import BusProtocol
+
+
+DERIVED: Final[Mapping[str, Any]] = {
+    "frames": Frame,
+    "transactions": Transaction,
+    "state": ServoState,
+    "gaps": Gap,
+    "anomalies": Anomaly,
+    "log": Log,
+    "stats": Stats,
+    FLAT: Quantity,
+}
+"""The message of each topic that is made of the raw bytes, by its kind."""
 
 
 class BusWriter:

@@ -19,14 +19,13 @@ from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.limits import BAUDS, OFFSET_END, number_in
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
 from sniffer.mcapfile.encoder import RECORD
-from sniffer.mcapfile.messages import BusWriter
+from sniffer.mcapfile.messages import DERIVED, BusWriter
 from sniffer.mcapfile.queue import Queue
 from sniffer.mcapfile.sink import attached_tables, facts_of
 from sniffer.mcapfile.source import groups, session
 from sniffer.mcapfile.states import kind_of
 from sniffer.messages import BULK, BUS, FLAT, OFFSET, SHOWN, TOPICS
-from sniffer.messages.log_pb2 import Log
-from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, Stats, Transaction
+from sniffer.messages.recording_pb2 import Frame, Gap, Stats, Transaction
 from sniffer.messages.servo_state_pb2 import Quantity, ServoState
 
 if TYPE_CHECKING:
@@ -46,18 +45,6 @@ HELD: Final = 64 << 20
 FULL: Final = 16 << 20
 """Records are written from so many bytes on."""
 
-MESSAGES: Final[dict[str, Any]] = {
-    "frames": Frame,
-    "transactions": Transaction,
-    "state": ServoState,
-    "gaps": Gap,
-    "anomalies": Anomaly,
-    "log": Log,
-    "stats": Stats,
-    FLAT: Quantity,
-}
-"""The message of each derived topic, by its kind."""
-
 
 class Tail:
     """Looks at the chunks of a recording as they pass, and writes what is missing behind them.
@@ -76,7 +63,7 @@ class Tail:
     def look(self, piece: Piece) -> None:
         """Take note of a chunk, which is in the file."""
         topics = self._file.topics()
-        derived = [c for c, topic in topics.items() if kind_of(topic) in MESSAGES]
+        derived = [c for c, topic in topics.items() if _derived(topic)]
         mine = np.isin(piece.channel, derived)
         if not mine.any():
             return
@@ -123,7 +110,7 @@ class Tail:
         return known
 
     def _read(self, channel: int, data: bytes) -> Any:
-        message = MESSAGES[kind_of(self._file.topics()[channel])]
+        message = DERIVED[kind_of(self._file.topics()[channel])]
         try:
             return message.FromString(data)
         except DecodeError:
@@ -214,7 +201,7 @@ class _Rest:
 
     def _missing(self, rows: Sorted) -> Mask:
         topics = self._file.topics()
-        kinds = {c: MESSAGES[kind_of(topic)] for c, topic in topics.items() if _derived(topic)}
+        kinds = {c: DERIVED[kind_of(topic)] for c, topic in topics.items() if _derived(topic)}
         done = {c: self._passed.get(c, (-1, -1)) for c in kinds}
         out = np.ones(len(rows.log), bool)
         columns = (c.tolist() for c in (rows.channel, rows.log, rows.start, rows.end))
@@ -228,7 +215,7 @@ class _Rest:
 
 
 def _derived(topic: str) -> bool:
-    return kind_of(topic) in MESSAGES
+    return kind_of(topic) in DERIVED
 
 
 def _of(topic: str, bus: str) -> bool:

@@ -13,11 +13,10 @@ from sniffer.ground.model import NS, OutputError
 from sniffer.mcapfile.container import type_of
 from sniffer.mcapfile.encoder import RECORD
 from sniffer.mcapfile.levels import LEVELS
-from sniffer.mcapfile.messages import BusWriter
+from sniffer.mcapfile.messages import DERIVED, BusWriter
 from sniffer.mcapfile.queue import Queue
-from sniffer.messages import TOOL
+from sniffer.messages import FLAT, TOOL
 from sniffer.messages.log_pb2 import Log
-from sniffer.messages.recording_pb2 import Anomaly, Frame, Gap, Stats, Transaction
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,14 +25,7 @@ if TYPE_CHECKING:
     from sniffer.ground.model import Batch, Chunk, Severity
     from sniffer.protocols.base import BusProtocol
 
-FIXED: Final[Mapping[str, type[Any]]] = {
-    "frames": Frame,
-    "transactions": Transaction,
-    "gaps": Gap,
-    "anomalies": Anomaly,
-    "log": Log,
-    "stats": Stats,
-}
+FIXED: Final = tuple(topic for topic in DERIVED if topic not in ("state", FLAT))
 """Topics of each bus that are there before anybody can look on. Who subscribes the moment a topic
 is announced may be told that there is none (seen once with foxglove-sdk 0.30)."""
 
@@ -67,8 +59,8 @@ class FoxgloveSink:
         self._bauds = dict(bauds)
         self._buses: dict[str, BusWriter] = {}
         for bus in buses:
-            for topic, message in FIXED.items():
-                self._open(f"/{bus.strip('/')}/{topic}", message, {"bus": bus})
+            for topic in FIXED:
+                self._open(f"/{bus.strip('/')}/{topic}", DERIVED[topic], {"bus": bus})
         self._open(INCIDENTS, Log, {})
         try:
             self._server = foxglove.start_server(
