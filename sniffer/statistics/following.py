@@ -95,7 +95,8 @@ class Follower:
         known = {who for who, _ in self._goal}
         met = set(servo[~of_all].tolist())
         for who in sorted(met | (known if of_all.any() else set())):
-            mine = of_all | (servo == who)
+            # what is said to all is an order; a position under such an id is of no servo we know
+            mine = (of_all & (what != _MEASURED)) | (servo == who)
             for number, name in enumerate(self.units):
                 # a position in another unit is another row; a goal in another unit ends this one
                 take = np.flatnonzero(mine & ((what != _MEASURED) | (unit == number)))
