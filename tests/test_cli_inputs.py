@@ -48,6 +48,12 @@ def test_of_noise_it_is_told_that_no_protocol_explains_any(tmp_path: Path, capsy
     assert "--protocol" in ran.complaint
 
 
+def test_standard_input_is_judged_once_and_noise_on_it_is_not_called_empty() -> None:
+    ran = sniffer("diagnose", "-", data=NOISE)
+    assert (ran.status, ran.out) == (2, "")
+    assert "(none explains any of them)" in ran.complaint
+
+
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_noise_of_a_named_protocol_is_all_gaps(
     protocol: str, tmp_path: Path, capsys: Capsys

@@ -24,6 +24,7 @@ from sniffer.decoding.options import Options
 from sniffer.jobs.diagnose import diagnose as diagnose_file
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
+from sniffer.sources.several import name_of
 
 
 @click.command(
@@ -78,7 +79,7 @@ def diagnose(
 
         console = console_for(color=color)
         if len(captures) > 1:
-            click.echo(f"{capture[0]}:")
+            click.echo(f"{name_of(capture)}:")
         if why is not None:
             print_weighing(done.incidents, why, console)
         else:

@@ -16,7 +16,7 @@ from sniffer.jobs.derived import Derived
 from sniffer.jobs.outputs import check_outputs, gone, open_all, session_facts, told_part
 from sniffer.jobs.session import run_source
 from sniffer.jobs.telling import Teller
-from sniffer.sources.several import open_capture
+from sniffer.sources.several import name_of, open_capture
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -147,7 +147,7 @@ def convert_opened(
     decoded, raw = open_all(
         outputs, told, [source, *others], force=overwrite, wide=wide, contents=contents
     )
-    name = "standard input" if source == "-" else source
+    name = name_of(source)
     every = [*decoded, *sinks]
     if raw and asked is not None and asked.selection is not None:
         every += _selected(raw, outputs, tell)

@@ -11,6 +11,7 @@ from sniffer.decoding.options import Options
 from sniffer.diagnosis import Diagnosis
 from sniffer.jobs.through import hear_part
 from sniffer.protocols import PROTOCOLS
+from sniffer.sources.several import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -72,7 +73,7 @@ def diagnose(
     try:
         done = hear(diagnosis, options)
     except UndecidedError:
-        if str(source) == "-":
+        if name_of(source) == name_of("-"):
             raise  # standard input can be read only once
         # What nothing explains may have been read at a wrong rate. Whose frames it is not is the
         # same then: it is judged as the first protocol's.

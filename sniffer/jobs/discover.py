@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from sniffer.ground.model import InputError
 from sniffer.ground.wording import plain
 from sniffer.jobs.through import hear_part
+from sniffer.sources.several import name_of
 from sniffer.statistics.bytewise import Bytewise
 from sniffer.statistics.guesses import guesses, model_of
 from sniffer.statistics.stub import stub
@@ -103,5 +104,4 @@ def discover(
         for name, each in found.items()
         for guess in each
     }
-    told = "standard input" if str(source) == "-" else str(source)
-    return Discovered(told, found, tables, done.ending, done.summary)
+    return Discovered(name_of(source), found, tables, done.ending, done.summary)

@@ -25,6 +25,7 @@ from sniffer.jobs.outputs import open_all, session_facts, told_part
 from sniffer.jobs.session import Ending, merged, run_source
 from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
+from sniffer.sources.several import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -174,7 +175,7 @@ def replay(
     refuse_part_of(asked, [path.suffix.lower() for path in outputs])
     tell = tell or Teller(lambda line: None, quiet=True)
     again = tell.quieter()
-    name = "standard input" if str(source) == "-" else str(source)
+    name = name_of(source)
     ending, played = Ending.DONE, False
     while ending == Ending.DONE and (loop or not played):
         now = again if played else tell

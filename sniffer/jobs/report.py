@@ -23,6 +23,7 @@ from sniffer.messages import TOOL
 from sniffer.reports.content import Content
 from sniffer.reports.evidence import Exhibits
 from sniffer.sources import open_source
+from sniffer.sources.several import name_of
 
 if TYPE_CHECKING:
     from sniffer.diagnosis import Incident
@@ -97,7 +98,7 @@ def report(
     tell = tell or Teller(lambda line: None, quiet=True)
     with open_source(source, input_format, again=True, wiring=options.wired) as opened:
         options = options.with_facts(opened.facts(), opened.tables)
-        name = "standard input" if str(source) == "-" else str(source)
+        name = name_of(source)
         hearing = hear(opened, options, name=name, tell=tell, patience=patience, window=window)
         notes = tuple(opened.notes)
         if (part := hearing.summary.narrowed.get("part")) is not None:
