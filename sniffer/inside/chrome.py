@@ -87,7 +87,7 @@ def exits_on_signals(leave: Callable[[], None]) -> None:
         if number is not None:
             try:
                 loop.add_signal_handler(number, leave)
-            except (NotImplementedError, RuntimeError, ValueError):
-                # Windows has none, nor has any thread but the first: the system's own way of ending
-                # a program holds there, and the terminal is put right by whoever started it.
+            except (NotImplementedError, RuntimeError):
+                # loops have no handlers on Windows (the first), nor in any thread but the main one
+                # (the second): there the system ends the program in its own way
                 return
