@@ -134,6 +134,11 @@ def diff(
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
+    whole = Extract.of(selection, window)
+    if whole is not None and whole.is_dated:
+        raise InputError(
+            "two runs have no date in common: write seconds of each, as in 10 or 10min"
+        )
     overlay: Sink | None = None
     if output is not None:
         if output.suffix.lower() != ".rrd":
@@ -144,13 +149,7 @@ def diff(
 
         overlay = OverlaidSink(output)
     runs, endings = [], []
-    whole = Extract.of(selection, window)
-    if whole is not None and whole.is_dated:
-        raise InputError(
-            "two runs have no date in common: write seconds of each, as in 10 or 10min"
-        )
     again = whole is not None and whole.seeks
-    told: Mapping[str, Any] = {}
     try:
         for name, path in zip(A_B, (a, b), strict=True):
             run = RunFigures()
@@ -168,7 +167,7 @@ def diff(
                 )
             runs.append(run)
             endings.append(ending)
-            told = {k: v for k, v in summary.narrowed.items() if k in ("where", "part")}
+        told = {k: v for k, v in summary.narrowed.items() if k in ("where", "part")}
     finally:
         if overlay is not None:
             overlay.close()
