@@ -62,12 +62,11 @@ class LaneFigures:
         self.motion = Motion(protocol)
         self._book = GoalBook(protocol)
 
-    def add(self, batch: Batch, grid: Grid) -> None:
-        """Count in what the servos said, of a selection what is selected of it.
+    def add(self, batch: Batch, mine: Batch, grid: Grid) -> None:
+        """Count in what the servos said, of a selection ``mine``, which is selected of it.
 
         It is judged by all that was said: by the goals that hold, by what became of requests.
         """
-        mine = selected(batch)
         self._meet(mine)
         self._count_answers(mine, grid)
         self._count_values(mine, grid)
@@ -159,8 +158,9 @@ class Collector:
         if batch.chosen is not None and len(batch.frames):
             ends = batch.frames.t_end[[0, -1]]  # the time of a curve is that of all frames
             self.grid.add(self._wire(bus).curves[BYTES], ends, np.zeros(2))
-        self._count_wire(self._wire(bus), selected(batch))
-        self.lanes[name].add(batch, self.grid)
+        mine = selected(batch)
+        self._count_wire(self._wire(bus), mine)
+        self.lanes[name].add(batch, mine, self.grid)
 
     def close(self) -> None:
         """Do nothing: what was collected is asked for afterwards."""

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.decoding.narrowing import selected
 from sniffer.decoding.summary import Quantiles
 from sniffer.diagnosis.buckets import Buckets
 from sniffer.diagnosis.ledger import pair_key
@@ -108,10 +107,9 @@ class CommandBook:
         self._retries = Retries()
         self._nobody = np.array([-1, *protocol.everyone])
 
-    def add(self, batch: Batch) -> None:
-        """Count a batch in, of a selection what is selected of it."""
-        self._retries.add(batch)
-        batch = selected(batch)
+    def add(self, whole: Batch, batch: Batch) -> None:
+        """Count a batch in; ``batch`` is what is selected of the whole one, or the same."""
+        self._retries.add(whole)
         f = batch.frames
         if len(f):
             asks = (f.kind == REQUEST) & (f.flags & ECHO == 0)

@@ -39,7 +39,6 @@ class LaneNumbers:
 class WireBytes:
     """Where the bytes of a bus went, and from when to when it was heard."""
 
-    bytes: int = 0
     frames: int = 0
     in_frames: int = 0
     in_gaps: int = 0
@@ -48,6 +47,11 @@ class WireBytes:
     baud: int = 0
     first_ns: int | None = None
     last_ns: int = 0
+
+    @property
+    def bytes(self) -> int:
+        """How many there were: each is in a frame or in a gap."""
+        return self.in_frames + self.in_gaps
 
     @property
     def span_ns(self) -> int:
@@ -74,14 +78,12 @@ class WireBytes:
         if len(batch.gaps):
             gaps = Gaps.of(batch.gaps)
             self.in_gaps += int(gaps.length.sum())
-            self.bytes += int(gaps.length.sum())
             kinds, _, counts = distinct(gaps.kind)
             for kind, n in zip(kinds.tolist(), counts.tolist(), strict=True):
                 self.gaps[REASONS[kind]] += n
         if len(f):
             self.frames += len(f)
             self.in_frames += int(f.length.sum())
-            self.bytes += int(f.length.sum())
 
 
 class Statistics:
@@ -119,7 +121,7 @@ class Statistics:
             exceedings = Exceedings(protocol, self._alarms)
             lane = LaneNumbers(protocol, CommandBook(protocol), TroubleBook(), exceedings)
             self.lanes[name] = lane
-        lane.commands.add(batch)
+        lane.commands.add(batch, mine)
         lane.troubles.add(mine, self.collector.grid)
         lane.exceedings.add(mine)
 
