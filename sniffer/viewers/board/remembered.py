@@ -77,7 +77,9 @@ class Remembered:
 
     def still(self) -> Self:
         """Return all that is remembered now; what comes does not change it."""
-        shared = [self.incidents, self.watched, *(t.protocol for t in self.buses.values())]
+        shared = [self.incidents, *(t.protocol for t in self.buses.values())]
+        if self.watched is not None:
+            shared.append(self.watched.selection)
         return copy.deepcopy(self, {id(one): one for one in shared})
 
     def close(self) -> None:
