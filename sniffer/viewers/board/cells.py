@@ -66,6 +66,8 @@ COLUMNS: Final = (
 )
 """All but the last one, the alarms, which has what is left."""
 
+TITLES: Final = {column.key: column.titles[1] for column in COLUMNS}
+
 ALARMS: Final = 8
 """The least room for alarms: the longest name of one that is frequent, "overload"."""
 

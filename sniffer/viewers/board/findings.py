@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rich.cells import cell_len
 
@@ -14,10 +14,11 @@ from sniffer.viewers.board.state import RECENT_NS
 from sniffer.viewers.board.troubles import latest
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from sniffer.diagnosis.tracking import Tracked
-    from sniffer.viewers.board.troubles import Trouble, Troubles
+    from sniffer.ground.model import Severity
+    from sniffer.viewers.board.troubles import Trouble
 
 Line = list[Cell]
 
@@ -25,6 +26,18 @@ Line = list[Cell]
 def length(line: Line) -> int:
     """Return how many cells of a terminal a line takes."""
     return sum(cell_len(text) for text, _ in line)
+
+
+class _Told(NamedTuple):
+    """What a line says, from left to right."""
+
+    who: str
+    t_ns: int
+    severity: Severity
+    bus: str
+    code: str
+    times: str
+    text: str
 
 
 class FindingLines:
@@ -39,28 +52,25 @@ class FindingLines:
     def incident(self, one: Tracked) -> Line:
         """Say what is wrong, why and how often: dim once it is over."""
         i = one.incident
-        moment = datetime.datetime.fromtimestamp(i.first_ns // NS, datetime.UTC)
-        level = i.severity.name.lower()
-        who = ",".join(map(str, i.servo_ids))
-        style = "dim" if one.is_over else ""
-        out: Line = [
-            (f"{who if len(who) <= 3 else 'all':>3}  ", style or "id"),
-            (f"{moment:%H:%M:%S}.{i.first_ns % NS // 1_000_000:03d}  ", style),
-            (f"{level:5}  ", style or level),
-        ]
-        if self._name:
-            out.append((fitted(plain(i.bus), self._name) + "  ", style or "bus"))
-        if self._wide:
-            out.append((fitted(i.cause, 20) + "  ", style or level))
-        out.append((f"{f'×{i.count}':>6}  ", style))
+        ids = ",".join(map(str, i.servo_ids))
         sure = f"{100 * i.causes[0].confidence:.0f} % "
-        room = self._width - length(out)
-        told = f"{sure}{plain(i.story)}" if self._wide else f"{sure}{i.cause}: {plain(i.story)}"
-        return [*out, (fitted(told, room).rstrip(), style or "id")]
+        told = _Told(
+            ids if len(ids) <= 3 else "all",
+            i.first_ns,
+            i.severity,
+            i.bus,
+            i.cause,
+            f"×{i.count}",
+            sure + (i.story if self._wide else f"{i.cause}: {i.story}"),
+        )
+        style = "dim" if one.is_over else ""
+        return self._line(told, style, style, style or "id")
 
-    def anomalies(self, troubles: Troubles, incidents: Sequence[Tracked], room: int) -> list[Line]:
+    def anomalies(
+        self, troubles: Iterable[Trouble], incidents: Sequence[Tracked], room: int
+    ) -> list[Line]:
         """Return the latest anomalies; those that an incident explains come where room is left."""
-        held = troubles.latest(len(troubles))
+        held = [*troubles]
         every = [one.incident for one in incidents]
         told = {(i.bus, f.code) for i in every for f in i.findings}
         free = [e for e in held if (e.bus, e.last.code) not in told]
@@ -71,22 +81,30 @@ class FindingLines:
     def anomaly(self, trouble: Trouble) -> Line:
         """Say what was wrong last, and how often it was."""
         a = trouble.last
-        moment = datetime.datetime.fromtimestamp(a.t_ns // NS, datetime.UTC)
-        level = a.severity.name.lower()
-        now = self._now_ns - a.t_ns < RECENT_NS
-        who = "" if a.servo_id is None else str(a.servo_id)
-        times = f"×{trouble.count}" if trouble.count > 1 else ""
+        told = _Told(
+            "" if a.servo_id is None else str(a.servo_id),
+            a.t_ns,
+            a.severity,
+            trouble.bus,
+            a.code,
+            f"×{trouble.count}" if trouble.count > 1 else "",
+            a.detail,
+        )
+        style = "" if self._now_ns - a.t_ns < RECENT_NS else "dim"
+        return self._line(told, style, "", style)
+
+    def _line(self, told: _Told, style: str, named: str, text: str) -> Line:
+        """Return a line; ``named`` is the style of bus and code, empty for their own."""
+        moment = datetime.datetime.fromtimestamp(told.t_ns // NS, datetime.UTC)
+        level = told.severity.name.lower()
         out: Line = [
-            (f"{who:>3}  ", "id" if now else "dim"),
-            (f"{moment:%H:%M:%S}.{a.t_ns % NS // 1_000_000:03d}  ", "" if now else "dim"),
-            (f"{level:5}  ", level),
+            (f"{told.who:>3}  ", style or "id"),
+            (f"{moment:%H:%M:%S}.{told.t_ns % NS // 1_000_000:03d}  ", style),
+            (f"{level:5}  ", named or level),
         ]
         if self._name:
-            out.append((fitted(plain(trouble.bus), self._name) + "  ", "bus"))
+            out.append((fitted(plain(told.bus), self._name) + "  ", named or "bus"))
         if self._wide:
-            out.append((fitted(a.code, 20) + "  ", level))
-        out.append((f"{times:>6}  ", "" if now else "dim"))
-        return [
-            *out,
-            (fitted(plain(a.detail), self._width - length(out)).rstrip(), "" if now else "dim"),
-        ]
+            out.append((fitted(told.code, 20) + "  ", named or level))
+        out.append((f"{told.times:>6}  ", style))
+        return [*out, (fitted(plain(told.text), self._width - length(out)).rstrip(), text)]

@@ -6,20 +6,23 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import NS
 from sniffer.ground.wording import plain
-from sniffer.viewers.board.cells import COLUMNS, age_style, fitted, told_value
+from sniffer.viewers.board.cells import TITLES, age_style, fitted, told_value
 from sniffer.viewers.board.controls import HELP
 from sniffer.viewers.board.findings import FindingLines
 from sniffer.viewers.board.picture import Picture, shown
 from sniffer.viewers.board.state import RECENT_NS
-from sniffer.viewers.board.troubles import Troubles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.ground.register import Register
     from sniffer.tap.status import Status
+    from sniffer.viewers.board.cells import ServoCells
     from sniffer.viewers.board.controls import Controls
     from sniffer.viewers.board.findings import Line
+    from sniffer.viewers.board.registers import HeardRegister
     from sniffer.viewers.board.remembered import Remembered
+    from sniffer.viewers.board.state import BusTally
 
 KEYS_HINT: Final = "? keys  Ctrl-C stops"
 
@@ -38,11 +41,9 @@ def picture(
         return Picture(board, status, width, height).lines()
     all_of_it = Picture(board, status, width, height, KEYS_HINT, controls)
     body: list[Line]
-    if controls.asking is not None:
-        return all_of_it.lines()
-    if controls.helps:
+    if controls.asking is None and controls.helps:
         body = [[("keys", "bus")], *([(f"{key:>8}  ", "id"), (what, "")] for key, what in HELP)]
-    elif controls.opened is not None and controls.opened[0] in board.buses:
+    elif controls.asking is None and controls.opened is not None:
         body = _servo(board, status, width, height - 1, controls.opened)
     else:
         return all_of_it.lines()
@@ -56,44 +57,51 @@ def _servo(
 ) -> list[Line]:
     """Return the page of one servo: its row, every register heard, and what was wrong with it."""
     bus, servo = who
-    tally, rows = board.buses[bus], board.rows(bus, status)
-    row = next((r for r in rows.order if rows.id(r) == servo), None) if rows is not None else None
+    rows = board.rows(bus, status)
+    row = None if rows is None else next((r for r in rows.order if rows.id(r) == servo), None)
     if rows is None or row is None:
         return [[(f"servo {servo} was not heard on {plain(bus)}", "doubt")]]
-    keys = [c.key for c in COLUMNS if c.key not in ("id", "damaged")]
-    told: Line = [(f"servo {servo} of {plain(bus)}", "bus")]
-    for key, (text, style) in zip(keys, rows.cells(row, keys), strict=False):
-        if text != "-":
-            title = next(c.titles[1] for c in COLUMNS if c.key == key)
-            told += [(f"  {title} ", "dim"), (" ".join(text.split()), style)]
-    text, style = rows.cells(row, keys)[-1]
-    head = [*_folded(told, width), *([[(text, style)]] if text else [])]
+    head = _head(f"servo {servo} of {plain(bus)}", rows, row, width)
     found = _found(board, status, width, who)
+    room = height - len(head) - 2 - min(len(found), FOUND_MOST)
+    heard = _registers(board.buses[bus], row, status.now_ns, room)
+    out = [*head, [(_titles(width), "title")], *heard, []]
+    return [*out, *found[: max(height - len(out), 0)]]
+
+
+def _head(title: str, rows: ServoCells, row: int, width: int) -> list[Line]:
+    """Return what the board says of a servo in its row, as lines."""
+    keys = [key for key in TITLES if key not in ("id", "damaged")]
+    *cells, alarms = rows.cells(row, keys)
+    told: Line = [(title, "bus")]
+    for key, (text, style) in zip(keys, cells, strict=True):
+        if text != "-":
+            told += [(f"  {TITLES[key]} ", "dim"), (" ".join(text.split()), style)]
+    return [*_folded(told, width), *([[alarms]] if alarms[0] else [])]
+
+
+def _registers(tally: BusTally, row: int, now_ns: int, room: int) -> list[Line]:
+    """Return lines on the registers of a servo, the last of which says what has no room."""
     heard = sorted(  # what moves and what is asked for stands in front, each in the table's order
         tally.memory.of(row),
-        key=lambda one: (not one.changed_ns, status.now_ns - one.seen_ns > RECENT_NS),
+        key=lambda one: (not one.changed_ns, now_ns - one.seen_ns > RECENT_NS),
     )
-    room = height - len(head) - 2 - min(len(found), FOUND_MOST)
-    out = [*head, [(_titles(width), "title")]]
-    if len(heard) > room:
-        heard, left = heard[: max(room - 1, 0)], len(heard) - max(room - 1, 0)
-    else:
-        left = 0
-    for one in heard:
-        register = tally.protocol.registers[one.register]
-        style = age_style(status.now_ns, one.seen_ns, one.changed_ns)
-        changed = "-" if not one.changed_ns else _ago(status.now_ns - one.changed_ns)
-        value = told_value(register, one.raw, one.value)
-        out.append(
-            [
-                (fitted(plain(register.name), _REGISTER) + "  ", "dim" if style == "dim" else ""),
-                (fitted(value, _VALUE, right=True) + "  ", style),
-                (f"{one.raw:>10}  {_ago(status.now_ns - one.seen_ns):>9}  {changed:>9}", "dim"),
-            ]
-        )
-    if left:
-        out.append([(f"... and {left} more registers", "dim")])
-    return [*out, [], *found[: max(height - len(out) - 1, 0)]]
+    kept = heard if len(heard) <= room else heard[: max(room - 1, 0)]
+    out = [_register(tally.protocol.registers[one.register], one, now_ns) for one in kept]
+    if len(kept) < len(heard):
+        out.append([(f"... and {len(heard) - len(kept)} more registers", "dim")])
+    return out
+
+
+def _register(register: Register, one: HeardRegister, now_ns: int) -> Line:
+    style = age_style(now_ns, one.seen_ns, one.changed_ns)
+    changed = "-" if not one.changed_ns else _ago(now_ns - one.changed_ns)
+    value = told_value(register, one.raw, one.value)
+    return [
+        (fitted(plain(register.name), _REGISTER) + "  ", "dim" if style == "dim" else ""),
+        (fitted(value, _VALUE, right=True) + "  ", style),
+        (f"{one.raw:>10}  {_ago(now_ns - one.seen_ns):>9}  {changed:>9}", "dim"),
+    ]
 
 
 def _titles(width: int) -> str:
@@ -109,10 +117,7 @@ def _found(board: Remembered, status: Status, width: int, who: tuple[str, int]) 
         for one in shown(board.incidents)
         if one.incident.bus == bus and servo in one.incident.servo_ids
     ]
-    troubles = Troubles()
-    for one in board.troubles.latest(len(board.troubles)):
-        if one.bus == bus and one.last.servo_id == servo:
-            troubles.keep(one)
+    troubles = [e for e in board.troubles if e.bus == bus and e.last.servo_id == servo]
     lines = FindingLines(status.now_ns, width)
     told = [lines.incident(one) for one in incidents]
     return [*told, *lines.anomalies(troubles, incidents, len(troubles))]

@@ -12,6 +12,7 @@ from sniffer.ground.wording import counted, plain
 from sniffer.viewers.board.cells import (
     ALARMS,
     COLUMNS,
+    TITLES,
     WIDE,
     Cell,
     clock,
@@ -305,8 +306,8 @@ class Picture:
         if self._board.watched is not None:
             told.append(f"only {plain(self._board.watched.selection.text)}")
         if self._controls is not None and (self._controls.sort != "id" or self._controls.turned):
-            title = next(c.titles[1] for c in COLUMNS if c.key == self._controls.sort)
-            told.append(f"by {title}, {'greatest' if self._controls.falls else 'least'} first")
+            by = TITLES[self._controls.sort]
+            told.append(f"by {by}, {'greatest' if self._controls.falls else 'least'} first")
         return [[(fitted("; ".join(told), self._width).rstrip(), "note")]] if told else []
 
     def footer(self) -> Line:

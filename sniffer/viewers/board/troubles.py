@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
     from sniffer.ground.model import Anomaly, Severity
 
@@ -45,16 +45,12 @@ class Troubles:
                 del self._held[min(self._held, key=lambda k: self._held[k].last.t_ns)]
             self._held[key] = Trouble(bus, a)
 
-    def keep(self, trouble: Trouble) -> None:
-        """Take what another one has of one kind."""
-        self._held[trouble.bus, trouble.last.code, trouble.last.servo_id] = trouble
-
     def __len__(self) -> int:
         return len(self._held)
 
-    def latest(self, n: int) -> list[Trouble]:
-        """Return the ``n`` that happened last, in the order in which they first did."""
-        return latest(list(self._held.values()), n)
+    def __iter__(self) -> Iterator[Trouble]:
+        """Yield them in the order in which they first happened."""
+        return iter(self._held.values())
 
 
 def latest(held: list[Trouble], n: int) -> list[Trouble]:
