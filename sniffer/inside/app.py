@@ -30,6 +30,7 @@ from sniffer.inside.search import Search
 from sniffer.inside.table import FrameList
 from sniffer.inside.view import LineView
 from sniffer.inside.words import TIMES
+from sniffer.selection.selection import complaint
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -271,7 +272,7 @@ class LookingGlass(App[None]):
             else:
                 self._noted(partial(self.notes.add, self.index, self.list.line, text.strip()))
         except InputError as error:
-            self.say(str(error), bad=True)
+            self.say(complaint(error), bad=True)
 
     @property
     def _bus(self) -> int:

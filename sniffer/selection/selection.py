@@ -8,7 +8,7 @@ import numpy as np
 
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import InputError
-from sniffer.ground.wording import Sentence, and_
+from sniffer.ground.wording import Sentence, and_, spelled
 from sniffer.selection.columns import TABLES, VALUES, Rows
 from sniffer.selection.expression import Expression, near, read
 
@@ -124,6 +124,11 @@ class Selection:
         found = self._expression.holds(ask)
         mask = np.full(n, found) if isinstance(found, bool) else found
         return mask & rows.batch.values.accepted if table == "samples" else mask
+
+
+def complaint(error: InputError) -> str:
+    """Return what is wrong with a selection that was typed alone: no argument has a name there."""
+    return spelled(error, lambda names, _: SHORTHANDS.get(names[0], "")).lstrip(",: ")
 
 
 def _apart(columns: Iterable[str]) -> str:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import InputError
 from sniffer.ground.wording import one_line
+from sniffer.selection.selection import complaint
 from sniffer.viewers.board.watched import selection_in
 
 if TYPE_CHECKING:
@@ -30,10 +30,6 @@ SORTED: Final = ("id", "error", "missing", "p99", "temperature", "load", "voltag
 
 PROMPT_MOST: Final = 400
 """Signs of a filter line at most."""
-
-
-_BEGIN: Final = re.compile(r"^`?where`?[,:] ")
-"""What an expression is called where it is an argument."""
 
 
 @dataclass(slots=True)
@@ -109,7 +105,7 @@ class Controls:
                     board.watch(selection_in(text))
                     self.asking, self.held = None, False  # it is about what comes
                 except InputError as error:
-                    self.complaint = _BEGIN.sub("", one_line(str(error)))
+                    self.complaint = one_line(complaint(error))
             case "space":
                 self.asking = text + " "
             case _ if len(key) == 1:
