@@ -39,6 +39,22 @@ def test_what_wires_lose_under_load_is_no_brownout() -> None:
     assert "voltage-sag" not in codes(d)
 
 
+def test_a_supply_that_is_a_fifth_lower_while_all_motors_start_at_once_is_no_brownout() -> None:
+    levels = (9.5, 9.5, *[12.0] * 60)
+    parts = [volts(*levels, servo_id=i) for i in range(1, 9)]
+    d = heard(in_time(*parts), "mightyzap")
+    assert "voltage-sag" in codes(d)
+    assert not d.incidents()
+
+
+@pytest.mark.parametrize("levels", [(9.5,) * 10, (8.5,)])
+def test_a_supply_that_is_lower_for_longer_or_deeper_than_motors_take_to_start_is_one(
+    levels: tuple[float, ...],
+) -> None:
+    d = heard(volts(*[12.0] * 40, *levels, *[12.0] * 40), "mightyzap")
+    assert verdicts(d.incidents()) == [("brownout", (1,))]
+
+
 def test_a_supply_that_sags_for_all_servos_at_once_is_one_incident() -> None:
     levels = (*[12.1] * 40, 8.0, 7.8, 8.2, *[12.0] * 40)
     d = heard(in_time(*[volts(*levels, servo_id=i) for i in (1, 2, 3)]), "mightyzap")

@@ -24,7 +24,7 @@ FINDINGS: Final = (
         "voltage-sag",
         "device",
         "The supply voltage that a servo measures falls far below what it usually is, or below its limit.",
-        "A voltage more than an eighth below what the servo has for most of the time, or its peers, and no less than it can speak with; it counts in full from a quarter on, or below the servo's own limit.",
+        "A voltage more than an eighth below what the servo has for most of the time, or its peers, and no less than it can speak with; it counts in full from a quarter on, or below the servo's own limit, and little where it is no deeper, over as soon as motors have started, and no complaint or silence goes with it.",
     ),
     FindingCode(
         "supply-steady",
@@ -66,8 +66,12 @@ USUALLY: Final = 0.75
 APART: Final = 0.85
 """A servo that has less than this part of what its peers have is low all the time."""
 
+STARTS_NS: Final = NS // 4
+"""A start takes tenths of a second: until a motor turns, nothing but its windings limits its current,
+and where all start at once the supply of a sound robot has that to bear."""
+
 LONE: Final = 0.4
-"""How much a single low value counts where a damaged digit may be one."""
+"""How much a low value counts of which nothing follows: motors may just start, or a digit be torn."""
 
 HEAVY: Final = 1.5
 """So many times its usual effort is load."""
@@ -126,7 +130,9 @@ def _sag(case: Case, servo: int, v: Series, low: I64, normal: float, limit: floa
     strength = min(max((1 - least / normal - SHALLOW) / (DEEP - SHALLOW), 0.0), 1.0)
     if least < limit:
         strength = 1.0
-    if len(low) < 2 and not case.has_checksum and not _is_borne_out(case, servo, v, low):
+    is_start = strength < 1.0 and v.t[low[-1]] - v.t_first[low[0]] <= STARTS_NS
+    is_doubtful = len(low) < 2 and not case.has_checksum
+    if (is_start or is_doubtful) and not _is_borne_out(case, servo, v, low):
         strength *= LONE
     under = " under load" if _is_loaded(case, servo, v, low) else ""
     below = f", its limit is {v.told(limit)}" if least < limit else ""
