@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from sniffer.diagnosis.comparing import alike, bits_wrong
 from sniffer.diagnosis.uart import MIDDLE, heard, sent
 
 if TYPE_CHECKING:
@@ -68,11 +69,11 @@ def clock_of(torn: tuple[tuple[bytes, tuple[bytes, ...]], ...]) -> ClockOff | No
     Where a clock explains more of them, or as many and is nearer to the exact one, it is taken.
     """
     tried = []
-    for got, alike in torn:
-        if not alike:
+    for got, sound in torn:
+        if not sound:
             continue
-        size = min(max(_common(one, alike[0]) for one in alike[1:] or alike), BEGINNING)
-        begun = {one[: BEGINNING + 2] for one in alike}
+        size = min(max(alike(one, sound[0]) for one in sound[1:] or sound), BEGINNING)
+        begun = {one[: BEGINNING + 2] for one in sound}
         exact = [_exact(got, one, size) for one in begun]
         if exact and size >= LEAST and min(one.wrong for one in exact) >= FEW:
             tried.append((got, exact))
@@ -111,8 +112,8 @@ class _Exact(NamedTuple):
 
 def _exact(got: bytes, one: bytes, size: int) -> _Exact:
     # one that only lacks its first byte is no clock's doing
-    common = max(_common(got, one), _common(got, one[1:]))
-    return _Exact(one, size, _wrong(got, one, size), common)
+    common = max(alike(got, one), alike(got, one[1:]))
+    return _Exact(one, size, bits_wrong(got, one[:size]), common)
 
 
 def _explains(got: bytes, one: _Exact, off: float, rise: float) -> bool:
@@ -123,7 +124,7 @@ def _explains(got: bytes, one: _Exact, off: float, rise: float) -> bool:
     behind = tuple(some[1:] for some in told if some[:1] != one.data[:1])
     if behind and _agrees(got, behind) >= one.common + GAIN:
         return True
-    left = min(_wrong(got, some, one.size) for some in told)
+    left = min(bits_wrong(got, some[: one.size]) for some in told)
     return one.wrong >= WRONG and left <= LEFT * one.wrong
 
 
@@ -134,14 +135,3 @@ def _agrees(got: bytes, told: Sequence[bytes]) -> int:
     """
     n = min(len(got), min(map(len, told)))
     return next((k for k in range(n) if all(some[k] != got[k] for some in told)), n)
-
-
-def _common(a: bytes, b: bytes) -> int:
-    """Return how many bytes two have in common at their beginning."""
-    n = min(len(a), len(b))
-    return next((k for k in range(n) if a[k] != b[k]), n)
-
-
-def _wrong(got: bytes, meant: bytes, size: int) -> int:
-    """Return how many bits at the beginning differ."""
-    return sum((a ^ b).bit_count() for a, b in zip(got[:size], meant[:size], strict=False))

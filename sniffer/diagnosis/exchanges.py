@@ -336,7 +336,7 @@ class Exchanges:
     def sizes(self) -> tuple[float, float]:
         """Return how many bytes a request has on average, and an answer."""
         n, lengths = self.kinds.n, [len(one) for one in self.kinds.example]
-        asked = float(np.average(lengths, weights=n[: len(lengths)])) if n.sum() else 1.0
+        asked = float(np.average(lengths, weights=n)) if n.sum() else 1.0
         answers = self.answer_lengths
         told = float(np.average(np.arange(len(answers)), weights=answers)) if answers.sum() else 1.0
         return asked, told

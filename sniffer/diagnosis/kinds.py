@@ -57,6 +57,11 @@ class RequestKinds:
         return self._n
 
     @property
+    def requests(self) -> tuple[bytes, ...]:
+        """The examples, each once."""
+        return tuple(dict.fromkeys(self.example))
+
+    @property
     def t_last(self) -> I64:
         """When each kind was said last."""
         return self._t_last

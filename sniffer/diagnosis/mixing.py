@@ -10,6 +10,7 @@ import functools
 import itertools
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from sniffer.diagnosis.comparing import bits_wrong
 from sniffer.diagnosis.uart import BITS, both, received, sent
 
 if TYPE_CHECKING:
@@ -59,13 +60,9 @@ def _mixes(begin: bytes) -> dict[bytes, Mix]:
                 got = got[:MOST]
                 # what only lacks its first bytes is not two
                 lacks = any(begin[k:].startswith(got[: len(begin) - k]) for k in (1, 2, 3))
-                if len(got) >= LEAST and _wrong(got, begin) >= WRONG and not lacks:
+                if len(got) >= LEAST and bits_wrong(got, begin) >= WRONG and not lacks:
                     out.setdefault(got, Mix(shift, how))
     return out
-
-
-def _wrong(got: bytes, meant: bytes) -> int:
-    return sum((a ^ b).bit_count() for a, b in zip(got, meant, strict=False))
 
 
 def mix_of(got: bytes, begin: bytes) -> Mix | None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.chances import at_least
+from sniffer.diagnosis.comparing import alike
 from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.mixing import LEAST as SURE_BYTES
@@ -93,13 +94,13 @@ def twins(case: Case) -> Mapping[int, Twin]:
     found = {servo: Twin(servo) for servo in case.servos}
     known = case.ledger.damages.likes.known
     begins = _beginnings(case)
-    requests = tuple(dict.fromkeys(case.ledger.exchanges.kinds.example))
+    requests = case.ledger.exchanges.kinds.requests
     belated = {d.at for d in late_answers(case)}
     for d in case.damages:
         mine = found.get(d.servo_id)
         if d.turn == IN_REPLY and d.is_answered and mine is not None and d.at not in belated:
-            asks = max((_common(d.got, one) for one in requests), default=0)
-            if asks <= _common(d.got, begins.get(d.servo_id, b"")):  # else a request was torn
+            asks = max((alike(d.got, one) for one in requests), default=0)
+            if asks <= alike(d.got, begins.get(d.servo_id, b"")):  # else a request was torn
                 mine.torn.append(d)
         earlier = found.get(d.earlier_id)
         if earlier is not None and d.at not in belated and _is_foreign(d, begins, requests):
@@ -143,8 +144,7 @@ def late_answers(case: Case) -> Sequence[Damage]:
 
     That one stands right before the last, with nothing between: it is its one and only answer.
     """
-    begins, kinds = _beginnings(case), case.ledger.exchanges.kinds
-    requests = tuple(dict.fromkeys(kinds.example))
+    begins, requests = _beginnings(case), case.ledger.exchanges.kinds.requests
     ends = {f.at + f.length: f for f in case.ledger.exchanges.failed}
     out = []
     for d in case.damages:
@@ -212,12 +212,6 @@ def _beginnings(case: Case) -> Mapping[int, bytes]:
     for request, known in likes.known.items():
         answers.setdefault(likes.asked[request], []).extend(known)
     return {servo: beginning(some) for servo, some in answers.items()}
-
-
-def _common(a: bytes, b: bytes) -> int:
-    """Return how many bytes two have in common at their beginning."""
-    n = min(len(a), len(b))
-    return next((k for k in range(n) if a[k] != b[k]), n)
 
 
 def _begins_like(got: bytes, theirs: bytes, others: Sequence[bytes]) -> bool:

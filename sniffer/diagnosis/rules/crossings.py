@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.comparing import alike, header_of
 from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.losses import alike
 from sniffer.diagnosis.twins import of_twins
 from sniffer.ground.model import NS
 
@@ -100,8 +100,8 @@ def requests_run_together(case: Case) -> Iterator[Finding]:
         if d.turn in (IN_REQUEST, IN_REPLY) and d.turn != HELD and d.length <= len(d.got)
         if not (case.twins and of_twins(case, d))
     ]
-    known = tuple(dict.fromkeys(case.ledger.exchanges.kinds.example))
-    shared = header_of(known) if known else 0
+    known = case.ledger.exchanges.kinds.requests
+    shared = header_of(known)
     into = [d for d in torn if d.turn == IN_REQUEST and _is_two(d, known, known, shared)]
     answers = [
         d for d in torn if d.turn == IN_REPLY and d.alike and _is_two(d, d.alike, known, shared)
@@ -138,12 +138,6 @@ def _is_two(d: Damage, firsts: Iterable[bytes], seconds: Sequence[bytes], shared
         for a in begun
         for b in ended
     )
-
-
-def header_of(known: Iterable[bytes]) -> int:
-    """Return how many first bytes all requests share: a header tells nothing."""
-    one, *others = known
-    return min((alike(one, other) for other in others), default=0)
 
 
 def streams_apart(case: Case) -> Iterator[Finding]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.comparing import bits_wrong
 from sniffer.diagnosis.damage import HELD
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.model import MALFORMED, UNKNOWN, UNUSUAL
@@ -172,12 +173,12 @@ def _is_torn(got: bytes, whole: bytes) -> bool:
     """Tell whether bytes are those of a request but for a bit or two."""
     if len(got) != len(whole):
         return False
-    return sum((a ^ b).bit_count() for a, b in zip(got, whole, strict=True)) <= BITS
+    return bits_wrong(got, whole) <= BITS
 
 
 def same_bytes(case: Case) -> Iterator[Finding]:
     """Bytes that are no frame and come again and again: somebody sends them so."""
-    known = tuple(set(case.ledger.exchanges.kinds.example))
+    known = case.ledger.exchanges.kinds.requests
     where: dict[bytes, list[Damage]] = {}
     damages = [d for d in case.damages if d.turn != HELD]
     for d in damages:

@@ -8,18 +8,17 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.comparing import alike, header_of, is_altered
 from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.crossings import header_of
-from sniffer.diagnosis.rules.losses import alike, is_altered
 from sniffer.diagnosis.rules.order import Order
 from sniffer.ground.codes import DAMAGED, RESPONSE
 from sniffer.ground.model import Clock
 from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
@@ -132,7 +131,8 @@ def request_in_answer(case: Case) -> Iterator[Finding]:
     places = [d for d in places if d.at in asked and _is_in_one_go(case, d, asked[d.at])]
     if not places:
         return
-    known = {*case.ledger.exchanges.kinds.example, *(d.asked for d in places)}
+    asks = case.ledger.exchanges.kinds.requests
+    known = tuple(dict.fromkeys((*asks, *(d.asked for d in places))))
     header = header_of(known)
     torn = [d for d in places if _holds_request(d, known, header)]
     if len(torn) < ENOUGH or len(torn) < PART_TORN * len(places):
@@ -243,7 +243,7 @@ def _is_in_one_go(case: Case, d: Damage, asked_ns: int) -> bool:
     return d.t_ns - asked_ns <= begins + whole + case.latency_ns
 
 
-def _holds_request(d: Damage, known: Collection[bytes], header: int) -> bool:
+def _holds_request(d: Damage, known: Sequence[bytes], header: int) -> bool:
     """Tell whether damage begins or ends as a request, and not as the answer that is due.
 
     ``header`` is how many first bytes all requests share: answers have them, too.

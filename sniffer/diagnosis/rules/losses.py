@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.comparing import alike, is_altered
 from sniffer.diagnosis.damage import IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.order import Order
@@ -73,13 +74,10 @@ PART: Final = 0.3
 BARE: Final = 2
 """Bytes of an answer that has no header (wCK)."""
 
-ALTERED: Final = 0.5
-"""Share of bytes that are still as they were in a request that noise has altered."""
-
 
 def torn_requests(case: Case) -> Iterator[Finding]:
     """Requests that lack bytes, and what servos say to them."""
-    known = tuple(set(case.ledger.exchanges.kinds.example))
+    known = case.ledger.exchanges.kinds.requests
     bare = BARE if case.protocol.ordered else 0  # an answer without a header belongs to the piece
     ends = {d.at + d.length for d in case.damages}
     short, altered = [], 0
@@ -206,19 +204,6 @@ def _is_short(got: bytes, known: Sequence[bytes]) -> bool:
     head = max((alike(got, whole) for whole in known), default=0)
     tail = max((alike(got[::-1], whole[::-1]) for whole in known), default=0)
     return head + tail >= len(got)
-
-
-def is_altered(got: bytes, whole: bytes) -> bool:
-    """Tell whether bytes are those of a request, some of them altered."""
-    same = sum(a == b for a, b in zip(got, whole, strict=False))
-    return got != whole and len(got) == len(whole) and same >= ALTERED * len(whole)
-
-
-def alike(a: bytes, b: bytes) -> int:
-    """Return how many first bytes are the same."""
-    return next(
-        (n for n, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b))
-    )
 
 
 RULES: Final[tuple[Rule, ...]] = (torn_requests, headless, requests_missing)

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.comparing import alike, is_altered
 from sniffer.diagnosis.damage import HELD, IN_REPLY
 from sniffer.diagnosis.misread import held
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.losses import alike, is_altered
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

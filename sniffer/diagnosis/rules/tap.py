@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.comparing import is_altered
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.rules.losses import is_altered
 from sniffer.ground.codes import NO_RESPONSE
 from sniffer.ground.model import MarkKind
 from sniffer.ground.wording import counted

@@ -1,0 +1,33 @@
+"""How far two rows of bytes are the same."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+ALTERED: Final = 0.5
+"""Share of bytes that are still as they were in a request that noise has altered."""
+
+
+def alike(a: bytes, b: bytes) -> int:
+    """Return how many first bytes are the same."""
+    n = min(len(a), len(b))
+    return next((k for k in range(n) if a[k] != b[k]), n)
+
+
+def bits_wrong(got: bytes, meant: bytes) -> int:
+    """Return how many bits differ, of the bytes that both have."""
+    return sum((a ^ b).bit_count() for a, b in zip(got, meant, strict=False))
+
+
+def is_altered(got: bytes, whole: bytes) -> bool:
+    """Tell whether bytes are those of a request, some of them altered."""
+    same = sum(a == b for a, b in zip(got, whole, strict=False))
+    return got != whole and len(got) == len(whole) and same >= ALTERED * len(whole)
+
+
+def header_of(known: Sequence[bytes]) -> int:
+    """Return how many first bytes several requests share: a header tells nothing."""
+    return min((alike(known[0], other) for other in known[1:]), default=0)
