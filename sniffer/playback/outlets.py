@@ -57,7 +57,7 @@ def opened_ports(
         OutputError: one cannot be had, or is a serial port that nothing may be sent to.
     """
     every = to if len(to) == len(bauds) else [FRESH] * len(bauds)
-    leading = links or [None] * len(bauds)
+    leading: Sequence[Path | None] = links or [None] * len(bauds)
     with contextlib.ExitStack() as stack:
         out = {}
         for (bus, baud), where, link in zip(bauds.items(), every, leading, strict=True):
