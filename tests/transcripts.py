@@ -25,7 +25,6 @@ import os
 import re
 import shlex
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -36,6 +35,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.mcapfile.source import chunks
+from tests.background import OVER_S, Job, lines_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -64,9 +64,6 @@ _DOCS: Final = (
 )
 PAGES: Final = ("README.md", *(f"docs/{name}.md" for name in _DOCS))
 LEFT_OUT: Final = "..."
-
-OVER_S: Final = 180.0
-"""How long a command may take to say something, to record something, or to end."""
 
 _FENCE: Final = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _TOOL: Final = re.compile(r"(?:^|[|;&]\s*)([\w.-]+)")
@@ -176,48 +173,6 @@ def missing_tools(one: Shown) -> list[str]:
 
 
 @dataclass(slots=True)
-class Job:
-    """A command in the background; ``shown`` of its lines are on the page already."""
-
-    process: subprocess.Popen[bytes]
-    output: Path
-    shown: int = 0
-
-    def first(self) -> list[str]:
-        """Return what it prints first."""
-        deadline = time.monotonic() + OVER_S
-        while not self._lines() and self.process.poll() is None and time.monotonic() < deadline:
-            time.sleep(0.02)
-        lines = self._lines()
-        self.shown = len(lines)
-        return lines
-
-    def rest(self) -> list[str]:
-        """Return what it prints behind that, once it has ended."""
-        self.process.wait(OVER_S)
-        return self._lines()[self.shown :]
-
-    def kill(self, number: int) -> None:
-        """Send a signal to it, and to all that it has started; wait until it has ended."""
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(self.process.pid, number)
-        self.process.wait(OVER_S)
-
-    def end(self) -> None:
-        """End it, and all that it has started."""
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(self.process.pid, signal.SIGTERM)
-        try:
-            self.process.wait(OVER_S)
-        except subprocess.TimeoutExpired:
-            os.killpg(self.process.pid, signal.SIGKILL)
-            self.process.wait()
-
-    def _lines(self) -> list[str]:
-        return _lines(self.output.read_text(encoding="utf-8"))
-
-
-@dataclass(slots=True)
 class Stage:
     """A folder with the sample captures, in which a page's transcripts are run one by one."""
 
@@ -304,7 +259,7 @@ class Stage:
             timeout=OVER_S,
         )
         self.status = done.returncode
-        return _lines(done.stdout.decode("utf-8"))
+        return lines_of(done.stdout.decode("utf-8"))
 
     def _environment(self) -> Mapping[str, str]:
         path = os.pathsep.join([str(self.folder / ".bin"), os.environ["PATH"]])
@@ -318,7 +273,7 @@ class Stage:
         out = io.StringIO()
         with contextlib.chdir(self.folder), contextlib.redirect_stdout(out):
             exec(compile(code, "<python block>", "exec"), self.names)
-        return _lines(out.getvalue())
+        return lines_of(out.getvalue())
 
 
 def recorded_s(path: Path) -> float:
@@ -327,11 +282,6 @@ def recorded_s(path: Path) -> float:
     with contextlib.suppress(DamagedInputError, InputError):  # it has no end yet, or no begin
         times += (chunk.t_ns for chunk in chunks(path) if chunk.t_ns is not None)
     return (times[-1] - times[0]) / 1e9 if times else 0.0
-
-
-def _lines(text: str) -> list[str]:
-    """Return lines as a page has them: no blanks at their ends, none of them empty at the end."""
-    return [line.rstrip() for line in text.rstrip().splitlines()]
 
 
 def agrees(said: list[str], got: list[str], *, live: bool = False) -> bool:

@@ -11,6 +11,7 @@ import struct
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.model import NS, OutputError
+from sniffer.ground.wording import Sentence
 from sniffer.mcapfile.container import MessageType
 
 if TYPE_CHECKING:
@@ -91,9 +92,8 @@ class _Cdr:
         """
         seconds, rest = divmod(t_ns, NS)
         if seconds >= SECONDS_END:
-            raise OutputError(
-                "messages of ROS 2 have no times after January 2038: leave out --ros2"
-            )
+            told = "messages of ROS 2 have no times after January 2038: leave out {ros2}"
+            raise OutputError(Sentence(told))
         self.data = bytearray(_HEAD)
         self.data += struct.pack("<iI", seconds, rest)
         self.text("")

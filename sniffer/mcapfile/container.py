@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from google.protobuf.message import Message
 
     from sniffer.ground.model import I64
-    from sniffer.mcapfile.encoder import U16
     from sniffer.mcapfile.queue import Sorted
+    from sniffer.mcapfile.rows import U16
 
 LEVEL: Final = 1
 """Of zstd: 3, its default, takes half as long again for the same size."""

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from sniffer.ground.model import I64
-    from sniffer.mcapfile.encoder import U16
+    from sniffer.mcapfile.rows import U16
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 

@@ -20,10 +20,11 @@ from sniffer.decoding.joining import joined, runs
 from sniffer.decoding.sink import bus_of
 from sniffer.ground.model import I64, NS, Clock
 from sniffer.ground.timing import byte_time_ns
-from sniffer.mcapfile.encoder import U16, Blob, Encoder, Heads, Loose
+from sniffer.mcapfile.encoder import Blob, Encoder
 from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds
 from sniffer.mcapfile.levels import LEVELS, SEVERITIES
 from sniffer.mcapfile.raw import HeldChunks
+from sniffer.mcapfile.rows import U16, Heads, Loose
 from sniffer.mcapfile.states import States
 from sniffer.messages import FLAT
 from sniffer.messages.log_pb2 import Log

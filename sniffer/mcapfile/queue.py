@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.mcapfile.encoder import LOG_AT, U16, Loose, MessageRows
+from sniffer.mcapfile.rows import LOG_AT, U16, Loose, MessageRows
 from sniffer.messages import TOPICS
 
 if TYPE_CHECKING:

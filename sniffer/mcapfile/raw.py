@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sniffer.mcapfile.encoder import Blob, Encoder, Heads, Loose, MessageRows
+from sniffer.mcapfile.encoder import Blob, Encoder
+from sniffer.mcapfile.rows import Heads, Loose, MessageRows
 from sniffer.messages.recording_pb2 import Clock, Direction, Mark, RawChunk
 
 if TYPE_CHECKING:

@@ -20,9 +20,9 @@ from sniffer.mcapfile.cdr import (
     diagnostics,
     joint_state,
 )
-from sniffer.mcapfile.encoder import Heads, Loose
 from sniffer.mcapfile.fields import quantity_of, unit_of
 from sniffer.mcapfile.joints import SI, RosJoint
+from sniffer.mcapfile.rows import Heads, Loose
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

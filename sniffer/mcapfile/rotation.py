@@ -28,6 +28,7 @@ from sniffer.ground.files import is_lost, writing
 from sniffer.ground.limits import BAUDS, number_in
 from sniffer.ground.model import OutputError
 from sniffer.ground.timing import byte_time_ns
+from sniffer.ground.wording import Sentence
 from sniffer.mcapfile.open import OpenIncidents
 from sniffer.messages import OFFSET, TIME
 
@@ -291,7 +292,7 @@ class RotatingMcap:
 
     def _fail(self, error: OutputError) -> None:
         """Finish the current file and refuse everything else."""
-        self._failure = str(error)
+        self._failure = Sentence("{why}", why=error)
         for ending in (self._ending, self._sink.closing({})):
             with contextlib.suppress(OutputError):
                 for _ in ending:

@@ -35,13 +35,14 @@ from sniffer.decoding.options import names_in
 from sniffer.ground.limits import BAUDS, number_in
 from sniffer.ground.model import NS, OutputError
 from sniffer.ground.registers import schema_path
+from sniffer.ground.wording import Sentence
 from sniffer.mcapfile.container import Container
-from sniffer.mcapfile.encoder import Heads, Loose
 from sniffer.mcapfile.incidents import message_of
 from sniffer.mcapfile.layout import ATTACHED, layout
 from sniffer.mcapfile.messages import BusWriter
 from sniffer.mcapfile.queue import Queue
 from sniffer.mcapfile.raw import RawEncoder
+from sniffer.mcapfile.rows import Heads, Loose
 from sniffer.mcapfile.states import kind_of
 from sniffer.messages import (
     BULK,
@@ -266,7 +267,7 @@ class McapSink:
         try:
             yield
         except OutputError as error:
-            self._failure = f"{error}; what was recorded before is kept"
+            self._failure = Sentence("{why}; what was recorded before is kept", why=error)
             with contextlib.suppress(OutputError):
                 self._file.finish()
             raise OutputError(self._failure) from None

@@ -12,8 +12,9 @@ import numpy as np
 
 from sniffer.ground.codes import OK
 from sniffer.ground.distinct import distinct
-from sniffer.mcapfile.encoder import Encoder, Heads
+from sniffer.mcapfile.encoder import Encoder
 from sniffer.mcapfile.fields import FIRST_VALUE, state_field
+from sniffer.mcapfile.rows import Heads
 from sniffer.messages import CHOICES, FLAT, TOPICS
 from sniffer.messages.servo_state_pb2 import Quantity, ServoState
 

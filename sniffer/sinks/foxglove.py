@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Final
 from sniffer import __version__
 from sniffer.ground.model import NS, OutputError
 from sniffer.mcapfile.container import type_of
-from sniffer.mcapfile.encoder import RECORD
 from sniffer.mcapfile.levels import LEVELS
 from sniffer.mcapfile.messages import DERIVED, BusWriter
 from sniffer.mcapfile.queue import Queue
+from sniffer.mcapfile.rows import RECORD
 from sniffer.messages import FLAT, TOOL
 from sniffer.messages.log_pb2 import Log
 

@@ -28,7 +28,7 @@ def length(line: Line) -> int:
     return sum(cell_len(text) for text, _ in line)
 
 
-class _Told(NamedTuple):
+class _Words(NamedTuple):
     """What a line says, from left to right."""
 
     who: str
@@ -54,7 +54,7 @@ class FindingLines:
         i = one.incident
         ids = ",".join(map(str, i.servo_ids))
         sure = f"{100 * i.causes[0].confidence:.0f} % "
-        told = _Told(
+        told = _Words(
             ids if len(ids) <= 3 else "all",
             i.first_ns,
             i.severity,
@@ -81,7 +81,7 @@ class FindingLines:
     def anomaly(self, trouble: Trouble) -> Line:
         """Say what was wrong last, and how often it was."""
         a = trouble.last
-        told = _Told(
+        told = _Words(
             "" if a.servo_id is None else str(a.servo_id),
             a.t_ns,
             a.severity,
@@ -93,7 +93,7 @@ class FindingLines:
         style = "" if self._now_ns - a.t_ns < RECENT_NS else "dim"
         return self._line(told, style, "", style)
 
-    def _line(self, told: _Told, style: str, named: str, text: str) -> Line:
+    def _line(self, told: _Words, style: str, named: str, text: str) -> Line:
         """Return a line; ``named`` is the style of bus and code, empty for their own."""
         moment = datetime.datetime.fromtimestamp(told.t_ns // NS, datetime.UTC)
         level = told.severity.name.lower()

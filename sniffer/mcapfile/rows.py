@@ -1,0 +1,123 @@
+"""Message records: many of one length in an array, or one by one; what their heads say in columns.
+
+Their log times are written last, when the order in the file is known.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+from mcap.opcode import Opcode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from google.protobuf.message import Message
+
+    from sniffer.ground.model import I64, Mask
+
+U16 = npt.NDArray[np.uint16]
+Void = npt.NDArray[np.void]
+
+RECORD: Final = struct.Struct("<BQHIQQ")
+"""Head of a message record: opcode, length, channel, sequence, log time, publish time."""
+
+HEAD: Final = struct.Struct("<BQ")
+"""Head of any record: opcode, length."""
+
+LOG_AT: Final = 15
+"""Where the log time stands in a record: it is written last, when the order is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Heads:
+    """What the records' heads say, one entry a row.
+
+    ``log`` decides the order in the file, and ``rank`` among rows of one time.
+    """
+
+    channel: U16
+    sequence: npt.NDArray[np.uint32]
+    log: I64
+    publish: I64
+    rank: I64
+
+    def take(self, rows: I64 | Mask) -> Heads:
+        """Return the heads of ``rows``."""
+        return Heads(
+            self.channel[rows],
+            self.sequence[rows],
+            self.log[rows],
+            self.publish[rows],
+            self.rank[rows],
+        )
+
+    @classmethod
+    def concat(cls, parts: Sequence[Heads]) -> Heads:
+        """Join heads."""
+        columns = ([getattr(p, f.name) for p in parts] for f in fields(cls))
+        return cls(*map(np.concatenate, columns))
+
+
+@dataclass(frozen=True, slots=True)
+class MessageRows:
+    """Message records of equal length; their log times are not written yet."""
+
+    data: Void
+    heads: Heads
+
+    @property
+    def widths(self) -> I64:
+        """Length of each record."""
+        return np.full(len(self.data), self.data.dtype.itemsize)
+
+    def take(self, mask: Mask) -> MessageRows:
+        """Return the rows that the mask selects."""
+        return MessageRows(self.data[mask], self.heads.take(mask))
+
+    def place(self, out: bytearray, at: I64) -> None:
+        """Write each record to its place in ``out``."""
+        width = self.data.dtype.itemsize
+        np.ndarray((len(out) - width + 1,), self.data.dtype, out, 0, (1,))[at] = self.data
+
+
+@dataclass(frozen=True, slots=True)
+class Loose:
+    """Message records of any length; their log times are not written yet."""
+
+    data: list[bytes]
+    heads: Heads
+
+    @classmethod
+    def of(cls, messages: Iterable[Message], heads: Heads) -> Loose:
+        """Return records of messages that were built one by one."""
+        return cls.holding((message.SerializeToString() for message in messages), heads)
+
+    @classmethod
+    def holding(cls, encoded: Iterable[bytes], heads: Heads) -> Loose:
+        """Return records of messages in any encoding."""
+        numbers = (c.tolist() for c in (heads.channel, heads.sequence, heads.publish))
+        records = []
+        for data, channel, sequence, publish in zip(encoded, *numbers, strict=True):
+            size = RECORD.size - HEAD.size + len(data)
+            records.append(RECORD.pack(Opcode.MESSAGE, size, channel, sequence, 0, publish) + data)
+        return cls(records, heads)
+
+    @property
+    def widths(self) -> I64:
+        """Length of each record."""
+        return np.array([len(d) for d in self.data], np.int64)
+
+    def take(self, mask: Mask) -> Loose:
+        """Return the rows that the mask selects."""
+        chosen = [d for d, is_chosen in zip(self.data, mask.tolist(), strict=True) if is_chosen]
+        return Loose(chosen, self.heads.take(mask))
+
+    def place(self, out: bytearray, at: I64) -> None:
+        """Write each record to its place in ``out``."""
+        for data, a in zip(self.data, at.tolist(), strict=True):
+            out[a : a + len(data)] = data
