@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
     from sniffer.doctor.examine import Examined, examine
     from sniffer.doctor.records import Level, Observation
+    from sniffer.fleet.run import FleetProgress, FleetRun, decode_fleet
     from sniffer.ground.codes import Kind, Outcome, Provenance, Reply, Role
     from sniffer.ground.model import (
         Anomaly,
@@ -79,6 +80,8 @@ __all__ = [
     "Ending",
     "Examined",
     "Files",
+    "FleetProgress",
+    "FleetRun",
     "Flight",
     "FrameRow",
     "Frames",
@@ -121,6 +124,7 @@ __all__ = [
     "convert",
     "cut",
     "decode",
+    "decode_fleet",
     "diagnose",
     "diff",
     "discover",
@@ -141,6 +145,7 @@ __all__ = [
 
 _ROOMS: Final = {
     "ground.codes": ("Kind", "Outcome", "Provenance", "Reply", "Role"),
+    "fleet.run": ("FleetProgress", "FleetRun", "decode_fleet"),
     "jobs.check": ("Checked", "check"),
     "jobs.convert": ("Converted", "convert"),
     "jobs.cut": ("cut",),

@@ -49,7 +49,7 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     "rerun": ("sinks/rerun/", "viewers/viewer.py"),
     "pyarrow": (
         *("sinks/tables.py", "sinks/relations.py", "sinks/wide.py", "sinks/rerun/"),
-        *("jobs/api.py", "jobs/query.py"),
+        *("jobs/api.py", "jobs/query.py", "fleet/"),
     ),
     "duckdb": ("jobs/query.py",),
     "foxglove": ("sinks/foxglove.py",),
@@ -62,6 +62,7 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     ),
     "threading": (
         *("cli/", "ports/", "tap/", "viewers/", "sinks/rerun/", "simulation/play/", "inside/"),
+        "fleet/engines/",
     ),
     "socket": ("viewers/viewer.py",),
     "subprocess": ("viewers/", "inside/recorder.py", "wireshark/places.py"),

@@ -39,6 +39,7 @@ COMMANDS: Final = {
     "open": "Look inside a capture or a port, frame by frame.",
     "stats": "Count and measure: load, rates, times, errors.",
     "query": "Ask captures in SQL.",
+    "fleet": "Make one data set of many captures.",
     "discover": "Find registers that no table names.",
     "view": "Show a recording or a capture in Rerun.",
     "replay": "Play a recording or a capture again.",

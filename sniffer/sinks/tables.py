@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 import numpy as np
 import pyarrow as pa
@@ -141,6 +141,21 @@ def frames_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
 Builder = Callable[[str, BusProtocol, Batch], Any]
 
 
+def parquet_writer(file: BinaryIO, schema: Any) -> Any:
+    """Return what writes tables with these columns to a Parquet file, a row group each."""
+    names = [f.name for f in schema if f.type == _NAME]
+    # Offsets and times grow by small steps: their differences pack to nothing.
+    steps = [f.name for f in schema if f.type in (pa.int32(), pa.int64())]
+    return pyarrow.parquet.ParquetWriter(
+        file,
+        schema,
+        compression="zstd",
+        compression_level=1,
+        use_dictionary=names,
+        column_encoding=dict.fromkeys(steps, "DELTA_BINARY_PACKED"),
+    )
+
+
 class _Table:
     """One growing file; rows are gathered into groups before they are written."""
 
@@ -159,17 +174,7 @@ class _Table:
                 self._schema = plain
                 self._writer = pyarrow.csv.CSVWriter(self._file, plain)
             else:
-                names = [f.name for f in schema if f.type == _NAME]
-                # Offsets and times grow by small steps: their differences pack to nothing.
-                steps = [f.name for f in schema if f.type in (pa.int32(), pa.int64())]
-                self._writer = pyarrow.parquet.ParquetWriter(
-                    self._file,
-                    schema,
-                    compression="zstd",
-                    compression_level=1,
-                    use_dictionary=names,
-                    column_encoding=dict.fromkeys(steps, "DELTA_BINARY_PACKED"),
-                )
+                self._writer = parquet_writer(self._file, schema)
         # The writer packs outside the interpreter's lock: decoding goes on meanwhile.
         self._packer = ThreadPoolExecutor(1, thread_name_prefix="tables")
         self._packing: Future[None] | None = None

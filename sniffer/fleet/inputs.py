@@ -1,0 +1,126 @@
+"""Which captures are meant: files by name, those that a pattern matches, those in a folder."""
+
+from __future__ import annotations
+
+import glob
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from sniffer.fleet.store import Store
+from sniffer.ground.model import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+SUFFIXES: Final = frozenset(
+    {
+        *(".mcap", ".pcap", ".pcapng", ".jsonl", ".log", ".txt", ".hex", ".csv"),
+        *(".bin", ".dat", ".raw", ".vcd", ".sr", ".dsl"),
+    }
+)
+"""What captures are called by the programs that write them (docs/formats.md). Other files of a
+folder are no captures; what is named, or matched by a pattern, is."""
+
+PACKED: Final = frozenset({".gz", ".gzip", ".zst", ".zstd"})
+
+_PATTERN: Final = re.compile(r"[*?\[]")
+
+
+class FoundCapture(NamedTuple):
+    """A file that is a capture: where it lies, its size in bytes, when it was changed."""
+
+    uri: str
+    size: int
+    mtime_ns: int
+
+
+class FoundCaptures(NamedTuple):
+    """The captures that are meant, each once, in order; how many other files are beside them."""
+
+    captures: list[FoundCapture]
+    left_out: int
+
+
+def find_captures(inputs: Iterable[str | Path], dataset: Store) -> FoundCaptures:
+    """Return the captures of files, patterns and folders; what lies in the data set is none.
+
+    Raises:
+        InputError: there is no such file, or nothing matches a pattern.
+        OSError: a folder cannot be looked into.
+    """
+    found: dict[str, FoundCapture] = {}
+    left_out = 0
+    for given in map(str, inputs):
+        named = list(_remote(given) if "://" in given else _local(given))
+        if not named:
+            raise InputError(f"{given}: there are no captures: name a file, a folder or a pattern")
+        for capture, is_named in named:
+            if capture.uri.startswith((f"{dataset.root}/", f"{dataset.uri}/")):
+                continue
+            if is_named or _is_called_so(capture.uri):
+                found[capture.uri] = capture
+            else:
+                left_out += 1
+    return FoundCaptures([found[uri] for uri in sorted(found)], left_out)
+
+
+def _local(given: str) -> Iterator[tuple[FoundCapture, bool]]:
+    """Yield files of this machine, and whether each was meant by its name or a pattern."""
+    path = Path(given)
+    if path.is_dir():
+        for file in sorted(path.rglob("*")):
+            if file.is_file() and not any(p.startswith(".") for p in file.relative_to(path).parts):
+                yield _file(file), False
+    elif path.exists() or not _PATTERN.search(given):
+        if not path.exists():
+            raise InputError(f"{given}: there is no such file")
+        yield _file(path), True
+    else:
+        for name in sorted(glob.glob(given, recursive=True)):  # noqa: PTH207 - absolute ones, too
+            if Path(name).is_file():
+                yield _file(Path(name)), True
+
+
+def _file(path: Path) -> FoundCapture:
+    told = path.stat()
+    return FoundCapture(path.absolute().as_posix(), told.st_size, told.st_mtime_ns)
+
+
+def _remote(given: str) -> Iterator[tuple[FoundCapture, bool]]:
+    """Yield files of an object store, and whether each was meant by its name or a pattern."""
+    fixed = _PATTERN.split(given)[0]
+    base = given if fixed == given else fixed.rpartition("/")[0]
+    store = Store.of(base)
+    if fixed == given and (alone := store.itself()) is not None:
+        yield FoundCapture(given, alone.size, alone.mtime_ns), True
+        return
+    matches = re.compile(glob_pattern(given))
+    for file in store.files(deep=True):
+        uri = f"{base.rstrip('/')}/{file.path}"
+        if fixed == given or matches.fullmatch(uri):
+            yield FoundCapture(uri, file.size, file.mtime_ns), fixed != given
+
+
+def glob_pattern(pattern: str) -> str:
+    """Return a pattern of names as a regular expression: ``**`` crosses folders, ``*`` does not.
+
+    >>> import re
+    >>> re.fullmatch(glob_pattern("s3://a/**/*.log"), "s3://a/b/c/d.log") is not None
+    True
+    >>> re.fullmatch(glob_pattern("s3://a/*.log"), "s3://a/b/d.log") is not None
+    False
+    """
+    out = []
+    for part in re.split(r"(\*\*/|\*\*|\*|\?|\[[^\]]+\])", pattern):
+        told = {"**/": "(?:.*/)?", "**": ".*", "*": "[^/]*", "?": "[^/]"}.get(part)
+        if told is None:
+            told = part if part.startswith("[") and part.endswith("]") else re.escape(part)
+        out.append(told)
+    return "".join(out)
+
+
+def _is_called_so(uri: str) -> bool:
+    name = Path(uri.rpartition("/")[2])
+    suffix = name.suffix.lower()
+    return (Path(name.stem).suffix.lower() if suffix in PACKED else suffix) in SUFFIXES

@@ -1,0 +1,339 @@
+"""``sniffer.decode_fleet``: many captures become one data set; what ``sniffer fleet`` calls."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import re
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from sniffer.decoding.options import Options
+from sniffer.fleet.engines import engine_named
+from sniffer.fleet.rows import (
+    CRASHED,
+    FAILED,
+    CaptureTask,
+    UndoneError,
+    WorkerDiedError,
+)
+from sniffer.ground.model import InputError, OutputError, SnifferError
+from sniffer.ground.needs import need_pyarrow
+from sniffer.ground.wording import Sentence
+from sniffer.jobs.telling import Teller
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+    from pathlib import Path
+
+    from sniffer.fleet.dataset import CaptureList, Withdrawal
+    from sniffer.fleet.engines import Batch, Engine
+    from sniffer.fleet.inputs import FoundCapture
+    from sniffer.fleet.rows import CaptureRow
+    from sniffer.fleet.store import Store
+    from sniffer.selection.selection import Selection
+
+ROBOT: Final = r"robot=([^/]+)"
+"""Whose a capture is, where nothing else is said: a folder ``robot=r07`` on its path."""
+
+UNKNOWN: Final = "unknown"
+"""The robot of a capture whose path names none."""
+
+DIGITS: Final = 24
+"""Hexadecimal digits of a fingerprint: 96 bits, so that no two captures of any fleet meet."""
+
+BATCH_BYTES: Final = 8_000_000
+"""Captures of so many bytes together are one batch: some 2 s of work, more than handing it out."""
+
+BATCH_CAPTURES: Final = 64
+"""Captures of a batch at most: small ones take some 10 ms each, however small they are."""
+
+HOPELESS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS})
+"""What no other capture would fare better with: no room, or nothing may be written."""
+
+
+class FleetProgress(NamedTuple):
+    """How far it is: captures and bytes of files, done and in all, and the time it took so far."""
+
+    captures: int
+    of_captures: int
+    bytes: int
+    of_bytes: int
+    seconds: float
+
+    @property
+    def bytes_per_second(self) -> float:
+        """Bytes of files a second, so far."""
+        return self.bytes / self.seconds if self.seconds else 0.0
+
+    @property
+    def seconds_left(self) -> float | None:
+        """How long it will take at that rate, None where that cannot be told yet."""
+        rate = self.bytes_per_second
+        return (self.of_bytes - self.bytes) / rate if rate else None
+
+
+@dataclass(frozen=True, slots=True)
+class FleetRun:
+    """What a run did: the captures it was to see to, and what became of them.
+
+    ``skipped`` were done before. ``statuses`` counts by status those that are in the data set now.
+    ``undone`` are the places of those that are not, ``reasons`` what was said of some.
+    ``bytes`` are those of the files decoded, ``seconds`` is how long it all took.
+    """
+
+    captures: int
+    decoded: int
+    skipped: int
+    statuses: Counter[str]
+    undone: tuple[str, ...]
+    reasons: tuple[str, ...]
+    bytes: int
+    seconds: float
+    is_interrupted: bool = False
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every capture has its row in the data set, whatever its status."""
+        return not self.undone and not self.reasons and not self.is_interrupted
+
+    @property
+    def failures(self) -> int:
+        """How many captures nothing could be read of."""
+        return self.statuses[FAILED] + self.statuses[CRASHED]
+
+
+def decode_fleet(
+    inputs: Sequence[str | Path],
+    dataset: str | Path,
+    options: Options | None = None,
+    *,
+    input_format: str = "auto",
+    selection: Selection | None = None,
+    robot: str = ROBOT,
+    engine: str | Engine = "local",
+    workers: int | None = None,
+    scheduler: str | None = None,
+    shard: tuple[int, int] | None = None,
+    retry_failed: bool = False,
+    progress: Callable[[FleetProgress], None] = lambda so_far: None,
+    tell: Teller | None = None,
+) -> FleetRun:
+    """Decode captures into one data set of Parquet tables; those that are in it are skipped.
+
+    ``docs/fleet.md`` has the layout. An interruption (KeyboardInterrupt) ends it; what is committed
+    stays. With the engine ``local`` a script calls it below ``if __name__ == "__main__":``, for its
+    processes load the script.
+
+    Args:
+        inputs: files, patterns (``*``, ``**``), folders.
+        dataset: the folder of the data set, or a URI of an object store.
+        options: how captures are decoded; what a recording says of itself fills what is not said.
+        input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        selection: which records the tables have; all of them where None.
+        robot: a regular expression whose first group is the robot, looked for on a capture's path.
+        engine: ``"local"`` or another name of ``sniffer.fleet.engines.ENGINES``, or an engine.
+        workers: processes; as many as there are processors where None.
+        scheduler: the address of a cluster, for engines that have one.
+        shard: ``(i, n)``: only the i-th of n parts of the captures, from 1; n such runs do all.
+        retry_failed: captures that failed before are tried again.
+        progress: is told how far it is.
+        tell: takes what should be told; nothing is told without.
+
+    Raises:
+        InputError: an input is not there, or the data set cannot be read.
+        OutputError: pyarrow, or the library of the engine, is not installed.
+        SnifferError: an argument that cannot be meant.
+    """
+    began = time.monotonic()
+    need_pyarrow()
+    from sniffer.fleet.dataset import CaptureList, Withdrawal
+    from sniffer.fleet.store import Store
+
+    options = options or Options()
+    options.check()
+    tell = tell or Teller(lambda line: None, quiet=True)
+    chosen = engine_named(engine, workers, scheduler) if isinstance(engine, str) else engine
+    store = Store.of(dataset)
+    tasks = _tasks(inputs, store, options, selection, input_format, robot, shard, tell)
+    try:
+        store.sweep()
+        listed = CaptureList(store)
+        withdrawal = Withdrawal(store, listed.known)
+        again = (FAILED, CRASHED) if retry_failed else (CRASHED,)
+        for task in tasks:
+            known = listed.known.get(task.fingerprint)
+            if known is not None and known.status in again:
+                withdrawal.take(task.fingerprint)
+    except OSError as error:
+        raise InputError(f"{dataset}: cannot be read ({error.strerror or error})") from None
+    todo = [task for task in tasks if task.fingerprint not in listed.known]
+    work = _Work(store, todo, withdrawal, progress, began)
+    work.decode(chosen)
+    return work.finished(tasks, listed)
+
+
+def _tasks(
+    inputs: Sequence[str | Path],
+    store: Store,
+    options: Options,
+    selection: Selection | None,
+    input_format: str,
+    robot: str,
+    shard: tuple[int, int] | None,
+    tell: Teller,
+) -> list[CaptureTask]:
+    """Return the captures that this run sees to, the biggest first."""
+    from sniffer.fleet.inputs import find_captures
+    from sniffer.fleet.recipe import decoder_name, write_recipe
+
+    whose = _robot(robot)
+    nth, of = shard or (1, 1)
+    if not 1 <= nth <= of:
+        raise SnifferError(Sentence("{shard}: parts are counted from 1: write 1/4 to 4/4 of four"))
+    recipe = write_recipe(options, selection, input_format)
+    decoder = decoder_name(recipe)
+    try:
+        found = find_captures(inputs, store)
+    except OSError as error:
+        raise InputError(f"{error.filename}: cannot be read ({error.strerror or error})") from None
+    if found.left_out:
+        tell.talk(f"{found.left_out} files are called like no capture and left out: name them")
+    dataset = store.uri if not store.is_local else store.root
+    tasks = []
+    for capture in found.captures:
+        name = whose(capture)
+        fingerprint = _fingerprint(capture, name, decoder)
+        if int(fingerprint, 16) % of == nth - 1:
+            place = (capture.uri, capture.size, capture.mtime_ns)
+            tasks.append(CaptureTask(*place, name, dataset, recipe, decoder, fingerprint))
+    # long ones first: nobody waits for one at the end
+    return sorted(tasks, key=lambda task: (-task.size, task.uri))
+
+
+def _robot(pattern: str) -> Callable[[FoundCapture], str]:
+    """Return what tells whose a capture is."""
+    try:
+        known = re.compile(pattern)
+    except re.error as error:
+        raise SnifferError(Sentence("{robot}: no regular expression ({why})", why=error)) from None
+    if not known.groups:
+        told = "{robot}: the robot is what a group in parentheses matches: write 'logs/([^/]+)/'"
+        raise SnifferError(Sentence(told))
+
+    def whose(capture: FoundCapture) -> str:
+        found = known.search(capture.uri)
+        return (found[1] if found is not None else None) or UNKNOWN
+
+    return whose
+
+
+def _fingerprint(capture: FoundCapture, robot: str, decoder: str) -> str:
+    told = f"{capture.uri}\n{capture.size} {capture.mtime_ns} {decoder}\n{robot}"
+    return hashlib.sha256(told.encode("utf-8", "surrogateescape")).hexdigest()[:DIGITS]
+
+
+def batches_of(tasks: Iterable[CaptureTask]) -> list[Batch]:
+    """Return captures in batches, in their order: big ones alone, small ones together."""
+    out: list[list[CaptureTask]] = []
+    held = 0
+    for task in tasks:
+        if not out or held + task.size > BATCH_BYTES or len(out[-1]) >= BATCH_CAPTURES:
+            out.append([])
+            held = 0
+        out[-1].append(task)
+        held += task.size
+    return [tuple(batch) for batch in out]
+
+
+@dataclass(slots=True)
+class _Work:
+    """What a run decodes, and what came of it so far."""
+
+    store: Store
+    todo: list[CaptureTask]
+    withdrawal: Withdrawal
+    progress: Callable[[FleetProgress], None]
+    began: float
+    rows: dict[str, CaptureRow] = field(default_factory=dict)
+    reasons: list[str] = field(default_factory=list)
+    is_interrupted: bool = False
+
+    def decode(self, engine: Engine) -> None:
+        """Have all of it decoded, as far as that goes."""
+        try:
+            with engine:
+                for batch, got in engine.run(batches_of(self.todo)):
+                    self._take(batch, got)
+        except KeyboardInterrupt:
+            self.is_interrupted = True
+        except _HopelessError as error:
+            self.reasons = [str(error)]
+        except OSError as error:
+            self.reasons.append(self._refused(error))
+
+    def _take(self, batch: Batch, got: Sequence[CaptureRow] | BaseException) -> None:
+        from sniffer.fleet.task import commit_crashed
+
+        if isinstance(got, WorkerDiedError):
+            got = [commit_crashed(task, str(got)) for task in batch]
+        if isinstance(got, BaseException):
+            if isinstance(got, UndoneError) and got.errno in HOPELESS:
+                raise _HopelessError(self._refused(got))
+            self.reasons.append(str(got))
+            return
+        for row in got:
+            self.rows[row.fingerprint] = row
+            self.withdrawal.replace(row)
+        size = sum(row.bytes for row in self.rows.values())
+        in_all = sum(task.size for task in self.todo)
+        took = time.monotonic() - self.began
+        self.progress(FleetProgress(len(self.rows), len(self.todo), size, in_all, took))
+
+    def _refused(self, error: OSError | UndoneError) -> str:
+        """Return in a line what a data set that cannot be written to means."""
+        why = error.strerror if isinstance(error, OSError) else str(error).rpartition(": ")[2]
+        return f"{self.store.uri}: cannot be written ({why or error})"
+
+    def finished(self, tasks: Sequence[CaptureTask], listed: CaptureList) -> FleetRun:
+        """Tidy up, write the list of captures anew where it is not right; tell what was done."""
+        from sniffer.fleet.dataset import committed, read_commits
+
+        new = {task.fingerprint for task in self.todo}
+        statuses = Counter(
+            listed.known[task.fingerprint].status for task in tasks if task.fingerprint not in new
+        )
+        there: set[str] = set()
+        try:
+            there = committed(self.store)
+            for task in tasks:
+                if task.fingerprint in there:  # what an earlier run has left, too
+                    self.withdrawal.outdate(task.uri, task.fingerprint)
+            others = read_commits(self.store, (new & there) - self.rows.keys())
+            self.rows |= {row.fingerprint: row for row in others}
+            self.store.sweep()
+            if self.rows or committed(self.store) != listed.listed:
+                listed.write()
+        except OSError as error:
+            self.reasons.append(self._refused(error))
+        statuses.update(row.status for row in self.rows.values())
+        undone = [
+            task.uri for task in self.todo if task.fingerprint not in self.rows.keys() | there
+        ]
+        return FleetRun(
+            captures=len(tasks),
+            decoded=len(self.rows),
+            skipped=len(tasks) - len(self.todo),
+            statuses=statuses,
+            undone=tuple(undone),
+            reasons=tuple(self.reasons),
+            bytes=sum(row.bytes for row in self.rows.values()),
+            seconds=time.monotonic() - self.began,
+            is_interrupted=self.is_interrupted,
+        )
+
+
+class _HopelessError(OutputError):
+    """The data set takes no more."""

@@ -1,0 +1,196 @@
+"""The work on one capture: decoded, its tables put into the data set, and then its commit.
+
+It depends on nothing but the task and the capture, and tells nobody but by its row. So it may run
+in any process of any machine, be killed, and run again, also twice at the same time: what it writes
+is the same each time, and it counts when the commit is there.
+"""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import json
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+from sniffer.fleet.dataset import commit, table_path
+from sniffer.fleet.recipe import read_recipe
+from sniffer.fleet.rows import CRASHED, DAMAGED, FAILED, OK, CaptureRow, CaptureTask, UndoneError
+from sniffer.fleet.store import Store
+from sniffer.fleet.tables import TABLES, CaptureTables
+from sniffer.ground.model import NS, OutputError, SnifferError
+from sniffer.ground.wording import one_line
+from sniffer.jobs.asked import Extract
+from sniffer.jobs.session import Ending, run_source
+from sniffer.jobs.telling import Teller
+from sniffer.sources import open_source
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from sniffer.decoding.options import Options
+    from sniffer.decoding.summary import Summary
+
+DATED_NS: Final = 366 * 86_400 * NS
+"""Times before this one, in 1971, count from something else than 1970: they tell no day."""
+
+ID: Final = 16
+"""Hexadecimal digits of a capture's id: of a million captures none meets another (1 in 10^7)."""
+
+_MACHINE: Final = (OSError, MemoryError)
+"""What a machine, not a capture, is to blame for."""
+
+
+def decode_capture(task: CaptureTask) -> CaptureRow:
+    """Decode a capture into its data set; return what became of it, which is committed.
+
+    What is wrong with the capture is in the row.
+
+    Raises:
+        UndoneError: the machine could not (disk, memory, network): nothing is committed.
+        KeyboardInterrupt: it was interrupted: nothing is committed.
+    """
+    began = time.monotonic()
+    try:
+        store = Store.of(task.dataset)
+        with store.staging() as folder:
+            row = _decoded(task, store, folder)
+        row = replace(row, seconds=round(time.monotonic() - began, 3))
+        commit(store, row)
+    except _MACHINE as error:
+        raise _undone(task, error) from error
+    return row
+
+
+def decode_batch(tasks: Sequence[CaptureTask]) -> list[CaptureRow]:
+    """Decode captures one after the other.
+
+    Raises:
+        UndoneError: one of them was not done; those before it are.
+        KeyboardInterrupt: it was interrupted.
+    """
+    return [decode_capture(task) for task in tasks]
+
+
+def commit_crashed(task: CaptureTask, why: str) -> CaptureRow:
+    """Commit that a capture ends whoever decodes it; every run tries it again.
+
+    Raises:
+        OSError: that cannot be written.
+    """
+    row = replace(_blank(task), status=CRASHED, error=why)
+    commit(Store.of(task.dataset), row)
+    return row
+
+
+def _blank(task: CaptureTask) -> CaptureRow:
+    return CaptureRow(
+        path=task.uri,
+        robot=task.robot,
+        date=_day(task.mtime_ns),
+        bytes=task.size,
+        decoder=task.decoder,
+        fingerprint=task.fingerprint,
+        capture=task.fingerprint[:ID],
+        status=FAILED,
+    )
+
+
+def _decoded(task: CaptureTask, store: Store, folder: Path) -> CaptureRow:
+    row = _blank(task)
+    try:
+        file = Store.of(task.uri).fetch("", folder)
+        with file.open("rb") as data:
+            sha256 = hashlib.file_digest(data, "sha256").hexdigest()
+    except (FileNotFoundError, PermissionError) as error:
+        return replace(row, error=f"{task.uri}: cannot be read ({error.strerror})")
+    row = replace(row, sha256=sha256, capture=sha256[:ID])
+    tables = CaptureTables(folder, row.capture)
+    try:
+        heard = _heard(task, file, tables)
+    except (*_MACHINE, UndoneError):
+        raise
+    except Exception as error:
+        if isinstance(error, OutputError) and isinstance(error.__cause__, _MACHINE):
+            raise error.__cause__ from None
+        known = isinstance(error, SnifferError)
+        told = str(error) if known else f"{type(error).__name__}: {error}"
+        return replace(row, error=one_line(told.replace(str(file), task.uri)))
+    if heard.is_mistaken:
+        return replace(row, error=one_line(heard.damage))
+    row = replace(_totalled(row, heard.summary, task.mtime_ns), status=OK)
+    if heard.damage:
+        told = one_line(heard.damage.replace(str(file), task.uri))
+        row = replace(row, status=DAMAGED, error=told)
+    files = []
+    for table, grown in tables.files().items():
+        path = table_path(table, row.robot, row.date, row.capture, row.decoder)
+        store.put(path, grown)
+        files.append(path)
+    counts = {table: tables.rows(table) for table in TABLES}
+    return replace(row, files=tuple(files), **counts)
+
+
+@dataclass(frozen=True, slots=True)
+class _Decoded:
+    """What was heard of a capture; ``damage`` says what is wrong with it, empty: nothing.
+
+    ``is_mistaken``: it speaks another protocol than was said.
+    """
+
+    summary: Summary
+    damage: str
+    is_mistaken: bool
+
+
+def _heard(task: CaptureTask, file: Path, tables: CaptureTables) -> _Decoded:
+    options, selection, input_format = read_recipe(task.recipe)
+    told: list[str] = []
+    damage: list[str] = []
+    with open_source(file, input_format, wiring=options.wired) as opened:
+        told_options: Options = options.with_facts(opened.facts(), opened.tables)
+        summary, ending = run_source(
+            opened,
+            told_options,
+            [tables],
+            name=opened.name,
+            tell=Teller(told.append, quiet=True),
+            on_break=damage.append,
+            asked=Extract.of(selection, None),
+        )
+    if ending == Ending.INTERRUPTED:
+        raise KeyboardInterrupt
+    mistaken = ending == Ending.MISTAKEN
+    return _Decoded(summary, "; ".join(told if mistaken else damage), mistaken)
+
+
+def _totalled(row: CaptureRow, summary: Summary, mtime_ns: int) -> CaptureRow:
+    total = summary.as_dict()
+    timed = [bus for bus in summary.buses.values() if bus.clock != "none"]
+    first = min((b.t_first_ns for b in timed if b.t_first_ns is not None), default=None)
+    last = max((b.t_last_ns for b in timed if b.t_last_ns is not None), default=None)
+    is_dated = first is not None and first >= DATED_NS
+    return replace(
+        row,
+        date=_day(first if first is not None and is_dated else mtime_ns),
+        date_from="stamp" if is_dated else "mtime",
+        buses=tuple(summary.buses),
+        protocols=tuple(sorted({bus.protocol for bus in summary.buses.values()})),
+        t_first_ns=first,
+        t_last_ns=last,
+        errors=total["severities"].get("error", 0),
+        bytes_in_gaps=total["bytes_in_gaps"],
+        summary=json.dumps(total, sort_keys=True),
+    )
+
+
+def _day(t_ns: int) -> str:
+    return datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC).date().isoformat()
+
+
+def _undone(task: CaptureTask, error: OSError | MemoryError) -> UndoneError:
+    if isinstance(error, MemoryError):
+        return UndoneError(f"{task.uri}: there is not enough memory for it")
+    return UndoneError(f"{task.uri}: {error.strerror or error}", error.errno or 0)
