@@ -1,59 +1,303 @@
-"""``sniffer fleet``: many captures become one data set, whatever happens meanwhile."""
+"""``sniffer fleet``: many captures become one data set, and what stands in it."""
 
 from __future__ import annotations
 
+import os
 import shutil
-from typing import TYPE_CHECKING
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import pyarrow.parquet as pq
 import pytest
 
 import sniffer
+from sniffer.decoding.options import Options
+from sniffer.diagnostics.alarms import alarm_in
 from sniffer.fleet.dataset import CAPTURES
+from sniffer.fleet.inputs import find_captures
+from sniffer.fleet.recipe import decoder_name, read_recipe, write_recipe
 from sniffer.fleet.rows import CaptureRow
-from sniffer.fleet.tables import TABLES
-from tests.commands import within
+from sniffer.fleet.store import Store
+from sniffer.fleet.tables import ROWS, TABLES, CaptureTables
+from sniffer.ground.registers import RegisterMap
+from sniffer.ground.wiring import Wiring
+from sniffer.selection.selection import Selection
+from tests.commands import environment, log, talk, within
+from tests.fleets import captures, content, serial
 from tests.golden import CAPTURES as SAMPLES
+from tests.plugin import table
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from collections.abc import Iterable
 
-FEW = ("lss_damaged.log", "wck_clean.log", "mightyzap_damaged.log")
+Capsys = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(scope="module")
 def robots(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with captures of two robots."""
-    folder = tmp_path_factory.mktemp("captures")
-    for nth, name in enumerate(FEW):
-        robot = folder / f"robot=r{nth % 2}"
-        robot.mkdir(exist_ok=True)
-        shutil.copy(SAMPLES / name, robot)
-    return folder
+    return captures(tmp_path_factory.mktemp("captures"))
 
 
-def test_the_tables_of_a_data_set_hold_the_records_of_its_captures(
-    robots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    done = within(capsys, "fleet", robots, "-o", tmp_path / "data")
-    assert done.status == 0
-    assert done.out == "3 captures: 3 ok (3 decoded, 0 there already)\n"
-    captures = pq.read_table(tmp_path / "data" / "captures.parquet").to_pylist()
-    assert [row["robot"] for row in captures] == ["r0", "r0", "r1"]
-    for row in captures:
+@pytest.fixture(scope="module")
+def made(robots: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the data set of these, made one capture after the other."""
+    dataset = tmp_path_factory.mktemp("serial") / "data"
+    assert serial(robots, dataset).is_whole
+    return dataset
+
+
+def rows(dataset: Path) -> list[dict[str, Any]]:
+    """Return what a data set tells of its captures."""
+    listed: list[dict[str, Any]] = pq.read_table(dataset / "captures.parquet").to_pylist()
+    return listed
+
+
+def by_name(dataset: Path) -> dict[str, dict[str, Any]]:
+    """Return the same by the names of their files."""
+    return {Path(row["path"]).name: row for row in rows(dataset)}
+
+
+def test_the_tables_of_a_data_set_hold_the_records_of_its_captures(made: Path) -> None:
+    assert [row["robot"] for row in rows(made)] == ["r0", "r0", "r1"]
+    for row in rows(made):
         whole = sniffer.decode(row["path"])
-        assert row["samples"] == len(whole.samples())
-        assert row["frames"] == len(whole.frames())
-        for table in TABLES:
-            mine = [f for f in row["files"] if f.startswith(f"{table}/robot={row['robot']}/")]
-            assert len(mine) == (row[table] > 0)
+        records = whole.summary.as_dict()
+        for name in TABLES:
+            mine = [f for f in row["files"] if f.startswith(f"{name}/robot={row['robot']}/")]
+            assert len(mine) == (row[name] > 0)
+            assert row[name] == records[name]
             for file in mine:
-                rows = pq.ParquetFile(tmp_path / "data" / file).read()
-                assert len(rows) == row[table]
-                assert set(rows["capture"].to_pylist()) == {row["capture"]}
-    again = within(capsys, "fleet", robots, "-o", tmp_path / "data")
-    assert again.out == "3 captures: 3 ok (0 decoded, 3 there already)\n"
+                found = pq.ParquetFile(made / file).read()
+                assert len(found) == row[name]
+                assert set(found["capture"].to_pylist()) == {row["capture"]}
+        assert row["bytes_in_gaps"] == records["bytes_in_gaps"]
+
+
+def test_processes_make_the_same_data_set_as_one_and_shards_make_it_together(
+    robots: Path, made: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    for shard, out in (
+        ("1/1", "3 captures: 3 ok (3 decoded, 0 there already)\n"),
+        ("1/1", "3 captures: 3 ok (0 decoded, 3 there already)\n"),
+    ):
+        done = within(capsys, "fleet", robots, "-o", tmp_path / "a", "--shard", shard)
+        assert (done.status, done.out, done.err) == (0, out, "")
+    assert content(tmp_path / "a") == content(made)
+    parts = [serial(robots, tmp_path / "b", shard=(nth, 2)).captures for nth in (1, 2)]
+    assert sum(parts) == 3
+    assert content(tmp_path / "b") == content(made)
+    assert [row["path"] for row in rows(tmp_path / "b")] == [row["path"] for row in rows(made)]
 
 
 def test_the_list_of_captures_has_what_a_commit_has() -> None:
-    assert set(CAPTURES.names) == set(CaptureRow.__dataclass_fields__)
+    assert set(CAPTURES.names) == set(CaptureRow.__slots__)
+
+
+def test_what_cannot_be_read_has_a_row_that_says_why_and_is_tried_again_when_that_is_asked(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    inputs, data = tmp_path / "in", tmp_path / "data"
+    inputs.mkdir()
+    (inputs / "good.log").write_text(log(talk(5)), encoding="ascii")
+    (inputs / "empty.bin").touch()
+    (inputs / "prose.txt").write_text("hello world, this is no capture\n", encoding="ascii")
+    (inputs / "broken.log").write_text(log(talk(5)) + "(1700000000.9) what is this\n" * 9)
+    os.utime(inputs / "empty.bin", ns=(0, 1 << 62))
+    done = within(capsys, "fleet", inputs, "-o", data, "--workers", "1")
+    assert done.status == 1
+    assert done.out == "4 captures: 1 ok, 1 damaged, 2 failed (4 decoded, 0 there already)\n"
+    found = by_name(data)
+    assert {name: row["status"] for name, row in found.items()} == {
+        "good.log": "ok",
+        "empty.bin": "failed",
+        "prose.txt": "failed",
+        "broken.log": "damaged",
+    }
+    assert found["prose.txt"]["error"].startswith(f"{inputs / 'prose.txt'}: this is text, but no")
+    assert f"line {log(talk(5)).count(chr(10)) + 1}" in found["broken.log"]["error"]
+    assert found["broken.log"]["frames"] == found["good.log"]["frames"] > 0
+    assert found["empty.bin"]["date"] > "2100"
+    assert (found["good.log"]["date"], found["good.log"]["date_from"]) == ("2023-11-14", "stamp")
+    again = serial(inputs, data, retry_failed=True)
+    assert (again.decoded, again.skipped, again.failures) == (2, 2, 2)
+    last = serial(inputs, data)
+    assert (last.decoded, last.skipped, last.failures) == (0, 4, 2)
+
+
+def test_a_capture_that_changes_or_is_decoded_otherwise_replaces_what_was_of_it(
+    tmp_path: Path,
+) -> None:
+    inputs, data = tmp_path / "in", tmp_path / "data"
+    inputs.mkdir()
+    for name in ("a.bin", "b.bin", "same.bin"):
+        (inputs / name).write_bytes(talk(5, seed=len(name)))
+        os.utime(inputs / name, ns=(0, 0))
+    serial(inputs, data)
+    assert len({row["capture"] for row in rows(data)}) == 2  # two files hold the same
+    (inputs / "a.bin").write_bytes(talk(6, seed=3))
+    assert serial(inputs, data).decoded == 1
+    assert len(rows(data)) == 3
+    assert len(list(data.glob("frames/*/*/*"))) == 3
+    assert serial(inputs, data, options=Options(protocol="mightyzap")).decoded == 3
+    serial(inputs, tmp_path / "fresh", options=Options(protocol="mightyzap"))
+    assert content(data) == content(tmp_path / "fresh")
+
+
+def test_a_selection_is_what_the_tables_have_and_a_pattern_says_whose_they_are(
+    robots: Path, tmp_path: Path
+) -> None:
+    where = Selection.parse("severity = 'error'")
+    found = robots / "**" / "*.log"
+    serial(found, tmp_path / "data", selection=where, robot=r"([a-z]+)_\w+\.log")
+    assert [path.name for path in sorted((tmp_path / "data").iterdir())] == [
+        "_done",
+        "anomalies",
+        "captures.parquet",
+    ]
+    assert {row["robot"]: row["anomalies"] for row in rows(tmp_path / "data")} == {
+        "lss": by_name(tmp_path / "data")["lss_damaged.log"]["errors"],
+        "wck": 0,
+    }
+
+
+def test_a_folder_has_the_files_that_are_called_like_captures(tmp_path: Path) -> None:
+    data = Store.of(tmp_path / "in" / "data")
+    for name in ("a.MCAP", "b.log.gz", "deep/c.bin", "README.md", "x.json.gz", "data/d.log"):
+        (tmp_path / "in" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "in" / name).touch()
+    (tmp_path / "in" / ".hidden.log").touch()
+
+    def names(*inputs: str) -> list[str]:
+        found = find_captures([str(tmp_path / "in" / name) for name in inputs], data)
+        return [Path(c.uri).relative_to(tmp_path / "in").as_posix() for c in found.captures]
+
+    assert names("") == ["a.MCAP", "b.log.gz", "deep/c.bin"]
+    assert names("", "README.md", "*.MCAP") == ["README.md", "a.MCAP", "b.log.gz", "deep/c.bin"]
+    assert names("**/*.bin") == ["deep/c.bin"]
+    assert find_captures([tmp_path / "in"], data).left_out == 2
+
+
+def test_a_file_may_have_a_name_that_is_no_text(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    try:
+        name = os.fsdecode(b"caf\xe9.bin")
+        (tmp_path / "in" / name).write_bytes(talk(5))
+    except OSError:
+        pytest.skip("file names are text here")
+    for skipped in (0, 1):
+        assert serial(tmp_path / "in", tmp_path / "data").skipped == skipped
+    assert by_name(tmp_path / "data").keys() == {r"caf\xe9.bin"}
+
+
+MISTAKES: list[tuple[Iterable[str], str]] = [
+    (["x.bin"], "x.bin: there is no such file"),
+    (["*.nothing"], "*.nothing: there are no captures: name files, folders or patterns"),
+    (["."], ".: there are no captures: name files, folders or patterns"),
+    (["--shard", "0/2"], "Invalid value for '--shard': '0/2': parts are counted from 1, as 1/4"),
+    (["--shard", "half"], "Invalid value for '--shard': 'half': parts are counted from 1, as 1/4"),
+    (["--robot", "r[0"], "--robot: no regular expression (unterminated character set"),
+    (["--robot", "r0"], "--robot: the robot is what a group in parentheses matches"),
+    (["--scheduler", "a"], "--scheduler is for an engine of many machines: --engine"),
+    (["--where", "xx = 1"], "--where, at 'xx = 1' (character 1): there is no such column"),
+    (["-o", "a.log"], "a.log: cannot be written (Not a directory)"),
+    (["-o", "nowhere://x"], "nowhere://x: no place for files"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "said"), MISTAKES, ids=lambda v: " ".join(v)[:20])
+def test_what_cannot_be_meant_is_told_before_anything_is_decoded(
+    arguments: list[str],
+    said: str,
+    tmp_path: Path,
+    capsys: Capsys,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.log").write_text(log(talk(2)), encoding="ascii")
+    given = [] if not arguments[0].startswith("-") else ["a.log"]
+    (tmp_path / "empty").mkdir()
+    monkeypatch.chdir(tmp_path / "empty" if arguments == ["."] else tmp_path)
+    done = within(capsys, "fleet", "-o", "data", *given, *arguments)
+    assert (done.status, done.out) == (2, "")
+    assert done.complaint.startswith(said)
+    assert not list(tmp_path.rglob("_done"))
+
+
+def test_a_recipe_says_all_that_options_say(tmp_path: Path) -> None:
+    (tmp_path / "own.toml").write_text(table("toy-b", "mightyzap"), encoding="utf-8")
+    options = Options(
+        protocol="mightyzap",
+        protocols={"a": "lss"},
+        baud=57600,
+        bauds={"a": 9600},
+        models={3: "toy-b", None: "mightyzap-12lf"},
+        latency_ns=5,
+        latencies={"a": 7},
+        tables=(RegisterMap.from_toml(tmp_path / "own.toml"),),
+        alarms=(alarm_in("temperature > 70 for 2s"),),
+        begins={"a": 12},
+        names={3: "knee"},
+        wiring=Wiring({"D0": "a"}, invert=True, glitch_us=0.5),
+    )
+    text = write_recipe(options, Selection.parse("servo_id = 3"), "hex")
+    told, selection, input_format = read_recipe(text)
+    assert write_recipe(told, selection, input_format) == text
+    plain = write_recipe(Options(), None, "auto")
+    for name in Options.__slots__:
+        if name not in ("tables", "alarms"):
+            assert getattr(told, name) == getattr(options, name)
+        # what is said anywhere makes another decoder
+        one = write_recipe(Options(**{name: getattr(options, name)}), None, "auto")
+        assert decoder_name(one) != decoder_name(plain)
+
+
+def test_the_file_of_a_protocol_counts_by_what_it_holds_not_by_where_it_lies(
+    tmp_path: Path,
+) -> None:
+    def name(path: Path, text: str) -> str:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        return decoder_name(write_recipe(Options(protocol=str(path)), None, "auto"))
+
+    assert name(tmp_path / "a" / "p.py", "1") == name(tmp_path / "b" / "q.py", "1")
+    assert name(tmp_path / "a" / "p.py", "1") != name(tmp_path / "b" / "q.py", "2")
+    with pytest.raises(sniffer.SnifferError, match=r"gone\.py: cannot be read"):
+        decoder_name(write_recipe(Options(protocol=str(tmp_path / "gone.py")), None, "auto"))
+
+
+def test_a_decoder_has_the_same_name_wherever_the_program_lies(tmp_path: Path) -> None:
+    package = Path(sniffer.__file__).parent
+    shutil.copytree(package, tmp_path / "sniffer", copy_function=shutil.copy2)
+    shutil.copytree(package.parent / "schemas", tmp_path / "sniffer" / "schemas")
+    code = (
+        "from sniffer.fleet.recipe import *; import sniffer;"
+        "print(sniffer.__file__, decoder_name(write_recipe(Options(), None, 'auto')))"
+    )
+    env = environment(PYTHONPATH=str(tmp_path), PYTHONDONTWRITEBYTECODE="1")
+    told = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, check=True, env=env, cwd=tmp_path
+    )
+    name = decoder_name(write_recipe(Options(), None, "auto"))
+    assert told.stdout.decode().split() == [str(tmp_path / "sniffer" / "__init__.py"), name]
+
+
+def test_the_bytes_of_a_table_do_not_depend_on_how_its_records_come(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sniffer.fleet.tables.ROWS", 100)
+    assert ROWS > 100
+    whole = sniffer.decode(SAMPLES / "wck_damaged.log").batches
+    files = []
+    for every in (1, 7):
+        folder = tmp_path / str(every)
+        folder.mkdir()
+        tables = CaptureTables(folder, "c")
+        for bus, protocol, batch in whole:
+            tables.write(bus, protocol, batch)
+        tables.close()
+        files.append({name: path.read_bytes() for name, path in tables.files().items()})
+    assert files[0] == files[1]
+    assert pq.ParquetFile(tmp_path / "1" / "frames.parquet").num_row_groups > 5

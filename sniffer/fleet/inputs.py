@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import os
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -52,34 +53,48 @@ def find_captures(inputs: Iterable[str | Path], dataset: Store) -> FoundCaptures
     found: dict[str, FoundCapture] = {}
     left_out = 0
     for given in map(str, inputs):
-        named = list(_remote(given) if "://" in given else _local(given))
-        if not named:
-            raise InputError(f"{given}: there are no captures: name a file, a folder or a pattern")
-        for capture, is_named in named:
+        is_any = False
+        for capture, is_named in _remote(given) if "://" in given else _local(given, dataset.root):
             if capture.uri.startswith((f"{dataset.root}/", f"{dataset.uri}/")):
                 continue
             if is_named or _is_called_so(capture.uri):
                 found[capture.uri] = capture
+                is_any = True
             else:
                 left_out += 1
+        if not is_any:
+            raise InputError(f"{given}: there are no captures: name files, folders or patterns")
     return FoundCaptures([found[uri] for uri in sorted(found)], left_out)
 
 
-def _local(given: str) -> Iterator[tuple[FoundCapture, bool]]:
+def _local(given: str, dataset: str) -> Iterator[tuple[FoundCapture, bool]]:
     """Yield files of this machine, and whether each was meant by its name or a pattern."""
     path = Path(given)
     if path.is_dir():
-        for file in sorted(path.rglob("*")):
-            if file.is_file() and not any(p.startswith(".") for p in file.relative_to(path).parts):
-                yield _file(file), False
-    elif path.exists() or not _PATTERN.search(given):
-        if not path.exists():
-            raise InputError(f"{given}: there is no such file")
+        yield from ((capture, False) for capture in _inside(path.absolute(), dataset))
+    elif path.exists():
         yield _file(path), True
+    elif not _PATTERN.search(given):
+        raise InputError(f"{given}: there is no such file")
     else:
-        for name in sorted(glob.glob(given, recursive=True)):  # noqa: PTH207 - absolute ones, too
+        for name in glob.glob(given, recursive=True):  # noqa: PTH207 - absolute ones, too
             if Path(name).is_file():
                 yield _file(Path(name)), True
+
+
+def _inside(folder: Path, dataset: str) -> Iterator[FoundCapture]:
+    """Yield the files below a folder that are not hidden, nor in the data set."""
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.name.startswith("."):
+                continue
+            path = Path(entry.path)
+            if entry.is_dir(follow_symlinks=False):
+                if path.as_posix() != dataset:
+                    yield from _inside(path, dataset)
+            elif entry.is_file():
+                told = entry.stat()
+                yield FoundCapture(path.as_posix(), told.st_size, told.st_mtime_ns)
 
 
 def _file(path: Path) -> FoundCapture:

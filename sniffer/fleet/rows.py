@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, fields
-from typing import Final
+from typing import Any, Final
 
 from sniffer.ground.model import SnifferError
 
@@ -54,6 +54,16 @@ class CaptureTask:
     recipe: str
     decoder: str
     fingerprint: str
+
+    @property
+    def path(self) -> str:
+        """Where it lies, as a text that tables can hold: names of files may be none."""
+        return as_text(self.uri)
+
+
+def as_text(name: str) -> str:
+    """Return the name of a file as UTF-8; bytes of it that are none are written as escapes."""
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +116,7 @@ class CaptureRow:
         """
         told = json.loads(text)
         try:
-            known = {field.name: told[field.name] for field in fields(cls) if field.name in told}
+            known: dict[str, Any] = {f.name: told[f.name] for f in fields(cls) if f.name in told}
             return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in known.items()})
         except TypeError as error:
             raise ValueError(f"no commit of a capture: {error}") from None

@@ -18,10 +18,11 @@ from sniffer.fleet.rows import (
     CaptureTask,
     UndoneError,
     WorkerDiedError,
+    as_text,
 )
 from sniffer.ground.model import InputError, OutputError, SnifferError
 from sniffer.ground.needs import need_pyarrow
-from sniffer.ground.wording import Sentence
+from sniffer.ground.wording import Sentence, counted
 from sniffer.jobs.telling import Teller
 
 if TYPE_CHECKING:
@@ -144,7 +145,7 @@ def decode_fleet(
 
     Raises:
         InputError: an input is not there, or the data set cannot be read.
-        OutputError: pyarrow, or the library of the engine, is not installed.
+        OutputError: the data set cannot be written; pyarrow or the engine's library is missing.
         SnifferError: an argument that cannot be meant.
     """
     began = time.monotonic()
@@ -158,6 +159,12 @@ def decode_fleet(
     chosen = engine_named(engine, workers, scheduler) if isinstance(engine, str) else engine
     store = Store.of(dataset)
     tasks = _tasks(inputs, store, options, selection, input_format, robot, shard, tell)
+    try:
+        store.probe()
+    except OSError as error:
+        if error.errno not in HOPELESS:  # of these the run tells at its end
+            why = error.strerror or error
+            raise OutputError(f"{dataset}: cannot be written ({why})") from None
     try:
         store.sweep()
         listed = CaptureList(store)
@@ -200,7 +207,8 @@ def _tasks(
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be read ({error.strerror or error})") from None
     if found.left_out:
-        tell.talk(f"{found.left_out} files are called like no capture and left out: name them")
+        what = counted(found.left_out, "file")
+        tell.talk(f"left out {what} of folders, called like no capture: *.log, *.mcap and so on")
     dataset = store.uri if not store.is_local else store.root
     tasks = []
     for capture in found.captures:
@@ -224,7 +232,7 @@ def _robot(pattern: str) -> Callable[[FoundCapture], str]:
         raise SnifferError(Sentence(told))
 
     def whose(capture: FoundCapture) -> str:
-        found = known.search(capture.uri)
+        found = known.search(as_text(capture.uri))
         return (found[1] if found is not None else None) or UNKNOWN
 
     return whose
@@ -310,17 +318,17 @@ class _Work:
             there = committed(self.store)
             for task in tasks:
                 if task.fingerprint in there:  # what an earlier run has left, too
-                    self.withdrawal.outdate(task.uri, task.fingerprint)
+                    self.withdrawal.outdate(task.path, task.fingerprint)
             others = read_commits(self.store, (new & there) - self.rows.keys())
             self.rows |= {row.fingerprint: row for row in others}
-            self.store.sweep()
             if self.rows or committed(self.store) != listed.listed:
                 listed.write()
+            self.store.sweep()
         except OSError as error:
             self.reasons.append(self._refused(error))
         statuses.update(row.status for row in self.rows.values())
         undone = [
-            task.uri for task in self.todo if task.fingerprint not in self.rows.keys() | there
+            task.path for task in self.todo if task.fingerprint not in self.rows.keys() | there
         ]
         return FleetRun(
             captures=len(tasks),

@@ -188,13 +188,33 @@ class Store:
 
         It lies on the disk of the store, where that has one.
         """
-        parent = None
-        if self.is_local:
-            parent = Path(self.root, STAGING)
-            parent.mkdir(parents=True, exist_ok=True)
+        at = self._own_folder()
+        try:
+            yield at
+        finally:
+            shutil.rmtree(at, ignore_errors=True)
+
+    def _own_folder(self) -> Path:
         name = f"{platform.node()}-{os.getpid()}-"
-        with tempfile.TemporaryDirectory(prefix=name, dir=parent, ignore_cleanup_errors=True) as at:
-            yield Path(at)
+        if not self.is_local:
+            return Path(tempfile.mkdtemp(prefix=name))
+        parent = Path(self.root, STAGING)
+        while True:
+            parent.mkdir(parents=True, exist_ok=True)
+            try:
+                return Path(tempfile.mkdtemp(prefix=name, dir=parent))
+            except FileNotFoundError:  # another run has swept it away while it was empty
+                continue
+
+    def probe(self) -> None:
+        """Learn whether a disk may be written to; of an object store the first PUT tells.
+
+        Raises:
+            OSError: it may not.
+        """
+        if self.is_local:
+            with self.staging():
+                return
 
     def sweep(self) -> None:
         """Remove what processes that are gone have left unfinished."""

@@ -19,6 +19,7 @@ from sniffer.fleet.recipe import read_recipe
 from sniffer.fleet.rows import CRASHED, DAMAGED, FAILED, OK, CaptureRow, CaptureTask, UndoneError
 from sniffer.fleet.store import Store
 from sniffer.fleet.tables import TABLES, CaptureTables
+from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import NS, OutputError, SnifferError
 from sniffer.ground.wording import one_line
 from sniffer.jobs.asked import Extract
@@ -87,7 +88,7 @@ def commit_crashed(task: CaptureTask, why: str) -> CaptureRow:
 
 def _blank(task: CaptureTask) -> CaptureRow:
     return CaptureRow(
-        path=task.uri,
+        path=task.path,
         robot=task.robot,
         date=_day(task.mtime_ns),
         bytes=task.size,
@@ -105,7 +106,7 @@ def _decoded(task: CaptureTask, store: Store, folder: Path) -> CaptureRow:
         with file.open("rb") as data:
             sha256 = hashlib.file_digest(data, "sha256").hexdigest()
     except (FileNotFoundError, PermissionError) as error:
-        return replace(row, error=f"{task.uri}: cannot be read ({error.strerror})")
+        return replace(row, error=f"{task.path}: cannot be read ({error.strerror})")
     row = replace(row, sha256=sha256, capture=sha256[:ID])
     tables = CaptureTables(folder, row.capture)
     try:
@@ -117,12 +118,12 @@ def _decoded(task: CaptureTask, store: Store, folder: Path) -> CaptureRow:
             raise error.__cause__ from None
         known = isinstance(error, SnifferError)
         told = str(error) if known else f"{type(error).__name__}: {error}"
-        return replace(row, error=one_line(told.replace(str(file), task.uri)))
+        return replace(row, error=one_line(told.replace(str(file), task.path)))
     if heard.is_mistaken:
         return replace(row, error=one_line(heard.damage))
     row = replace(_totalled(row, heard.summary, task.mtime_ns), status=OK)
     if heard.damage:
-        told = one_line(heard.damage.replace(str(file), task.uri))
+        told = one_line(heard.damage.replace(str(file), task.path))
         row = replace(row, status=DAMAGED, error=told)
     files = []
     for table, grown in tables.files().items():
@@ -187,10 +188,11 @@ def _totalled(row: CaptureRow, summary: Summary, mtime_ns: int) -> CaptureRow:
 
 
 def _day(t_ns: int) -> str:
+    t_ns = min(max(t_ns, 0), TIME_END_NS)  # a file may be of any time
     return datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC).date().isoformat()
 
 
 def _undone(task: CaptureTask, error: OSError | MemoryError) -> UndoneError:
     if isinstance(error, MemoryError):
-        return UndoneError(f"{task.uri}: there is not enough memory for it")
-    return UndoneError(f"{task.uri}: {error.strerror or error}", error.errno or 0)
+        return UndoneError(f"{task.path}: there is not enough memory for it")
+    return UndoneError(f"{task.path}: {error.strerror or error}", error.errno or 0)

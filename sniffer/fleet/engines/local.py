@@ -25,9 +25,6 @@ ATTEMPTS: Final = 3
 PRELOADED: Final = ("sniffer.fleet.task", "pyarrow.parquet")
 """What workers find loaded: they begin at once, and share the memory of it."""
 
-PATIENCE_S: Final = 5.0
-"""How long a worker that has nothing to do may take to end, in seconds."""
-
 
 class LocalEngine:
     """Decodes in processes of this machine, as many as ``workers``.
@@ -57,10 +54,8 @@ class LocalEngine:
         trace: TracebackType | None,
         /,
     ) -> None:
-        for worker in self._busy:
+        for worker in (*self._busy, *self._idle):
             worker.kill()
-        for worker in self._idle:
-            worker.dismiss()
         self._busy, self._idle = [], []
 
     def run(self, batches: Iterable[Batch]) -> Iterator[Outcome]:
@@ -119,14 +114,8 @@ class _Worker:
                 return self.pipe.recv()
         return None
 
-    def dismiss(self) -> None:
-        """Let it end."""
-        self.pipe.close()
-        self.process.join(PATIENCE_S)
-        self.kill()
-
     def kill(self) -> None:
-        """End it at once."""
+        """End it at once; what it has finished is committed."""
         self.pipe.close()
         self.process.kill()
         self.process.join()

@@ -1,0 +1,214 @@
+"""What becomes of a data set when processes are killed, disks fill up, and runs meet."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import threading
+from typing import TYPE_CHECKING
+
+import pytest
+
+from sniffer.decoding.options import Options
+from sniffer.fleet.store import STAGING, Store
+from tests.commands import COMMAND, environment, talk, within
+from tests.disks import disk
+from tests.fleets import (
+    DEADLY,
+    HELD_UP,
+    Peril,
+    captures,
+    content,
+    descendants,
+    end,
+    eventually,
+    is_running,
+    serial,
+    talks,
+)
+from tests.plugin import visible
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import sniffer
+
+Capsys = pytest.CaptureFixture[str]
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads the process table of Linux")
+
+
+@pytest.fixture
+def peril(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Peril]:
+    """Return a protocol whose captures may hold up or end processes; nobody is left waiting."""
+    visible(monkeypatch)  # what is loaded of it here is forgotten afterwards
+    made = Peril(tmp_path / "peril")
+    yield made
+    made.open()
+
+
+def begun(inputs: Path, dataset: Path, peril: Peril) -> subprocess.Popen[bytes]:
+    """Begin a run in a session of its own."""
+    return subprocess.Popen(
+        [*COMMAND, "fleet", inputs, "-o", dataset, "--protocol", peril.protocol, "--workers", "2"],
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+
+
+def expected(inputs: Path, peril: Peril, dataset: Path) -> dict[str, str]:
+    """Return what a run in which nothing happens makes of captures."""
+    peril.open()
+    assert serial(inputs, dataset, options=Options(protocol=str(peril.protocol))).is_whole
+    return content(dataset)
+
+
+def test_a_worker_that_is_killed_twice_takes_nothing_with_it(
+    peril: Peril, tmp_path: Path, capsys: Capsys
+) -> None:
+    inputs, data = talks(tmp_path / "in", HELD_UP, b"", b"", b""), tmp_path / "data"
+
+    def kill() -> None:
+        for _ in range(2):
+            end(peril.held_up())
+        peril.held_up()
+        peril.open()
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    done = within(
+        capsys, "fleet", inputs, "-o", data, "--protocol", peril.protocol, "--workers", "2"
+    )
+    killer.join()
+    assert (done.status, done.err) == (0, "")
+    assert done.out == "4 captures: 4 ok (4 decoded, 0 there already)\n"
+    assert content(data) == expected(inputs, peril, tmp_path / "serial")
+
+
+def test_a_capture_that_always_ends_its_process_has_a_row_and_every_run_tries_it(
+    peril: Peril, tmp_path: Path, capsys: Capsys
+) -> None:
+    inputs, data = talks(tmp_path / "in", b"", DEADLY, b""), tmp_path / "data"
+    arguments = ("fleet", inputs, "-o", data, "--protocol", peril.protocol)
+    for decoded, there in ((3, 0), (1, 2)):
+        done = within(capsys, *arguments)
+        assert (done.status, done.err) == (1, "")
+        counts = f"({decoded} decoded, {there} there already)"
+        assert done.out == f"3 captures: 2 ok, 1 crashed {counts}\n"
+    assert not (data / STAGING).exists()
+    (inputs / "1.bin").unlink()
+    assert {name for name in content(data) if "_done" not in name} == {
+        name for name in expected(inputs, peril, tmp_path / "serial") if "_done" not in name
+    }
+
+
+def test_of_two_runs_one_is_killed_and_one_interrupted_and_the_next_one_goes_on(
+    peril: Peril, tmp_path: Path
+) -> None:
+    inputs, data = talks(tmp_path / "in", HELD_UP, b"longer " * 99), tmp_path / "data"
+    killed, interrupted = runs = [begun(inputs, data, peril) for _ in range(2)]
+    for _ in runs:
+        peril.held_up()
+    eventually(lambda: 0 if list((data / "_done").glob("*")) else None)
+    families = [descendants(run.pid) for run in runs]
+    assert min(map(len, families)) >= 2
+    end(killed.pid)
+    killed.communicate()
+    eventually(lambda: None if any(map(is_running, families[0])) else 0)
+    os.killpg(interrupted.pid, signal.SIGINT)
+    out, err = interrupted.communicate()
+    assert interrupted.returncode == 130
+    assert out.startswith(b"2 captures: 1 ok (1 decoded, ")
+    said = f"interrupted: 1 capture not done: what is in {data} stays; run it again to go on"
+    assert err.decode().splitlines() == [f"sniffer: {said}"]
+    eventually(lambda: None if any(map(is_running, families[1])) else 0)
+    assert (data / "captures.parquet").exists()
+    peril.open()
+    last = serial(inputs, data, options=Options(protocol=str(peril.protocol)))
+    assert (last.decoded, last.skipped, last.is_whole) == (1, 1, True)
+    assert content(data) == expected(inputs, peril, tmp_path / "serial")
+
+
+def test_two_runs_at_once_do_no_harm(tmp_path: Path) -> None:
+    inputs, data = talks(tmp_path / "in", b"", b"a", b"b"), tmp_path / "data"
+    barrier = threading.Barrier(2)
+    done: list[sniffer.FleetRun] = []
+
+    def run() -> None:
+        barrier.wait()
+        done.append(serial(inputs, data, options=Options(protocol="mightyzap")))
+
+    both = [threading.Thread(target=run) for _ in range(2)]
+    for thread in both:
+        thread.start()
+    for thread in both:
+        thread.join()
+    assert [run.is_whole for run in done] == [True, True]
+    serial(inputs, tmp_path / "serial", options=Options(protocol="mightyzap"))
+    assert content(data) == content(tmp_path / "serial")
+
+
+def test_a_disk_that_is_full_is_told_in_a_line_and_with_room_the_run_goes_on(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    inputs = tmp_path / "in"
+    inputs.mkdir()
+    for nth in range(3):
+        (inputs / f"{nth}.bin").write_bytes(talk(250, nth))
+    serial(inputs, tmp_path / "serial")
+    # less than half of what all of it takes: tmpfs gives files whole pages of 4 KiB
+    room = sum(path.stat().st_size for path in (tmp_path / "serial").rglob("*.*")) // 2048
+    with disk(tmp_path / "small", f"{room}k") as small:
+        data = small / "data"
+        done = within(capsys, "fleet", inputs, "-o", data, "--workers", "1")
+        assert done.status == 3
+        first, last = done.err.splitlines()
+        assert first == f"sniffer: {data}: cannot be written (No space left on device)"
+        assert last.endswith(f"not done: what is in {data} stays; run it again to go on")
+        remount = ["mount", "-o", "remount,size=8m", str(small)]
+        subprocess.run(remount, check=True)
+        assert within(capsys, "fleet", inputs, "-o", data).status == 0
+        assert content(data) == content(tmp_path / "serial")
+
+
+def test_whatever_cannot_be_written_leaves_a_data_set_that_says_it_is_not_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inputs = talks(tmp_path / "in", b"")
+    serial(inputs, tmp_path / "serial")
+    put, puts = Store.put, 0
+    wanted = -1
+
+    def failing(store: Store, path: str, file: Path) -> None:
+        nonlocal puts
+        puts += 1
+        if puts == wanted:
+            raise OSError(errno.EIO, os.strerror(errno.EIO), path)
+        put(store, path, file)
+
+    monkeypatch.setattr(Store, "put", failing)
+    assert serial(inputs, tmp_path / "counted").is_whole
+    for wanted in range(1, puts + 1):
+        puts, data = 0, tmp_path / f"data{wanted}"
+        done = serial(inputs, data)
+        assert not done.is_whole
+        assert len(done.reasons) == 1
+        assert "Input/output error" in done.reasons[0]
+        assert serial(inputs, data).is_whole
+        assert content(data) == content(tmp_path / "serial")
+
+
+def test_a_program_is_told_how_far_it_is(tmp_path: Path) -> None:
+    inputs = captures(tmp_path / "in")
+    told: list[sniffer.FleetProgress] = []
+    done = serial(inputs, tmp_path / "data", progress=told.append)
+    assert told[-1].captures == told[-1].of_captures == done.decoded == 3
+    assert told[-1].bytes == told[-1].of_bytes == done.bytes > 0
+    assert told[-1].bytes_per_second > 0
+    assert told[-1].seconds_left == 0
