@@ -27,7 +27,7 @@ QUICK := $(addprefix tests/test_, $(addsuffix .py, architecture detect golden ls
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-quick coverage lint format bench bench-diagnosis bench-live bench-signals soak rig fuzz schemas wireshark captures golden shell clean
+.PHONY: help demo test test-quick coverage lint format bench bench-diagnosis bench-fleet bench-live bench-signals soak rig fuzz schemas wireshark captures golden shell clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -58,6 +58,9 @@ bench: $(VENV)/.dev ## measure the throughput
 
 bench-diagnosis: $(VENV)/.dev ## faults that were built in, and what the diagnosis makes of them (4 min)
 	$(BIN)/python -m bench.diagnosis
+
+bench-fleet: $(VENV)/.dev ## what a data set of captures costs, a gigabyte of them (15 min; 2 GB of disk)
+	$(BIN)/python -m bench.fleet
 
 bench-live: $(VENV)/.dev ## measure recording live: its cost, how late stamps are (6 min)
 	$(BIN)/python -m bench.live_results

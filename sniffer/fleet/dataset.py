@@ -21,6 +21,7 @@ from sniffer.fleet.rows import CRASHED, FAILED, CaptureRow
 
 if TYPE_CHECKING:
     from collections.abc import Collection
+    from pathlib import Path
 
     from sniffer.fleet.store import Store
 
@@ -80,13 +81,15 @@ def commit_path(fingerprint: str) -> str:
     return f"{DONE}/{fingerprint}.json"
 
 
-def commit(store: Store, row: CaptureRow) -> None:
+def commit(store: Store, row: CaptureRow, folder: Path | None = None) -> None:
     """Let a capture be in the data set; its files are there already.
+
+    ``folder`` is what ``store.staging`` gave, None: nothing yet.
 
     Raises:
         OSError: it cannot be written.
     """
-    store.put_bytes(commit_path(row.fingerprint), row.as_json().encode())
+    store.put_bytes(commit_path(row.fingerprint), row.as_json().encode(), folder)
 
 
 class CommittedCapture(NamedTuple):

@@ -116,7 +116,11 @@ class CaptureRow:
         """
         told = json.loads(text)
         try:
-            known: dict[str, Any] = {f.name: told[f.name] for f in fields(cls) if f.name in told}
-            return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in known.items()})
+            known: dict[str, Any] = {
+                f.name: tuple(v) if isinstance(v := told[f.name], list) else v
+                for f in fields(cls)
+                if f.name in told
+            }
+            return cls(**known)
         except TypeError as error:
             raise ValueError(f"no commit of a capture: {error}") from None

@@ -209,15 +209,28 @@ def _tasks(
     if found.left_out:
         what = counted(found.left_out, "file")
         tell.talk(f"left out {what} of folders, called like no capture: *.log, *.mcap and so on")
-    dataset = store.uri if not store.is_local else store.root
+    tasks = tasks_of(found.captures, store, recipe, decoder, whose)
+    return [task for task in tasks if int(task.fingerprint, 16) % of == nth - 1]
+
+
+def tasks_of(
+    captures: Iterable[FoundCapture],
+    store: Store,
+    recipe: str,
+    decoder: str,
+    whose: Callable[[FoundCapture], str],
+) -> list[CaptureTask]:
+    """Return what is to be done for captures, the biggest first: nobody waits for one at the end.
+
+    ``whose`` gives a capture's robot.
+    """
+    dataset = store.root if store.is_local else store.uri
     tasks = []
-    for capture in found.captures:
-        name = whose(capture)
-        fingerprint = _fingerprint(capture, name, decoder)
-        if int(fingerprint, 16) % of == nth - 1:
-            place = (capture.uri, capture.size, capture.mtime_ns)
-            tasks.append(CaptureTask(*place, name, dataset, recipe, decoder, fingerprint))
-    # long ones first: nobody waits for one at the end
+    for capture in captures:
+        robot = whose(capture)
+        fingerprint = _fingerprint(capture, robot, decoder)
+        place = (capture.uri, capture.size, capture.mtime_ns)
+        tasks.append(CaptureTask(*place, robot, dataset, recipe, decoder, fingerprint))
     return sorted(tasks, key=lambda task: (-task.size, task.uri))
 
 

@@ -89,16 +89,19 @@ class Store:
                 stream.write(data)
             stream.close()
 
-    def put_bytes(self, path: str, data: bytes) -> None:
-        """Let a small file appear at ``path``.
+    def put_bytes(self, path: str, data: bytes, folder: Path | None = None) -> None:
+        """Let a small file appear at ``path``; ``folder`` is what ``staging`` gave, None: not yet.
 
         Raises:
             OSError: as ``put``.
         """
-        with self.staging() as folder:
-            file = folder / "bytes"
-            file.write_bytes(data)
-            self.put(path, file)
+        if folder is None:
+            with self.staging() as own:
+                self.put_bytes(path, data, own)
+            return
+        file = folder / "bytes"
+        file.write_bytes(data)
+        self.put(path, file)
 
     def exists(self, path: str) -> bool:
         """Tell whether there is a file at ``path``."""

@@ -12,7 +12,7 @@ import hashlib
 import json
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.fleet.dataset import commit, table_path
 from sniffer.fleet.recipe import read_recipe
@@ -58,8 +58,8 @@ def decode_capture(task: CaptureTask) -> CaptureRow:
         store = Store.of(task.dataset)
         with store.staging() as folder:
             row = _decoded(task, store, folder)
-        row = replace(row, seconds=round(time.monotonic() - began, 3))
-        commit(store, row)
+            row = replace(row, seconds=round(time.monotonic() - began, 3))
+            commit(store, row, folder)
     except _MACHINE as error:
         raise _undone(task, error) from error
     return row
@@ -130,7 +130,7 @@ def _decoded(task: CaptureTask, store: Store, folder: Path) -> CaptureRow:
         path = table_path(table, row.robot, row.date, row.capture, row.decoder)
         store.put(path, grown)
         files.append(path)
-    counts = {table: tables.rows(table) for table in TABLES}
+    counts: dict[str, Any] = {table: tables.rows(table) for table in TABLES}
     return replace(row, files=tuple(files), **counts)
 
 
