@@ -24,9 +24,11 @@ from sniffer.fleet.tables import ROWS, TABLES, CaptureTables
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wiring import Wiring
 from sniffer.selection.selection import Selection
+from sniffer.sinks.relations import ANOMALIES, TRANSACTIONS
 from tests.commands import environment, log, talk, within
 from tests.fleets import captures, content, serial
 from tests.golden import CAPTURES as SAMPLES
+from tests.golden import ROOT
 from tests.plugin import table
 
 if TYPE_CHECKING:
@@ -94,6 +96,12 @@ def test_processes_make_the_same_data_set_as_one_and_shards_make_it_together(
 
 def test_the_list_of_captures_has_what_a_commit_has() -> None:
     assert set(CAPTURES.names) == set(CaptureRow.__slots__)
+
+
+def test_every_column_of_the_list_and_of_the_tables_is_documented() -> None:
+    page = (ROOT / "docs" / "fleet.md").read_text(encoding="utf-8")
+    for schema in (CAPTURES, TRANSACTIONS, ANOMALIES):
+        assert [name for name in schema.names if f"`{name}`" not in page] == []
 
 
 def test_what_cannot_be_read_has_a_row_that_says_why_and_is_tried_again_when_that_is_asked(

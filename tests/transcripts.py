@@ -54,6 +54,7 @@ _DOCS: Final = (
     "checking",
     "asking",
     "editing",
+    "fleet",
     "twitch",
     "numbers",
     "with/foxglove",
