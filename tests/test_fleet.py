@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -13,12 +14,14 @@ import pyarrow.parquet as pq
 import pytest
 
 import sniffer
+from sniffer.cli.fleet import Progress
 from sniffer.decoding.options import Options
 from sniffer.diagnostics.alarms import alarm_in
 from sniffer.fleet.dataset import CAPTURES
 from sniffer.fleet.inputs import find_captures
 from sniffer.fleet.recipe import decoder_name, read_recipe, write_recipe
-from sniffer.fleet.rows import CaptureRow
+from sniffer.fleet.rows import CaptureRow, CaptureTask
+from sniffer.fleet.run import batches_of
 from sniffer.fleet.store import Store
 from sniffer.fleet.tables import ROWS, TABLES, CaptureTables
 from sniffer.ground.registers import RegisterMap
@@ -105,7 +108,7 @@ def test_every_column_of_the_list_and_of_the_tables_is_documented() -> None:
 
 
 def test_what_cannot_be_read_has_a_row_that_says_why_and_is_tried_again_when_that_is_asked(
-    tmp_path: Path, capsys: Capsys
+    tmp_path: Path, capsys: Capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     inputs, data = tmp_path / "in", tmp_path / "data"
     inputs.mkdir()
@@ -114,8 +117,11 @@ def test_what_cannot_be_read_has_a_row_that_says_why_and_is_tried_again_when_tha
     (inputs / "prose.txt").write_text("hello world, this is no capture\n", encoding="ascii")
     (inputs / "broken.log").write_text(log(talk(5)) + "(1700000000.9) what is this\n" * 9)
     os.utime(inputs / "empty.bin", ns=(0, 1 << 62))
+    monkeypatch.setattr("sniffer.cli.fleet.LOG_S", 0.0)
     done = within(capsys, "fleet", inputs, "-o", data, "--workers", "1")
     assert done.status == 1
+    last = done.err.splitlines()[-1]
+    assert re.fullmatch(r"sniffer: 4 of 4 captures, [\d.]+ MB/s, 0 s left", last)
     assert done.out == "4 captures: 1 ok, 1 damaged, 2 failed (4 decoded, 0 there already)\n"
     found = by_name(data)
     assert {name: row["status"] for name, row in found.items()} == {
@@ -203,6 +209,7 @@ def test_a_file_may_have_a_name_that_is_no_text(tmp_path: Path) -> None:
 MISTAKES: list[tuple[Iterable[str], str]] = [
     (["x.bin"], "x.bin: there is no such file"),
     (["*.nothing"], "*.nothing: there are no captures: name files, folders or patterns"),
+    (["/dev/null"], "/dev/null is no file: a data set is made of captures that stay"),
     (["."], ".: there are no captures: name files, folders or patterns"),
     (["--shard", "0/2"], "Invalid value for '--shard': '0/2': parts are counted from 1, as 1/4"),
     (["--shard", "half"], "Invalid value for '--shard': 'half': parts are counted from 1, as 1/4"),
@@ -309,3 +316,32 @@ def test_the_bytes_of_a_table_do_not_depend_on_how_its_records_come(
         files.append({name: path.read_bytes() for name, path in tables.files().items()})
     assert files[0] == files[1]
     assert pq.ParquetFile(tmp_path / "1" / "frames.parquet").num_row_groups > 5
+
+
+def test_a_terminal_shows_on_one_line_how_far_it_is_and_how_long_it_will_take(
+    capsys: Capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    shown = Progress(quiet=False)
+    for done, seconds in ((1, 0.1), (2, 10.0), (3, 10.1), (30, 100.0)):
+        shown.progress(sniffer.FleetProgress(done, 4000, done * 1_000_000, 4 * 10**9, seconds))
+    shown.end()
+    assert capsys.readouterr().err.split("\r") == [
+        "",
+        "2 of 4000 captures, 0.2 MB/s, 5 h 33 min left\x1b[K",
+        "30 of 4000 captures, 0.3 MB/s, 3 h 40 min left\x1b[K",
+        "\x1b[K",
+    ]
+
+
+def test_batches_are_small_enough_for_every_worker_to_have_some() -> None:
+    def sizes(workers: int, *given: int) -> list[list[int]]:
+        tasks = [CaptureTask("", size, 0, "", "", "", "", "") for size in given]
+        return [[task.size for task in batch] for batch in batches_of(tasks, workers)]
+
+    assert sizes(2) == []
+    assert sizes(2, 5) == [[5]]
+    assert sizes(1, *[10] * 8) == [[10, 10]] * 4
+    assert sizes(2, 9_000_000, 7_000_000, 10, 5) == [[9_000_000], [7_000_000], [10], [5]]
+    many = sizes(2, 20_000_000, *[7_000_000] * 9, *[10_000] * 200)
+    assert [len(batch) for batch in many] == [1] * 9 + [27] * 7 + [12]

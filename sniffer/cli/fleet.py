@@ -101,7 +101,7 @@ def fleet(
     Exit status: 0 all captures are in it; 1 some failed: they hold nothing that can be read; 2 a
     mistake of yours; 3 some were not done: run it again.
     """
-    shown = _Shown(quiet=quiet)
+    shown = Progress(quiet=quiet)
     done = decode_fleet(
         inputs,
         dataset,
@@ -140,7 +140,7 @@ def _told(done: FleetRun) -> str:
     return f"{counted(done.captures, 'capture')}: {became} ({how})"
 
 
-class _Shown:
+class Progress:
     """How far it is: a line that changes on a terminal, a line now and then elsewhere."""
 
     def __init__(self, *, quiet: bool) -> None:

@@ -72,8 +72,10 @@ def _local(given: str, dataset: str) -> Iterator[tuple[FoundCapture, bool]]:
     path = Path(given)
     if path.is_dir():
         yield from ((capture, False) for capture in _inside(path.absolute(), dataset))
-    elif path.exists():
+    elif path.is_file():
         yield _file(path), True
+    elif path.exists():
+        raise InputError(f"{given} is no file: a data set is made of captures that stay")
     elif not _PATTERN.search(given):
         raise InputError(f"{given}: there is no such file")
     else:

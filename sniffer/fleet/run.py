@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.decoding.options import Options
-from sniffer.fleet.engines import engine_named
+from sniffer.fleet.engines import cores, engine_named
 from sniffer.fleet.rows import (
     CRASHED,
     FAILED,
@@ -47,6 +47,9 @@ DIGITS: Final = 24
 
 BATCH_BYTES: Final = 8_000_000
 """Captures of so many bytes together are one batch: some 2 s of work, more than handing it out."""
+
+SHARES: Final = 4
+"""Batches that each worker has at least, where there are captures enough: none waits for long."""
 
 BATCH_CAPTURES: Final = 64
 """Captures of a batch at most: small ones take some 10 ms each, however small they are."""
@@ -178,7 +181,7 @@ def decode_fleet(
         raise InputError(f"{dataset}: cannot be read ({error.strerror or error})") from None
     todo = [task for task in tasks if task.fingerprint not in listed.known]
     work = _Work(store, todo, withdrawal, progress, began)
-    work.decode(chosen)
+    work.decode(chosen, batches_of(todo, workers or cores()))
     return work.finished(tasks, listed)
 
 
@@ -256,12 +259,18 @@ def _fingerprint(capture: FoundCapture, robot: str, decoder: str) -> str:
     return hashlib.sha256(told.encode("utf-8", "surrogateescape")).hexdigest()[:DIGITS]
 
 
-def batches_of(tasks: Iterable[CaptureTask]) -> list[Batch]:
-    """Return captures in batches, in their order: big ones alone, small ones together."""
+def batches_of(tasks: Sequence[CaptureTask], workers: int = 1) -> list[Batch]:
+    """Return captures in batches, in their order: big ones alone, small ones together.
+
+    Where there are few they are so small that every worker has some.
+    """
+    shares = SHARES * workers
+    most_bytes = min(BATCH_BYTES, sum(task.size for task in tasks) // shares)
+    most = min(BATCH_CAPTURES, -(-len(tasks) // shares))
     out: list[list[CaptureTask]] = []
     held = 0
     for task in tasks:
-        if not out or held + task.size > BATCH_BYTES or len(out[-1]) >= BATCH_CAPTURES:
+        if not out or held + task.size > most_bytes or len(out[-1]) >= most:
             out.append([])
             held = 0
         out[-1].append(task)
@@ -279,14 +288,17 @@ class _Work:
     progress: Callable[[FleetProgress], None]
     began: float
     rows: dict[str, CaptureRow] = field(default_factory=dict)
+    bytes: int = 0
     reasons: list[str] = field(default_factory=list)
     is_interrupted: bool = False
+    of_bytes: int = 0
 
-    def decode(self, engine: Engine) -> None:
+    def decode(self, engine: Engine, batches: Sequence[Batch]) -> None:
         """Have all of it decoded, as far as that goes."""
+        self.of_bytes = sum(task.size for task in self.todo)
         try:
             with engine:
-                for batch, got in engine.run(batches_of(self.todo)):
+                for batch, got in engine.run(batches):
                     self._take(batch, got)
         except KeyboardInterrupt:
             self.is_interrupted = True
@@ -306,12 +318,13 @@ class _Work:
             self.reasons.append(str(got))
             return
         for row in got:
+            if row.fingerprint not in self.rows:
+                self.bytes += row.bytes
             self.rows[row.fingerprint] = row
             self.withdrawal.replace(row)
-        size = sum(row.bytes for row in self.rows.values())
-        in_all = sum(task.size for task in self.todo)
         took = time.monotonic() - self.began
-        self.progress(FleetProgress(len(self.rows), len(self.todo), size, in_all, took))
+        done, of = len(self.rows), len(self.todo)
+        self.progress(FleetProgress(done, of, self.bytes, self.of_bytes, took))
 
     def _refused(self, error: OSError | UndoneError) -> str:
         """Return in a line what a data set that cannot be written to means."""

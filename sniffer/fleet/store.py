@@ -235,7 +235,7 @@ class Store:
 def _is_left(folder: Path) -> bool:
     """Tell whether nobody works in a folder any more: its process is gone, or it is old."""
     node, _, rest = folder.name.rpartition("-")[0].rpartition("-")
-    if node == platform.node() and rest.isdecimal():
+    if node == platform.node() and rest.isdecimal() and os.name == "posix":  # elsewhere 0 kills
         try:
             os.kill(int(rest), 0)
         except ProcessLookupError:
