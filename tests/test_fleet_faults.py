@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import signal
 import subprocess
 import sys
 import threading
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 import pytest
 
+import sniffer
 from sniffer.decoding.options import Options
 from sniffer.fleet.store import STAGING, Store
 from tests.commands import COMMAND, environment, talk, within
@@ -34,8 +37,6 @@ from tests.plugin import visible
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
-
-    import sniffer
 
 Capsys = pytest.CaptureFixture[str]
 
@@ -152,6 +153,27 @@ def test_two_runs_at_once_do_no_harm(tmp_path: Path) -> None:
     assert [run.is_whole for run in done] == [True, True]
     serial(inputs, tmp_path / "serial", options=Options(protocol="mightyzap"))
     assert content(data) == content(tmp_path / "serial")
+
+
+def test_workers_load_nothing_of_the_script_that_begins_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script = ModuleType("__main__")
+    script.__file__ = str(tmp_path / "script.py")
+    (tmp_path / "script.py").write_text("raise SystemExit('it runs again')\n", encoding="ascii")
+    monkeypatch.setitem(sys.modules, "__main__", script)
+    done = sniffer.decode_fleet([talks(tmp_path / "in", b"")], tmp_path / "data", workers=1)
+    assert done.statuses == {"ok": 1}
+    assert sys.modules["__main__"] is script
+
+
+def test_no_capture_is_blamed_where_workers_end_before_they_begin(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sniffer.fleet.engines.local._work", contextlib.suppress)
+    done = sniffer.decode_fleet([talks(tmp_path / "in", b"", b"")], tmp_path / "data", workers=1)
+    assert done.reasons == ("worker processes end here before they begin",)
+    assert (len(done.undone), done.statuses) == (2, {})
 
 
 def test_a_disk_that_is_full_is_told_in_a_line_and_with_room_the_run_goes_on(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
+import posixpath
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -71,7 +72,7 @@ def _local(given: str, dataset: str) -> Iterator[tuple[FoundCapture, bool]]:
     """Yield files of this machine, and whether each was meant by its name or a pattern."""
     path = Path(given)
     if path.is_dir():
-        yield from ((capture, False) for capture in _inside(path.absolute(), dataset))
+        yield from ((capture, False) for capture in _inside(path.absolute().as_posix(), dataset))
     elif path.is_file():
         yield _file(path), True
     elif path.exists():
@@ -84,19 +85,19 @@ def _local(given: str, dataset: str) -> Iterator[tuple[FoundCapture, bool]]:
                 yield _file(Path(name)), True
 
 
-def _inside(folder: Path, dataset: str) -> Iterator[FoundCapture]:
+def _inside(folder: str, dataset: str) -> Iterator[FoundCapture]:
     """Yield the files below a folder that are not hidden, nor in the data set."""
     with os.scandir(folder) as entries:
         for entry in entries:
             if entry.name.startswith("."):
                 continue
-            path = Path(entry.path)
+            path = entry.path.replace(os.sep, "/")  # of many files, objects for paths take longest
             if entry.is_dir(follow_symlinks=False):
-                if path.as_posix() != dataset:
+                if path != dataset:
                     yield from _inside(path, dataset)
             elif entry.is_file():
                 told = entry.stat()
-                yield FoundCapture(path.as_posix(), told.st_size, told.st_mtime_ns)
+                yield FoundCapture(path, told.st_size, told.st_mtime_ns)
 
 
 def _file(path: Path) -> FoundCapture:
@@ -138,6 +139,5 @@ def glob_pattern(pattern: str) -> str:
 
 
 def _is_called_so(uri: str) -> bool:
-    name = Path(uri.rpartition("/")[2])
-    suffix = name.suffix.lower()
-    return (Path(name.stem).suffix.lower() if suffix in PACKED else suffix) in SUFFIXES
+    name, suffix = posixpath.splitext(uri.lower())
+    return (posixpath.splitext(name)[1] if suffix in PACKED else suffix) in SUFFIXES

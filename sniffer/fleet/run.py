@@ -128,8 +128,7 @@ def decode_fleet(
     """Decode captures into one data set of Parquet tables; those that are in it are skipped.
 
     ``docs/fleet.md`` has the layout. An interruption (KeyboardInterrupt) ends it; what is committed
-    stays. With the engine ``local`` a script calls it below ``if __name__ == "__main__":``, for its
-    processes load the script.
+    stays.
 
     Args:
         inputs: files, patterns (``*``, ``**``), folders.
@@ -304,6 +303,8 @@ class _Work:
             self.is_interrupted = True
         except _HopelessError as error:
             self.reasons = [str(error)]
+        except UndoneError as error:
+            self.reasons.append(str(error))
         except OSError as error:
             self.reasons.append(self._refused(error))
 

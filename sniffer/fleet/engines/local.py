@@ -6,9 +6,11 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections import Counter, deque
 from multiprocessing import connection
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from sniffer.fleet.rows import UndoneError, WorkerDiedError
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
 
 ATTEMPTS: Final = 3
 """How often a capture may end its process before it is given up."""
+
+READY: Final = True
+"""What a worker says first."""
 
 PRELOADED: Final = ("sniffer.fleet.task", "pyarrow.parquet")
 """What workers find loaded: they begin at once, and share the memory of it."""
@@ -43,6 +48,9 @@ class LocalEngine:
         self._most = workers
         self._idle: list[_Worker] = []
         self._busy: list[_Worker] = []
+        self._again: deque[Batch] = deque()
+        self._deaths: Counter[str] = Counter()
+        self._stillborn = 0
 
     def __enter__(self) -> Self:
         return self
@@ -59,13 +67,15 @@ class LocalEngine:
         self._busy, self._idle = [], []
 
     def run(self, batches: Iterable[Batch]) -> Iterator[Outcome]:
-        """Yield each batch, or parts of it, with what became of it."""
+        """Yield each batch, or parts of it, with what became of it.
+
+        Raises:
+            UndoneError: no process can be begun.
+        """
         waiting = iter(batches)
-        again: deque[Batch] = deque()
-        deaths: Counter[str] = Counter()
         while True:
             while len(self._busy) < self._most:
-                batch = again.popleft() if again else next(waiting, None)
+                batch = self._again.popleft() if self._again else next(waiting, None)
                 if batch is None:
                     break
                 worker = self._idle.pop() if self._idle else _Worker(self._context)
@@ -74,30 +84,44 @@ class LocalEngine:
             if not self._busy:
                 return
             for worker in _heard_from(self._busy):
+                got = worker.answer()
+                if got is READY:
+                    worker.is_there = True
+                    continue
                 self._busy.remove(worker)
-                batch, got = worker.batch, worker.answer()
                 if got is None:
                     worker.kill()
-                    deaths.update(task.fingerprint for task in batch)
-                    got = WorkerDiedError(f"its process died {ATTEMPTS} times")
-                    if len(batch) > 1 or deaths[batch[0].fingerprint] < ATTEMPTS:
-                        again.extend((task,) for task in batch)
-                        continue
+                    got = self._death(worker)
                 else:
                     self._idle.append(worker)
-                    if isinstance(got, UndoneError) and len(batch) > 1:
-                        again.extend((task,) for task in batch)
-                        continue
-                yield batch, got
+                alone = isinstance(got, UndoneError) and len(worker.batch) == 1
+                if got is None or (isinstance(got, UndoneError) and not alone):
+                    self._again.extend((task,) for task in worker.batch)
+                else:
+                    yield worker.batch, got
+
+    def _death(self, worker: _Worker) -> WorkerDiedError | None:
+        """Return what a worker's death means for its captures, None: they are tried again."""
+        if not worker.is_there:
+            self._stillborn += 1
+            if self._stillborn == ATTEMPTS:
+                raise UndoneError("worker processes end here before they begin")
+            return None
+        self._deaths.update(task.fingerprint for task in worker.batch)
+        if len(worker.batch) > 1 or self._deaths[worker.batch[0].fingerprint] < ATTEMPTS:
+            return None
+        return WorkerDiedError(f"its process died {ATTEMPTS} times")
 
 
 class _Worker:
-    """A process that decodes batches, and the pipe to it."""
+    """A process that decodes batches, and the pipe to it; it is there once it has said so."""
 
     def __init__(self, context: Any) -> None:
         self.pipe, other = context.Pipe()
         self.process = context.Process(target=_work, args=(other,), name="fleet")
-        self.process.start()
+        with _without_main():
+            self.process.start()
+        self.is_there = False
         other.close()  # so that the pipe ends where the process does
         self.batch: Batch = ()
 
@@ -122,6 +146,20 @@ class _Worker:
         self.process.close()
 
 
+@contextlib.contextmanager
+def _without_main() -> Iterator[None]:
+    """Have new processes load nothing of the program that begins them.
+
+    They need none of it, and a script that was not written to be loaded would run again in each.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
 def _heard_from(workers: list[_Worker]) -> list[_Worker]:
     """Wait for workers that have an answer, or are dead."""
     # a process that a dead worker has begun may keep its pipe open
@@ -139,6 +177,7 @@ def _work(pipe: connection.Connection) -> None:
 
     pa.set_cpu_count(1)  # the cores have a worker each
     with contextlib.suppress(EOFError, OSError):
+        pipe.send(READY)
         while True:
             batch = pipe.recv()
             answer: Any
