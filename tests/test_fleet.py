@@ -120,8 +120,8 @@ def test_what_cannot_be_read_has_a_row_that_says_why_and_is_tried_again_when_tha
     monkeypatch.setattr("sniffer.cli.fleet.LOG_S", 0.0)
     done = within(capsys, "fleet", inputs, "-o", data, "--workers", "1")
     assert done.status == 1
-    last = done.err.splitlines()[-1]
-    assert re.fullmatch(r"sniffer: 4 of 4 captures, [\d.]+ MB/s, 0 s left", last)
+    told = done.err.splitlines()[-1]
+    assert re.fullmatch(r"sniffer: 4 of 4 captures, [\d.]+ MB/s, 0 s left", told)
     assert done.out == "4 captures: 1 ok, 1 damaged, 2 failed (4 decoded, 0 there already)\n"
     found = by_name(data)
     assert {name: row["status"] for name, row in found.items()} == {
@@ -155,6 +155,13 @@ def test_a_capture_that_changes_or_is_decoded_otherwise_replaces_what_was_of_it(
     assert serial(inputs, data).decoded == 1
     assert len(rows(data)) == 3
     assert len(list(data.glob("frames/*/*/*"))) == 3
+    before = content(data)
+    os.utime(inputs / "b.bin", ns=(1, 1))  # what it holds is as it was
+    assert serial(inputs, data).decoded == 1
+    assert [name for name in content(data) if "_done" not in name] == [
+        name for name in before if "_done" not in name
+    ]
+    assert len(rows(data)) == 3
     assert serial(inputs, data, options=Options(protocol="mightyzap")).decoded == 3
     serial(inputs, tmp_path / "fresh", options=Options(protocol="mightyzap"))
     assert content(data) == content(tmp_path / "fresh")
