@@ -120,8 +120,11 @@ def test_what_cannot_be_read_has_a_row_that_says_why_and_is_tried_again_when_tha
     monkeypatch.setattr("sniffer.cli.fleet.LOG_S", 0.0)
     done = within(capsys, "fleet", inputs, "-o", data, "--workers", "1")
     assert done.status == 1
-    told = done.err.splitlines()[-1]
+    *_, told, broken, empty, prose = done.err.splitlines()
     assert re.fullmatch(r"sniffer: 4 of 4 captures, [\d.]+ MB/s, 0 s left", told)
+    assert broken.startswith(f"sniffer: damaged: {inputs / 'broken.log'}, line ")
+    assert empty.startswith(f"sniffer: failed: {inputs / 'empty.bin'}")
+    assert prose.startswith(f"sniffer: failed: {inputs / 'prose.txt'}: this is text, but no")
     assert done.out == "4 captures: 1 ok, 1 damaged, 2 failed (4 decoded, 0 there already)\n"
     found = by_name(data)
     assert {name: row["status"] for name, row in found.items()} == {

@@ -118,10 +118,12 @@ def fleet(
         tell=Teller(say, quiet=quiet),
     )
     shown.end()
-    for reason in done.reasons[:TOLD]:
-        say(reason)
-    if len(done.reasons) > TOLD:
-        say(f"and {len(done.reasons) - TOLD} more")
+    for told in (done.reasons, () if quiet else done.troubles):
+        for line in told[:TOLD]:
+            say(line)
+        if len(told) > TOLD:
+            named = ": captures.parquet names them" if told is done.troubles else ""
+            say(f"and {len(told) - TOLD} more{named}")
     if not quiet:
         click.echo(_told(done))
     if not done.is_whole:

@@ -85,6 +85,7 @@ class FleetRun:
 
     ``skipped`` were done before. ``statuses`` counts by status those that are in the data set now.
     ``undone`` are the places of those that are not, ``reasons`` what was said of some.
+    ``troubles`` has a sentence for each of those decoded now that were not read to their end.
     ``bytes`` are those of the files decoded, ``seconds`` is how long it all took.
     """
 
@@ -94,6 +95,7 @@ class FleetRun:
     statuses: Counter[str]
     undone: tuple[str, ...]
     reasons: tuple[str, ...]
+    troubles: tuple[str, ...]
     bytes: int
     seconds: float
     is_interrupted: bool = False
@@ -364,10 +366,16 @@ class _Work:
             statuses=statuses,
             undone=tuple(undone),
             reasons=tuple(self.reasons),
+            troubles=tuple(sorted(_trouble(row) for row in self.rows.values() if row.error)),
             bytes=sum(row.bytes for row in self.rows.values()),
             seconds=time.monotonic() - self.began,
             is_interrupted=self.is_interrupted,
         )
+
+
+def _trouble(row: CaptureRow) -> str:
+    told = row.error if row.path in row.error else f"{row.path}: {row.error}"
+    return f"{row.status}: {told}"
 
 
 class _HopelessError(OutputError):
