@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import pyarrow as pa
 import pyarrow.fs as pafs
 
+from sniffer.fleet.objects import ObjectPlace, find_objects, send_object
 from sniffer.ground.model import InputError
 
 if TYPE_CHECKING:
@@ -46,11 +47,12 @@ class StoredFile(NamedTuple):
 class Store:
     """Files below one root, ``uri``: a folder, or ``s3://bucket/folder`` and the like."""
 
-    def __init__(self, uri: str, system: Any, root: str) -> None:
+    def __init__(self, uri: str, place: ObjectPlace) -> None:
         self.uri = uri
-        self.root = root
-        self._system = system
-        self.is_local = isinstance(system, pafs.LocalFileSystem)
+        self.root = place.path
+        self._place = place
+        self._system = place.system
+        self.is_local = isinstance(place.system, pafs.LocalFileSystem)
 
     @classmethod
     def of(cls, uri: str | Path) -> Store:
@@ -61,12 +63,13 @@ class Store:
         """
         told = str(uri)
         if "://" not in told:
-            return cls(told, pafs.LocalFileSystem(), Path(told).absolute().as_posix())
+            here = ObjectPlace(pafs.LocalFileSystem(), Path(told).absolute().as_posix(), 0)
+            return cls(told, here)
         try:
-            system, root = pafs.FileSystem.from_uri(told)
+            place = find_objects(told)
         except (pa.ArrowInvalid, pa.ArrowNotImplementedError, OSError) as error:
             raise InputError(f"{told}: no place for files ({error})") from None
-        return cls(told, system, root.rstrip("/"))
+        return cls(told, place)
 
     def _at(self, path: str) -> str:
         return f"{self.root}/{path}" if path else self.root
@@ -82,12 +85,7 @@ class Store:
             target.parent.mkdir(parents=True, exist_ok=True)
             file.replace(target)
             return
-        # one PUT, or parts that become an object when the last one is there: never half of it
-        with file.open("rb") as source:
-            stream = self._system.open_output_stream(self._at(path))
-            while data := source.read(SENT_AT_ONCE):
-                stream.write(data)
-            stream.close()
+        send_object(self._place._replace(path=self._at(path)), file)
 
     def put_bytes(self, path: str, data: bytes, folder: Path | None = None) -> None:
         """Let a small file appear at ``path``; ``folder`` is what ``staging`` gave, None: not yet.
