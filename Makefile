@@ -27,7 +27,7 @@ QUICK := $(addprefix tests/test_, $(addsuffix .py, architecture detect golden ls
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-quick coverage lint format bench bench-diagnosis bench-fleet bench-live bench-signals soak rig fuzz schemas wireshark captures golden shell clean
+.PHONY: help demo test test-quick test-ray coverage lint format bench bench-diagnosis bench-fleet bench-live bench-signals soak rig fuzz schemas wireshark captures golden shell clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -40,6 +40,10 @@ test: $(VENV)/.dev ## run all tests, about 12 minutes on two cores (PYTEST_ARGS=
 
 test-quick: $(VENV)/.dev ## the decoding of all protocols against its vectors, in less than a minute
 	$(PYTEST) $(QUICK) $(PYTEST_ARGS)
+
+test-ray: $(VENV)/.dev ## fleets on Ray, which is installed for it (0.3 GB)
+	$(PIP) install --quiet --editable '.[dev,ray]'
+	$(BIN)/python -m pytest tests/test_fleet_ray.py $(PYTEST_ARGS)
 
 coverage: $(VENV)/.dev ## the branches of the core that its tests take; fails below 95 %
 	$(PYTEST) $(CORE) --cov --cov-report=term $(PYTEST_ARGS)

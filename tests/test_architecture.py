@@ -52,6 +52,9 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
         *("jobs/api.py", "jobs/query.py", "fleet/"),
     ),
     "duckdb": ("jobs/query.py",),
+    "dask": ("fleet/engines/dask.py",),
+    "distributed": ("fleet/engines/dask.py",),
+    "ray": ("fleet/engines/ray.py",),
     "foxglove": ("sinks/foxglove.py",),
     "pandas": (),
     "textual": ("inside/",),
@@ -77,6 +80,8 @@ RUNS: Final = {"Decoder", "Pipeline", "open_outputs", "open_port", "open_sink", 
 
 LAZY: Final = (
     *(
+        "dask",
+        "distributed",
         "duckdb",
         "foxglove",
         "mcap",
@@ -84,6 +89,7 @@ LAZY: Final = (
         "google",
         "rerun",
         "pyarrow",
+        "ray",
         "serial",
         "textual",
     ),

@@ -75,6 +75,30 @@ def need_duckdb() -> None:
         raise _missing("queries need DuckDB", "'servo-sniffer[query]'", error) from None
 
 
+def need_dask() -> None:
+    """Do nothing where captures can be decoded on a Dask cluster.
+
+    Raises:
+        OutputError: Dask's scheduler is not installed.
+    """
+    try:
+        importlib.import_module("distributed")
+    except ImportError as error:
+        raise _missing("--engine dask needs Dask", "'servo-sniffer[fleet]'", error) from None
+
+
+def need_ray() -> None:
+    """Do nothing where captures can be decoded on a Ray cluster.
+
+    Raises:
+        OutputError: Ray is not installed.
+    """
+    try:
+        importlib.import_module("ray")
+    except ImportError as error:
+        raise _missing("--engine ray needs Ray", "'servo-sniffer[ray]'", error) from None
+
+
 def need_foxglove() -> None:
     """Do nothing where a recording can be shown in Foxglove; another process loads the library.
 

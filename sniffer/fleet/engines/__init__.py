@@ -58,8 +58,20 @@ def _local(workers: int | None, scheduler: str | None) -> Engine:
     return LocalEngine(workers or cores())
 
 
+def _dask(workers: int | None, scheduler: str | None) -> Engine:
+    from sniffer.fleet.engines.dask import DaskEngine
+
+    return DaskEngine(workers or cores(), scheduler)
+
+
+def _ray(workers: int | None, scheduler: str | None) -> Engine:
+    from sniffer.fleet.engines.ray import RayEngine
+
+    return RayEngine(workers or cores(), scheduler)
+
+
 ENGINES: Final[Mapping[str, Callable[[int | None, str | None], Engine]]] = MappingProxyType(
-    {"local": _local}
+    {"local": _local, "dask": _dask, "ray": _ray}
 )
 """Makers of engines by name; they take the number of workers and the address of a scheduler."""
 
