@@ -41,7 +41,7 @@ def scheduler() -> Iterator[str]:
         processes=False,
         protocol="tcp://",
         dashboard_address="127.0.0.1:0",
-        silence_logs=dask_engine.ERRORS,
+        silence_logs=dask_engine.SILENT,
     ) as cluster:
         yield cluster.scheduler_address
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 ANSWERS_S: Final = 10
 """How long a scheduler may take to answer, in seconds; Dask's own patience is 30 s."""
 
-ERRORS: Final = 40
-"""``logging.ERROR``: what Dask tells below that, of workers that come and go, is told by us."""
+SILENT: Final = 50
+"""``logging.CRITICAL``: of workers that die, and what that costs, we tell ourselves."""
 
 
 class DaskEngine:
@@ -62,7 +62,7 @@ class DaskEngine:
                     n_workers=self._workers,
                     threads_per_worker=1,  # decoding holds Python's lock
                     dashboard_address="127.0.0.1:0",  # None takes port 8787, ":0" serves the world
-                    silence_logs=ERRORS,
+                    silence_logs=SILENT,
                 )
                 at = held.enter_context(cluster)
             try:

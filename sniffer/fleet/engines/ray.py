@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from sniffer.fleet.engines import Batch, Outcome
     from sniffer.fleet.rows import CaptureRow
 
-ERRORS: Final = 40
-"""``logging.ERROR``: what Ray tells of itself below that answers no question."""
+SILENT: Final = 50
+"""``logging.CRITICAL``: what Ray tells of itself below that, we tell, or nobody asked."""
 
 
 class RayEngine:
@@ -48,7 +48,7 @@ class RayEngine:
 
         own = {} if self._scheduler else {"num_cpus": self._workers, "include_dashboard": False}
         try:
-            ray.init(self._scheduler or "local", log_to_driver=False, logging_level=ERRORS, **own)
+            ray.init(self._scheduler or "local", log_to_driver=False, logging_level=SILENT, **own)
         except (ConnectionError, ValueError, RuntimeError) as error:
             raise InputError(
                 f"no Ray cluster answers at {self._scheduler} ({error}): start one with "

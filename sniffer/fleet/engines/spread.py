@@ -16,7 +16,7 @@ from sniffer.fleet.rows import CaptureRow, UndoneError, WorkerDiedError
 from sniffer.ground.model import SnifferError
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Sequence
+    from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
 
     from sniffer.fleet.engines import Batch, Outcome
 
@@ -57,7 +57,7 @@ class Cluster(Protocol):
         ...
 
 
-def spread(batches: Iterable[Batch], cluster: Cluster, attempts: int) -> Iterator[Outcome]:
+def spread(batches: Iterable[Batch], cluster: Cluster, attempts: int) -> Generator[Outcome]:
     """Yield each batch when it is over, or its captures one by one, with what became of it.
 
     Schedulers blame every task that a dead worker had, also those that only waited there. So a
