@@ -20,10 +20,8 @@ from tests.commands import within
 from tests.fleets import HELD_UP, Peril, captures, content, descendants, serial, talks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
     from pathlib import Path
-
-    from sniffer.fleet.engines import Batch
 
 Capsys = pytest.CaptureFixture[str]
 
@@ -66,12 +64,12 @@ def test_a_dask_worker_that_is_killed_with_a_capture_costs_nothing_but_time(tmp_
     class Killing(DaskEngine):
         """Its worker is killed while it decodes."""
 
-        def submit(self, batch: Batch, tries: int) -> Any:
-            future = super().submit(batch, tries)
-            killed.append(peril.held_up())
-            os.kill(killed[-1], signal.SIGKILL)
-            peril.open()
-            return future
+        def first(self, handles: Collection[Any]) -> Any:
+            if not killed:
+                killed.append(peril.held_up())
+                os.kill(killed[-1], signal.SIGKILL)
+                peril.open()
+            return super().first(handles)
 
     done = decode_fleet([logs], tmp_path / "dask", options, engine=Killing(1))
     assert len(killed) == 1

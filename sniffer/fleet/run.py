@@ -209,7 +209,8 @@ def _tasks(
     try:
         found = find_captures(inputs, store)
     except OSError as error:
-        raise InputError(f"{error.filename}: cannot be read ({error.strerror or error})") from None
+        which = error.filename or ", ".join(map(str, inputs))  # an object store names no file
+        raise InputError(f"{which}: cannot be read ({error.strerror or error})") from None
     if found.left_out:
         what = counted(found.left_out, "file")
         tell.talk(f"left out {what} of folders, called like no capture: *.log, *.mcap and so on")

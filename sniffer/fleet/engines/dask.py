@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from sniffer.fleet.engines.local import ATTEMPTS
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 
 ANSWERS_S: Final = 10
 """How long a scheduler may take to answer, in seconds; Dask's own patience is 30 s."""
+
+ASKS_S: Final = 0.5
+"""How often the scheduler is asked who is there, in seconds: of 1000 workers it names each."""
 
 SILENT: Final = 50
 """``logging.CRITICAL``: of workers that die, and what that costs, we tell ourselves."""
@@ -42,6 +46,8 @@ class DaskEngine:
         self._scheduler = scheduler
         self._client: Any = None
         self._over: Any = None
+        self._cores = 0
+        self._asked = -ASKS_S
         self._held = contextlib.ExitStack()
 
     def __enter__(self) -> Self:
@@ -87,7 +93,10 @@ class DaskEngine:
 
     def cores(self) -> int:
         """Return how many threads the workers have: they come and go."""
-        return sum(self._client.nthreads().values())
+        now = time.monotonic()
+        if now >= self._asked + ASKS_S:
+            self._cores, self._asked = sum(self._client.nthreads().values()), now
+        return self._cores
 
     def submit(self, batch: Batch, tries: int) -> Any:
         """Have a batch decoded."""
