@@ -29,11 +29,13 @@ class ObjectServer:
         self.refuses: Callable[[str, str], bool] = lambda method, path: False
 
     def __call__(self, environ: dict[str, Any], start: Any) -> Iterable[bytes]:
+        from werkzeug.wsgi import get_input_stream
+
         method = environ["REQUEST_METHOD"]
         path = f"{environ['PATH_INFO']}?{environ['QUERY_STRING']}"
         self.requests.append((method, path))
         if self.refuses(method, path):
-            environ["wsgi.input"].read()
+            get_input_stream(environ).read()
             start("403 Forbidden", [("Content-Type", "application/xml")])
             return [REFUSED]
         answer: Iterable[bytes] = self._behind(environ, start)

@@ -131,7 +131,7 @@ def test_a_place_that_is_none_is_told_in_a_line(
         ran = within(capsys, "fleet", nothing, "-o", tmp_path / "data")
         assert ran.status == 2
         assert ran.complaint.startswith(f"{nothing}: there are no captures: ")
-    server.refuses = lambda method, path: True
+    server.refuses = lambda method, path: method == "GET"
     ran = within(capsys, "fleet", "s3://bucket/in", "-o", tmp_path / "data")
     server.refuses = lambda method, path: False
     assert ran.status == 2
