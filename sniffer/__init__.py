@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         Transactions,
     )
     from sniffer.jobs.api import Capture, decode, frames_table, records, samples_table
+    from sniffer.jobs.batches import read_batches
     from sniffer.jobs.check import Checked, check
     from sniffer.jobs.convert import Converted, convert
     from sniffer.jobs.cut import cut
@@ -134,6 +135,7 @@ __all__ = [
     "play",
     "play_back",
     "query",
+    "read_batches",
     "record",
     "records",
     "replay",
@@ -146,6 +148,7 @@ __all__ = [
 _ROOMS: Final = {
     "ground.codes": ("Kind", "Outcome", "Provenance", "Reply", "Role"),
     "fleet.run": ("FleetProgress", "FleetRun", "decode_fleet"),
+    "jobs.batches": ("read_batches",),
     "jobs.check": ("Checked", "check"),
     "jobs.convert": ("Converted", "convert"),
     "jobs.cut": ("cut",),

@@ -109,6 +109,19 @@ def test_several_files_are_one_table_that_tells_them_apart(query: Asking) -> Non
     ]
 
 
+def test_together_several_files_are_one_capture(query: Asking, tmp_path: Path) -> None:
+    lines = ONE.read_text().splitlines(keepends=True)
+    halves = tmp_path / "1.log", tmp_path / "2.log"
+    cut = next(n for n, line in enumerate(lines) if n > 1000 and "FFFFFF" in line)
+    for half, told in zip(halves, (lines[:cut], lines[cut:]), strict=True):
+        half.write_text("".join(told))
+    sql = "SELECT op, outcome, response_time_ns, request_offset FROM transactions"
+    assert query.rows(sql, *halves, "--together") == query.rows(sql, ONE)
+    one_by_one = "SELECT count(DISTINCT file) AS n FROM transactions WHERE request_offset = 0"
+    assert query.rows(one_by_one, *halves)[0]["n"] == 2
+    assert "file" in query.says(one_by_one, *halves, "--together").complaint
+
+
 @pytest.mark.parametrize(
     "sql",
     [

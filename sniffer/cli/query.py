@@ -12,7 +12,14 @@ from typing import Any, Final
 
 import click
 
-from sniffer.cli.options import decoding, examples, files_here, with_format
+from sniffer.cli.options import (
+    captures_in,
+    decoding,
+    examples,
+    files_here,
+    with_format,
+    with_together,
+)
 from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
@@ -34,11 +41,13 @@ LOOK: Final = 1000
     epilog=examples(
         'sniffer query "SELECT code, count(*) FROM anomalies GROUP BY ALL" run.mcap',
         'sniffer query "SELECT op, max(response_time_ns) FROM transactions GROUP BY op" run.mcap',
+        'sniffer query "SELECT count(*) FROM gaps" --together run-001.mcap run-002.mcap',
         'sniffer query "DESCRIBE samples" run.mcap',
     ),
 )
 @click.argument("sql", metavar="SQL")
 @click.argument("files", shell_complete=files_here, metavar="FILE...", nargs=-1, required=True)
+@with_together
 @with_part
 @with_rows
 @decoding
@@ -49,21 +58,23 @@ def query(
     options: Options,
     input_format: str,
     output_format: str,
+    together: bool,
     window: Window | None,
     selection: Selection | None,
 ) -> int:
     """Answer one SELECT over the records of FILE, in DuckDB's SQL.
 
     The tables are frames, transactions, samples, anomalies and gaps; `DESCRIBE samples` lists the
-    columns of one. With several files each has a column `file`. A query sees the tables and nothing
-    else: no files, no network. It needs DuckDB: pip install 'servo-sniffer[query]'.
+    columns of one. With several files each has a column `file`; with --together they are one. A
+    query sees the tables and nothing else: no files, no network. It needs DuckDB: pip install
+    'servo-sniffer[query]'.
 
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is asked).
     """
     with patient() as patience:
         answer = ask(
             sql,
-            files,
+            captures_in(files, together=together),
             options,
             input_format=input_format,
             window=window,

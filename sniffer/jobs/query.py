@@ -7,7 +7,6 @@ extensions, no variables of the program, and its configuration is locked.
 from __future__ import annotations
 
 import contextlib
-import difflib
 import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
@@ -16,6 +15,7 @@ from sniffer.ground.model import InputError
 from sniffer.ground.needs import need_duckdb, need_pyarrow
 from sniffer.jobs.session import Ending
 from sniffer.jobs.through import hear_part
+from sniffer.sources.several import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -63,7 +63,7 @@ class Answer:
 
 def query(
     sql: str,
-    sources: Sequence[str | Path],
+    sources: Sequence[str | Path | Sequence[str | Path]],
     options: Options | None = None,
     *,
     input_format: str = "auto",
@@ -79,7 +79,8 @@ def query(
 
     Args:
         sql: one SELECT (or WITH, EXPLAIN, DESCRIBE ...) as DuckDB has it.
-        sources: paths, or ``"-"`` for standard input.
+        sources: captures, each a path, ``"-"`` for standard input, or several of them that are
+            one capture, read in the order of their times.
         options: how they are decoded; what a recording says of itself fills what is not said.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         window: which part of each; all of it where None.
@@ -111,7 +112,7 @@ def query(
     for source in sources:
         sink = RelationSink(
             [name for name in RELATIONS if name in named],
-            file=str(source) if len(sources) > 1 else None,
+            file=name_of(source) if len(sources) > 1 else None,
         )
         done = hear_part(
             source,
@@ -149,13 +150,7 @@ def _told() -> Iterator[None]:
         text = str(error).partition("\nLINE")[0]
         unknown = _NO_TABLE.search(text)
         if unknown is not None:
-            raise InputError(_no_table(unknown[1])) from None
+            from sniffer.sinks.relations import no_relation
+
+            raise InputError(no_relation(unknown[1])) from None
         raise InputError(f"the query: {' '.join(text.split())}") from None
-
-
-def _no_table(name: str) -> str:
-    from sniffer.sinks.relations import RELATIONS
-
-    near = difflib.get_close_matches(name, RELATIONS, 1)
-    advice = f"did you mean {near[0]}?" if near else f"one of {', '.join(RELATIONS)}"
-    return f"there is no table {name[:40]!r}: {advice}"

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.pacing import Pace
     from sniffer.decoding.pipeline import Options
     from sniffer.decoding.sink import Sink
+    from sniffer.decoding.slicing import Slice
     from sniffer.decoding.summary import Summary
     from sniffer.ground.model import Chunk
     from sniffer.jobs.asked import Extract
@@ -92,6 +93,18 @@ def merged(
     return in_order(groups, options, tell.talk)
 
 
+def reads_on(source: Source, summary: Summary) -> bool:
+    """Tell whether an input that broke off is as whole as it can be: a recorder was killed."""
+    return source.format == "mcap" and bool(summary.buses)
+
+
+def nothing_in(name: str, part: Slice | None) -> str:
+    """Return what is said where nothing of an input was decoded."""
+    if part is not None and part.seconds is not None:
+        return f"nothing was said {part}: {name} has {part.seconds:.3f} s"
+    return f"{name} is empty: nothing to decode"
+
+
 def run_source(
     source: Source,
     options: Options,
@@ -143,7 +156,7 @@ def run_source(
                 pipeline.close()
             except DamagedInputError as error:
                 pipeline.close()
-                usable = source.format == "mcap" and pipeline.summary.buses
+                usable = reads_on(source, pipeline.summary)
                 ending = Ending.DONE if usable else Ending.DAMAGED
                 told = f"{error}: read as far as it goes" if usable else str(error)
                 on_break(str(error))
@@ -151,9 +164,7 @@ def run_source(
                 ending, told = Ending.INTERRUPTED, _after_interruption(pipeline)
                 on_break("reading it was interrupted")
             if not pipeline.summary.buses and ending == Ending.DONE:
-                if part is not None and part.seconds is not None:
-                    raise InputError(f"nothing was said {part}: {name} has {part.seconds:.3f} s")
-                raise InputError(f"{name} is empty: nothing to decode")
+                raise InputError(nothing_in(name, part))
         finally:
             pipeline.finish()
     if patience.asked and ending == Ending.DONE:

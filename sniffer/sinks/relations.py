@@ -6,6 +6,7 @@ are beside them. Where a column has no value it is null, never -1.
 
 from __future__ import annotations
 
+import difflib
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -178,6 +179,19 @@ RELATIONS: Final[Mapping[str, _Relation]] = MappingProxyType(
 """The tables that SQL may name."""
 
 
+def plain_schema(schema: Any) -> Any:
+    """Return a schema whose names are strings: in dictionaries they differ from batch to batch."""
+    plain = (f.with_type(pa.string()) if f.type == _NAME else f for f in schema)
+    return pa.schema(list(plain))
+
+
+def no_relation(name: str) -> str:
+    """Return what is said where somebody names a table that there is not."""
+    near = difflib.get_close_matches(name, RELATIONS, 1)
+    advice = f"did you mean {near[0]}?" if near else f"one of {', '.join(RELATIONS)}"
+    return f"there is no table {name[:40]!r}: {advice}"
+
+
 class RelationSink:
     """A sink that keeps the tables that are asked for, all their rows that are shown.
 
@@ -200,6 +214,11 @@ class RelationSink:
 
     def close(self) -> None:
         """Do nothing: tables are asked for afterwards."""
+
+    def taken(self, name: str) -> list[Any]:
+        """Return the parts of a table that came since it was asked last, and forget them."""
+        parts, self._parts[name] = self._parts[name], []
+        return parts
 
     def tables(self) -> dict[str, Any]:
         """Return the tables by name."""
