@@ -39,8 +39,9 @@ def test_the_batches_of_a_table_are_the_rows_that_a_query_has(table: str) -> Non
 
 def test_other_libraries_take_the_batches_as_they_are() -> None:
     high = sniffer.Selection.parse("raw > 4000")
-    batches = sniffer.read_batches(LOG, "samples", NAMED, selection=high)
-    (found,) = duckdb.sql("SELECT min(raw), count(*) FROM batches").fetchall()
+    with duckdb.connect() as connection:
+        connection.register("high", sniffer.read_batches(LOG, "samples", NAMED, selection=high))
+        (found,) = connection.execute("SELECT min(raw), count(*) FROM high").fetchall()
     sql = "SELECT min(raw), count(*) FROM samples WHERE raw > 4000"
     assert [found] == list(sniffer.query(sql, [LOG], NAMED))
     assert found[1] > 1
@@ -63,11 +64,13 @@ def test_what_is_read_before_a_log_breaks_off_comes_before_that_is_raised(tmp_pa
     torn = tmp_path / "torn.log"
     torn.write_text(LOG.read_text() + "no line of a log\n")
     batches = sniffer.read_batches(torn, "frames", NAMED)
-    rows = 0
+    made: list[Any] = []
     with pytest.raises(sniffer.DamagedInputError, match="'no line of a log' is no line"):
-        for batch in batches:
-            rows += batch.num_rows
-    assert rows == sniffer.read_batches(LOG, "frames", NAMED).read_all().num_rows
+        made.extend(batches)
+    assert (
+        sum(batch.num_rows for batch in made)
+        == sniffer.read_batches(LOG, "frames", NAMED).read_all().num_rows
+    )
 
 
 def test_a_recording_that_was_not_finished_is_read_as_far_as_it_goes(tmp_path: Path) -> None:

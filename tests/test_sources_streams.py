@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import random
+import subprocess
 import sys
 import threading
 import tracemalloc
 import types
-from typing import TYPE_CHECKING
+import zlib
+from typing import TYPE_CHECKING, Final
 
 import pytest
 
 from sniffer.ground.model import Chunk, InputError
 from sniffer.sources import open_source
+from tests.commands import COMMAND, environment
+from tests.golden import CAPTURES
 from tests.inputs import (
     BUS,
     SAMPLES,
@@ -22,8 +27,10 @@ from tests.inputs import (
     read,
     xxd,
 )
+from tests.terminals import PATIENCE_S
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
 
@@ -110,3 +117,111 @@ def test_memory_does_not_grow_with_the_file(tmp_path: Path) -> None:
 
     small, large = peak(5), peak(50)
     assert large < 1.25 * small
+
+
+class Slow:
+    """A named pipe into which somebody writes now and then."""
+
+    def __init__(self, folder: Path) -> None:
+        if not hasattr(os, "mkfifo"):
+            pytest.skip("no named pipes here")
+        self.path = folder / "slow"
+        os.mkfifo(self.path)
+        self._file = os.open(self.path, os.O_RDWR)  # which waits for no reader
+
+    def write(self, data: bytes) -> None:
+        assert os.write(self._file, data) == len(data)
+
+    def end(self) -> None:
+        os.close(self._file)
+
+
+FORMS: Final[Mapping[str, Callable[[int, bytes], bytes]]] = {
+    "candump": lambda at, data: b"(1.5) bus0 #%s\n" % data.hex().encode(),
+    "hex": lambda at, data: data.hex(" ").encode() + b"\n",
+    "jsonl": lambda at, data: (
+        b'{"type": "gap", "offset": %d, "hex": "%s"}\n' % (at, data.hex().encode())
+    ),
+    "od": lambda at, data: b"%07o %s\n" % (at, data.hex(" ").encode()),
+    "bin": lambda at, data: data,
+}
+
+
+@pytest.mark.parametrize(
+    ("form", "packed"), [*((form, False) for form in FORMS), ("candump", True)]
+)
+def test_what_comes_slowly_is_handed_on_before_more_comes(
+    form: str, packed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sniffer.sources.opening.GATHER_S", 0.02)
+    monkeypatch.setattr("sniffer.sources.opening.SILENT_S", 0.02)
+    packing = zlib.compressobj(wbits=31)
+    slow = Slow(tmp_path)
+
+    def say(at: int) -> bytes:
+        data = BUS[at : at + 16]
+        text = FORMS[form](at, data)
+        slow.write(packing.compress(text) + packing.flush(zlib.Z_SYNC_FLUSH) if packed else text)
+        return data
+
+    said = [say(0)]
+    with open_source(slow.path, form) as source:
+        groups = iter(source)
+        heard = [next(groups)]
+        for at in (16, 32):
+            said.append(say(at))
+            heard.append(next(groups))
+        assert [b"".join(chunk.data for chunk in group) for group in heard] == said
+        slow.write(packing.flush() if packed else b"")
+        slow.end()
+        assert list(groups) == []
+
+
+def test_a_pipe_that_is_never_silent_is_read_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sniffer.sources.opening.GATHER_S", 60)
+    monkeypatch.setattr("sniffer.sources.opening.GATHER_MOST_S", 0.05)
+    slow, enough = Slow(tmp_path), threading.Event()
+
+    def talk() -> None:
+        while not enough.wait(0.005):
+            slow.write(b"(1.5) bus0 #FF\n")
+
+    talker = threading.Thread(target=talk)
+    talker.start()
+    try:
+        with open_source(slow.path) as source:
+            assert source.format == "candump"
+            assert next(iter(source))
+    finally:
+        enough.set()
+        talker.join()
+        slow.end()
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "auto"])
+def test_a_log_that_grows_in_a_pipe_is_decoded_as_it_grows(protocol: str) -> None:
+    lines = (CAPTURES / "mightyzap_clean.log").read_bytes().splitlines(keepends=True)
+    begun = {"mightyzap": 2, "auto": 150}[protocol]  # one exchange, or enough to tell
+    command = [*COMMAND, "decode", "-", "--protocol", protocol, "--format", "jsonl"]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment()
+    ) as running:
+        assert running.stdin is not None
+        assert running.stdout is not None
+        give_up = threading.Timer(PATIENCE_S, running.kill)
+        give_up.start()
+        seen = 0
+        for some in (lines[:begun], lines[begun : begun + 8]):
+            running.stdin.write(b"".join(some))
+            running.stdin.flush()
+            seen += len(some) - 1  # a last request waits for its answer
+            while seen > 0:
+                line = running.stdout.readline()
+                assert line, "it ends, or says nothing for long"
+                seen -= json.loads(line)["type"] == "frame"
+        running.stdin.close()
+        running.stdout.read()
+        assert running.wait() == 0
+        give_up.cancel()

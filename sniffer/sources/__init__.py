@@ -32,7 +32,7 @@ from sniffer.sources.refusals import refuse_utf16
 from sniffer.sources.saleae import read_saleae
 from sniffer.sources.socat import read_socat
 from sniffer.sources.spy import read_spy
-from sniffer.sources.text import FIRST_LINES, DamagedLine, Opened
+from sniffer.sources.text import FIRST_LINES, PAUSE, DamagedLine, Opened
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -280,6 +280,11 @@ def _groups(chunks: Iterable[Chunk], lag_s: float) -> Iterator[list[Chunk]]:
     due = time.monotonic() + lag_s
     try:
         for chunk in chunks:
+            if chunk is PAUSE:
+                if group:
+                    yield group
+                group, size, due = [], 0, time.monotonic() + lag_s
+                continue
             if chunk.bus not in buses:
                 buses.add(chunk.bus)
                 if len(buses) > BUSES_MOST:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sniffer.ground.model import Chunk
-from sniffer.sources.text import BLOCK, Opened
+from sniffer.sources.text import BLOCK, PAUSE, Opened, pauses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -13,5 +13,10 @@ if TYPE_CHECKING:
 
 def read_binary(opened: Opened) -> Iterator[Chunk]:
     """Yield the bytes of ``opened`` unchanged."""
-    while data := opened.stream.read(BLOCK):
+    while True:
+        if pauses(opened.stream):
+            yield PAUSE
+        data = opened.stream.read(BLOCK)
+        if not data:
+            return
         yield Chunk(data, bus=opened.bus)

@@ -19,7 +19,7 @@ from sniffer.sources.text import (
     DamagedLine,
     LineBlock,
     Opened,
-    blocks,
+    arriving,
     quoted,
     untimed,
 )
@@ -316,11 +316,14 @@ class _Reading:
             yield "the dump ends with a *: how often the last line repeats is not known"
 
 
-def _bytes(opened: Opened, dialect: Dialect) -> Iterator[bytes]:
+def _bytes(opened: Opened, dialect: Dialect) -> Iterator[bytes | None]:
     reading = _Reading(dialect)
     try:
-        for block in blocks(opened.stream):
-            yield from reading.read(block)
+        for block in arriving(opened.stream):
+            if block is None:
+                yield None
+            else:
+                yield from reading.read(block)
     finally:
         opened.notes.extend(reading.notes())
 

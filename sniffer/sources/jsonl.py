@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sniffer.ground.limits import OFFSET_END, is_time
 from sniffer.ground.model import Chunk, Clock, Direction, InputError
 from sniffer.ground.wording import plain
-from sniffer.sources.text import DamagedLine, Opened, blocks, quoted
+from sniffer.sources.text import PAUSE, DamagedLine, Opened, arriving, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -110,7 +110,10 @@ def _no_capture(record: Mapping[str, Any]) -> str:
 
 
 def _chunks(opened: Opened, stream: _Stream) -> Iterator[Chunk]:
-    for block in blocks(opened.stream):
+    for block in arriving(opened.stream):
+        if block is None:
+            yield PAUSE
+            continue
         for number, line in enumerate(block.lines(), block.number):
             if not line.strip():
                 continue

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import os
 import select
 import stat
 import sys
+import time
 import weakref
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final, Protocol
@@ -19,6 +21,7 @@ from typing import TYPE_CHECKING, BinaryIO, Final, Protocol
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.pcapfile.layout import PCAP_MAGICS, PCAPNG_MAGIC
 from sniffer.sources.recognise import HEAD
+from sniffer.sources.text import pauses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,7 +34,13 @@ SPOOLED_AT_ONCE: Final = 1 << 20
 """Bytes that go to a temporary file at once."""
 
 GATHER_S: Final = 0.2
-"""How long the beginning of a pipe is gathered before it is looked at, in seconds."""
+"""How long a pipe must be silent for its beginning to be looked at, in seconds."""
+
+GATHER_MOST_S: Final = 1.0
+"""How long its beginning is gathered if it never is, in seconds."""
+
+SILENT_S: Final = 0.1
+"""From so long a silence on what has come of a pipe is handed on, in seconds."""
 
 
 SHOWN: Final = 300
@@ -73,6 +82,10 @@ class _Guarded:
                 raise DamagedInputError(f"{why} ({error.strerror})") from None
         self._read += len(data)
         return data
+
+    def comes(self) -> bool:
+        """Tell whether more comes soon, or the end."""
+        return bool(self._head) or not pauses(self._rest)
 
 
 class File:
@@ -119,8 +132,12 @@ class Pipe:
         self._read = b""
         whole = False
         # Whoever writes slowly is not waited for: what has come is looked at.
-        while len(self._read) < HEAD and (not self._read or _more(stream)):
-            read = _Arriving(stream).read(HEAD - len(self._read))
+        until = math.inf
+        while len(self._read) < HEAD and (not self._read or _more(stream, GATHER_S)):
+            if time.monotonic() > until:
+                break
+            read = _Pipe(stream).read(HEAD - len(self._read))
+            until = min(until, time.monotonic() + GATHER_MOST_S)
             if not read:
                 whole = True
                 break
@@ -137,7 +154,7 @@ class Pipe:
             raise InputError(f"{self.name} can be read only once")
         self._used = True
         try:
-            yield _Guarded(self._read, _Arriving(self._stream), self.name)
+            yield _Guarded(self._read, _Pipe(self._stream), self.name)
         finally:
             self.close()
 
@@ -180,21 +197,26 @@ class Spooled(File):
         self._file.close()
 
 
-class _Arriving:
+class _Pipe:
     """Bytes of a pipe as they come: a read takes what is there and waits only for the first."""
 
     def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
         self._take = getattr(stream, "read1", stream.read)
 
     def read(self, size: int, /) -> bytes:
         """Return up to ``size`` bytes, none at the end."""
         return bytes(self._take(size) or b"")
 
+    def comes(self) -> bool:
+        """Tell whether more comes soon, or the end."""
+        return _more(self._stream, SILENT_S)
 
-def _more(stream: BinaryIO) -> bool:
-    """Tell whether more comes within ``GATHER_S``; where that cannot be told, it does."""
+
+def _more(stream: BinaryIO, seconds: float) -> bool:
+    """Tell whether more comes in that time, or the end; where that cannot be told, it does."""
     try:
-        return bool(select.select([stream.fileno()], [], [], GATHER_S)[0])
+        return bool(select.select([stream.fileno()], [], [], seconds)[0])
     except (OSError, ValueError):  # no file at all, or a system that selects sockets only
         return True
 

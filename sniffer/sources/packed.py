@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.sources.recognise import HEAD
+from sniffer.sources.text import pauses
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -82,6 +83,10 @@ class _Unpacked:
             self._step()
         out, self._out = self._out[:size], self._out[size:]
         return out
+
+    def comes(self) -> bool:
+        """Tell whether more comes soon, or the end."""
+        return bool(self._out or self._waiting) or not pauses(self._packed)
 
     def _step(self) -> None:
         if self._machine.eof:  # a second member stands behind the first

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.patterns import later
-from sniffer.sources.text import DamagedLine, LineBlock, Opened, blocks, quoted, untimed
+from sniffer.sources.text import DamagedLine, LineBlock, Opened, arriving, quoted, untimed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -127,8 +127,11 @@ def decimal_line(line: bytes) -> bytes:
 
 def _bytes(
     opened: Opened, whole: Callable[[bytes], bytes], single: Callable[[bytes], bytes]
-) -> Iterator[bytes]:
-    for block in blocks(opened.stream, part_line):
+) -> Iterator[bytes | None]:
+    for block in arriving(opened.stream, part_line):
+        if block is None:
+            yield None
+            continue
         try:
             data = whole(block.text)
         except ValueError:

@@ -21,7 +21,16 @@ from sniffer.ground.limits import BAUDS, is_time
 from sniffer.ground.model import NS, Chunk, Clock, Mark, MarkKind
 from sniffer.ground.patterns import later
 from sniffer.signals.rates import STANDARD, snapped
-from sniffer.sources.text import CUT_OFF, DamagedLine, LineBlock, Opened, blocks, cells_of, quoted
+from sniffer.sources.text import (
+    CUT_OFF,
+    PAUSE,
+    DamagedLine,
+    LineBlock,
+    Opened,
+    arriving,
+    cells_of,
+    quoted,
+)
 from sniffer.sources.walltime import ZONELESS, WallClock, zone_ns
 
 if TYPE_CHECKING:
@@ -283,7 +292,10 @@ def read_saleae(opened: Opened) -> Iterator[Chunk]:
     """Yield one chunk a byte: its time is that of its end, the names in a table are buses."""
     table: _Logic1 | _Logic2 | None = None
     try:
-        for block in blocks(opened.stream):
+        for block in arriving(opened.stream):
+            if block is None:
+                yield PAUSE
+                continue
             plain = table.rows(block.text) if table is not None and not block.cut_off else None
             if plain is not None:
                 yield from plain

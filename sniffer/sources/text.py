@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol, runtime_checkable
 
 from sniffer.ground.model import Chunk, DamagedInputError
 
@@ -35,6 +35,26 @@ UTF8_BOM: Final = b"\xef\xbb\xbf"
 
 CUT_OFF: Final = "the last line is cut off: read as far as it goes"
 """The note about an input that ends in the middle of a line."""
+
+
+PAUSE: Final = Chunk(b"")
+"""What a reader yields where nothing more has come yet: what it gave before may be handed on."""
+
+
+@runtime_checkable
+class Arriving(Protocol):
+    """A stream whose bytes come when they come."""
+
+    def read(self, size: int, /) -> bytes:
+        """Return up to ``size`` bytes that are there, none at the end; wait for the first."""
+
+    def comes(self) -> bool:
+        """Tell whether a read would have something soon, or the end."""
+
+
+def pauses(stream: Stream) -> bool:
+    """Tell whether nothing more has come of a stream for a while."""
+    return isinstance(stream, Arriving) and not stream.comes()
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +112,14 @@ def quoted(text: bytes) -> str:
 
 
 def blocks(stream: Stream, part: Callable[[bytes], int] | None = None) -> Iterator[LineBlock]:
-    """Yield the text in whole lines.
+    """Yield the text in whole lines; see ``arriving``."""
+    return (block for block in arriving(stream, part) if block is not None)
+
+
+def arriving(
+    stream: Stream, part: Callable[[bytes], int] | None = None
+) -> Iterator[LineBlock | None]:
+    """Yield the text in whole lines, None where nothing more has come yet.
 
     ``part`` says where in a buffer without a line end an endless line may be parted; without it
     such a line raises :class:`DamagedLine`.
@@ -100,6 +127,8 @@ def blocks(stream: Stream, part: Callable[[bytes], int] | None = None) -> Iterat
     held = b""
     number, column, first = 1, 0, True
     while True:
+        if pauses(stream):
+            yield None
         read = stream.read(BLOCK)
         if first:
             read = read.removeprefix(UTF8_BOM)
@@ -146,8 +175,11 @@ class TextLog(Protocol):
 def read_log(opened: Opened, log: TextLog) -> Iterator[Chunk]:
     """Yield the chunks of a log; those before damage, too, and the notes however it ends."""
     try:
-        for block in blocks(opened.stream):
-            yield from log.chunks(block)
+        for block in arriving(opened.stream):
+            if block is None:
+                yield PAUSE
+            else:
+                yield from log.chunks(block)
         yield from log.rest()
     except DamagedInputError:
         yield from log.rest()
@@ -156,18 +188,24 @@ def read_log(opened: Opened, log: TextLog) -> Iterator[Chunk]:
         opened.notes.extend(log.notes())
 
 
-def joined(pieces: Iterable[bytes]) -> Iterator[bytes]:
-    """Join small pieces to about :data:`PIECE` bytes; what came before damage is yielded first."""
+def joined(pieces: Iterable[bytes | None]) -> Iterator[bytes | None]:
+    """Join small pieces to about :data:`PIECE` bytes; what came before damage is yielded first.
+
+    None is a pause, before which everything is yielded, too.
+    """
     held: list[bytes] = []
     size = 0
     try:
         for piece in pieces:
-            held.append(piece)
-            size += len(piece)
-            if size >= PIECE:
+            if piece is not None:
+                held.append(piece)
+                size += len(piece)
+            if size >= PIECE or (size and piece is None):
                 yield b"".join(held)
                 held.clear()
                 size = 0
+            if piece is None:
+                yield None
     except DamagedInputError:
         if size:
             yield b"".join(held)
@@ -176,10 +214,10 @@ def joined(pieces: Iterable[bytes]) -> Iterator[bytes]:
         yield b"".join(held)
 
 
-def untimed(pieces: Iterable[bytes], bus: str) -> Iterator[Chunk]:
+def untimed(pieces: Iterable[bytes | None], bus: str) -> Iterator[Chunk]:
     """Yield chunks without times."""
     for piece in joined(pieces):
-        yield Chunk(piece, bus=bus)
+        yield PAUSE if piece is None else Chunk(piece, bus=bus)
 
 
 def cells_of(line: str) -> list[str]:
