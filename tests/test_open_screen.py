@@ -23,7 +23,7 @@ from sniffer.inside.app import LookingGlass
 from sniffer.inside.index import CaptureIndex
 from sniffer.inside.reading import Reading
 from sniffer.sources import open_source
-from tests.commands import COMMAND, environment
+from tests.commands import COMMAND, environment, within
 from tests.terminals import LINUX_ONLY, PATIENCE_S
 from tests.terminals import Terminal as Port
 
@@ -97,11 +97,13 @@ class Glass:
 
 @contextlib.asynccontextmanager
 async def looking(
-    path: Path, marks: Path | None = None, growing: Path | None = None
+    path: Path, marks: Path | None = None, growing: Path | None = None, start: str = ""
 ) -> AsyncIterator[Glass]:
     reading = Reading(open_source(path), Options(), CaptureIndex(), growing=growing)
     reading.start(first=True)
-    app = LookingGlass(reading, name=path.name, marks=marks, follow=growing is not None)
+    app = LookingGlass(
+        reading, name=path.name, marks=marks, follow=growing is not None, start=start
+    )
     try:
         async with app.run_test(size=(80, 24)) as pilot:
             glass = Glass(app, pilot)
@@ -227,6 +229,54 @@ def test_a_file_that_grows_is_followed_and_can_be_held(tmp_path: Path) -> None:
         assert app.view.count > held
 
     look(capture, steps, growing=capture)
+
+
+def test_it_begins_at_a_place_as_soon_as_that_was_read(tmp_path: Path) -> None:
+    lines = DAMAGED.read_bytes().splitlines(keepends=True)
+    capture = tmp_path / "growing.log"
+    capture.write_bytes(b"".join(lines[:1000]))
+
+    async def steps(glass: Glass) -> None:
+        app = glass.app
+        assert glass.text(app.status) == "looking for 7s …"
+        with capture.open("ab") as file:
+            file.write(b"".join(lines[1000:]))
+        await glass.until(lambda: not app._start)
+        times = app.index.lines["t"] - app.index.lines["t"][0]
+        assert times[app.list.cursor - 1] < 7_000_000_000 <= times[app.list.cursor]
+        assert "looking" not in glass.text(app.status)
+
+    async def moved(glass: Glass) -> None:
+        await glass.press("home")
+        assert glass.app._start == ""
+
+    async def nowhere(glass: Glass) -> None:
+        assert "@anomaly:99999: " in glass.text(glass.app.status)
+        assert "line 1 of" in glass.text(glass.app.top)
+
+    look(capture, steps, growing=capture, start="7s")
+    look(capture, moved, growing=capture, start="@anomaly:99999")
+    look(DAMAGED, nowhere, start="@anomaly:99999")
+
+
+def test_the_place_to_begin_at_is_said_as_elsewhere(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    def look_inside(source: str, options: Options, *, start: str, **more: Any) -> None:
+        asked.append(start)
+
+    monkeypatch.setattr("sniffer.inside.session.look_inside", look_inside)
+    assert within(capsys, "open", DAMAGED, "--from", "@first-error").status == 0
+    assert within(capsys, "open", DAMAGED).status == 0
+    assert asked == ["@first-error", ""]
+    for what, why in (
+        ((DAMAGED, "--from", "soon"), "'soon' is no place in a capture"),
+        (("socket://localhost:1", "--from", "2"), "nothing of a port is there yet"),
+    ):
+        done = within(capsys, "open", *what)
+        assert (done.status, why in done.complaint) == (2, True)
 
 
 class Shell:

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from sniffer.cli.options import decoding, examples, files_here
-from sniffer.cli.selecting import with_rows
+from sniffer.cli.selecting import with_rows, with_start
 from sniffer.cli.statuses import DONE
 from sniffer.cli.streams import say
 from sniffer.decoding.options import AUTO, Options
@@ -20,11 +20,13 @@ from sniffer.selection.selection import Selection
     epilog=examples(
         "sniffer open recording.mcap",
         "sniffer open recording.mcap --servo 3 --kind request",
+        "sniffer open recording.mcap --from @first-error",
         "sniffer open growing.log --follow",
         "sniffer open /dev/ttyUSB0=mightyzap@57600 -o run.mcap",
     ),
 )
 @click.argument("file", shell_complete=files_here, metavar="FILE|PORT")
+@with_start
 @with_rows
 @decoding
 @click.option("--follow", is_flag=True, help="FILE is being written: show what comes.")
@@ -40,11 +42,13 @@ def open(
     input_format: str,
     follow: bool,
     output: Path | None,
+    start: str | None,
     selection: Selection | None,
 ) -> int:
     """Look inside FILE on the terminal: frames, the fields of one, its bytes; ? has the keys.
 
-    --servo, --where and the like are the filter that it begins with; f asks for another.
+    --servo, --where and the like are the filter that it begins with, f asks for another; --from is
+    where the cursor begins, g goes elsewhere.
 
     A PORT (as record takes it) is recorded into a file, and shown while it is.
     """
@@ -53,8 +57,17 @@ def open(
     if not is_port(file):
         if output is not None:
             raise click.UsageError("-o is where a port is recorded to: FILE is there already")
-        look_inside(file, options, input_format=input_format, follow=follow, selection=selection)
+        look_inside(
+            file,
+            options,
+            input_format=input_format,
+            follow=follow,
+            selection=selection,
+            start=start or "",
+        )
         return DONE
+    if start is not None:
+        raise click.UsageError("--from is a place in a capture: nothing of a port is there yet")
     if options.tables:
         raise click.UsageError("--registers is not for a port: record it, then open the recording")
     now = datetime.datetime.now()

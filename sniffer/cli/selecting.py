@@ -133,6 +133,11 @@ _ROWS = (
 )  # fmt: skip
 
 
+def with_start(command: Command) -> Command:
+    """Add the option that says where to begin in a capture; ``start`` is what it says."""
+    return _FROM(command)
+
+
 def with_part(command: Command) -> Command:
     """Add the options that say which part of a capture is meant; ``window`` is what they say."""
     return gathered(command, _PART, _window)

@@ -56,6 +56,7 @@ class LookingGlass(App[None]):
         follow: stay at the last line from the beginning.
         recorder: what writes the capture, where a port is shown.
         wanted: which lines are shown from the beginning, as the filter line has it.
+        start: where the cursor begins, as ``g`` takes it; it goes there once that was read.
     """
 
     CSS = CSS
@@ -75,6 +76,7 @@ class LookingGlass(App[None]):
         follow: bool = False,
         recorder: BesideRecorder | None = None,
         wanted: str = "",
+        start: str = "",
     ) -> None:
         super().__init__()
         self.reading = reading
@@ -97,6 +99,7 @@ class LookingGlass(App[None]):
         self._wanted: int | None = None
         self._search: Search | None = None
         self._found_last, self._filter_text = "", wanted
+        self._start = start
         self._is_due = False
 
     def compose(self) -> ComposeResult:
@@ -146,6 +149,8 @@ class LookingGlass(App[None]):
             self.list.go(self.view.position(wanted), by_hand=False, middle=True)
         elif self.view.count > before and (self._follow or not before):
             self.list.go(self.view.count - 1 if self._follow else self.list.cursor, by_hand=False)
+        if self._start:
+            self._begin_there()
         if self._search is not None:
             self._look_on()
         self.list.marked = self.notes.lines(self.index)
@@ -187,6 +192,7 @@ class LookingGlass(App[None]):
     def on_frame_list_moved(self, event: FrameList.Moved) -> None:
         """Have the panes follow the cursor."""
         if event.by_hand:
+            self._start = ""
             self._said, self._follow = "", self._follow and self._is_at_end
         if not self._is_due:
             self._is_due = True
@@ -300,6 +306,22 @@ class LookingGlass(App[None]):
         self.view.steps()
         self.list.afresh()
         self._tick()
+
+    def _begin_there(self) -> None:
+        """Go where the cursor is to begin, as soon as that was read."""
+        is_read = self.reading.done
+        try:
+            line = line_of(self._start, self.index)
+        except InputError as error:
+            if is_read:
+                self._start = ""
+                self.say(complaint(error), bad=True)
+            else:
+                self.say(f"looking for {self._start} …")
+            return
+        if not self.view.is_behind or self.view.judged > line:
+            self._start, self._said = "", ""
+            self._go(line)
 
     def _go(self, line: int) -> None:
         self._follow = False

@@ -57,11 +57,12 @@ class TextPane(VerticalScroll):
     """A pane of text that scrolls."""
 
     def __init__(self, name: str) -> None:
-        super().__init__(Static(id=f"{name}-text", markup=False), id=name)
+        self._text = Static(id=f"{name}-text", markup=False)  # it is asked while all is closed, too
+        super().__init__(self._text, id=name)
 
     def show(self, what: Text | Table | str) -> None:
         """Show this."""
-        self.query_one(Static).update(what)
+        self._text.update(what)
 
 
 def bytes_text(detail: Detail | None, chosen: DetailField | None, width: int) -> Text:

@@ -34,6 +34,7 @@ def look_inside(
     follow: bool = False,
     recorder: BesideRecorder | None = None,
     selection: Selection | None = None,
+    start: str = "",
 ) -> Reading:
     """Show a capture on the terminal; return what was read when the user quits.
 
@@ -44,6 +45,7 @@ def look_inside(
         follow: the file is being written: show what comes.
         recorder: what writes it, where a port is shown.
         selection: which lines are shown until another filter is asked for.
+        start: the place where it begins (``selection.places``); empty: the first line.
 
     Raises:
         InputError: the input cannot be read, or its protocol cannot be told; there is no terminal.
@@ -70,6 +72,7 @@ def look_inside(
                 follow=follow,
                 recorder=recorder,
                 wanted="" if selection is None else selection.text,
+                start=start,
             ).run()
         finally:
             sys.setswitchinterval(before)
