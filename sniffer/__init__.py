@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
     from sniffer.doctor.examine import Examined, examine
     from sniffer.doctor.records import Level, Observation
+    from sniffer.fleet.delta import register_delta
     from sniffer.fleet.run import FleetProgress, FleetRun, decode_fleet
     from sniffer.ground.codes import Kind, Outcome, Provenance, Reply, Role
     from sniffer.ground.model import (
@@ -138,6 +139,7 @@ __all__ = [
     "read_batches",
     "record",
     "records",
+    "register_delta",
     "replay",
     "report",
     "samples_table",
@@ -147,6 +149,7 @@ __all__ = [
 
 _ROOMS: Final = {
     "ground.codes": ("Kind", "Outcome", "Provenance", "Reply", "Role"),
+    "fleet.delta": ("register_delta",),
     "fleet.run": ("FleetProgress", "FleetRun", "decode_fleet"),
     "jobs.batches": ("read_batches",),
     "jobs.check": ("Checked", "check"),

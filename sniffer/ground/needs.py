@@ -99,6 +99,18 @@ def need_ray() -> None:
         raise _missing("--engine ray needs Ray", "'servo-sniffer[ray]'", error) from None
 
 
+def need_deltalake() -> None:
+    """Do nothing where Delta tables can be written.
+
+    Raises:
+        OutputError: it is not installed.
+    """
+    try:
+        importlib.import_module("deltalake")
+    except ImportError as error:
+        raise _missing("Delta tables need deltalake", "'servo-sniffer[delta]'", error) from None
+
+
 def need_foxglove() -> None:
     """Do nothing where a recording can be shown in Foxglove; another process loads the library.
 
