@@ -133,17 +133,13 @@ def _registered(
 
 
 def _schema(table: str) -> Any:
-    """Return the columns of a table as Delta has them: it has no dictionaries, and no unsigned."""
+    """Return the columns of a table as Delta has them."""
     import pyarrow as pa
 
     from sniffer.fleet.tables import columns_of
+    from sniffer.sinks.relations import plain_schema
 
-    def plain(kind: Any) -> Any:
-        if pa.types.is_dictionary(kind):
-            return pa.string()
-        return pa.int16() if kind == pa.uint8() else kind
-
-    mine = [pa.field(f.name, plain(f.type)) for f in columns_of(table)]
+    mine = plain_schema(columns_of(table))
     return pa.schema([*mine, pa.field("robot", pa.string()), pa.field("date", pa.date32())])
 
 

@@ -180,9 +180,12 @@ RELATIONS: Final[Mapping[str, _Relation]] = MappingProxyType(
 
 
 def plain_schema(schema: Any) -> Any:
-    """Return a schema whose names are strings: in dictionaries they differ from batch to batch."""
-    plain = (f.with_type(pa.string()) if f.type == _NAME else f for f in schema)
-    return pa.schema(list(plain))
+    """Return a schema in types that every reader has: Spark and Delta lack some.
+
+    Names are strings, for in dictionaries they differ from batch to batch; no number is unsigned.
+    """
+    plainer = {_NAME: pa.string(), pa.uint8(): pa.int16()}
+    return pa.schema([f.with_type(plainer.get(f.type, f.type)) for f in schema])
 
 
 def no_relation(name: str) -> str:
