@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import signal
 from typing import TYPE_CHECKING, Any, Final
 
 import pytest
@@ -13,7 +14,7 @@ from mcap.reader import make_reader
 
 import sniffer
 from sniffer.decoding.rows import AnomalyRow, SampleRow
-from sniffer.ground.model import Chunk
+from sniffer.ground.model import NS, Chunk
 from sniffer.jobs.telling import Teller
 from sniffer.mcapfile.cdr import (
     DIAGNOSTICS,
@@ -22,10 +23,13 @@ from sniffer.mcapfile.cdr import (
     diagnostics,
     joint_state,
 )
+from sniffer.mcapfile.flight import Around, FlightRecorder, Happening
 from sniffer.mcapfile.joints import RosJoint
 from sniffer.mcapfile.sink import McapSink
 from tests.commands import within
+from tests.recorder import Recorder, said_by, say_slowly
 from tests.recordings import START_NS, talk
+from tests.terminals import LINUX_ONLY, Terminal
 from tests.test_convert import CAPTURES, LOG, Capsys
 
 if TYPE_CHECKING:
@@ -206,6 +210,59 @@ def test_a_recording_calls_joints_as_it_calls_its_servos(tmp_path: Path, capsys:
     assert all(s.header.stamp.sec >= START_NS // 10**9 for s in found)
 
 
+@LINUX_ONLY
+def test_a_live_recording_has_what_a_conversion_of_it_has(tmp_path: Path) -> None:
+    """Two buses, and two files: what is known of joints crosses from one to the other."""
+    with Terminal() as one, Terminal() as two:
+        ports = ("left={}=rs30x@115200", "right={}=mightyzap@57600")
+        with Recorder(tmp_path, *ports, "--ros2", "--name", "1=hip", lines=[one, two]) as run:
+            for seed in (1, 2):
+                say_slowly(one, said_by("rs30x", seed, 0.4), 60)
+                say_slowly(two, said_by("mightyzap", seed, 0.4), 60)
+                run.wait_until(lambda seed=seed: len(so_many(tmp_path)) == seed, "no file")
+                if seed == 1:
+                    run.tell(signal.SIGHUP)
+                    run.wait_until(lambda: len(so_many(tmp_path)) == 2, "no second file")
+            ran = run.stop()
+    assert ran.status == 0
+    parts = so_many(tmp_path)
+    live = [read_by_others(part) for part in parts]
+    again = tmp_path / "again.mcap"
+    sniffer.convert(parts, [again], contents=sniffer.Contents(None, []))
+    wanted = read_by_others(again)
+    for topic, least in (("/joint_states", 40), ("/diagnostics", 1)):
+        mine = [repr(message) for part in live for message in part[topic]]
+        assert len(mine) > least
+        assert sorted(mine) == sorted(repr(message) for message in wanted[topic])
+    for part in parts:
+        with part.open("rb") as stream:
+            found = make_reader(stream).iter_messages(
+                topics=["/joint_states"], log_time_order=False
+            )
+            times = [message.log_time for _, _, message in found]
+        assert times == sorted(times), "all buses in the order of time"
+    (told,) = (line for line in ran.err.splitlines() if "/joint_states has" in line)
+    assert "hip" in told
+
+
+def so_many(folder: Path) -> list[Path]:
+    return sorted(folder.glob("run*.mcap"), key=lambda path: (len(path.name), path.name))
+
+
+@LINUX_ONLY
+def test_a_flight_recorder_writes_joint_states_too(tmp_path: Path) -> None:
+    path = tmp_path / "incident.mcap"
+    options = sniffer.Options("rs30x", baud=115200)
+    sink = FlightRecorder(path, {}, options, Around(None, NS, 1 << 20), joints=())
+    sent = [Chunk(c.data, c.t_ns, c.clock, "bus0") for c in talk("rs30x")]
+    sink.raw("bus0", sent)
+    sink.happened(Happening(sent[-1].t_ns or 0, "bus0", "a test", "any"))
+    sink.close()
+    states = read_by_others(sink.files[0])["/joint_states"]
+    assert len(states) > 20
+    assert "bus0_servo1" in sink.remarks[0]
+
+
 @pytest.mark.parametrize("options", [(), ("--ros2",)])
 def test_rerun_plots_joint_states_unasked_and_all_joints_as_one_curve(
     options: tuple[str, ...], tmp_path: Path, capsys: Capsys, headless_viewer: HeadlessViewer
@@ -261,6 +318,8 @@ def test_what_cannot_be_meant_is_refused_with_its_place(
 
 
 def test_ros_is_about_recordings_and_joints_about_ros(tmp_path: Path, capsys: Capsys) -> None:
+    done = within(capsys, "record", "/dev/null", "-o", tmp_path / "x.csv", "--ros2")
+    assert (done.status, "--ros2 is about a recording: -o x.mcap" in done.complaint) == (2, True)
     for arguments, complaint in (
         (("x.csv", "--ros2"), "--ros2 is about a recording: name an .mcap"),
         (("x.mcap", "--joints", "joints.toml"), "--joints goes with --ros2"),

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from sniffer.cli.amounts import topics as topics_of
+from sniffer.cli.joints import with_ros2
 from sniffer.cli.options import decoding, examples, files_here, with_force
 from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.servos import with_alarms
@@ -17,7 +18,7 @@ from sniffer.decoding.options import Options
 from sniffer.jobs.convert import convert as made
 from sniffer.jobs.outputs import Contents, Wide
 from sniffer.jobs.telling import Teller
-from sniffer.mcapfile.joints import read_joints
+from sniffer.mcapfile.joints import RosJoint
 from sniffer.selection.places import Window
 from sniffer.selection.selection import Selection
 from sniffer.sinks import RECORDING
@@ -56,14 +57,7 @@ from sniffer.sinks import RECORDING
     help="What an .mcap has beside the raw bytes, as in `sniffer record`; flat: a topic for each "
     "quantity of a servo, for plots that take what was not said for 0.",
 )  # fmt: skip
-@click.option(
-    "--ros2", is_flag=True,
-    help="An .mcap has /joint_states (sensor_msgs) and /diagnostics (diagnostic_msgs), too.",
-)  # fmt: skip
-@click.option(
-    "--joints", "joints_file", type=click.Path(path_type=Path), metavar="FILE.toml",
-    help="With --ros2: which servos are which joints, and how they become radians or metres.",
-)  # fmt: skip
+@with_ros2
 @click.option(
     "--anonymise",
     is_flag=True,
@@ -79,8 +73,7 @@ def convert(
     wide: bool,
     hold: bool,
     topics: tuple[str, ...] | None,
-    ros2: bool,
-    joints_file: Path | None,
+    joints: tuple[RosJoint, ...] | None,
     anonymise: bool,
     force: bool,
     quiet: bool,
@@ -103,11 +96,8 @@ def convert(
         raise click.UsageError("--wide is about tables: name a .csv or a .parquet")
     if topics is not None and not any(out.suffix.lower() == RECORDING for out in outputs):
         raise click.UsageError("--topics is about a recording: name an .mcap")
-    if ros2 and not any(out.suffix.lower() == RECORDING for out in outputs):
+    if joints is not None and not any(out.suffix.lower() == RECORDING for out in outputs):
         raise click.UsageError("--ros2 is about a recording: name an .mcap")
-    if joints_file is not None and not ros2:
-        raise click.UsageError("--joints goes with --ros2")
-    joints = read_joints(joints_file) if joints_file is not None else ()
     tell = Teller(say, quiet=quiet)
     with patient() as patience:
         done = made(
@@ -117,7 +107,7 @@ def convert(
             input_format=input_format,
             overwrite=force,
             wide=Wide(hold) if wide else None,
-            contents=Contents(topics, joints if ros2 else None) if ros2 or topics else None,
+            contents=Contents(topics, joints) if joints is not None or topics else None,
             anonymise=anonymise,
             selection=selection,
             window=window,

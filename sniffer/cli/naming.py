@@ -12,6 +12,7 @@ _OPTIONS: Final = {
     "channels": "--channel NAME",
     "codes": "--code",
     "faults": "--fault",
+    "joints": "--ros2",
     "kinds": "--kind",
     "links": "--link",
     "latency_ns": "--latency",

@@ -10,6 +10,7 @@ from typing import Final, Literal
 import click
 
 from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times, topics
+from sniffer.cli.joints import with_ros2
 from sniffer.cli.naming import worded
 from sniffer.cli.options import (
     SHARED,
@@ -35,6 +36,7 @@ from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import one_line
+from sniffer.mcapfile.joints import RosJoint
 from sniffer.selection.selection import Selection
 from sniffer.tap.stops import Stops
 from sniffer.tap.tap import PortSpec
@@ -111,6 +113,7 @@ WORD_S: Final = 0.5
     "gaps, anomalies, log, stats, incidents, or flat, a topic for each quantity of a servo.  "
     "[default: all but flat]",
 )  # fmt: skip
+@with_ros2
 @click.option("--durable", is_flag=True, help="Wait for the disk after each round, 50 ms.")
 @click.option(
     "--rotate", multiple=True, callback=sizes_and_times, metavar="SIZE|TIME",
@@ -177,6 +180,7 @@ def record(
     outputs: tuple[Path, ...],
     force: bool,
     topics: tuple[str, ...] | None,
+    joints: tuple[RosJoint, ...] | None,
     durable: bool,
     rotate: dict[str, int],
     keep: int | None,
@@ -262,6 +266,7 @@ def record(
                 durable=durable,
                 overwrite=force,
                 flight=flight,
+                joints=joints,
             ),
             options,
             listening=Listening(modem, pair=pair, shared=shared),

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.decoding.sink import Sink
+    from sniffer.mcapfile.joints import RosJoint
 
 RecordingFiles = RotatingMcap | FlightRecorder
 """What stands for the recording while it is made."""
@@ -51,7 +52,8 @@ class Files:
     (names of ``sniffer.messages.CHOICES``). A new file is begun after ``rotate_bytes`` or
     ``rotate_ns``, and only the last ``keep`` of them stay. ``durable``: each round waits for the
     disk. ``overwrite``: files that are there already are replaced. ``flight``: ``recording`` is a
-    row of files, one each time something happens.
+    row of files, one each time something happens. ``joints``: it has what ROS 2 understands, too,
+    of these, or of all servos whose position has a physical unit where there are none.
     """
 
     recording: Path | None
@@ -63,6 +65,7 @@ class Files:
     durable: bool = False
     overwrite: bool = False
     flight: Flight | None = None
+    joints: Sequence[RosJoint] | None = None
 
     @property
     def rotates(self) -> bool:
@@ -86,6 +89,8 @@ def check_files(files: Files) -> None:
             raise SnifferError(Sentence(told))
         if files.topics is not None:
             raise SnifferError(Sentence("{topics} is about a recording: {recording:x.mcap}"))
+        if files.joints is not None:
+            raise SnifferError(Sentence("{joints} is about a recording: {recording:x.mcap}"))
     if files.keep is not None and not (files.rotates or files.flight):
         raise SnifferError(Sentence("{keep} goes with {rotate_bytes|rotate_ns}"))
     if files.flight is not None:
@@ -130,6 +135,7 @@ def open_files(
             keep=files.keep,
             durable=files.durable,
             topics=files.topics,
+            joints=files.joints,
             now=now,
             tell=tell,
         )
@@ -142,6 +148,7 @@ def open_files(
             keep=files.keep,
             durable=files.durable,
             topics=files.topics,
+            joints=files.joints,
             overwrite=files.overwrite,
         )
     try:

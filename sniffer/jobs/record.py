@@ -280,6 +280,8 @@ def run_recording(
     if failure is not None and not isinstance(failure, DamagedInputError):
         raise failure
     result(recorder, ended, file, tapping.anchor, tell)
+    for line in () if file is None else file.remarks:
+        tell.talk(line)
     if screen is not None and screen.dropped:
         tell.talk(f"the screen left out {screen.dropped} frames; the recording has them")
     if screen is not None and screen.failure is not None:

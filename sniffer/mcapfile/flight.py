@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from sniffer.decoding.sink import Part
     from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.model import Batch
+    from sniffer.mcapfile.joints import RosJoint
+    from sniffer.mcapfile.ros2 import JointPlaces
     from sniffer.protocols.base import BusProtocol
 
 LONGEST: Final = 10
@@ -108,6 +110,7 @@ class FlightRecorder:
         keep: so many files of this recorder are kept; older ones are deleted.
         durable: whether the disk is waited for with each flush.
         topics: what is written beside the raw bytes; None: everything.
+        joints: what ROS 2 understands is written, too, see ``McapSink``.
         now: the time, on the clock of the buses, in ns.
         tell: takes what people should know.
 
@@ -126,6 +129,7 @@ class FlightRecorder:
         keep: int | None = None,
         durable: bool = False,
         topics: Collection[str] | None = None,
+        joints: Sequence[RosJoint] | None = None,
         now: Callable[[], int] = time.time_ns,
         tell: Callable[[str], None] = lambda line: None,
     ) -> None:
@@ -136,6 +140,11 @@ class FlightRecorder:
         self._keep = keep
         self._durable = durable
         self._topics = topics
+        self._joints: JointPlaces | None = None
+        if joints is not None:
+            from sniffer.mcapfile.ros2 import JointPlaces
+
+            self._joints = JointPlaces.of(joints, session)
         self._now = now
         self._tell = tell
         span_ns = around.before_ns if around.before_ns is not None else 1 << 60
@@ -179,6 +188,11 @@ class FlightRecorder:
     def deleted(self) -> tuple[Path, ...]:
         """The files that somebody has deleted while they were written."""
         return tuple(self._deleted)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What should be told of the joints in them."""
+        return [] if self._joints is None or not self._files else self._joints.told()
 
     @property
     def is_lost(self) -> bool:
@@ -331,6 +345,7 @@ class FlightRecorder:
             last_ns=last_ns,
             durable=self._durable,
             topics=self._topics,
+            joints=self._joints,
         )
         self._current = current
         current.sink.incidents(self._open.changes)

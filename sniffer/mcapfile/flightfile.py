@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.ground.cutting import Placed
+    from sniffer.mcapfile.ros2 import JointPlaces
     from sniffer.mcapfile.sink import McapSink
 
 PIECE: Final = 1 << 16
@@ -35,6 +36,7 @@ class FlightFile:
         last_ns: until when it may be put off.
         durable: whether the disk is waited for with each flush.
         topics: what is written beside the raw bytes; None: everything.
+        joints: what ROS 2 understands is written, too; None: it is not.
 
     Raises:
         OutputError: the file cannot be written.
@@ -51,6 +53,7 @@ class FlightFile:
         last_ns: int,
         durable: bool,
         topics: Collection[str] | None,
+        joints: JointPlaces | None = None,
     ) -> None:
         from sniffer.mcapfile.sink import McapSink  # the mcap library is loaded when it is needed
 
@@ -68,6 +71,7 @@ class FlightFile:
             durable=durable,
             topics=topics,
             starts=starts,
+            joints=joints,
         )
         self._pipeline = Pipeline(options, [self.sink], live=True, starts=starts)
         each = [[chunk for _, chunk in some] for some in placed.values()]

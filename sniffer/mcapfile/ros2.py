@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.decoding.options import names_in
 from sniffer.ground.distinct import distinct
 from sniffer.ground.model import Severity
 from sniffer.ground.wording import and_
@@ -57,29 +58,101 @@ class _JointField(NamedTuple):
     velocity: int
 
 
-class RosWriter:
-    """Writes the topics of ROS 2 of all buses of a recording.
+class JointPlaces:
+    """Which servos are joints, and which of their values says where they are.
+
+    Several files of a recording share it.
 
     Args:
         joints: which servos are joints; empty: all whose position has a physical unit.
         names: of servos, for joints where none are given; else ``<bus>_servo<id>``.
+    """
+
+    def __init__(self, joints: Sequence[RosJoint], names: Mapping[int, str]) -> None:
+        self._joints = {(joint.bus, joint.servo): joint for joint in joints}
+        self._names = names
+        self._places: dict[tuple[str, int], _JointField] = {}
+        self._left: dict[tuple[str, int], str] = {}
+
+    @classmethod
+    def of(
+        cls, joints: Sequence[RosJoint] | JointPlaces | None, session: Mapping[str, str]
+    ) -> JointPlaces | None:
+        """Return what is known of joints, that of another file of the recording or anew."""
+        if joints is None or isinstance(joints, JointPlaces):
+            return joints
+        return cls(joints, names_in(session))
+
+    def joint(self, bus: str, servo: int) -> RosJoint:
+        """Return the joint that a servo is."""
+        name = self._names.get(servo, f"{bus}_servo{servo}")
+        return self._joints.get((bus, servo), RosJoint(bus, servo, name))
+
+    def place(
+        self, bus: str, servo: int, names: Sequence[str], mine: KnownValues
+    ) -> _JointField | None:
+        """Return what is a joint's place, as its servo's first words decide; None: it has none."""
+        key = (bus, servo)
+        if key in self._places:
+            return self._places[key]
+        joint = self.joint(bus, servo)
+        wanted = joint.quantity or POSITION
+        stated = distinct(mine.field)[0].tolist()
+        fits = [i for i in stated if wanted in (names[i], quantity_of(names[i]))]
+        if servo < 0 or not fits:
+            return None
+        if self._joints and key not in self._joints:
+            self._left[key] = "not among the joints"
+            return None
+        # a scale is meant for what has none of its own
+        fits.sort(key=lambda i: (unit_of(names[i]) in SI) == (joint.scale is not None))
+        unit = unit_of(names[fits[0]])
+        scale = SI.get(unit) if joint.scale is None else joint.scale
+        if scale is None:
+            self._left[key] = f"its {names[fits[0]]} has no physical unit: it takes a scale"
+            return None
+        is_angle = joint.scale is None and unit == "deg" and SPEED in names
+        place = _JointField(fits[0], scale, names.index(SPEED) if is_angle else -1)
+        self._places[key] = place
+        return place
+
+    def told(self) -> list[str]:
+        """Return in sentences which joints there are, and what was left out, and why."""
+        found = sorted(self.joint(*key).name for key in self._places)
+        out = [f"{JOINTS} has {and_(found)}" if found else f"{JOINTS} has no joint"]
+        left = dict(self._left)
+        for (bus, servo), joint in self._joints.items():
+            if (bus, servo) not in self._places:
+                left.setdefault((bus, servo), f"{joint.name} never said where it is")
+        alike: dict[tuple[str, str], list[str]] = {}
+        for (bus, servo), reason in sorted(left.items()):
+            if (bus, servo) not in self._places:
+                alike.setdefault((bus, reason), []).append(str(servo))
+        why = [
+            f"servo{'s' * (len(ids) > 1)} {and_(ids)} of {bus} ({reason})"
+            for (bus, reason), ids in alike.items()
+        ]
+        return [*out, *([f"left out of {JOINTS}: {and_(why)}"] if why else [])]
+
+
+class RosWriter:
+    """Writes the topics of ROS 2 of all buses of a file.
+
+    Args:
+        places: which servos are joints.
         queue: takes the records.
         open_channel: opens a channel (topic, message type, metadata) and returns its id.
     """
 
     def __init__(
         self,
-        joints: Sequence[RosJoint],
-        names: Mapping[int, str],
+        places: JointPlaces,
         queue: Queue,
         open_channel: Callable[[str, MessageType, Mapping[str, str]], int],
     ) -> None:
-        self._joints = {(joint.bus, joint.servo): joint for joint in joints}
-        self._names = names
+        self.places = places
         self._queue = queue
         self._open = open_channel
-        self._places: dict[tuple[str, int], _JointField] = {}
-        self._left: dict[tuple[str, int], str] = {}
         self._sequences: dict[str, int] = {}
 
     def states(
@@ -89,10 +162,10 @@ class RosWriter:
         found: list[tuple[int, bytes]] = []
         for servo in distinct(told.servo)[0].tolist():
             mine = told.take(told.servo == servo)
-            place = self._place(bus, servo, names, mine)
+            place = self.places.place(bus, servo, names, mine)
             if place is None:
                 continue
-            joint = self._joint(bus, servo)
+            joint = self.places.joint(bus, servo)
             at = mine.take(mine.field == place.position)
             fast = mine.take(mine.field == place.velocity)
             speeds = dict(zip(fast.row.tolist(), fast.value.tolist(), strict=True))
@@ -118,56 +191,6 @@ class RosWriter:
             told = DiagnosticStatus(_LEVELS[a.severity], who, f"{a.detail} [{a.code}]", who, values)
             messages.append(diagnostics(a.t_ns, told))
         self._add(ANOMALIES, DIAGNOSTICS, messages, times, times)
-
-    def told(self) -> list[str]:
-        """Return in sentences which joints there are, and what was left out, and why."""
-        found = sorted(self._joint(*key).name for key in self._places)
-        out = [f"{JOINTS} has {and_(found)}" if found else f"{JOINTS} has no joint"]
-        left = dict(self._left)
-        for (bus, servo), joint in self._joints.items():
-            if (bus, servo) not in self._places:
-                left.setdefault((bus, servo), f"{joint.name} never said where it is")
-        alike: dict[tuple[str, str], list[str]] = {}
-        for (bus, servo), reason in sorted(left.items()):
-            if (bus, servo) not in self._places:
-                alike.setdefault((bus, reason), []).append(str(servo))
-        why = [
-            f"servo{'s' * (len(ids) > 1)} {and_(ids)} of {bus} ({reason})"
-            for (bus, reason), ids in alike.items()
-        ]
-        return [*out, *([f"left out of {JOINTS}: {and_(why)}"] if why else [])]
-
-    def _joint(self, bus: str, servo: int) -> RosJoint:
-        name = self._names.get(servo, f"{bus}_servo{servo}")
-        return self._joints.get((bus, servo), RosJoint(bus, servo, name))
-
-    def _place(
-        self, bus: str, servo: int, names: Sequence[str], mine: KnownValues
-    ) -> _JointField | None:
-        """Return what is a joint's place, decided by what its servo says first."""
-        key = (bus, servo)
-        if key in self._places:
-            return self._places[key]
-        joint = self._joint(bus, servo)
-        wanted = joint.quantity or POSITION
-        stated = distinct(mine.field)[0].tolist()
-        fits = [i for i in stated if wanted in (names[i], quantity_of(names[i]))]
-        if servo < 0 or not fits:
-            return None
-        if self._joints and key not in self._joints:
-            self._left[key] = "not among the joints"
-            return None
-        # a scale is meant for what has none of its own
-        fits.sort(key=lambda i: (unit_of(names[i]) in SI) == (joint.scale is not None))
-        unit = unit_of(names[fits[0]])
-        scale = SI.get(unit) if joint.scale is None else joint.scale
-        if scale is None:
-            self._left[key] = f"its {names[fits[0]]} has no physical unit: it takes a scale"
-            return None
-        is_angle = joint.scale is None and unit == "deg" and SPEED in names
-        place = _JointField(fits[0], scale, names.index(SPEED) if is_angle else -1)
-        self._places[key] = place
-        return place
 
     def _add(
         self, topic: str, kind: MessageType, messages: Sequence[bytes], log: I64, publish: I64

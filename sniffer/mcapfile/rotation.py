@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.cutting import Placed
     from sniffer.ground.model import Batch, Chunk
+    from sniffer.mcapfile.joints import RosJoint
+    from sniffer.mcapfile.ros2 import JointPlaces
     from sniffer.mcapfile.sink import McapSink
     from sniffer.protocols.base import BusProtocol
 
@@ -87,6 +89,7 @@ class RotatingMcap:
         overwrite: whether files that are there may be replaced.
         flush_ns: how long what was decoded may wait to be written; raw bytes never wait.
         topics: what is written beside the raw bytes, see ``McapSink``; None: everything.
+        joints: what ROS 2 understands is written, too, see ``McapSink``.
         now: the time, for the limit.
 
     Raises:
@@ -106,6 +109,7 @@ class RotatingMcap:
         overwrite: bool = False,
         flush_ns: int = FLUSH_NS,
         topics: Collection[str] | None = None,
+        joints: Sequence[RosJoint] | None = None,
         now: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self._base = path
@@ -117,6 +121,11 @@ class RotatingMcap:
         self._overwrite = overwrite
         self._flush_ns = flush_ns
         self._topics = topics
+        self._joints: JointPlaces | None = None
+        if joints is not None:
+            from sniffer.mcapfile.ros2 import JointPlaces
+
+            self._joints = JointPlaces.of(joints, session)
         self._now = now
         self._buses: dict[str, _Bus] = {}
         self._protocols: dict[str, list[BusProtocol]] = {}
@@ -157,6 +166,11 @@ class RotatingMcap:
     def files(self) -> tuple[Path, ...]:
         """The files of this recording that are kept, the current one last."""
         return tuple(path for path, _ in self._files if path not in self._deleted)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What should be told of the joints in it."""
+        return [] if self._joints is None else self._joints.told()
 
     @property
     def is_lost(self) -> bool:
@@ -320,6 +334,7 @@ class RotatingMcap:
                 durable=self._durable,
                 topics=self._topics,
                 starts=starts,
+                joints=self._joints,
             )
             empty = sink.size
             for bus, placed in undecided.items():

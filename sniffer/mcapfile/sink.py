@@ -69,7 +69,7 @@ if TYPE_CHECKING:
     from sniffer.ground.model import Batch, Chunk
     from sniffer.mcapfile.joints import RosJoint
     from sniffer.mcapfile.queue import Sorted
-    from sniffer.mcapfile.ros2 import RosWriter
+    from sniffer.mcapfile.ros2 import JointPlaces, RosWriter
     from sniffer.protocols.base import BusProtocol
 
 LIBRARY: Final = f"{TOOL} {__version__}"
@@ -101,7 +101,8 @@ class McapSink:
         topics: which of ``CHOICES`` are written, None for ``TOPICS``; ``raw`` always is.
         starts: stream offset of the first byte by bus, where that is not 0.
         joints: what ROS 2 understands is written, too; for these joints, or, where empty, for all
-            servos whose position has a physical unit. Not of a live recording.
+            servos whose position has a physical unit. Files of one recording share what is known
+            of their joints.
 
     Raises:
         OutputError: the file cannot be written; what it holds so far stays readable.
@@ -118,7 +119,7 @@ class McapSink:
         durable: bool = False,
         topics: Collection[str] | None = None,
         starts: Mapping[str, int] | None = None,
-        joints: Sequence[RosJoint] | None = None,
+        joints: Sequence[RosJoint] | JointPlaces | None = None,
     ) -> None:
         begin = {f"{OFFSET}.{bus}": str(at) for bus, at in (starts or {}).items()}
         if topics is not None:
@@ -135,10 +136,11 @@ class McapSink:
         self._file = Container(path, LIBRARY, overwrite=overwrite, durable=durable)
         self._ros2: RosWriter | None = None
         if joints is not None:
-            from sniffer.mcapfile.ros2 import RosWriter
+            from sniffer.mcapfile.ros2 import JointPlaces, RosWriter
 
-            named = names_in(self._session)
-            self._ros2 = RosWriter(joints, named, self._queue, self._file.channel)
+            places = JointPlaces.of(joints, self._session)
+            self._ros2 = places and RosWriter(places, self._queue, self._file.channel)
+        self._ros2_until = 0
         self._closed = False
         self._encoded_at = time.monotonic_ns()
         self._since: int | None = None
@@ -164,7 +166,7 @@ class McapSink:
     @property
     def remarks(self) -> list[str]:
         """What should be told of the joints in it."""
-        return [] if self._ros2 is None else self._ros2.told()
+        return [] if self._ros2 is None else self._ros2.places.told()
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take chunks as they came."""
@@ -357,6 +359,11 @@ class McapSink:
             self._encode(final=final)
             self._write_all(self._queue.lots(BULK), indexed=False)
             self._write_all(self._queue.lots((*SHOWN, FLAT)), indexed=True)
+            # what is left is of ROS 2: one topic of all buses, in the order of time
+            rows = self._queue.take(None, self._ros2_until)
+            if rows is not None:
+                self._ros2_until = int(rows.log[-1])
+                self._write_all(rows, indexed=True)
         self._file.sync()
 
     def _flush(self, until: int | None) -> None:
