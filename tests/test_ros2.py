@@ -219,13 +219,12 @@ def test_a_live_recording_has_what_a_conversion_of_it_has(tmp_path: Path) -> Non
             for seed in (1, 2):
                 say_slowly(one, said_by("rs30x", seed, 0.4), 60)
                 say_slowly(two, said_by("mightyzap", seed, 0.4), 60)
-                run.wait_until(lambda seed=seed: len(so_many(tmp_path)) == seed, "no file")
                 if seed == 1:
                     run.tell(signal.SIGHUP)
-                    run.wait_until(lambda: len(so_many(tmp_path)) == 2, "no second file")
+                    run.wait_until(lambda: len(recorded_files(tmp_path)) == 2, "no second file")
             ran = run.stop()
     assert ran.status == 0
-    parts = so_many(tmp_path)
+    parts = recorded_files(tmp_path)
     live = [read_by_others(part) for part in parts]
     again = tmp_path / "again.mcap"
     sniffer.convert(parts, [again], contents=sniffer.Contents(None, []))
@@ -245,7 +244,7 @@ def test_a_live_recording_has_what_a_conversion_of_it_has(tmp_path: Path) -> Non
     assert "hip" in told
 
 
-def so_many(folder: Path) -> list[Path]:
+def recorded_files(folder: Path) -> list[Path]:
     return sorted(folder.glob("run*.mcap"), key=lambda path: (len(path.name), path.name))
 
 

@@ -76,12 +76,10 @@ class JointPlaces:
 
     @classmethod
     def of(
-        cls, joints: Sequence[RosJoint] | JointPlaces | None, session: Mapping[str, str]
-    ) -> JointPlaces | None:
-        """Return what is known of joints, that of another file of the recording or anew."""
-        if joints is None or isinstance(joints, JointPlaces):
-            return joints
-        return cls(joints, names_in(session))
+        cls, joints: Sequence[RosJoint] | JointPlaces, session: Mapping[str, str]
+    ) -> JointPlaces:
+        """Return what is known of joints: by another file of the recording, or from now on."""
+        return joints if isinstance(joints, JointPlaces) else cls(joints, names_in(session))
 
     def joint(self, bus: str, servo: int) -> RosJoint:
         """Return the joint that a servo is."""

@@ -139,7 +139,7 @@ class McapSink:
             from sniffer.mcapfile.ros2 import JointPlaces, RosWriter
 
             places = JointPlaces.of(joints, self._session)
-            self._ros2 = places and RosWriter(places, self._queue, self._file.channel)
+            self._ros2 = RosWriter(places, self._queue, self._file.channel)
         self._ros2_until = 0
         self._closed = False
         self._encoded_at = time.monotonic_ns()
