@@ -84,7 +84,7 @@ def need_dask() -> None:
     try:
         importlib.import_module("distributed")
     except ImportError as error:
-        raise _missing("--engine dask needs Dask", "'servo-sniffer[fleet]'", error) from None
+        raise _missing("fleets on Dask need distributed", "'servo-sniffer[fleet]'", error) from None
 
 
 def need_ray() -> None:
@@ -96,7 +96,7 @@ def need_ray() -> None:
     try:
         importlib.import_module("ray")
     except ImportError as error:
-        raise _missing("--engine ray needs Ray", "'servo-sniffer[ray]'", error) from None
+        raise _missing("fleets on Ray need ray", "'servo-sniffer[ray]'", error) from None
 
 
 def need_deltalake() -> None:
