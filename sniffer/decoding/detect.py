@@ -23,14 +23,14 @@ import numpy as np
 from sniffer.decoding.names import AND
 from sniffer.ground.framing import Block
 from sniffer.ground.model import MALFORMED, UNKNOWN, Chunk, InputError
-from sniffer.ground.timing import Stamps
+from sniffer.ground.timing import ChunkColumns, Stamps
 from sniffer.ground.wording import Sentence
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from sniffer.ground.model import I64, Mask
+    from sniffer.ground.model import I64, U8, Mask
     from sniffer.protocols.base import BusProtocol
 
 ENOUGH: Final = 32 * 1024
@@ -135,10 +135,11 @@ class Scores:
         also: Sequence[BusProtocol] = (),
     ) -> None:
         taken = _first(chunks)
-        self.size = sum(len(c.data) for c in taken)
         heard = b"".join(c.data for c in taken)
+        self.size = len(heard)
         each = {p.name: p for p in (*PROTOCOLS.candidates(heard), *also)}
-        self._heard = {name: _Heard(p, taken) for name, p in each.items()} if taken else {}
+        told, data = ChunkColumns(taken), np.frombuffer(heard, np.uint8)
+        self._heard = {name: _Heard(p, told, data) for name, p in each.items()} if taken else {}
         for mine in self._heard.values():
             for other in self._heard.values():
                 if other is not mine:
@@ -215,17 +216,23 @@ class Scores:
 class _Heard:
     """The frames that one candidate sees; ``counts`` tells which of them count for it."""
 
-    def __init__(self, protocol: BusProtocol, chunks: Sequence[Chunk]) -> None:
-        data = np.frombuffer(b"".join(c.data for c in chunks), np.uint8)
-        silences = Stamps(protocol.baud, protocol.tail_ns).add(tuple(chunks))
-        block = Block(data, silences, True)
-        spans, _ = protocol.frame(block)
+    def __init__(self, protocol: BusProtocol, chunks: ChunkColumns, data: U8) -> None:
+        silences = Stamps(protocol.baud, protocol.tail_ns).take(chunks)
+        self._protocol, self._block = protocol, Block(data, silences, True)
+        self._spans, _ = protocol.frame(self._block)
+        self._sound: Mask | None = None
         self.bauds = protocol.bauds
-        self.start: I64 = spans.start
-        self.end: I64 = spans.end
-        odd = protocol.describe(block, spans).flags & (MALFORMED | UNKNOWN)
-        self.sound: Mask = odd == 0
-        self.counts: Mask = np.ones(len(spans), bool)
+        self.start: I64 = self._spans.start
+        self.end: I64 = self._spans.end
+        self.counts: Mask = np.ones(len(self._spans), bool)
+
+    @property
+    def sound(self) -> Mask:
+        """Which frames are as their own protocol has them; rarely asked, and not cheap to tell."""
+        if self._sound is None:
+            flags = self._protocol.describe(self._block, self._spans).flags
+            self._sound = flags & (MALFORMED | UNKNOWN) == 0
+        return self._sound
 
     @property
     def bytes(self) -> int:
@@ -239,8 +246,9 @@ class _Heard:
         row = np.searchsorted(other.start, self.start, "right") - 1
         inside = (row >= 0) & (other.end[row] >= self.end)
         same = (other.start[row] == self.start) & (other.end[row] == self.end)
-        better = np.where(same, other.sound[row] & ~self.sound, inside)
-        self.counts &= ~(inside & better)
+        if same.any():
+            inside &= np.where(same, other.sound[row] & ~self.sound, True)
+        self.counts &= ~inside
 
     def apart_from(self, other: _Heard) -> tuple[int, int]:
         """Return how many bytes are in frames that count and touch none of another, and those."""

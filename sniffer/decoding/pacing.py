@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.matching import outcomes
+from sniffer.decoding.pairing import Pairing
 from sniffer.ground.codes import OK, RESPONSE
+from sniffer.ground.framing import Block
 from sniffer.ground.limits import chunks_of
 from sniffer.ground.model import I64, Chunk, Clock, MarkKind
 from sniffer.ground.timing import LATENCY_NS, TOLERANCE, byte_time_ns, clock_of
@@ -180,18 +182,14 @@ class _Look:
         # Before a stamp lie the bytes that it is of, but for those that were yet to be sent.
         self.n = np.where(self.sent, 0, size)
         # Which answer belongs to which question is told by the bytes alone here.
-        decoder = Decoder(protocol)
-        parts = [decoder.feed(b"".join(k.data for k in chunks)), decoder.close()]
-        self.start = np.concatenate([b.frames.start + b.base for b in parts])
-        self.stop = np.concatenate([b.frames.end + b.base for b in parts])
-        pairs = []
-        for b in parts:
-            t, f = b.transactions, b.frames
-            rows = np.flatnonzero((t.outcome == OK) & (t.request >= 0) & (t.response >= 0))
-            q, r = t.request[rows], t.response[rows]
-            rows = np.flatnonzero(f.kind[r] == RESPONSE)
-            pairs.append(np.stack([f.end[q], f.start[r], f.end[r]])[:, rows] + b.base)
-        self.asked, self.begun, self.answered = np.concatenate(pairs, axis=1)
+        data = np.frombuffer(b"".join(k.data for k in chunks), np.uint8)
+        block = Block(data, np.empty(0, np.int64), True)
+        spans, decided = protocol.frame(block)
+        f, partner = Pairing(protocol).match(protocol.describe(block, spans), block, decided, 0)
+        self.start, self.stop = f.start, f.end
+        r, q, how = outcomes(partner)
+        fits = (how == OK) & (f.kind[r] == RESPONSE)
+        self.asked, self.begun, self.answered = f.end[q[fits]], f.start[r[fits]], f.end[r[fits]]
 
     def waited_ns(self, byte_ns: int) -> int:
         """Return how long the host may have held answers, by how long it waited for them.

@@ -17,7 +17,7 @@ import numpy as np
 from sniffer.ground.model import I64, NS, U8, Chunk, Clock, Direction, Frames, MarkKind, Mask
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from sniffer.ground.model import Mask
 
@@ -43,25 +43,45 @@ def byte_time_ns(baud: int) -> int:
     return 10 * NS // baud
 
 
-def _told(chunks: tuple[Chunk, ...], kind: MarkKind, default: int = 0) -> I64:
-    """Return the greatest count of each chunk's marks of a kind, ``default`` where it has none."""
-    out = np.full(len(chunks), default, np.int64)
-    for i, chunk in enumerate(chunks):
-        for mark in chunk.marks:
-            if mark.kind == kind:
-                out[i] = max(mark.count, out[i])
-    return out
+_NONE, _FILE, _READ, _SAMPLE = (np.uint8(c) for c in Clock)
+_UNKNOWN: Final = np.uint8(Direction.UNKNOWN)
 
 
-def _merged(chunks: tuple[Chunk, ...], latency: I64) -> Mask:
-    """Tell which chunks are of two taps; their latency is raised to what their marks say."""
-    out = np.zeros(len(chunks), bool)
-    for i, chunk in enumerate(chunks):
-        out[i] = chunk.clock == Clock.READ and chunk.direction != Direction.UNKNOWN
-        for mark in chunk.marks:
-            if mark.kind == MarkKind.MERGED:
-                out[i], latency[i] = True, max(mark.count, int(latency[i]))
-    return out
+class ChunkColumns:
+    """What chunks say beside their bytes, in columns: chunks are many, and objects."""
+
+    def __init__(self, chunks: Sequence[Chunk]) -> None:
+        self._marked = [(i, k.marks) for i, k in enumerate(chunks) if k.marks]
+        times = [k.t_ns for k in chunks]
+        self.sizes: I64 = np.array([len(k.data) for k in chunks], np.int64)
+        # enumerations are slow to put into an array; bytes take them as they are
+        clocks = np.frombuffer(bytes([k.clock for k in chunks]), np.uint8)
+        self.directions: U8 = np.frombuffer(bytes([k.direction for k in chunks]), np.uint8)
+        untold = np.array([t is None for t in times]) if None in times else np.False_
+        # a time that nobody vouches for is a time stamp like any other
+        self.clocks: U8 = np.where(untold, _NONE, np.where(clocks == _NONE, _FILE, clocks))
+        self.times = times
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    def counts(self, kind: MarkKind, default: int = 0) -> I64:
+        """Return the greatest count of each chunk's marks of a kind; ``default``: it has none."""
+        out = np.full(len(self), default, np.int64)
+        for i, marks in self._marked:
+            for mark in marks:
+                if mark.kind == kind:
+                    out[i] = max(mark.count, out[i])
+        return out
+
+    def merged(self, latency: I64) -> Mask:
+        """Tell which chunks are of two taps; their latency is raised to what their marks say."""
+        out: Mask = (self.clocks == _READ) & (self.directions != _UNKNOWN)
+        for i, marks in self._marked:
+            for mark in marks:
+                if mark.kind == MarkKind.MERGED:
+                    out[i], latency[i] = True, max(mark.count, int(latency[i]))
+        return out
 
 
 def clock_of(chunk: Chunk) -> Clock:
@@ -113,78 +133,77 @@ class Stamps:
         self._slack_before = -1  # of the last chunk
         self._stamped = False
 
-    def add(self, chunks: tuple[Chunk, ...]) -> I64:
+    def add(self, chunks: Sequence[Chunk]) -> I64:
         """Take chunks in; return the stream offsets of the silences (barriers) before them."""
-        sizes = np.array([len(k.data) for k in chunks], np.int64)
-        end = self._offset + np.cumsum(sizes)
-        clocks = np.array([k.clock for k in chunks], np.uint8)
-        untold = np.array([k.t_ns is None for k in chunks], bool)
-        clocks = np.where(untold, Clock.NONE, np.where(clocks == Clock.NONE, Clock.FILE, clocks))
-        directions = np.array([k.direction for k in chunks], np.uint8)
-        told = clocks != Clock.NONE
+        return self.take(ChunkColumns(chunks))
+
+    def take(self, k: ChunkColumns) -> I64:
+        """Take chunks in that are columns already, as ``add`` does."""
+        end = self._offset + np.cumsum(k.sizes)
+        told = k.clocks != _NONE
         if told.any():
-            t = self._known(chunks, sizes)
-            most = _told(chunks, MarkKind.SENT, -1)
+            t = self._known(k)
+            most = k.counts(MarkKind.SENT, -1)
             # What was stamped before it was sent was over when its last byte was.
-            t = t + np.where(most < 0, 0, np.minimum(most, sizes * self.byte_ns))
-            slack, silent = self._slacks(chunks, sizes, t, clocks, most)
-            barriers = (end - sizes)[silent]
+            t = t + np.where(most < 0, 0, np.minimum(most, k.sizes * self.byte_ns))
+            slack, silent = self._slacks(k, t, most)
+            barriers = (end - k.sizes)[silent]
         else:  # nominal, all of them
-            before = end[0] * self.byte_ns - sizes[0] * self.byte_ns
+            before = end[0] * self.byte_ns - k.sizes[0] * self.byte_ns
             before = before if self._last is None else self._last
-            t = before + np.cumsum(sizes) * self.byte_ns
+            t = before + np.cumsum(k.sizes) * self.byte_ns
             slack = np.full(len(end), -1)
             barriers = np.empty(0, np.int64)
             self._slack_before, self._open_ns = -1, 0
-        self.clock = max(self.clock, Clock(int(clocks.max())))
+        self.clock = max(self.clock, Clock(int(k.clocks.max())))
         self._last = int(t[-1])
         self._stamped = self._stamped or bool(told.any())
         self._end = np.concatenate([self._end, end])
         self._t = np.concatenate([self._t, t])
         self._slack = np.concatenate([self._slack, slack])
-        self._exact = np.concatenate([self._exact, clocks == Clock.SAMPLE])
-        self._direction = np.concatenate([self._direction, directions])
+        self._exact = np.concatenate([self._exact, k.clocks == _SAMPLE])
+        self._direction = np.concatenate([self._direction, k.directions])
         self._offset = int(end[-1])
         return barriers[barriers > self._first]
 
-    def _known(self, chunks: tuple[Chunk, ...], sizes: I64) -> I64:
+    def _known(self, chunks: ChunkColumns) -> I64:
         """Return the stamps; a chunk without one follows the chunk before it without a pause."""
-        told = [k.t_ns for k in chunks if k.t_ns is not None]
-        if len(told) == len(chunks):
-            return np.array(told, np.int64)
+        if None not in chunks.times:
+            return np.array(chunks.times, np.int64)
         out: list[int] = []
         last = self._last
-        for chunk, size in zip(chunks, sizes.tolist(), strict=True):
-            if chunk.t_ns is not None:
-                last = chunk.t_ns
+        for t_ns, size in zip(chunks.times, chunks.sizes.tolist(), strict=True):
+            if t_ns is not None:
+                last = t_ns
             else:
                 before = last if last is not None else self._offset * self.byte_ns
                 last = before + size * self.byte_ns
             out.append(last)
         return np.array(out, np.int64)
 
-    def _slacks(
-        self, chunks: tuple[Chunk, ...], sizes: I64, t: I64, clocks: U8, most: I64
-    ) -> tuple[I64, Mask]:
+    def _slacks(self, chunks: ChunkColumns, t: I64, most: I64) -> tuple[I64, Mask]:
         """Return the slack of each chunk, and whether a silence precedes it.
 
         ``most``: how long after its stamp a chunk was over at the latest; -1 where it was over.
         """
-        told = clocks != Clock.NONE
+        sizes, clocks = chunks.sizes, chunks.clocks
+        told = clocks != _NONE
         before = t[0] - sizes[0] * self.byte_ns if self._last is None else self._last
         previous = np.concatenate([[before], t[:-1]])
         # Nominal times at the very beginning say nothing of the pause behind them.
         dated = np.logical_or.accumulate(told) | self._stamped
         since = np.concatenate([[self._stamped], dated[:-1]])
         lull = np.where(since, t - sizes * self.byte_ns - previous, 0)
-        held = _told(chunks, MarkKind.HELD)
+        held = chunks.counts(MarkKind.HELD)
         if self._latency_ns is None:
-            ever = np.maximum.accumulate(np.maximum(clocks, self.clock if self._stamped else 0))
+            ever = np.maximum.accumulate(
+                np.maximum(clocks, int(self.clock) if self._stamped else 0)
+            )
             usual = _USUAL_NS[ever]
         else:
             usual = np.full(len(t), self._latency_ns)
         latency = usual + held
-        merged = _merged(chunks, latency)
+        merged = chunks.merged(latency)
         # What follows nothing that has a stamp may be late by the whole latency.
         beside = since & np.concatenate([[self._slack_before >= 0], told[:-1]])
         slack = self._reckoned(np.where(beside, lull, latency), latency)
@@ -193,7 +212,7 @@ class Stamps:
         slack = np.where(merged, latency, slack)
         # Nor is it known when a program's bytes left the machine: at once, or at the line's rate.
         own = np.minimum(most, sizes * self.byte_ns)
-        coarse = _told(chunks, MarkKind.COARSE)
+        coarse = chunks.counts(MarkKind.COARSE)
         sent = own + np.minimum(latency, _USUAL_NS[Clock.FILE])  # no adapter holds what is sent
         slack = np.where(most < 0, slack, sent) + coarse
         slack[~told] = -1
