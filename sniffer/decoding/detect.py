@@ -268,7 +268,8 @@ def _first(chunks: Sequence[Chunk]) -> list[Chunk]:
             break
         part = chunk.data[: ENOUGH - size]
         if part:
-            taken.append(Chunk(part, chunk.t_ns, chunk.clock))
+            is_as_it_is = not chunk.marks and len(part) == len(chunk.data)
+            taken.append(chunk if is_as_it_is else Chunk(part, chunk.t_ns, chunk.clock))
         size += len(part)
     return taken
 

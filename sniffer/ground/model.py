@@ -127,6 +127,7 @@ RELEASES: Final = 64  # ... this one
 ECHO: Final = 128  # an adapter's echo of the request before: judged as if it were not there
 
 _NAMES: Final[dict[Any, tuple[str, ...]]] = {}
+_EMPTY: Final[dict[Any, Any]] = {}
 
 
 def _names(kind: type[Columns]) -> tuple[str, ...]:
@@ -161,7 +162,10 @@ class Columns:
     @classmethod
     def empty(cls) -> Self:
         """Return no rows, with every column of its own type."""
-        return cls(*(np.empty(0, _DTYPES[str(f.type)]) for f in fields(cls)))
+        if cls not in _EMPTY:  # there is nothing in it that could change
+            _EMPTY[cls] = cls(*(np.empty(0, _DTYPES[str(f.type)]) for f in fields(cls)))
+        none: Self = _EMPTY[cls]
+        return none
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +213,14 @@ class Frames(Columns):
     def blank(cls, n: int) -> Self:
         """Return ``n`` rows that name nobody, state nothing and expect no reply, at time zero."""
         none = dict.fromkeys(("servo_id", "address", "status"), -1) | {"alt_id": NO_ALT}
-        return cls(*(np.full(n, none.get(f.name, 0), _DTYPES[str(f.type)]) for f in fields(cls)))
+        like = cls.empty()
+        kinds = ((name, getattr(like, name).dtype) for name in _names(cls))
+        return cls(
+            *(
+                np.full(n, none[name], dtype) if name in none else np.zeros(n, dtype)
+                for name, dtype in kinds
+            )
+        )
 
 
 @dataclass(frozen=True, slots=True)
