@@ -49,7 +49,7 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     "rerun": ("sinks/rerun/", "viewers/viewer.py"),
     "pyarrow": (
         *("sinks/tables.py", "sinks/relations.py", "sinks/wide.py", "sinks/rerun/"),
-        *("jobs/api.py", "jobs/batches.py", "jobs/query.py", "fleet/"),
+        *("sinks/dictionaries.py", "jobs/api.py", "jobs/batches.py", "jobs/query.py", "fleet/"),
     ),
     "duckdb": ("jobs/query.py",),
     "dask": ("fleet/engines/dask.py",),

@@ -58,6 +58,25 @@ def test_parquet_holds_the_samples_and_frames_of_the_api(
         assert got.cast(text(schema)) == want.cast(text(schema))
 
 
+def test_parquet_says_which_columns_may_be_empty_and_where_numbers_lie(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    path = written("rs30x_damaged.log", ".parquet", tmp_path, capsys)
+    maybe = {"servo_id", "value", "uncertainty_ns", "address", "status"}
+    for file in (path, beside(path)):
+        parquet = pq.ParquetFile(file)
+        table = parquet.read()
+        assert {f.name for f in table.schema if f.nullable} == maybe & {*table.column_names}
+        told = parquet.metadata.row_group(0)
+        for place, field in enumerate(table.schema):
+            figures = told.column(place).statistics
+            if pa.types.is_dictionary(field.type):
+                assert figures is None
+            elif field.name in ("t_ns", "offset"):
+                column = table.column(place).to_pylist()
+                assert (figures.min, figures.max) == (min(column), max(column))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_csv_holds_the_samples_and_frames_of_the_api(
     name: str, tmp_path: Path, capsys: Capsys

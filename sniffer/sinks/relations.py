@@ -19,6 +19,7 @@ from sniffer.diagnostics.found import CODES, Anomalies
 from sniffer.ground.codes import OUTCOMES
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import REASONS, Gaps
+from sniffer.sinks.dictionaries import NAME, absent, always, constant, named
 from sniffer.sinks.tables import FRAMES, SAMPLES, frames_table, samples_table
 
 if TYPE_CHECKING:
@@ -28,64 +29,49 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
     from sniffer.sinks.tables import Builder
 
-_NAME = pa.dictionary(pa.int32(), pa.string())
-
 TRANSACTIONS = pa.schema(
     [
-        pa.field("t_ns", pa.int64(), metadata={"about": "end of the last frame, ns"}),
-        pa.field("bus", _NAME),
+        always("t_ns", pa.int64(), metadata={"about": "end of the last frame, ns"}),
+        always("bus", NAME),
         pa.field("servo_id", pa.int16()),
-        pa.field("op", _NAME),
-        pa.field("outcome", _NAME),
+        always("op", NAME),
+        always("outcome", NAME),
         pa.field("response_time_ns", pa.int64()),
         pa.field("uncertainty_ns", pa.int64()),
         pa.field("request_offset", pa.int64()),
         pa.field("response_offset", pa.int64()),
-        pa.field("protocol", _NAME),
+        always("protocol", NAME),
     ]
 )
 """Columns of the transactions table."""
 
 GAPS = pa.schema(
     [
-        pa.field("t_ns", pa.int64()),
-        pa.field("bus", _NAME),
-        pa.field("offset", pa.int64()),
-        pa.field("length", pa.int64()),
-        pa.field("reason", _NAME),
-        pa.field("protocol", _NAME),
+        always("t_ns", pa.int64()),
+        always("bus", NAME),
+        always("offset", pa.int64()),
+        always("length", pa.int64()),
+        always("reason", NAME),
+        always("protocol", NAME),
     ]
 )
 """Columns of the gaps table: bytes that no frame claims."""
 
 ANOMALIES = pa.schema(
     [
-        pa.field("t_ns", pa.int64()),
-        pa.field("bus", _NAME),
+        always("t_ns", pa.int64()),
+        always("bus", NAME),
         pa.field("servo_id", pa.int16()),
-        pa.field("severity", _NAME),
-        pa.field("group", _NAME),
-        pa.field("code", _NAME),
-        pa.field("detail", pa.string()),
-        pa.field("offset", pa.int64(), metadata={"about": "first byte of the evidence"}),
-        pa.field("length", pa.int64()),
-        pa.field("protocol", _NAME),
+        always("severity", NAME),
+        always("group", NAME),
+        always("code", NAME),
+        always("detail", pa.string()),
+        always("offset", pa.int64(), metadata={"about": "first byte of the evidence"}),
+        always("length", pa.int64()),
+        always("protocol", NAME),
     ]
 )
 """Columns of the anomalies table."""
-
-
-def _named(index: Any, names: Sequence[str]) -> Any:
-    indices = pa.array(np.ascontiguousarray(index, np.int32))
-    told = list(dict.fromkeys(names))
-    if len(told) < len(names):  # several codes are of one group
-        place = {name: i for i, name in enumerate(told)}
-        indices = pa.array(np.array([place[n] for n in names], np.int32)[np.asarray(index)])
-    return pa.DictionaryArray.from_arrays(indices, pa.array(told, pa.string()))
-
-
-def _constant(name: str, n: int) -> Any:
-    return _named(np.zeros(n, np.int32), [name])
 
 
 def transactions_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
@@ -106,15 +92,15 @@ def transactions_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
     return pa.Table.from_arrays(
         [
             pa.array(f.t_end[last]),
-            _constant(bus, len(t)),
-            pa.array(who, mask=who < 0),
-            _named(which, [protocol.op_name(op) for op in ops.tolist()]),
-            _named(t.outcome, OUTCOMES),
-            pa.array(t.response_time_ns, mask=unknown),
-            pa.array(t.uncertainty_ns, mask=unknown | (t.uncertainty_ns < 0)),
-            pa.array(frames.start[rows] + batch.base, mask=~is_asked),
-            pa.array(answered, mask=~is_answered),
-            _constant(protocol.name, len(t)),
+            constant(bus, len(t)),
+            absent(who, who < 0),
+            named(which, [protocol.op_name(op) for op in ops.tolist()]),
+            named(t.outcome, OUTCOMES),
+            absent(t.response_time_ns, unknown),
+            absent(t.uncertainty_ns, unknown | (t.uncertainty_ns < 0)),
+            absent(frames.start[rows] + batch.base, ~is_asked),
+            absent(answered, ~is_answered),
+            constant(protocol.name, len(t)),
         ],
         schema=TRANSACTIONS,
     )
@@ -126,11 +112,11 @@ def gaps_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
     return pa.Table.from_arrays(
         [
             pa.array(gaps.t_ns),
-            _constant(bus, len(gaps)),
+            constant(bus, len(gaps)),
             pa.array(gaps.start + batch.base),
             pa.array(gaps.length),
-            _named(gaps.kind, REASONS),
-            _constant(protocol.name, len(gaps)),
+            named(gaps.kind, REASONS),
+            constant(protocol.name, len(gaps)),
         ],
         schema=GAPS,
     )
@@ -146,15 +132,15 @@ def anomalies_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
     return pa.Table.from_arrays(
         [
             pa.array(found.t_ns),
-            _constant(bus, len(found)),
-            pa.array(who, mask=who < 0),
-            _named(found.code, [entry.severity.name.lower() for entry in known]),
-            _named(found.code, [entry.group for entry in known]),
-            _named(found.code, CODES),
+            constant(bus, len(found)),
+            absent(who, who < 0),
+            named(found.code, [entry.severity.name.lower() for entry in known]),
+            named(found.code, [entry.group for entry in known]),
+            named(found.code, CODES),
             pa.array([anomaly.detail for anomaly in found], pa.string()),
             pa.array(found.at),
             pa.array(found.length),
-            _constant(protocol.name, len(found)),
+            constant(protocol.name, len(found)),
         ],
         schema=ANOMALIES,
     )
@@ -184,7 +170,7 @@ def plain_schema(schema: Any) -> Any:
 
     Names are strings, for in dictionaries they differ from batch to batch; no number is unsigned.
     """
-    plainer = {_NAME: pa.string(), pa.uint8(): pa.int16()}
+    plainer = {NAME: pa.string(), pa.uint8(): pa.int16()}
     return pa.schema([f.with_type(plainer.get(f.type, f.type)) for f in schema])
 
 
@@ -229,6 +215,6 @@ class RelationSink:
         for name, parts in self._parts.items():
             table = pa.concat_tables([RELATIONS[name].schema.empty_table(), *parts])
             if self._file is not None:
-                table = table.add_column(0, "file", _constant(self._file, len(table)))
+                table = table.add_column(0, "file", constant(self._file, len(table)))
             out[name] = table.unify_dictionaries()
         return out

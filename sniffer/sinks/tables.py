@@ -20,6 +20,7 @@ from sniffer.ground.distinct import distinct
 from sniffer.ground.files import beside, open_binary, writing
 from sniffer.ground.model import Batch, Chunk, OutputError
 from sniffer.protocols.base import BusProtocol
+from sniffer.sinks.dictionaries import NAME, RegisterNames, absent, always, constant, named
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,87 +28,65 @@ if TYPE_CHECKING:
 FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 """What a text begins with that spreadsheets take for a formula (OWASP, CSV injection)."""
 
-_NAME = pa.dictionary(pa.int32(), pa.string())
-
 SAMPLES = pa.schema(
     [
-        pa.field("t_ns", pa.int64(), metadata={"about": "end of the frame, ns"}),
-        pa.field("bus", _NAME),
+        always("t_ns", pa.int64(), metadata={"about": "end of the frame, ns"}),
+        always("bus", NAME),
         pa.field("servo_id", pa.int16()),
-        pa.field("register", _NAME),
-        pa.field("quantity", _NAME),
-        pa.field("role", _NAME),
-        pa.field("raw", pa.int64(), metadata={"about": "as on the wire"}),
+        always("register", NAME),
+        always("quantity", NAME),
+        always("role", NAME),
+        always("raw", pa.int64(), metadata={"about": "as on the wire"}),
         pa.field("value", pa.float64(), metadata={"about": "in `unit`; null: none stated"}),
-        pa.field("unit", _NAME),
-        pa.field("scale", _NAME, metadata={"about": "observed, profile or assumed"}),
-        pa.field("part", _NAME),
-        pa.field("offset", pa.int64(), metadata={"about": "first byte of the frame"}),
-        pa.field("protocol", _NAME),
+        always("unit", NAME),
+        always("scale", NAME, metadata={"about": "observed, profile or assumed"}),
+        always("part", NAME),
+        always("offset", pa.int64(), metadata={"about": "first byte of the frame"}),
+        always("protocol", NAME),
     ]
 )
 """Columns of the samples table."""
 
 FRAMES = pa.schema(
     [
-        pa.field("t_ns", pa.int64()),
-        pa.field("t_start_ns", pa.int64()),
+        always("t_ns", pa.int64()),
+        always("t_start_ns", pa.int64()),
         pa.field("uncertainty_ns", pa.int64()),
-        pa.field("bus", _NAME),
-        pa.field("offset", pa.int64()),
-        pa.field("length", pa.int32()),
-        pa.field("kind", _NAME),
+        always("bus", NAME),
+        always("offset", pa.int64()),
+        always("length", pa.int32()),
+        always("kind", NAME),
         pa.field("servo_id", pa.int16()),
-        pa.field("op", _NAME),
+        always("op", NAME),
         pa.field("address", pa.int16()),
-        pa.field("data_length", pa.int32()),
+        always("data_length", pa.int32()),
         pa.field("status", pa.int16()),
-        pa.field("flags", pa.uint8()),
-        pa.field("protocol", _NAME),
+        always("flags", pa.uint8()),
+        always("protocol", NAME),
     ]
 )
 """Columns of the frames table."""
 
 
-def _names(index: Any, names: Sequence[str]) -> Any:
-    indices = pa.array(np.ascontiguousarray(index, np.int32))
-    return pa.DictionaryArray.from_arrays(indices, pa.array(list(names), pa.string()))
-
-
-def _told(index: Any, names: Sequence[str]) -> Any:
-    """Return names where several numbers may have one name: models share register names."""
-    place = {name: i for i, name in enumerate(dict.fromkeys(names))}
-    number = np.array([place[name] for name in names], np.int32)
-    return _names(number.take(index), list(place))
-
-
-def _same(name: str, n: int) -> Any:
-    return _names(np.zeros(n, np.int32), [name])
-
-
-def _absent(column: Any, missing: Any) -> Any:
-    return pa.array(column, mask=missing)
-
-
 def samples_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
     """Return a batch's samples as an arrow table with the columns of ``SAMPLES``."""
     v = batch.samples
-    registers = protocol.registers
+    name, quantity, unit = RegisterNames.of(protocol.registers).columns(v.register)
     return pa.Table.from_arrays(
         [
             pa.array(v.t_ns),
-            _same(bus, len(v)),
-            _absent(v.servo_id, v.servo_id < 0),
-            _told(v.register, [r.name for r in registers]),
-            _told(v.register, [r.quantity for r in registers]),
-            _names(v.role, ROLES),
+            constant(bus, len(v)),
+            absent(v.servo_id, v.servo_id < 0),
+            name,
+            quantity,
+            named(v.role, ROLES),
             pa.array(v.raw),
-            _absent(v.value, np.isnan(v.value)),
-            _told(v.register, [r.unit for r in registers]),
-            _names(v.provenance, PROVENANCES),
-            _names(v.part, PARTS),
+            absent(v.value, np.isnan(v.value)),
+            unit,
+            named(v.provenance, PROVENANCES),
+            named(v.part, PARTS),
             pa.array(batch.frames.start[v.row] + batch.base),
-            _same(protocol.name, len(v)),
+            constant(protocol.name, len(v)),
         ],
         schema=SAMPLES,
     )
@@ -121,18 +100,18 @@ def frames_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
         [
             pa.array(f.t_end),
             pa.array(f.t_start),
-            _absent(f.uncertainty, f.uncertainty < 0),
-            _same(bus, len(f)),
+            absent(f.uncertainty, f.uncertainty < 0),
+            constant(bus, len(f)),
             pa.array(f.start + batch.base),
             pa.array(f.length.astype(np.int32)),
-            _names(f.kind, KINDS),
-            _absent(f.servo_id, f.servo_id < 0),
-            _told(which, [protocol.op_name(op) for op in ops.tolist()]),
-            _absent(f.address, f.address < 0),
+            named(f.kind, KINDS),
+            absent(f.servo_id, f.servo_id < 0),
+            named(which, [protocol.op_name(op) for op in ops.tolist()]),
+            absent(f.address, f.address < 0),
             pa.array(f.data_length.astype(np.int32)),
-            _absent(f.status, f.status < 0),
+            absent(f.status, f.status < 0),
             pa.array(f.flags),
-            _same(protocol.name, len(f)),
+            constant(protocol.name, len(f)),
         ],
         schema=FRAMES,
     )
@@ -143,7 +122,7 @@ Builder = Callable[[str, BusProtocol, Batch], Any]
 
 def parquet_writer(file: BinaryIO, schema: Any) -> Any:
     """Return what writes tables with these columns to a Parquet file, a row group each."""
-    names = [f.name for f in schema if f.type == _NAME]
+    names = [f.name for f in schema if f.type == NAME]
     # Offsets and times grow by small steps: their differences pack to nothing.
     steps = [f.name for f in schema if f.type in (pa.int32(), pa.int64())]
     return pyarrow.parquet.ParquetWriter(
@@ -153,6 +132,9 @@ def parquet_writer(file: BinaryIO, schema: Any) -> Any:
         compression_level=1,
         use_dictionary=names,
         column_encoding=dict.fromkeys(steps, "DELTA_BINARY_PACKED"),
+        # The least and greatest name of a group would take a third of the time, and tell nobody
+        # anything: each stands in nearly every group.
+        write_statistics=[f.name for f in schema if f.type != NAME],
     )
 
 
@@ -214,7 +196,7 @@ class _Table:
 def _in_text(table: Any, schema: Any) -> Any:
     """Return a table as a .csv has it: names as texts, none of which a spreadsheet would run."""
     for i, field in enumerate(table.schema):
-        if field.type == _NAME:
+        if field.type == NAME:
             column = table.column(i).combine_chunks()
             for part in column.chunks if isinstance(column, pa.ChunkedArray) else [column]:
                 names = part.dictionary.to_pylist()
@@ -231,7 +213,7 @@ def harmless(name: str) -> str:
 
 
 def _plain(kind: Any) -> Any:
-    return pa.string() if kind == _NAME else kind
+    return pa.string() if kind == NAME else kind
 
 
 class TableSink:

@@ -1,0 +1,96 @@
+"""Columns of arrow tables; those of names have a number a row, and each name once.
+
+What names there are changes with the protocol, not with the batch: they are laid out once. Rows
+that all have one name share their numbers.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pyarrow as pa
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.ground.model import I64
+    from sniffer.ground.registers import Register
+
+NAME: Final = pa.dictionary(pa.int32(), pa.string())
+"""The type of such a column."""
+
+MOST: Final = 32
+"""Protocols whose names are kept: more than there are in one program."""
+
+_ZEROS: Final = [pa.array(np.zeros(1 << 12, np.int32))]
+
+
+def always(name: str, kind: Any, metadata: dict[str, str] | None = None) -> Any:
+    """Return a column that has a value in every row: nobody need write down where it has one."""
+    return pa.field(name, kind, nullable=False, metadata=metadata)
+
+
+def named(index: Any, names: Sequence[str]) -> Any:
+    """Return the names of rows by their numbers; several numbers may have one name."""
+    number, texts = _laid_out(tuple(names))
+    index = np.ascontiguousarray(index, np.int32) if number is None else number.take(index)
+    return pa.DictionaryArray.from_arrays(pa.array(index), texts)
+
+
+def constant(name: str, n: int) -> Any:
+    """Return ``n`` rows of one name."""
+    if n > len(_ZEROS[0]):
+        _ZEROS[0] = pa.array(np.zeros(2 * n, np.int32))
+    _, texts = _laid_out((name,))
+    return pa.DictionaryArray.from_arrays(_ZEROS[0].slice(0, n), texts)
+
+
+class RegisterNames:
+    """What registers are called; ``of`` keeps it by protocol."""
+
+    _known: Final[dict[int, tuple[Sequence[Register], RegisterNames]]] = {}
+
+    def __init__(self, registers: Sequence[Register]) -> None:
+        self._name = _laid_out(tuple(r.name for r in registers))
+        self._quantity = _laid_out(tuple(r.quantity for r in registers))
+        self._unit = _laid_out(tuple(r.unit for r in registers))
+
+    @classmethod
+    def of(cls, registers: Sequence[Register]) -> RegisterNames:
+        """Return the names of a protocol's registers; the same sequence is walked but once."""
+        found = cls._known.get(id(registers))
+        if found is None or found[0] is not registers:
+            if len(cls._known) >= MOST:
+                cls._known.clear()
+            found = cls._known[id(registers)] = registers, cls(registers)
+        return found[1]
+
+    def columns(self, register: Any) -> tuple[Any, Any, Any]:
+        """Return name, quantity and unit of rows by their registers."""
+        name, quantity, unit = (
+            pa.DictionaryArray.from_arrays(
+                pa.array(register.astype(np.int32) if number is None else number.take(register)),
+                texts,
+            )
+            for number, texts in (self._name, self._quantity, self._unit)
+        )
+        return name, quantity, unit
+
+
+@functools.lru_cache(maxsize=256)
+def _laid_out(names: tuple[str, ...]) -> tuple[I64 | None, Any]:
+    """Return the place of each name (None: they stand as they are), and every name once."""
+    told = list(dict.fromkeys(names))
+    texts = pa.array(told, pa.string())
+    if len(told) == len(names):
+        return None, texts
+    place = {name: i for i, name in enumerate(told)}
+    number: Any = np.array([place[name] for name in names], np.int32)
+    return number, texts
+
+
+def absent(column: Any, missing: Any) -> Any:
+    """Return a column in which some rows have no value."""
+    return pa.array(column, mask=missing) if missing.any() else pa.array(column)
