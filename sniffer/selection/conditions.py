@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 MANY: Final = 8
 """From so many numbers on a list is looked up, not compared one by one."""
 
+SHORT: Final = 1 << 15
+"""Numbers of 16 bits lie below it; of these each has a place in a table."""
+
 INT64: Final = 1 << 63
 
 Ask = Callable[[str], Numbers | Names]
@@ -117,14 +120,24 @@ def numbers(name: str, sign: str, value: Any) -> Condition:
     return holds
 
 
-def one_of(name: str, values: list[int]) -> Condition:
-    """Return the condition that a column has one of many whole numbers."""
+def one_of(name: str, values: list[int], one_by_one: Condition) -> Condition:
+    """Return the condition that a column has one of some whole numbers.
+
+    ``one_by_one`` says the same by a comparison with each.
+    """
     known = np.array(values, np.int64)
+    small = np.zeros(1 << 16, bool)  # by number, those below 0 from the end as an index has it
+    small[[n for n in values if -SHORT <= n < SHORT]] = True
 
     def holds(ask: Ask) -> Mask | bool:
         column = ask(name)
         assert isinstance(column, Numbers)
-        mask = np.isin(column.values, known)
+        if column.values.dtype == np.int16:
+            mask: Mask = small[column.values]
+        elif len(values) < MANY:
+            return one_by_one(ask)
+        else:
+            mask = np.isin(column.values, known)
         return mask & present(*column) if -1 in values else mask
 
     return holds

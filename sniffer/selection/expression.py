@@ -21,7 +21,6 @@ from sniffer.selection.columns import IS_TEXT, REALS, VALUES
 from sniffer.selection.conditions import (
     COMPARE,
     INT64,
-    MANY,
     Condition,
     all_of,
     any_of,
@@ -276,8 +275,11 @@ class _Parser:
                 named = frozenset(str(item.value) for item in items)
                 return texts(left.name, lambda text: (text in named) is not flip)
             whole = [i.value for i in items if isinstance(i.value, int) and abs(i.value) < INT64]
-            if len(whole) == len(items) >= MANY and left.name not in REALS and not flip:
-                return one_of(left.name, whole)
+            if len(whole) == len(items) > 1 and left.name not in REALS and not flip:
+                return one_of(left.name, whole, self._one_by_one(left, items, flip=False))
+        return self._one_by_one(left, items, flip=flip)
+
+    def _one_by_one(self, left: _Operand, items: list[_Operand], *, flip: bool) -> Condition:
         same = "<>" if flip else "="
         each = [self._compare(left, same, item, flip=False) for item in items]
         return all_of(each) if flip else any_of(each)
