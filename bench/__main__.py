@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 from bench.one_by_one import one_by_one
 from bench.results import NOTES, RESULTS, live
+from bench.small import small_rows
 from bench.streams import STREAMS, hostile
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.pipeline import Options, Pipeline
@@ -278,6 +279,7 @@ def main() -> None:
     hostile_rows(lines)
     file_rows(lines)
     start_rows(lines)
+    lines += small_rows()
     # what is measured on live recordings has programs of its own, and stays
     parts = ["\n".join(lines).rstrip() + "\n", *live(), NOTES.read_text(encoding="utf-8")]
     RESULTS.write_text("\n".join(parts), encoding="utf-8")

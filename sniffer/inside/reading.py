@@ -158,6 +158,7 @@ class Reading:
     def _pieces(self, options: Options) -> Iterator[Sequence[Chunk]]:
         """Cut the groups of the source into pages."""
         quiet = Teller(self.remarks.append)
+        self._source.hasten(PAGE, PAGE_CHUNKS)  # the first screen waits for the first page alone
         for group in merged(self._source, self._source, options, quiet):
             yield from pages(group)
 

@@ -14,8 +14,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.detect import UndecidedError, detect
 from sniffer.decoding.names import protocols_named
@@ -65,6 +63,7 @@ class _Wires:
         self._is_first = True
         self._trials = 0
         self._merger: Merger | None = None
+        self._found: BusProtocol | None = None
 
     def feed(self, chunk: Chunk) -> list[Chunk]:
         """Take a chunk; return what can be handed on."""
@@ -107,13 +106,19 @@ class _Wires:
         if self._named != AUTO:
             named = protocols_named(self._named)
             return named[0] if len(named) == 1 else None
+        if self._found is not None:  # a bus speaks what it spoke: decoding takes it so, too
+            return self._found
         asked = [chunk for chunk in self._window if chunk.direction == Direction.TX]
         for chunks in (self._window, asked):  # what is mixed may be told from one wire only
             try:
                 found = protocols_named(detect(chunks, self._baud).protocol)
-                return found[0] if len(found) == 1 else None  # two cannot be merged
             except UndecidedError:
                 continue
+            if len(found) > 1:
+                return None  # two cannot be merged
+            if self._size >= WINDOW:
+                self._found = found[0]
+            return found[0]
         return None
 
     def _is_sound(self) -> bool:
@@ -157,11 +162,12 @@ class _Wires:
         A request that an answer's byte cuts is no exchange at all, only a gap: it counts as well.
         """
         decoder = Decoder(protocol, baud=self._baud, latency_ns=self._latency_ns)
-        parts = decoder.feed(*chunks), decoder.close()
-        outcome = np.concatenate([b.transactions.outcome for b in parts])
+        decoder.take(chunks)
+        told = decoder.close()
+        outcome = told.transactions.outcome
         good = int((outcome == OK).sum())
         wrong = len(outcome) - good - int((outcome == NOT_EXPECTED).sum())
-        return good, wrong + sum(len(b.gaps) for b in parts)
+        return good, wrong + len(told.gaps)
 
     def _marked(self, chunks: Iterable[Chunk]) -> list[Chunk]:
         """Add to merged chunks that they are, and by how much their stamps may lag."""

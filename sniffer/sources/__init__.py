@@ -152,6 +152,7 @@ class Source:
         self.notes: list[str] = []
         self._origin = origin
         self._bus = bus
+        self._first = GROUP, GROUP_CHUNKS
         self._known: Mapping[str, str] | None = None
         self._levels: LogicCapture | None = None
         if input_format in LABELS:
@@ -182,6 +183,10 @@ class Source:
         """Return one line that says what the input is."""
         return f"{self.name}: {self.label}"
 
+    def hasten(self, payload: int, chunks: int) -> None:
+        """Let the first group have no more than so many bytes and chunks: somebody waits for it."""
+        self._first = payload, chunks
+
     def __iter__(self) -> Iterator[list[Chunk]]:
         lag_s = LAG_S if self._origin.live else math.inf
         if self._levels is None or not self._levels.is_ahead:
@@ -190,7 +195,7 @@ class Source:
             yield from self._told(self._levels.groups(lag_s))
             return
         with self._opened() as opened:
-            yield from self._told(_groups(SOURCES[self.format](opened), lag_s))
+            yield from self._told(_groups(SOURCES[self.format](opened), lag_s, self._first))
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[Opened]:
@@ -272,8 +277,14 @@ class Source:
         self.close()
 
 
-def _groups(chunks: Iterable[Chunk], lag_s: float) -> Iterator[list[Chunk]]:
-    """Group chunks; those read before damage are yielded first, unless a first line is nonsense."""
+def _groups(
+    chunks: Iterable[Chunk], lag_s: float, first: tuple[int, int] = (GROUP, GROUP_CHUNKS)
+) -> Iterator[list[Chunk]]:
+    """Group chunks; those read before damage are yielded first, unless a first line is nonsense.
+
+    ``first``: bytes and chunks of the first group.
+    """
+    most, most_chunks = first
     group: list[Chunk] = []
     buses: set[str] = set()
     size = 0
@@ -291,9 +302,10 @@ def _groups(chunks: Iterable[Chunk], lag_s: float) -> Iterator[list[Chunk]]:
                     raise _ManyBusesError(f"more than {BUSES_MOST} buses: are they names of one?")
             group.append(chunk)
             size += len(chunk.data)
-            if size >= GROUP or len(group) >= GROUP_CHUNKS or time.monotonic() > due:
+            if size >= most or len(group) >= most_chunks or time.monotonic() > due:
                 yield group
                 group, size, due = [], 0, time.monotonic() + lag_s
+                most, most_chunks = GROUP, GROUP_CHUNKS
     except KeyboardInterrupt:
         if group:
             yield group  # what has been read is decoded before the end
