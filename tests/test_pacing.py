@@ -4,30 +4,35 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.decoding.pacing import ASSUMED, ESTIMATED, STATED, Pace
+from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.joining import joined
+from sniffer.decoding.pacing import ASSUMED, ESTIMATED, STATED, Pace, exchanges_in
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.decoding.summary import Bounds, Quantiles
 from sniffer.ground.codes import OK
 from sniffer.ground.model import NS, Chunk, Clock
+from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import faults as f
 from sniffer.simulation.buses import BUSES, simulate
 from sniffer.simulation.faults import Fault
 from sniffer.simulation.render import frame_reads, usb_reads
+from sniffer.sources import open_source
 from tests.commands import sniffer
 from tests.hosts import MS, lines, reads, truths
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-    from pathlib import Path
 
     from sniffer.ground.model import Batch
     from sniffer.protocols.base import BusProtocol
     from sniffer.simulation.talk import TrueFrame
 
+CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
 START_NS = 1_700_000_000 * NS
 EVERY = pytest.mark.parametrize("name", BUSES)
 
@@ -104,6 +109,23 @@ def test_behind_a_16_ms_host_the_truth_is_within_what_is_stated_and_nobody_is_la
     if form is not usb_reads:
         assert judged.pace.latency == ESTIMATED
         assert 16 * MS <= (judged.pace.latency_ns or 0) <= 25 * MS
+
+
+@EVERY
+def test_the_frames_and_exchanges_that_are_looked_at_are_those_of_the_decoder(name: str) -> None:
+    source = open_source(CAPTURES / f"{name}_damaged.log")
+    data = b"".join(chunk.data for group in source for chunk in group)
+    frames, asked, answered = exchanges_in(PROTOCOLS[name], data)
+    decoder = Decoder(name)
+    whole = joined([decoder.feed(data), decoder.close()])
+    t = whole.transactions
+    fits = (t.outcome == OK) & (t.request >= 0) & (t.response >= 0)
+    assert frames.start.tolist() == whole.frames.start.tolist()
+    assert frames.end.tolist() == whole.frames.end.tolist()
+    pairs = zip(t.request[fits].tolist(), t.response[fits].tolist(), strict=True)
+    found = sorted(zip(asked.tolist(), answered.tolist(), strict=True))
+    assert found == sorted(pairs)
+    assert len(found) > 100
 
 
 @EVERY

@@ -204,6 +204,18 @@ def test_a_log_that_breaks_off_is_read_as_far_as_it_goes() -> None:
     assert until_damage(damaged)[0] == b"\xfa" * 20
 
 
+def test_the_first_group_is_small_where_somebody_waits_for_it_and_nothing_else_changes() -> None:
+    lines = "".join(f"(1732142106.{k:06d}) bus0 RX#FF{k % 256:02X}00\n" for k in range(3000))
+    slow, hasty = (open_source(lines.encode(), "candump") for _ in range(2))
+    hasty.hasten(600, 1000)
+    whole, parts = list(slow), list(hasty)
+    assert [len(group) for group in whole] == [3000]
+    assert [len(group) for group in parts] == [200, 2800]
+    assert [chunk for group in parts for chunk in group] == whole[0]
+    hasty.hasten(1 << 20, 70)
+    assert len(next(iter(hasty))) == 70
+
+
 def test_own_json_lines_are_the_bus_again() -> None:
     records: list[dict[str, object]] = [
         {"type": "frame", "bus": "a", "t_ns": 7, "offset": 0, "hex": "ff00", "clock": "read"},

@@ -25,6 +25,7 @@ from sniffer.ground.timing import LATENCY_NS, TOLERANCE, byte_time_ns, clock_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from sniffer.ground.model import Frames
     from sniffer.protocols.base import BusProtocol
 
 STATED: Final = "stated"
@@ -167,6 +168,19 @@ def pace(
     return replace(known, slowest=possible[0], doubtful=len(looked.asked) >= MANY)
 
 
+def exchanges_in(protocol: BusProtocol, data: bytes) -> tuple[Frames, I64, I64]:
+    """Return the frames in some bytes, and the rows of requests with those of their answers.
+
+    They are those that a decoder finds, without what else it says of them: no times, no values.
+    """
+    block = Block(np.frombuffer(data, np.uint8), np.empty(0, np.int64), True)
+    spans, decided = protocol.frame(block)
+    frames, partner = Pairing(protocol).match(protocol.describe(block, spans), block, decided, 0)
+    answer, asked, how = outcomes(partner)
+    fits = (how == OK) & (frames.kind[answer] == RESPONSE)
+    return frames, asked[fits], answer[fits]
+
+
 class _Look:
     """The first chunks as columns, with the frames in them."""
 
@@ -182,14 +196,9 @@ class _Look:
         # Before a stamp lie the bytes that it is of, but for those that were yet to be sent.
         self.n = np.where(self.sent, 0, size)
         # Which answer belongs to which question is told by the bytes alone here.
-        data = np.frombuffer(b"".join(k.data for k in chunks), np.uint8)
-        block = Block(data, np.empty(0, np.int64), True)
-        spans, decided = protocol.frame(block)
-        f, partner = Pairing(protocol).match(protocol.describe(block, spans), block, decided, 0)
+        f, asked, answered = exchanges_in(protocol, b"".join(k.data for k in chunks))
         self.start, self.stop = f.start, f.end
-        r, q, how = outcomes(partner)
-        fits = (how == OK) & (f.kind[r] == RESPONSE)
-        self.asked, self.begun, self.answered = f.end[q[fits]], f.start[r[fits]], f.end[r[fits]]
+        self.asked, self.begun, self.answered = f.end[asked], f.start[answered], f.end[answered]
 
     def waited_ns(self, byte_ns: int) -> int:
         """Return how long the host may have held answers, by how long it waited for them.
