@@ -86,7 +86,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="scenarios whose names hold this")
     parser.add_argument(
-        "--seeds", type=int, default=1, help="how many draws of each scenario; 0: sound traffic alone"
+        "--seeds",
+        type=int,
+        default=1,
+        help="how many draws of each scenario; 0: sound traffic alone",
     )
     parser.add_argument("--first-seed", type=int, default=0, help="the first of them")
     parser.add_argument("--sound", type=int, default=0, help="further draws of sound traffic")
