@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter
 from typing import TYPE_CHECKING, Final
 
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from sniffer.diagnosis.case import Case
-    from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.misread import Flip, Misread
     from sniffer.diagnosis.rules import Rule
 
@@ -85,9 +83,6 @@ show."""
 
 OFTEN: Final = 0.05
 """Part of a servo's answers that must have a line error: noise hits one now and then."""
-
-IN_A_ROW: Final = 2 * SAME
-"""Torn answers of one servo without anything else that is torn between them."""
 
 OTHERS: Final = 0.75
 """Part of a servo's packets with line errors that may hold another's answer as well."""
@@ -262,9 +257,7 @@ def clocks(case: Case) -> Iterator[Finding]:
         torn = [d for d in case.damages if d.turn == IN_REPLY and d.servo_id == servo]
         share = len(torn) / max(case.total("ok", servo) + len(torn), 1)
         rest = (len(case.damages) - len(torn) + 1) / max(case.ledger.frames, 1)
-        if share < APART / 2 * rest:
-            torn = _alone(case.damages, servo)  # for a while it may be the only one
-        if len(torn) < SAME:
+        if len(torn) < SAME or share < APART / 2 * rest:
             continue
         spread = torn[:: -(-len(torn) // LOOKED)]  # it wanders while it warms up
         found = clock_of(tuple((d.got, alike_of(d, known)) for d in spread))
@@ -284,13 +277,6 @@ def clocks(case: Case) -> Iterator[Finding]:
             brief=f"the clock of servo {servo} is {abs(found.off):.0%} {slow}",
             values=(("off", found.off),),
         )
-
-
-def _alone(damages: Sequence[Damage], servo: int) -> list[Damage]:
-    """Return the longest row of torn places that are answers of one servo; none where it is short."""
-    rows = itertools.groupby(damages, lambda d: d.turn == IN_REPLY and d.servo_id == servo)
-    longest = max((list(row) for is_its, row in rows if is_its), key=len, default=[])
-    return longest if len(longest) >= IN_A_ROW else []
 
 
 def bits_finding(
