@@ -93,7 +93,7 @@ def twins(case: Case) -> Mapping[int, Twin]:
     """Return the servos that answer twice by what was heard."""
     found = {servo: Twin(servo) for servo in case.servos}
     known = case.ledger.damages.likes.known
-    begins = _beginnings(case)
+    begins = beginnings(case)
     requests = case.ledger.exchanges.kinds.requests
     belated = {d.at for d in late_answers(case)}
     for d in case.damages:
@@ -144,7 +144,7 @@ def late_answers(case: Case) -> Sequence[Damage]:
 
     That one stands right before the last, with nothing between: it is its one and only answer.
     """
-    begins, requests = _beginnings(case), case.ledger.exchanges.kinds.requests
+    begins, requests = beginnings(case), case.ledger.exchanges.kinds.requests
     ends = {f.at + f.length: f for f in case.ledger.exchanges.failed}
     out = []
     for d in case.damages:
@@ -159,7 +159,7 @@ def _is_foreign(d: Damage, begins: Mapping[int, bytes], requests: Sequence[bytes
     if d.earlier_id == d.servo_id or d.turn in (AT_TURN, IN_IDLE):
         return False
     others = [b for s, b in begins.items() if s != d.earlier_id]
-    return _begins_like(d.got, begins.get(d.earlier_id, b""), [*others, *requests])
+    return begins_like(d.got, begins.get(d.earlier_id, b""), [*others, *requests])
 
 
 def _spare(case: Case, found: Mapping[int, Twin]) -> None:
@@ -205,7 +205,7 @@ def torn_answers(case: Case) -> dict[int, Sequence[Damage]]:
     }
 
 
-def _beginnings(case: Case) -> Mapping[int, bytes]:
+def beginnings(case: Case) -> Mapping[int, bytes]:
     """Return with what the answers of each servo begin."""
     likes = case.ledger.damages.likes
     answers: dict[int, list[bytes]] = {}
@@ -214,7 +214,7 @@ def _beginnings(case: Case) -> Mapping[int, bytes]:
     return {servo: beginning(some) for servo, some in answers.items()}
 
 
-def _begins_like(got: bytes, theirs: bytes, others: Sequence[bytes]) -> bool:
+def begins_like(got: bytes, theirs: bytes, others: Sequence[bytes]) -> bool:
     """Tell whether bytes begin as one servo's answers up to where others' differ, and behind."""
     differ = [
         next((k + 1 for k, (a, b) in enumerate(zip(theirs, other, strict=False)) if a != b), 0)

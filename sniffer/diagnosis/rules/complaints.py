@@ -9,15 +9,17 @@ import numpy as np
 
 from sniffer.diagnosis.case import episodes, sums
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.tracks import in_force
+from sniffer.diagnosis.twins import beginnings, begins_like
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.gaps import NOISE
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
@@ -217,6 +219,12 @@ def chatty(case: Case) -> Iterator[Finding]:
     """A device that speaks without being asked."""
     unasked = sums(case.answers, "servo_id", "unsolicited")
     torn = int(case.damage["n"].sum())
+    # what stands right behind a torn request was asked for by it
+    ends = {d.at + d.length for d in case.damages if d.turn == IN_REQUEST}
+    pieces = _spoken_into(case)
+    for servo in unasked:
+        events = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
+        unasked[servo] += len(pieces.get(servo, ())) - len(ends & set(events.at.tolist()))
     for servo, n in unasked.items():
         others = sum(unasked.values()) - n
         missing = case.total("missing", servo) + case.total("damaged", servo)
@@ -232,13 +240,15 @@ def chatty(case: Case) -> Iterator[Finding]:
         told = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
         if not len(told):
             continue
+        begun = pieces.get(servo, ())
+        into = f"; {len(begun)} of them began before a request was over" if begun else ""
         yield Finding(
             "speaks-unasked",
             servo,
             int(told.t_ns.min()),
             int(told.t_ns.max()),
             n,
-            f"servo {servo} sent {n} answers that nobody asked for, all others {others}",
+            f"servo {servo} sent {n} answers that nobody asked for, all others {others}{into}",
             case.places(told, "an answer without a request"),
             strength=min(0.7 + n / 25, 1.0),
             brief=f"servo {servo} speaks unasked",
@@ -258,6 +268,20 @@ def chatty(case: Case) -> Iterator[Finding]:
                 f"servo {servo} said something more behind {more} of {ok} exchanges at most",
                 strength=min(1.0, (SELDOM * ok - more) / more),
             )
+
+
+def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
+    """Return by servo what begins as its answers where nobody is asked, and is torn by a request."""
+    out: dict[int, list[Damage]] = {}
+    begins = beginnings(case)
+    requests = case.ledger.exchanges.kinds.requests
+    for d in case.damages:
+        if d.turn == IN_REQUEST and d.behind == RESPONSE:
+            for servo, own in begins.items():
+                others = [other for s, other in begins.items() if s != servo]
+                if begins_like(d.got, own, [*others, *requests]):
+                    out.setdefault(servo, []).append(d)
+    return out
 
 
 def _is_behind(d: Damage, servo: int) -> bool:

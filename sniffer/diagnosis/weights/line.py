@@ -174,7 +174,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("damage-in-answers", 1.0, "all servos' answers are hit"),
         ("damage-in-requests", 1.0, "the controller's requests are hit"),
         ("damage-one-servo", 0.5, "one sender's signal is weak"),
-        ("last-byte-torn", 0.5, "the last byte has no time to settle"),
+        ("last-byte-torn", 1.5, "the last byte has no time to settle"),
         ("first-byte-torn", -2.0, "a weak signal does not choose a byte"),
         ("answers-always-torn", -2.5, "a weak signal lets some of what a servo says by"),
         ("strays-at-turn", -2.0, "a weak signal has no strays where the direction changes"),
