@@ -54,7 +54,7 @@ FINDINGS: Final = (
         "speaks-unasked",
         "device",
         "One device sends answers that nobody asked for.",
-        "At least four whole answers without a request, nearly all of one servo, which answers what it is asked as well; where more frames are damaged, all of one servo, by a chance of 2 % at most.",
+        "At least four answers without a request, whole or torn by the next one, and none right behind a torn request; nearly all of one servo, which answers what it is asked as well; where more frames are damaged, all of one servo, by a chance of 2 % at most.",
     ),
 )
 

@@ -11,6 +11,10 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         "bus-noise",
         ("requests-spoken-into", -2.5, "what is torn is torn for as long as a frame"),
     ),
+    *for_(
+        "duplicate-id",
+        ("requests-spoken-into", 0.8, "the second answer runs into the next request"),
+    ),
     *(
         weight
         for cause in (
@@ -19,7 +23,6 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             "line-stuck",
             "turnaround",
             "clock-drift",
-            "duplicate-id",
             "tap-loss",
             "chatty-device",
             "impatient-controller",
@@ -87,7 +90,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("unrelated-periods", 5.5, "requests come in two rhythms that do not belong together"),
         ("requests-run-together", 6.0, "one controller does not speak into its own requests"),
         ("streams-apart", 3.0, "two loops keep two times"),
-        ("requests-spoken-into", 2.5, "somebody speaks into requests, and servos do not"),
+        ("requests-spoken-into", 2.0, "somebody speaks into requests, and servos do not"),
         ("damage-in-answers", 0.3, "answers are spoken into"),
         ("last-byte-torn", 0.1, "another request begins within the last byte"),
         ("one-way-bits", 0.1, "who pulls low wins"),
