@@ -159,7 +159,7 @@ def _is_foreign(d: Damage, begins: Mapping[int, bytes], requests: Sequence[bytes
     if d.earlier_id == d.servo_id or d.turn in (AT_TURN, IN_IDLE):
         return False
     others = [b for s, b in begins.items() if s != d.earlier_id]
-    return begins_like(d.got, begins.get(d.earlier_id, b""), [*others, *requests])
+    return _begins_like(d.got, begins.get(d.earlier_id, b""), [*others, *requests])
 
 
 def _spare(case: Case, found: Mapping[int, Twin]) -> None:
@@ -214,14 +214,19 @@ def beginnings(case: Case) -> Mapping[int, bytes]:
     return {servo: beginning(some) for servo, some in answers.items()}
 
 
-def begins_like(got: bytes, theirs: bytes, others: Sequence[bytes]) -> bool:
+def _begins_like(got: bytes, theirs: bytes, others: Sequence[bytes]) -> bool:
     """Tell whether bytes begin as one servo's answers up to where others' differ, and behind."""
+    size = telling(theirs, others)
+    return size >= 2 and len(got) > size and got[:size] == theirs[:size]
+
+
+def telling(theirs: bytes, others: Sequence[bytes]) -> int:
+    """Return how many first bytes of one servo's answers tell them from all others."""
     differ = [
         next((k + 1 for k, (a, b) in enumerate(zip(theirs, other, strict=False)) if a != b), 0)
         for other in others
     ]
-    size = max(differ, default=0)
-    return size >= 2 and len(got) > size and got[:size] == theirs[:size]
+    return max(differ, default=0)
 
 
 def _behind_one(case: Case, places: Sequence[Damage], least: int) -> int:

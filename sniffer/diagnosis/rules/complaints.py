@@ -12,7 +12,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.tracks import in_force
-from sniffer.diagnosis.twins import beginnings, begins_like
+from sniffer.diagnosis.twins import beginnings, telling
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.gaps import NOISE
@@ -102,6 +102,9 @@ BARE_SHARE: Final = 0.7
 
 NEAR_RAW: Final = 3
 """Steps that a joint may have moved since its last answer."""
+
+SIGN: Final = 2
+"""Bytes at least by which the beginning of an answer tells whose it is."""
 
 UNASKED: Final = 4
 """Answers without a request: fewer come from requests that the tap lost."""
@@ -272,16 +275,17 @@ def chatty(case: Case) -> Iterator[Finding]:
 
 def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
     """Return by servo what begins as its answers where nobody is asked, and is torn by a request."""
-    out: dict[int, list[Damage]] = {}
-    begins = beginnings(case)
-    requests = case.ledger.exchanges.kinds.requests
-    for d in case.damages:
-        if d.turn == IN_REQUEST and d.behind == RESPONSE:
-            for servo, own in begins.items():
-                others = [other for s, other in begins.items() if s != servo]
-                if begins_like(d.got, own, [*others, *requests]):
-                    out.setdefault(servo, []).append(d)
-    return out
+    begins, requests = beginnings(case), case.ledger.exchanges.kinds.requests
+    signs = {}
+    for servo, own in begins.items():
+        others = [other for s, other in begins.items() if s != servo]
+        signs[servo] = own[: telling(own, [*others, *requests])]
+    torn = [d for d in case.damages if d.turn == IN_REQUEST and d.behind == RESPONSE]
+    return {
+        servo: [d for d in torn if len(d.got) > len(sign) and d.got.startswith(sign)]
+        for servo, sign in signs.items()
+        if len(sign) >= SIGN
+    }
 
 
 def _is_behind(d: Damage, servo: int) -> bool:
