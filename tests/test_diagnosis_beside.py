@@ -169,13 +169,6 @@ def hit(torn: Callable[[int, bytes], bytes], *servos: int) -> set[str]:
     return codes(robot("mightyzap", 8, instead=instead, goals=False).diagnosed())
 
 
-def test_of_many_misread_bits_some_may_be_guessed_wrong_where_edges_are_late() -> None:
-    def torn(n: int, data: bytes) -> bytes:
-        return turned(data, range(1, 8), lags=n % 12 != 0, behind=6)
-
-    assert "late-edges" in hit(torn, 1, 2, 3)
-
-
 def test_bits_of_which_half_are_as_the_one_before_are_no_late_edges() -> None:
     def torn(n: int, data: bytes) -> bytes:
         return turned(data, range(1, 8), lags=n % 2 != 0, behind=6)

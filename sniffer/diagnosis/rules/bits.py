@@ -38,7 +38,7 @@ FINDINGS: Final = (
         "late-edges",
         "line",
         "Bits are read as the one before them on the line: the edge between them came too late.",
-        "At least five misread bits, nine tenths of them (four fifths of twenty and more) equal to the bit sent before, and one way.",
+        "At least five misread bits, nine tenths of them equal to the bit sent before, and one way.",
     ),
     FindingCode(
         "late-bits",
@@ -69,11 +69,6 @@ LATE: Final = 5
 
 PURE: Final = 0.9
 """Part of the misread bits that must agree: another fault may damage a frame now and then."""
-
-MOSTLY: Final = 0.8
-PLENTY: Final = 20
-"""The same of so many: which bit it was is a guess where the checksum has seven bits, and of many
-guesses some are wrong."""
 
 PURE_WAY: Final = 0.95
 
@@ -124,8 +119,7 @@ def bits(case: Case) -> Iterator[Finding]:
         )
     known = [f for f in every if f.byte >= 0]
     lags = sum(f.lags for f in known)
-    pure = PURE if n < PLENTY else MOSTLY
-    if len(known) >= LATE and lags >= pure * len(known) and most >= pure * n:
+    if len(known) >= LATE and lags >= PURE * len(known) and most >= PURE * n:
         yield bits_finding(
             "late-edges",
             read,
