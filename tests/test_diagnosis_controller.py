@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.conversations import BAUD, MS, T0, TONGUES, Conversation, robot, swinging, through_usb
+from tests.conversations import (
+    BAUD,
+    MS,
+    T0,
+    TONGUES,
+    Conversation,
+    robot,
+    swinging,
+    through_usb,
+    without_clock,
+)
 from tests.diagnosed import codes, found, verdicts
 from tests.streams import mightyzap, rs30x, wck
 
@@ -331,6 +341,18 @@ def test_a_program_that_moves_from_point_to_point_does_not_jump(protocol: str) -
 def test_a_path_that_went_on_while_the_loop_stood_still_does_not_jump() -> None:
     talk = robot("rs30x", 10, before=lambda talk, n: talk.rest(400 if n % 90 == 89 else 0))
     assert "goal-jump" not in codes(talk.diagnosed())
+
+
+def test_without_a_clock_only_a_goal_where_no_other_is_comes_back_from_a_jump() -> None:
+    """Two pauses look alike, for the path goes on meanwhile: to where it goes anyway."""
+    paused = robot("rs30x", 10, before=lambda talk, n: talk.rest(900 if n % 97 in (50, 54) else 0))
+    assert "goal-jump" not in codes(paused.diagnosed(without_clock(paused.chunks)))
+
+    def path(servo: int, s: float) -> float:
+        return 0.97 if servo == 2 and int(s * 40) in (150, 151) else swinging(servo, s) / 2
+
+    jumps = robot("rs30x", 10, path=path)
+    assert "goal-jump" in codes(jumps.diagnosed(without_clock(jumps.chunks)))
 
 
 # ---------------------------------------------------------------------------------- what overlaps

@@ -230,6 +230,7 @@ TOLD: Final = (
     ("answers-mixed", "twins", "fast clock"),
     ("answers-always-torn", "fast clock", "contact"),
     ("requests-run-together", "two masters", "late edges"),
+    ("requests-spoken-into", "two masters", "noise"),
     ("streams-apart", "two loops", "contact"),
     ("interleaved-requests", "two masters", "contact"),
     ("unrelated-periods", "two loops", "contact"),

@@ -9,7 +9,15 @@ from dataclasses import replace
 import pytest
 
 from sniffer.ground.model import Mark, MarkKind, Severity
-from tests.conversations import MS, TONGUES, Conversation, robot, through_usb, without_clock
+from tests.conversations import (
+    MS,
+    TONGUES,
+    Conversation,
+    robot,
+    swinging,
+    through_usb,
+    without_clock,
+)
 from tests.diagnosed import codes, verdicts
 
 PROTOCOLS = tuple(TONGUES)
@@ -103,6 +111,24 @@ def test_a_loop_that_sleeps_a_little_longer_or_shorter_is_sound() -> None:
 def test_what_trembles_less_than_the_host_is_late_is_not_told() -> None:
     talk = trembling("mightyzap", 0.7)
     assert "loop-jitters" not in codes(talk.diagnosed(through_usb(talk.chunks)))
+
+
+def test_what_waits_until_the_program_has_done_another_job_makes_no_loop_uneven() -> None:
+    talk = Conversation("lss")
+    due = {"goals": 0.0, "reads": 0.007, "looks": 0.011}
+    every = {"goals": 0.0264, "reads": 0.0611, "looks": 0.0807}
+    while talk.now_s < 10:
+        job = min(due, key=lambda name: due[name])
+        talk.until(due[job])
+        for servo in range(1, 7):
+            if job == "goals":
+                talk.send(servo, swinging(servo, talk.now_s))
+            else:
+                talk.read(servo, swinging(servo, talk.now_s))
+        due[job] = max(due[job] + every[job], talk.now_s)
+    told = talk.diagnosed()
+    assert "loop-jitters" not in codes(told)
+    assert not told.incidents()
 
 
 def test_a_request_that_is_made_twice_in_some_cycles_makes_no_loop_uneven() -> None:

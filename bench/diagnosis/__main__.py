@@ -1,7 +1,7 @@
 """``python -m bench.diagnosis`` (``make bench-diagnosis``): every scenario through every host.
 
 Writes bench/DIAGNOSIS.md, and what it says of sure causes into docs/diagnosing.md; where only some
-of it is run, prints it instead.
+of it is run, or other draws, prints it instead.
 """
 
 from __future__ import annotations
@@ -85,7 +85,12 @@ def main() -> None:
     """Measure what the arguments say."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="scenarios whose names hold this")
-    parser.add_argument("--seeds", type=int, default=1, help="how many draws of each scenario")
+    parser.add_argument(
+        "--seeds",
+        type=int,
+        default=1,
+        help="how many draws of each scenario; 0: sound traffic alone",
+    )
     parser.add_argument("--first-seed", type=int, default=0, help="the first of them")
     parser.add_argument("--sound", type=int, default=0, help="further draws of sound traffic")
     parser.add_argument("--host", choices=tuple(HOSTS), action="append", help="only this one")
@@ -103,7 +108,7 @@ def main() -> None:
     if not figures.scores:
         parser.error(f"no scenario's name holds {given.only!r}")
     page = report(figures)
-    if given.only or given.host:
+    if given.only or given.host or given.first_seed or not given.seeds:
         sys.stdout.write(page)
     else:
         RESULTS.write_text(page, encoding="utf-8")

@@ -93,7 +93,7 @@ def twins(case: Case) -> Mapping[int, Twin]:
     """Return the servos that answer twice by what was heard."""
     found = {servo: Twin(servo) for servo in case.servos}
     known = case.ledger.damages.likes.known
-    begins = _beginnings(case)
+    begins = beginnings(case)
     requests = case.ledger.exchanges.kinds.requests
     belated = {d.at for d in late_answers(case)}
     for d in case.damages:
@@ -144,7 +144,7 @@ def late_answers(case: Case) -> Sequence[Damage]:
 
     That one stands right before the last, with nothing between: it is its one and only answer.
     """
-    begins, requests = _beginnings(case), case.ledger.exchanges.kinds.requests
+    begins, requests = beginnings(case), case.ledger.exchanges.kinds.requests
     ends = {f.at + f.length: f for f in case.ledger.exchanges.failed}
     out = []
     for d in case.damages:
@@ -205,7 +205,7 @@ def torn_answers(case: Case) -> dict[int, Sequence[Damage]]:
     }
 
 
-def _beginnings(case: Case) -> Mapping[int, bytes]:
+def beginnings(case: Case) -> Mapping[int, bytes]:
     """Return with what the answers of each servo begin."""
     likes = case.ledger.damages.likes
     answers: dict[int, list[bytes]] = {}
@@ -216,12 +216,17 @@ def _beginnings(case: Case) -> Mapping[int, bytes]:
 
 def _begins_like(got: bytes, theirs: bytes, others: Sequence[bytes]) -> bool:
     """Tell whether bytes begin as one servo's answers up to where others' differ, and behind."""
+    size = telling(theirs, others)
+    return size >= 2 and len(got) > size and got[:size] == theirs[:size]
+
+
+def telling(theirs: bytes, others: Sequence[bytes]) -> int:
+    """Return how many first bytes of one servo's answers tell them from all others."""
     differ = [
         next((k + 1 for k, (a, b) in enumerate(zip(theirs, other, strict=False)) if a != b), 0)
         for other in others
     ]
-    size = max(differ, default=0)
-    return size >= 2 and len(got) > size and got[:size] == theirs[:size]
+    return max(differ, default=0)
 
 
 def _behind_one(case: Case, places: Sequence[Damage], least: int) -> int:

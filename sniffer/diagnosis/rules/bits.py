@@ -50,7 +50,7 @@ FINDINGS: Final = (
         "last-bits",
         "line",
         "Of this servo's bytes the last bits are read wrong, or their stop bits are missed, and nobody else's.",
-        "Misread bits of one servo are bits 5 to 7 of their bytes, or line errors stand in its answers only.",
+        "Misread bits of one servo are bits 5 to 7 of their bytes, of twelve and more all bits 4 to 7, or line errors stand in its answers only.",
     ),
     FindingCode(
         "clock-off",
@@ -80,6 +80,9 @@ CHANCE: Final = 1e-3
 ENDING: Final = 5
 """From this bit of a byte on a clock that is off by a twentieth, and edges that are late beside,
 show."""
+
+LONG_ROW: Final = 12
+"""Misread bits that are all in the second half of their bytes: chance has so many once in 4096."""
 
 OFTEN: Final = 0.05
 """Part of a servo's answers that must have a line error: noise hits one now and then."""
@@ -180,29 +183,35 @@ def last_bits(case: Case) -> Iterator[Finding]:
         for m in case.misreads
         if m.shape == BITS_FEW
     )
+    second = sum(f.bit >= BITS // 2 for m in case.misreads for f in m.flips)
     for servo in case.servos:
         read = [m for m in case.misreads if m.servo_id == servo]
         flips = [f for m in read if m.shape == BITS_FEW for f in m.flips]
         late = sum(f.bit >= ENDING for f in flips)
+        # a clock that is further off misreads one bit more
+        half = sum(f.bit >= BITS // 2 for f in flips)
         mine = errors.get(servo, 0)
         others = elsewhere + sum(n for s, n in errors.items() if s != servo)
         rest = max(case.ledger.frames - answered[servo], 1)
         alone = mine >= OFTEN * answered[servo] and mine >= LEAST
         alone = alone and mine / max(answered[servo], 1) >= APART * (others + 1) / rest
         bitwise = len(flips) >= SAME and late >= PURE * max(len(flips), ending)
+        chance = at_least(late, len(flips), 0.375) if bitwise else 1.0
+        if not bitwise and half == len(flips) >= max(LONG_ROW, PURE * second):
+            bitwise, chance, late = True, 0.5**half, half
         if not (alone or bitwise):
             continue
         told = []
         if bitwise:
-            told.append(f"{late} of {len(flips)} misread bits are the last three of their bytes")
+            told.append(f"{late} of {len(flips)} misread bits are the last ones of their bytes")
         if alone:
             told.append(
                 f"{mine} line errors stand in its {answered[servo]} answers, {others} elsewhere"
             )
         rows = (e["servo_id"] == servo) & (e["place"] == IN_ANSWERS)
+        read = [m for m in read if m.flips] or read
         times = [m.damage.t_ns for m in read] + e["t_first"][rows].tolist()
         ends = [m.damage.t_ns for m in read] + e["t_last"][rows].tolist()
-        chance = at_least(late, len(flips), 0.375) if bitwise else 1.0
         yield Finding(
             "last-bits",
             servo,

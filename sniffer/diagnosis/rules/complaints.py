@@ -9,15 +9,17 @@ import numpy as np
 
 from sniffer.diagnosis.case import episodes, sums
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.tracks import in_force
+from sniffer.diagnosis.twins import beginnings, telling
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.gaps import NOISE
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
@@ -52,7 +54,7 @@ FINDINGS: Final = (
         "speaks-unasked",
         "device",
         "One device sends answers that nobody asked for.",
-        "At least four whole answers without a request, nearly all of one servo, which answers what it is asked as well; where more frames are damaged, all of one servo, by a chance of 2 % at most.",
+        "At least four answers without a request, whole or torn by the next one, and none right behind a torn request; nearly all of one servo, which answers what it is asked as well; where more frames are damaged, all of one servo, by a chance of 2 % at most.",
     ),
 )
 
@@ -100,6 +102,9 @@ BARE_SHARE: Final = 0.7
 
 NEAR_RAW: Final = 3
 """Steps that a joint may have moved since its last answer."""
+
+SIGN: Final = 2
+"""Bytes at least by which the beginning of an answer tells whose it is."""
 
 UNASKED: Final = 4
 """Answers without a request: fewer come from requests that the tap lost."""
@@ -217,6 +222,12 @@ def chatty(case: Case) -> Iterator[Finding]:
     """A device that speaks without being asked."""
     unasked = sums(case.answers, "servo_id", "unsolicited")
     torn = int(case.damage["n"].sum())
+    # what stands right behind a torn request was asked for by it
+    ends = {d.at + d.length for d in case.damages if d.turn == IN_REQUEST}
+    pieces = _spoken_into(case)
+    for servo in unasked:
+        events = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
+        unasked[servo] += len(pieces.get(servo, ())) - len(ends & set(events.at.tolist()))
     for servo, n in unasked.items():
         others = sum(unasked.values()) - n
         missing = case.total("missing", servo) + case.total("damaged", servo)
@@ -232,13 +243,15 @@ def chatty(case: Case) -> Iterator[Finding]:
         told = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
         if not len(told):
             continue
+        begun = pieces.get(servo, ())
+        into = f"; {len(begun)} of them began before a request was over" if begun else ""
         yield Finding(
             "speaks-unasked",
             servo,
             int(told.t_ns.min()),
             int(told.t_ns.max()),
             n,
-            f"servo {servo} sent {n} answers that nobody asked for, all others {others}",
+            f"servo {servo} sent {n} answers that nobody asked for, all others {others}{into}",
             case.places(told, "an answer without a request"),
             strength=min(0.7 + n / 25, 1.0),
             brief=f"servo {servo} speaks unasked",
@@ -258,6 +271,21 @@ def chatty(case: Case) -> Iterator[Finding]:
                 f"servo {servo} said something more behind {more} of {ok} exchanges at most",
                 strength=min(1.0, (SELDOM * ok - more) / more),
             )
+
+
+def _spoken_into(case: Case) -> Mapping[int, Sequence[Damage]]:
+    """Return by servo what begins as its answers where nobody is asked, and is torn by a request."""
+    begins, requests = beginnings(case), case.ledger.exchanges.kinds.requests
+    signs = {}
+    for servo, own in begins.items():
+        others = [other for s, other in begins.items() if s != servo]
+        signs[servo] = own[: telling(own, [*others, *requests])]
+    torn = [d for d in case.damages if d.turn == IN_REQUEST and d.behind == RESPONSE]
+    return {
+        servo: [d for d in torn if len(d.got) > len(sign) and d.got.startswith(sign)]
+        for servo, sign in signs.items()
+        if len(sign) >= SIGN
+    }
 
 
 def _is_behind(d: Damage, servo: int) -> bool:

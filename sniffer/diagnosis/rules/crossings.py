@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.comparing import alike, header_of
 from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
@@ -29,12 +30,29 @@ FINDINGS: Final = (
         "Unclaimed bytes that begin as a request of this bus (three bytes and more), end as another one (three bytes), and are as long as neither of the two nor both in a row.",
     ),
     FindingCode(
+        "requests-spoken-into",
+        "line",
+        "Requests begin as they should and differ for long from there on: somebody speaks into them.",
+        "Torn requests that begin as one of this bus, and are as long as none that begins so, nor one of them but for two bytes: far more of them than pulses leave, which alter a byte or lose one.",
+    ),
+    FindingCode(
         "streams-apart",
         "line",
         "Requests come in two rhythms that know nothing of each other.",
         "A kind of request that comes at regular times, and another one that stands at any place between them: by no multiple of the rhythm up to the sixth do they go together. It counts little where less is torn than by two who do not listen.",
     ),
 )
+
+BY_PULSES: Final = 0.25
+"""Share of torn requests of which pulses garble more: those whose stop bit they hit."""
+
+GARBLED: Final = 2
+"""Bytes that a pulse alters at most where it leaves the length as it was."""
+
+ENOUGH: Final = 3
+LEAST_SURE: Final = 0.03
+CHANCE: Final = 1e-4
+"""Places that are no accident, and how likely they are by pulses where they count at all, and in full."""
 
 HEAD: Final = 3
 """Bytes behind a common beginning, or with it, that tell which frame has begun."""
@@ -140,6 +158,44 @@ def _is_two(d: Damage, firsts: Iterable[bytes], seconds: Sequence[bytes], shared
     )
 
 
+def spoken_into(case: Case) -> Iterator[Finding]:
+    """Find requests that begin well and are garbled for long."""
+    known = case.ledger.exchanges.kinds.requests
+    if not known:
+        return
+    shared = max(header_of(known), 1)
+    judged, shown = 0, []
+    for d in case.damages:
+        whole = d.length == len(d.got) > HEAD and d.turn == IN_REQUEST
+        begun = [q for q in known if alike(d.got, q) >= shared] if whole else []
+        if not begun or (case.twins and of_twins(case, d)):
+            continue
+        judged += 1
+        shown += [] if _is_one(d.got, begun, known) else [d]
+    chance = at_least(len(shown), judged, BY_PULSES)
+    if len(shown) < ENOUGH or chance > LEAST_SURE:
+        return
+    yield Finding(
+        "requests-spoken-into",
+        None,
+        shown[0].t_ns,
+        shown[-1].t_ns,
+        len(shown),
+        f"{len(shown)} of {judged} torn requests begin as they should, and then differ for long",
+        tuple(Place(d.at, d.length, d.t_ns, "somebody speaks into it") for d in shown[:3]),
+        strength=sureness(chance, CHANCE),
+        brief="somebody speaks into requests",
+    )
+
+
+def _is_one(got: bytes, begun: Sequence[bytes], known: Sequence[bytes]) -> bool:
+    """Tell whether bytes are a request but for a few, or but for one that is lost or more."""
+    if any(abs(len(q) - len(got)) <= 1 for q in begun):
+        return True
+    same = [q for q in known if len(q) == len(got)]
+    return any(sum(a != b for a, b in zip(got, q, strict=True)) <= GARBLED for q in same)
+
+
 def streams_apart(case: Case) -> Iterator[Finding]:
     """Find two kinds of requests whose rhythms do not go together."""
     best = least_together(case) if case.has_clock and case.latency_ns <= EXACT_NS else None
@@ -207,5 +263,5 @@ def _apart(t: I64, kind: I64) -> tuple[float, int, int, float, int, int] | None:
     return best
 
 
-RULES: Final[tuple[Rule, ...]] = (requests_run_together, streams_apart)
+RULES: Final[tuple[Rule, ...]] = (requests_run_together, spoken_into, streams_apart)
 """The rules of this area."""

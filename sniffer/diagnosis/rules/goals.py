@@ -23,7 +23,8 @@ FINDINGS: Final = (
         "controller",
         "One goal jumps far from the one before it, in a row of goals that move in small steps.",
         "A step four times beyond all others within two seconds, and a quarter of the travel, "
-        "between goals that go on in small steps, with no pause before it.",
+        "between goals that go on in small steps, with no pause before it. Where no clock tells pauses, "
+        "it comes back at once from where no other goal is, and no other servo's goals jump with it.",
     ),
 )
 
@@ -146,14 +147,36 @@ def _stands_out(case: Case, goals: Series, r: int) -> bool:
     before, after = max(int(alike[0]) - 1, 0), int(alike[-1])
     way = abs(float(goals.last[after] - goals.last[before]))
     if not case.has_clock:
-        # It may be a pause: the path goes on meanwhile. Only what comes back at once is a jump.
+        # It may be a pause, or two: the path goes on meanwhile, to where it goes anyway. Only what
+        # comes back at once from where no other goal is, is a jump.
         ends = goals.first[r], goals.last[r]
         out = max(goals.high[r] - max(ends), min(ends) - goals.low[r])
-        return bool(out >= RETURNS * goals.step[r] and way <= ABOUT * goals.step[r])
+        path = goals.step < ABOUT * goals.step[r]
+        beyond = max(
+            goals.high[r] - goals.high[path].max(initial=-np.inf),
+            goals.low[path].min(initial=np.inf) - goals.low[r],
+        )
+        returns = out >= RETURNS * goals.step[r] and way <= ABOUT * goals.step[r]
+        return bool(returns and beyond >= PART * goals.step[r]) and not _all_jump(case, goals, r)
     if way <= ABOUT * goals.step[r]:
         return True
     alone = len(alike) == 1 and goals.n[r] >= AMONG
     return bool(alone and way <= goals.step[r] * (1 + 1 / BEYOND))
+
+
+def _all_jump(case: Case, goals: Series, r: int) -> bool:
+    """Tell whether goals of another servo jump as well: the program rested, and all paths went on."""
+    for servo in case.measured_by("goal_position"):
+        other = case.series(servo, "goal_position")
+        if other is None or other is goals:
+            continue
+        near = np.abs(other.bucket - goals.bucket[r]) <= 1
+        moving = other.step > 0
+        if moving.any() and other.step[near].max(initial=0.0) >= BEYOND * np.median(
+            other.step[moving]
+        ):
+            return True
+    return False
 
 
 def _lacks_goals(case: Case, goals: Series, r: int) -> bool:

@@ -238,7 +238,9 @@ def _is_in_one_go(case: Case, d: Damage, asked_ns: int) -> bool:
     """
     a = case.answers
     rows = a["servo_id"] == d.servo_id
-    begins = int(a["took_sum"][rows].sum()) / max(int(a["took_n"][rows].sum()), 1)
+    answered = int(a["took_n"][rows].sum())
+    # of one whose answers are never whole nobody knows when they begin
+    begins = int(a["took_sum"][rows].sum()) / answered if answered else max(d.since_ns, 0)
     whole = (d.length + SHORT) * byte_time_ns(case.baud)
     return d.t_ns - asked_ns <= begins + whole + case.latency_ns
 

@@ -27,7 +27,7 @@ FINDINGS: Final = (
         "comes-and-goes",
         "pairing",
         "Answers of this servo are missing or torn now and then, in moments in which others are sound.",
-        "At least three lost answers in two moments or more with sound ones between, in a share that others do not come near.",
+        "At least three lost answers in two moments or more with sound ones between, in a share that others do not come near; or for a while so many, some of them missing, without one of another servo between, that chance does not choose it.",
     ),
     FindingCode(
         "lost-together",
@@ -74,6 +74,12 @@ than an answer takes misses requests, too."""
 
 IN_A_ROW: Final = 2.5
 """Losses of a servo that are no further apart than so many of its turns are of one moment."""
+
+ALONE: Final = 1e-6
+"""How likely it may be that of losses of all a row is of one servo, for that row to be its own."""
+
+GONE: Final = 0.25
+"""Part of such a row that must be missing: what bits or places of words tear is there, and torn."""
 
 NEAR_NS: Final = NS // 8
 """Losses that are closer than that are of one moment: servos are asked one after the other."""
@@ -134,11 +140,14 @@ def losses(case: Case) -> Iterator[Finding]:
         for s in case.answering
         if 2 * twins[s] <= torn[s] and (one := _Lost(case, s)).ok + one.bad > LEAST
     ]
+    # a row of torn answers without a sound one between neither comes nor goes
+    lost = [one for one in lost if one.missing or not one.bad or one.moments >= MOMENTS]
     bad = sorted((one for one in lost if one.bad), key=lambda one: -one.share)
     if not bad or bad[0].bad < LEAST or bad[0].moments < MOMENTS:
         return
     group, sound = _group(case, bad, lost)
     if not group:
+        yield from _for_a_while(case, bad)
         return
     rest_bad, rest = sum(o.bad for o in sound), sum(o.bad + o.ok for o in sound)
     shared = _shared(group)
@@ -175,6 +184,44 @@ def losses(case: Case) -> Iterator[Finding]:
                 places,
                 brief=f"servo {one.servo} together with {with_it}",
             )
+
+
+def _for_a_while(case: Case, bad: list[_Lost]) -> Iterator[Finding]:
+    """Find the servo that loses answers for a while in which no other one does.
+
+    At other times others do, for another reason.
+    """
+    exchanges = max(sum(case.total("ok", s) for s in case.servos), 1)
+    for one in bad if len(case.answering) > 1 else ():
+        others = np.sort(np.concatenate([o.times for o in bad if o is not one] or [one.times[:0]]))
+        row = np.searchsorted(others, one.times)
+        which, first, n = np.unique(row, return_index=True, return_counts=True)
+        best = int(n.argmax())
+        mine = slice(int(first[best]), int(first[best] + n[best]))
+        usual = max(case.total("ok", one.servo) / exchanges, 1 / len(case.answering))
+        chance = len(which) * at_least(int(n[best]), int(n[best]), min(usual, 1.0))
+        times, at = one.times[mine], one.at[mine]
+        missing = case.anomalies("no-response", servo_id=one.servo).t_ns
+        gone = int(np.isin(times, missing).sum())
+        moments = 1 + int((np.diff(times) > IN_A_ROW * one.turn_ns).sum())
+        if chance > ALONE or gone < GONE * len(times) or moments < LEAST:
+            continue
+        since, until = case.since(int(times[0])), case.since(int(times[-1]))
+        yield Finding(
+            "comes-and-goes",
+            one.servo,
+            int(times[0]),
+            int(times[-1]),
+            len(times),
+            f"from {since} to {until} servo {one.servo} lost {len(times)} answers ({gone} of them "
+            f"missing) in {moments} moments, and no other servo lost one between",
+            tuple(
+                Place(a, 1, t, "a request without a sound answer")
+                for a, t in zip(at[:3].tolist(), times[:3].tolist(), strict=True)
+            ),
+            brief=f"servo {one.servo} alone loses answers in {moments} moments",
+            episodes=episodes(times, times, BUCKET_NS),
+        )
 
 
 def lengths(case: Case) -> Iterator[Finding]:
@@ -224,8 +271,10 @@ def _group(case: Case, bad: list[_Lost], lost: list[_Lost]) -> tuple[list[_Lost]
         group += [o for o in bad if o not in clear and o.within(moments) >= SAME]
     left = [one for one in lost if one not in group]
     if len(left) > 1 and not min(one.bad for one in left):
-        # beside it most lose nothing: who does is behind the same place, or else has a cause of his
-        group += [one for one in left if one.bad >= MOMENTS]
+        # beside it most lose nothing: who does is behind the same place, or else has a cause of his;
+        # a contact that opens for longer than an answer leaves some missing, of whoever is behind it
+        is_gone = any(one.missing >= GONE * one.bad for one in clear)
+        group += [o for o in left if o.bad >= MOMENTS and (o.missing or not is_gone)]
     sound = [one for one in lost if one not in group]
     rest = sum(one.bad for one in sound) / max(sum(one.bad + one.ok for one in sound), 1)
     if sound and rest * AHEAD > min(one.share for one in clear):

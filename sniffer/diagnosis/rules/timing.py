@@ -37,7 +37,8 @@ FINDINGS: Final = (
         "The controller's loop is uneven: its cycles differ by half their length and more.",
         "The times between like requests: how far those at 5 % and at 95 % are from the middle, twice the "
         "lesser of both, less what the stamps leave open; not three periods that hold most of them; hardly "
-        "any answer is missing.",
+        "any answer is missing; and what comes late does not come right behind something else that the "
+        "program had to say.",
     ),
     FindingCode(
         "bus-full",
@@ -85,6 +86,9 @@ STALL_NS: Final = 10 * MS
 REGIMES: Final = 0.75
 """Part of the cycles in three periods: a program that does one thing, then another, has some; a loop
 that trembles has all between."""
+
+KEPT_WAITING: Final = 0.5
+"""Part of the late cycles that begin right behind another job of the program: it was busy, not late."""
 
 OFTEN: Final = 0.15
 """Share of the requests of one kind that may have a stall before them; more is the program's way."""
@@ -141,7 +145,7 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
         return
     # What is asked twice in a cycle, or at times, is uneven by plan: the steadiest one tells.
     spread, middle, low, high, count = min(spreads, key=lambda s: s[0] / s[1])
-    if middle > SLOWEST_NS or spread < max(SPREAD * middle, SPREAD_NS):
+    if middle > SLOWEST_NS or spread < max(SPREAD * middle, SPREAD_NS) or _is_kept_waiting(case):
         return
     yield Finding(
         "loop-jitters",
@@ -181,6 +185,29 @@ def _lumps(bins: I64) -> float:
         held += int(wide[top])
         left[max(top - 2, 0) : top + 3] = 0
     return held / max(int(bins.sum()), 1)
+
+
+def _is_kept_waiting(case: Case) -> bool:
+    """Tell whether what comes late comes as soon as the program has done something else.
+
+    Who has several timers and one line says the one thing when the other is done: what else begins
+    behind a rest has none before it when it is late. A loop that trembles begins late behind a rest.
+    """
+    kinds, turns = case.ledger.exchanges.kinds, case.ledger.exchanges.turns
+    took = np.array([len(example) for example in kinds.example]) * case.ledger.byte_ns
+    took += [turn.low if (turn := turns.at(k, EDGE)) else 0 for k in range(len(kinds))]
+    for t, kind in case.ledger.exchanges.moments.stretches():
+        for k in np.flatnonzero(kinds.n >= max(CYCLES, kinds.n.max() / 2)).tolist():
+            rows = np.flatnonzero(kind == k)[1:]
+            if not len(rows):
+                continue
+            period, idle = np.diff(t[kind == k]), t[rows] - t[rows - 1] - took[kind[rows - 1]]
+            late = period > (1 + SPREAD / 2) * np.median(period)
+            held = late & (idle - case.latency_ns <= SPREAD_NS)
+            begins = bool(np.median(idle[~late]) > SPREAD_NS)
+            if begins and held.sum() >= max(KEPT_WAITING * late.sum(), 1):
+                return True
+    return False
 
 
 def _failing(case: Case) -> int:

@@ -8,6 +8,33 @@ from sniffer.diagnosis.weights.table import Weight, for_
 
 WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
+        "bus-noise",
+        ("requests-spoken-into", -2.5, "what is torn is torn for as long as a frame"),
+    ),
+    *for_(
+        "duplicate-id",
+        ("requests-spoken-into", 0.8, "the second answer runs into the next request"),
+    ),
+    *(
+        weight
+        for cause in (
+            "emi-load",
+            "signal-integrity",
+            "line-stuck",
+            "turnaround",
+            "clock-drift",
+            "tap-loss",
+            "chatty-device",
+            "impatient-controller",
+            "mixed-protocols",
+            "wrong-baud",
+        )
+        for weight in for_(
+            cause,
+            ("requests-spoken-into", 0.1, "what is garbled for long looks like a second sender"),
+        )
+    ),
+    *for_(
         "mixed-protocols",
         ("two-protocols", 5.0, "two protocols hold on one line"),
         ("foreign-frames", 6.0, "another protocol holds in what this one does not claim"),
@@ -63,6 +90,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("unrelated-periods", 5.5, "requests come in two rhythms that do not belong together"),
         ("requests-run-together", 6.0, "one controller does not speak into its own requests"),
         ("streams-apart", 3.0, "two loops keep two times"),
+        ("requests-spoken-into", 2.0, "somebody speaks into requests, and servos do not"),
         ("damage-in-answers", 0.3, "answers are spoken into"),
         ("last-byte-torn", 0.1, "another request begins within the last byte"),
         ("one-way-bits", 0.1, "who pulls low wins"),
