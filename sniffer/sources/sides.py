@@ -41,6 +41,8 @@ OPEN_NS: Final = NS
 
 TX, RX, UNKNOWN = Direction.TX, Direction.RX, Direction.UNKNOWN
 
+_NAMELESS: Final = ("one side", "the other")
+
 _AS_TOLD: Final[Mapping[Direction, Direction]] = {TX: TX, RX: RX, UNKNOWN: UNKNOWN}
 _SWAPPED: Final[Mapping[Direction, Direction]] = {TX: RX, RX: TX, UNKNOWN: UNKNOWN}
 _UNTOLD: Final[Mapping[Direction, Direction]] = dict.fromkeys(Direction, UNKNOWN)
@@ -49,7 +51,7 @@ _UNTOLD: Final[Mapping[Direction, Direction]] = dict.fromkeys(Direction, UNKNOWN
 class _Sides:
     """Holds back what has come until the frames in it tell which side is which."""
 
-    def __init__(self, notes: list[str], names: tuple[str, str]) -> None:
+    def __init__(self, notes: list[str], names: Sequence[str]) -> None:
         self._notes = notes
         self._names = names
         self._held: list[Chunk] = []
@@ -76,7 +78,7 @@ class _Sides:
         self._sides = _sides(self._held, final=final)
         if self._sides is None:
             return []
-        first, second = self._names
+        first, second = (*self._names, *_NAMELESS)[:2]
         if self._sides is _SWAPPED:
             told = f"what it marks {second} comes from the controller: that is TX here"
             self._notes.append(told)
@@ -87,10 +89,11 @@ class _Sides:
         return [_turned(chunk, self._sides) for chunk in held]
 
 
-def oriented(chunks: Iterable[Chunk], notes: list[str], names: tuple[str, str]) -> Iterator[Chunk]:
+def oriented(chunks: Iterable[Chunk], notes: list[str], names: Sequence[str]) -> Iterator[Chunk]:
     """Yield chunks with TX for what comes from the controller, whatever the log calls it.
 
-    ``names`` are what the log calls its sides, that of TX first; ``notes`` gets a sentence where
+    ``names`` are what the log calls its sides, that of TX first; they may become known while it is
+    read. ``notes`` gets a sentence where
     they are swapped, or where it cannot be told which is which. What was read before damage or an
     interruption comes before that does.
     """
