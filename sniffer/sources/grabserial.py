@@ -59,7 +59,7 @@ def is_row(line: bytes) -> bool:
     return ROW.fullmatch(line) is not None
 
 
-class _Rows(TextLog):
+class _GrabserialLog(TextLog):
     """Where a log has got to."""
 
     def __init__(self, bus: str) -> None:
@@ -124,4 +124,4 @@ class _Rows(TextLog):
 
 def read_grabserial(opened: Opened) -> Iterator[Chunk]:
     """Yield the first byte of each row with its time, the others without; a label is a bus."""
-    return read_log(opened, _Rows(opened.bus))
+    return read_log(opened, _GrabserialLog(opened.bus))

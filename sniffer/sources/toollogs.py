@@ -32,7 +32,8 @@ def tool_log(lines: list[bytes]) -> str:
         return "saleae"
     if docklight.is_docklight(lines[:FIRST_LINES]):
         return "docklight"
-    if interceptty.is_line(lines[0]):
+    said = next((line for line in lines if not line.startswith(b"#")), b"")
+    if interceptty.is_line(said):
         return "interceptty"
     if grabserial.is_row(lines[0]):
         return "grabserial"
