@@ -286,6 +286,7 @@ def _groups(chunks: Iterable[Chunk], lag_s: float) -> Iterator[list[Chunk]]:
     group: list[Chunk] = []
     buses: set[str] = set()
     size = 0
+    slow = lag_s < math.inf
     due = time.monotonic() + lag_s
     try:
         for chunk in chunks:
@@ -300,7 +301,7 @@ def _groups(chunks: Iterable[Chunk], lag_s: float) -> Iterator[list[Chunk]]:
                     raise _ManyBusesError(f"more than {BUSES_MOST} buses: are they names of one?")
             group.append(chunk)
             size += len(chunk.data)
-            if size >= GROUP or len(group) >= GROUP_CHUNKS or time.monotonic() > due:
+            if size >= GROUP or len(group) >= GROUP_CHUNKS or (slow and time.monotonic() > due):
                 yield group
                 group, size, due = [], 0, time.monotonic() + lag_s
     except KeyboardInterrupt:

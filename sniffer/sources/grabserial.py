@@ -116,10 +116,13 @@ class _GrabserialLog(TextLog):
         first = "only the first byte of a row has a time: no response times follow from them"
         dateless = DATELESS if self.dateless else "its times count from its first byte"
         yield f"{ZONELESS if self.zoneless else dateless}; {first}"
+        told = []
         if self.talk:
-            yield f"{self.talk} lines between its rows are none of grabserial's: left out"
+            told.append(f"{self.talk} lines between its rows are none of grabserial's: left out")
         if self.cut_off:
-            yield CUT_OFF
+            told.append(CUT_OFF)
+        if told:
+            yield "; ".join(told)
 
 
 def read_grabserial(opened: Opened) -> Iterator[Chunk]:

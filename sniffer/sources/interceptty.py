@@ -13,6 +13,7 @@ when it was read and passed on. Layout as in interceptty.c.
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import Chunk, Clock, Direction
@@ -23,6 +24,7 @@ from sniffer.sources.text import (
     PIECE,
     DamagedLine,
     LineBlock,
+    LineWalk,
     Opened,
     TextLog,
     quoted,
@@ -41,6 +43,13 @@ _PACKED: Final = rb"((?:[0-9a-f]{2}(?:" + _SHOWN + rb")?:?)+)"
 LINE: Final = later(_STAMP + rb"([<>]) [\t ]{0,6}(?:" + _BYTE + rb"|" + _PACKED + rb")")
 """Hour, minute, second and fraction or blanks, side, one byte or several."""
 
+# a buffer, or what one side says, a byte a line: what is odd is read line by line
+_RUN: Final = rb"([<>]) \t?" + _BYTE
+_TIMED: Final = later(
+    rb"\[(\d\d):(\d\d) (\d\d)\.(\d{6})\]" + _RUN + rb"\n(?: {17}\5 \t?" + _BYTE + rb"\n){0,4095}"
+)
+_BARE: Final = later(_RUN + rb"\n(?:\1 \t?" + _BYTE + rb"\n){0,4095}")
+_IN_RUN: Final = later(rb"^[^<>]*[<>] \t?0x(..)", re.MULTILINE)
 NICE: Final = later(rb"([<>]) ((?: [0-9a-f]{2}){1,10}) *\|.*")
 """A row of interceptty-nicedump: side and bytes."""
 
@@ -70,8 +79,21 @@ class _Buffers(TextLog):
 
     def chunks(self, block: LineBlock) -> Iterator[Chunk]:
         """Yield what the lines of ``block`` hold."""
-        for number, line in enumerate(block.lines(), block.number):
-            yield from self._line(line, number, block.cut_off)
+        walk = LineWalk(block)
+        while walk.is_inside:
+            timed = _TIMED.match(block.text, walk.at)
+            bare = None if timed else _BARE.match(block.text, walk.at)
+            if timed:
+                yield from self.rest()
+                self._t_ns = self._clock.ns(timed[1], timed[2], timed[3], timed[4], walk.number)
+                self._side, self.timed = _SIDES[timed[5]], True
+            elif bare:
+                yield from self._turned(_SIDES[bare[1]])
+            else:
+                yield from self._line(*walk.line(), block.cut_off)
+            if run := timed or bare:
+                yield from self._add(b"".join(_IN_RUN.findall(run[0])))
+                walk.at = run.end()
         if self._t_ns is None:
             yield from self.rest()
 
@@ -104,6 +126,9 @@ class _Buffers(TextLog):
                 raise DamagedLine(number, f"{quoted(line)} is no line of interceptty")
             self.talk += bool(line.strip()) and not self.cut_off
             return
+        yield from self._add(data)
+
+    def _add(self, data: bytes) -> Iterator[Chunk]:
         self._held += bytes.fromhex(data.decode("ascii"))
         if len(self._held) >= PIECE:
             yield from self.rest()
@@ -117,10 +142,13 @@ class _Buffers(TextLog):
     def notes(self) -> Iterator[str]:
         """Yield what is worth knowing about the log, at its end."""
         yield DATELESS if self.timed else "it has no times: its bytes are laid out back to back"
+        told = []
         if self.talk:
-            yield f"{self.talk} lines between its own are none of interceptty's: left out"
+            told.append(f"{self.talk} lines between its own are none of interceptty's: left out")
         if self.cut_off:
-            yield CUT_OFF
+            told.append(CUT_OFF)
+        if told:
+            yield "; ".join(told)
 
 
 def read_interceptty(opened: Opened) -> Iterator[Chunk]:

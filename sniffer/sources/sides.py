@@ -57,12 +57,11 @@ class _Sides:
         self._held: list[Chunk] = []
         self._size = 0
         self._look_at = FIRST_LOOK
-        self._sides: Mapping[Direction, Direction] | None = None
+        self.told: Mapping[Direction, Direction] | None = None
+        """What each side is, once that is decided."""
 
     def feed(self, chunk: Chunk) -> list[Chunk]:
         """Take a chunk; return what can be handed on."""
-        if self._sides is not None:
-            return [_turned(chunk, self._sides)]
         self._held.append(chunk)
         self._size += len(chunk.data)
         if self._size < self._look_at:
@@ -75,18 +74,18 @@ class _Sides:
         return self._decided(final=True) if self._held else []
 
     def _decided(self, *, final: bool) -> list[Chunk]:
-        self._sides = _sides(self._held, final=final)
-        if self._sides is None:
+        self.told = _sides(self._held, final=final)
+        if self.told is None:
             return []
         first, second = (*self._names, *_NAMELESS)[:2]
-        if self._sides is _SWAPPED:
+        if self.told is _SWAPPED:
             told = f"what it marks {second} comes from the controller: that is TX here"
             self._notes.append(told)
-        elif self._sides is _UNTOLD:
+        elif self.told is _UNTOLD:
             told = f"its frames do not tell whether {first} or {second} is the controller's side"
             self._notes.append(told)
         held, self._held = self._held, []
-        return [_turned(chunk, self._sides) for chunk in held]
+        return [_turned(chunk, self.told) for chunk in held]
 
 
 def oriented(chunks: Iterable[Chunk], notes: list[str], names: Sequence[str]) -> Iterator[Chunk]:
@@ -98,9 +97,19 @@ def oriented(chunks: Iterable[Chunk], notes: list[str], names: Sequence[str]) ->
     interruption comes before that does.
     """
     sides = _Sides(notes, names)
+    going = iter(chunks)
     try:
-        for chunk in chunks:
+        while sides.told is None:
+            chunk = next(going, None)
+            if chunk is None:
+                break
             yield from sides.feed(chunk)
+        if sides.told is _AS_TOLD:
+            yield from going
+        elif sides.told is not None:
+            wires = sides.told
+            for chunk in going:
+                yield _turned(chunk, wires)
     except (DamagedInputError, KeyboardInterrupt):
         yield from sides.close()
         raise
@@ -146,7 +155,11 @@ def handed_over(chunks: Iterable[Chunk], wire: Direction) -> Iterator[Chunk]:
         for chunk in chunks:
             if held is not None:
                 yield _sent(held, wire, chunk.t_ns)
-            held = chunk
+                held = None
+            if chunk.direction is wire:
+                held = chunk
+            else:
+                yield chunk
     except (DamagedInputError, KeyboardInterrupt):
         if held is not None:
             yield _sent(held, wire, None)
@@ -156,7 +169,7 @@ def handed_over(chunks: Iterable[Chunk], wire: Direction) -> Iterator[Chunk]:
 
 
 def _sent(chunk: Chunk, wire: Direction, until_ns: int | None) -> Chunk:
-    if chunk.direction != wire or chunk.t_ns is None:
+    if chunk.t_ns is None:
         return chunk
     most = OPEN_NS if until_ns is None else min(max(until_ns - chunk.t_ns, 0), OPEN_NS)
     mark = Mark(MarkKind.SENT, 0, len(chunk.data), most)
