@@ -43,7 +43,7 @@ HEADER: Final = later(
 
 # a block on one line, as nearly all are: what is odd is read line by line
 _ENTRY: Final = later(
-    rb"([<>]) ((\d{4}/\d\d/\d\d) (\d\d:\d\d:\d\d))\.(\d{6}|\d{9}) +length=(\d{1,19})"
+    rb"([<>]) (.{19})\.(\d{6}|\d{9})  length=(\d{1,19})"
     rb" from=(\d{1,19}) to=(\d{1,19})\n((?: [0-9a-f]{2})+)( *)([^\n]*)\n(?:--\n)?"
 )
 _ALL: Final = later(rb"(?: [0-9a-f]{2})+ *")  # -x: a block on one line
@@ -102,30 +102,27 @@ class _SocatLog(TextLog):
         walk = LineWalk(block)
         while walk.is_inside:
             if self._block is None and (found := _ENTRY.match(block.text, walk.at)):
-                chunk = self._entry(found.groups(), walk)
+                chunk = self._entry(found.groups())
                 if chunk is not None:
                     walk.at = found.end()
                     yield chunk
                     continue
             yield from self._line(*walk.line(), block.cut_off)
 
-    def _entry(self, said: tuple[bytes, ...], walk: LineWalk) -> Chunk | None:
+    def _entry(self, said: tuple[bytes, ...]) -> Chunk | None:
         """Return what a block says that is on one line and as usual; None: look closer."""
-        mark, stamp, day, time, fraction, length, begin, end, row, blanks, gutter = said
+        mark, stamp, fraction, length, begin, end, row, blanks, gutter = said
         size, first, last = int(length), int(begin), int(end)
         side = _SIDES[mark]
         if len(row) != 3 * size or last - first + 1 != size or last >= OFFSET_END:
             return None
         if gutter and (len(row) > _COLUMNS or len(row) + len(blanks) < _COLUMNS):
             return None
-        if self._due.get(side, first) != first:
+        if self._due.get(side, first) != first or stamp != self._stamp:
             return None
         nine = len(fraction) == _NINE
         if nine and (self._micro is None or (self._micro and not fraction.startswith(_MICRO))):
             return None
-        if stamp != self._stamp:
-            self._stamp_ns = self._clock.ns(day, time, b"", walk.number)
-            self._stamp = stamp
         t_ns = self._stamp_ns + int(fraction) * (1 if nine and not self._micro else 1000)
         self._due[side] = last + 1
         self._size += size
@@ -168,6 +165,8 @@ class _SocatLog(TextLog):
             self._micro = fraction.startswith(_MICRO)
             fraction = fraction[3:] if self._micro else fraction
         t_ns = self._clock.ns(day, time, fraction, number)
+        self._stamp = b"%s %s" % (day, time)
+        self._stamp_ns = t_ns - int(fraction.ljust(_NINE, b"0"))
         side = _SIDES[mark]
         self._block = _Block(t_ns, side, size, self._hole(side, first, size, number))
         self._due[side] = last + 1
