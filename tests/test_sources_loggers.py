@@ -121,3 +121,13 @@ def test_a_label_of_grabserial_is_a_bus_and_what_it_says_itself_is_left_out() ->
     log = b"left arm [1.000002] FF \nThe inlinepat: was matched\n[1.000003] 01 \n"
     assert [(c.bus, c.data) for c in chunks(log)] == [("left arm", b"\xff"), ("bus0", b"\x01")]
     assert "1 lines" in notes(log)
+
+
+@pytest.mark.parametrize("name", ["interceptty-T.txt", "grabserial-T-t.txt"])
+def test_whatever_is_odd_about_a_log_is_told_in_two_notes(name: str) -> None:
+    log = (SAMPLES / name).read_bytes()[:-1]
+    lines = log.splitlines(keepends=True)
+    log = b"".join([*lines[:2], b"hello\n", *lines[2:]]).rstrip() + b"\n" + lines[0][:9]
+    source = open_source(log)
+    list(source)
+    assert len([note for note in source.notes if "controller" not in note]) == 2
