@@ -116,6 +116,10 @@ def test_times_beyond_all_bounds_are_damage() -> None:
     [
         (b"; libsigrok 0.5.2\n; Samplerate: 1 MHz\ntime,D0\n-what,1\n2,0\n", "not say the unit"),
         (b"; libsigrok 0.5.2\n; Samplerate: 1 MHz\ntime,D0\n1e999,1\n2,0\n", "not say the unit"),
+        (
+            b"; libsigrok 0.5.2\n; Samplerate: 1 MHz\nmicroseconds,D0\n" + b"5,1\n5,0\n" * 20,
+            "fit no rate",
+        ),
         (b"Time [s],RX\n2026-13-45T99:99:99,1\n2026-13-45T99:99:99,0\n", "there is no date"),
         (b"Time [s],RX\n9999-01-01T00:00:00,1\n9999-01-01T00:00:01,0\n", "there is no date"),
         (b"Time [s],RX\n2026-01-01T00:00:00,1\n2026-02-30T00:00:00,0\n", "a date is none"),

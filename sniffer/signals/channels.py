@@ -250,7 +250,7 @@ class Channels:
 
     def _undersampled(self, found: WireEdges) -> str:
         pulse = shortest_pulse(found)
-        if not self._sample or pulse >= SAMPLES_LEAST * self._sample:
+        if not 0 < pulse < SAMPLES_LEAST * self._sample:  # none at all: rows of one time
             return ""
         return self._too_slow(pulse, 0)
 
