@@ -145,13 +145,14 @@ class _Changes:
 
     def _stretch(self, text: bytes, block: LineBlock) -> Stretch:
         data = np.frombuffer(text, np.uint8)
-        space = _SPACE[data]
+        space = np.concatenate([[True], _SPACE[data]])
         # a word begins behind a space and ends before one; the text ends in one
-        begin = np.flatnonzero(~space & np.concatenate([[True], space[:-1]]))
-        end = np.flatnonzero(space & np.concatenate([[False], ~space[:-1]]))
+        borders = np.flatnonzero(space[1:] != space[:-1])
+        begin, end = borders[::2], borders[1::2]
         first = data[begin]
         is_time = first == ord("#")
-        long = _alternate(_LONG[first])
+        long = _LONG[first]
+        long = _alternate(long) if long.any() else long
         named = np.concatenate([[False], long[:-1]])  # the word behind is a name, whatever it is
         is_time &= ~named
         at = self._times(data, begin, end, is_time, block)
@@ -177,13 +178,13 @@ class _Changes:
             wrong = begin[words[int(np.argmax((size > DIGITS) | (size == 0)))]]
             raise self._damaged(data, int(wrong), block)
         times = np.zeros(len(words), np.int64)
-        for place in range(int(size.max()) if len(words) else 0):
-            there = size > place
-            digit = data[end[words[there]] - 1 - place].astype(np.int64) - ord("0")
-            if ((digit < 0) | (digit > 9)).any():
-                wrong = begin[words[there]][(digit < 0) | (digit > 9)][0]
+        for width in np.unique(size).tolist():  # nearly all times have as many digits
+            alike = np.flatnonzero(size == width)
+            digits = data[end[words[alike], None] - np.arange(width, 0, -1)] - np.uint8(ord("0"))
+            if (digits > 9).any():  # what is less than a 0 has wrapped
+                wrong = begin[words[alike]][(digits > 9).any(axis=1)][0]
                 raise self._damaged(data, int(wrong), block)
-            times[there] += digit * 10**place
+            times[alike] = digits @ 10 ** np.arange(width - 1, -1, -1)
         since = np.concatenate([[self._now], times])
         if (np.diff(since) < 0).any():
             wrong = begin[words[int(np.argmax(np.diff(since) < 0))]]
