@@ -53,7 +53,7 @@ def one_by_one(t: Turns) -> Mask:
 def drawn(seed: int, rows: int, *, asks: float = 0.7, answers: float = 0.4) -> Turns:
     rng = np.random.default_rng(seed)
     sends = rng.random(rows) < asks
-    turn = np.cumsum(sends & (rng.random(rows) < 0.4)) * sends
+    turn = (np.cumsum(sends & (rng.random(rows) < 0.4)) * sends).astype(np.int64)
     frames = Frames.blank(rows)
     length = rng.integers(1, 6, rows)
     frames = frames.having(

@@ -120,6 +120,11 @@ def test_times_beyond_all_bounds_are_damage() -> None:
             b"; libsigrok 0.5.2\n; Samplerate: 1 MHz\nmicroseconds,D0\n" + b"5,1\n5,0\n" * 20,
             "fit no rate",
         ),
+        (
+            b"; libsigrok 0.5.2\n; Samplerate: 1 MHz\nseconds,D0\n"
+            + b"".join(b"%d,%d\n" % (9 * n, n % 2) for n in range(400)),
+            "fit no rate",
+        ),
         (b"Time [s],RX\n2026-13-45T99:99:99,1\n2026-13-45T99:99:99,0\n", "there is no date"),
         (b"Time [s],RX\n9999-01-01T00:00:00,1\n9999-01-01T00:00:01,0\n", "there is no date"),
         (b"Time [s],RX\n2026-01-01T00:00:00,1\n2026-02-30T00:00:00,0\n", "a date is none"),
