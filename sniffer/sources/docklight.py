@@ -95,6 +95,7 @@ class _Turns(TextLog):
             self._look_at_dates(block.text)
         for number, line in enumerate(block.lines(), block.number):
             yield from self._line(line, number, block.cut_off)
+        yield from self.rest()
 
     def rest(self) -> Iterator[Chunk]:
         """Yield the bytes without a stamp that have come."""

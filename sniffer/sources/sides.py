@@ -92,9 +92,8 @@ def oriented(chunks: Iterable[Chunk], notes: list[str], names: Sequence[str]) ->
     """Yield chunks with TX for what comes from the controller, whatever the log calls it.
 
     ``names`` are what the log calls its sides, that of TX first; they may become known while it is
-    read. ``notes`` gets a sentence where
-    they are swapped, or where it cannot be told which is which. What was read before damage or an
-    interruption comes before that does.
+    read. ``notes`` gets a sentence where they are swapped, or where it cannot be told which is
+    which. What was read before damage or an interruption comes before that does.
     """
     sides = _Sides(notes, names)
     going = iter(chunks)
