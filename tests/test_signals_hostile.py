@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from sniffer.ground.model import DamagedInputError, InputError, SnifferError
 from tests.commands import within
-from tests.test_signals_files import FORMS, LEVELS, RATE, said
+from tests.test_signals_files import FORMS, LEVELS, RATE, chunks_of, said
 from tests.waves import dsl, saleae_0, saleae_1, saleae_csv, sr, vcd
 
 if TYPE_CHECKING:
@@ -109,3 +109,40 @@ def test_times_beyond_all_bounds_are_damage() -> None:
         said(head + b"#5 1!\n#3 0!\n")
     with pytest.raises(SnifferError, match="is no time"):
         said(head + b"#" + b"9" * 30 + b" 1!\n")
+
+
+@pytest.mark.parametrize(
+    ("table", "why"),
+    [
+        (b"; libsigrok 0.5.2\n; Samplerate: 1 MHz\ntime,D0\n-what,1\n2,0\n", "not say the unit"),
+        (b"; libsigrok 0.5.2\n; Samplerate: 1 MHz\ntime,D0\n1e999,1\n2,0\n", "not say the unit"),
+        (
+            b"; libsigrok 0.5.2\n; Samplerate: 1 MHz\nmicroseconds,D0\n" + b"5,1\n5,0\n" * 20,
+            "fit no rate",
+        ),
+        (
+            b"; libsigrok 0.5.2\n; Samplerate: 1 MHz\nseconds,D0\n"
+            + b"".join(b"%d,%d\n" % (9 * n, n % 2) for n in range(400)),
+            "fit no rate",
+        ),
+        (b"Time [s],RX\n2026-13-45T99:99:99,1\n2026-13-45T99:99:99,0\n", "there is no date"),
+        (b"Time [s],RX\n9999-01-01T00:00:00,1\n9999-01-01T00:00:01,0\n", "there is no date"),
+        (b"Time [s],RX\n2026-01-01T00:00:00,1\n2026-02-30T00:00:00,0\n", "a date is none"),
+        (b"Time [s],RX\n2026-01-01T00:00:00,1\n9026-01-01T00:00:00,0\n", "far from the first"),
+    ],
+)
+def test_a_time_of_a_table_that_is_none_ends_it_in_one_line(table: bytes, why: str) -> None:
+    with pytest.raises(SnifferError, match=why):
+        said(table, input_format="logic-csv")
+
+
+def test_of_many_wires_those_that_change_are_read_and_the_others_cost_nothing() -> None:
+    few = vcd(LEVELS, RATE)
+    idle = b"".join(b"$var wire 1 i%d idle%d $end\n" % (n, n) for n in range(5000))
+    blinks = b"".join(b"0i%d\n1i%d\n" % (n, n) for n in range(3))
+    many = few.replace(b"$enddefinitions", idle + b"$enddefinitions")
+    many = many.replace(b"$enddefinitions $end\n", b"$enddefinitions $end\n" + blinks)
+    assert many != few
+    assert said(many) == said(few)
+    first, second = chunks_of(many), chunks_of(few)
+    assert [(c.t_ns, c.data) for c in first] == [(c.t_ns, c.data) for c in second]

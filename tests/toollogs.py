@@ -1,7 +1,8 @@
 """One conversation as each tool would log it, laid out as the tool's own source lays it out.
 
 Sources: xiotransfer.c of socat 1.7, jpnevulator.c 2.3.6, protocol_spy.py of pySerial 3.5 (which is
-run), SerialAnalyzerResults.cpp and SerialAnalyzer.cpp of Saleae's serial analyzer.
+run), SerialAnalyzerResults.cpp and SerialAnalyzer.cpp of Saleae's serial analyzer, interceptty.c of
+the fork of 2019, grabserial 2.2.0, logs beside the examples of Docklight's maker.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ BIT_NS: Final = NS // BAUD
 BYTE_NS: Final = 10 * BIT_NS
 MS: Final = NS // 1000
 BEGUN_NS: Final = 1_795_215_306 * NS
+DAY_NS: Final = 24 * 3600 * NS
 ASK: Final = bytes.fromhex("FFFFFF0104F28C027A")
 ANSWER: Final = bytes.fromhex("FFFFFF010400FF07F4")
 TX, RX = Direction.TX, Direction.RX
@@ -154,6 +156,38 @@ def saleae_2(talk: Sequence[Said]) -> bytes:
     return ('name,type,start_time,duration,"data","error"\n' + "".join(rows)).encode()
 
 
+def docklight(talk: Sequence[Said]) -> bytes:
+    out = f"Docklight Log File (HEX) - Started {_date(BEGUN_NS, '%d.%m.%Y %H:%M:%S')}.000 \n\n"
+    for s in talk:
+        t = s.begun_ns + (BYTE_NS if s.wire == RX else 0)
+        out += f"{_date(t, '%d.%m.%Y %H:%M:%S')}.{t % NS // MS:03d} [{s.wire.name}] - "
+        out += "".join(f"{byte:02X} " for byte in s.data) + "\n"
+    return out.encode()
+
+
+def interceptty(talk: Sequence[Said]) -> bytes:
+    out = ""
+    for s in talk:
+        t = _stamped(s)
+        stamp = f"[{_date(t, '%H:%M %S')}.{t % NS // 1000:06d}]"
+        for byte in s.data:
+            sign = f" ({chr(byte)})" if 33 <= byte < 127 else ""
+            out += f"{stamp}{'< ' if s.wire == TX else '> ' + chr(9)}0x{byte:02x}{sign}\n"
+            stamp = " " * len(stamp)
+    return out.encode()
+
+
+def grabserial(talk: Sequence[Said], size: int = 20) -> bytes:
+    arrived = [(s.begun_ns + (k + 1) * BYTE_NS, b) for s in talk for k, b in enumerate(s.data)]
+    out, last = "", arrived[0][0]
+    for at in range(0, len(arrived), size):
+        row = arrived[at : at + size]
+        t, last, before = row[0][0], row[0][0], last
+        out += f"[{_date(t, '%H:%M:%S')}.{t % NS // 1000:06d} {(t - before) / NS:.6f}] "
+        out += "".join(f"{byte:02X} " for _, byte in row) + "\n" * (len(row) == size)
+    return out.encode()
+
+
 WRITERS: Final[Mapping[str, Callable[[Sequence[Said]], bytes]]] = {
     "socat -x": socat_x,
     "socat -x -v": socat_x_v,
@@ -161,7 +195,25 @@ WRITERS: Final[Mapping[str, Callable[[Sequence[Said]], bytes]]] = {
     "spy": spy,
     "saleae 1": saleae_1,
     "saleae 2": saleae_2,
+    "docklight": docklight,
+    "interceptty": interceptty,
+    "grabserial": grabserial,
 }
+
+FIRST_ONLY: Final = ("jpnevulator", "docklight")
+"""Those that state the time of the first byte of a block alone; a row of grabserial may begin with
+the last byte of a packet."""
+
+NONSENSE: Final = {
+    "spy": b"12345.6 TX   0000  zz\n",
+    "docklight": b"01.03.2019 14:09:28.633 [TX] - what\n",
+    "interceptty": b"< what is this\n",
+    "grabserial": b"[1.000000] what\n",
+}
+"""Lines that would be theirs: others between are left out."""
+
+OF_THE_DAY: Final = ("interceptty", "grabserial")
+"""Those whose times have no date."""
 
 FORMAT: Final = {name: name.split()[0] for name in WRITERS}
 """What ``--input-format`` calls them."""

@@ -149,20 +149,20 @@ def _in_turn(frames: Frames, torn: Mask, turn: I64, answered: I64, latest: I64, 
     #     latest     -1   3    4    -1   -1
     #     alone      0                           ``where`` goes on to row 2: torn, so is Q1's
     #
-    # A turn of which no request is answered proves no order: it is left out by ``some``. The loop
-    # meets only requests without an answer in such turns, where something was torn in the block.
+    # A turn of which no request is answered proves no order: it is left out by ``some``. What is
+    # to be known of the rows behind each is worked out for all at once: a turn may be as long as a
+    # block.
     alone = np.flatnonzero(some[turn] & (answered < 0) & (frames.reply != NEVER))
-    start, end = frames.start, frames.end
-    found: list[int] = []
-    for row in alone.tolist():
-        where = int(latest[row])
-        if where < 0:
-            where, others = row, False
-            while where + 1 < len(turn) and turn[where + 1] == turn[row]:
-                where += 1
-                near = start[answered[where]] - end[row] <= reach
-                others |= bool(answered[where] >= 0 and near)
-            where = where if others else row
-        if torn[where] and end[where] - end[row] < reach:
-            found.append(row)
-    torn[found] = True
+    start, end, n = frames.start, frames.end, len(turn)
+    lasts = np.append(np.flatnonzero(np.diff(turn)), n - 1)
+    run = np.searchsorted(lasts, np.arange(n))
+    # The earliest answer to this request of the turn or one behind it: the minimum from the back,
+    # which begins anew in each run because its numbers are a step lower than those behind it.
+    none = int(end[-1]) + reach + 1
+    step = none + 1
+    begins = np.where(answered >= 0, start[answered], none) + run * step
+    earliest = np.minimum.accumulate(begins[::-1])[::-1] - run * step
+    others = earliest[alone] - end[alone] <= reach
+    behind = np.where(others, lasts[run[alone]], alone)
+    where = np.where(latest[alone] >= 0, latest[alone], behind)
+    torn[alone[torn[where] & (end[where] - end[alone] < reach)]] = True

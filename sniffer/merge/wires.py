@@ -65,6 +65,11 @@ class _Wires:
         self._merger: Merger | None = None
         self._found: BusProtocol | None = None
 
+    @property
+    def passes(self) -> bool:
+        """Whether whatever comes is handed on as it is."""
+        return self._merger is None and self._trials >= TRIALS and not self._is_first
+
     def feed(self, chunk: Chunk) -> list[Chunk]:
         """Take a chunk; return what can be handed on."""
         if self._merger is not None:
@@ -188,6 +193,10 @@ def in_order(
     buses: dict[str, _Wires] = {}
     try:
         for group in groups:
+            pass_all = bool(buses) and all(wires.passes for wires in buses.values())
+            if pass_all and all(chunk.bus in buses for chunk in group):
+                yield group
+                continue
             out: list[Chunk] = []
             for chunk in group:
                 wires = buses.get(chunk.bus)

@@ -95,14 +95,20 @@ class Channels:
         for channel in self._channels.values():
             if channel.bus in self._held:
                 channel.direction = _wire(channel.name)
+        # those that nobody named and that say nothing are not gone through each time: of a chip
+        # there are sixty thousand
+        self._heard = {row: c for row, c in self._channels.items() if c.is_asked}
         self._is_over = False
-        none = np.empty(0, np.int64)
-        self._end = Stretch([1] * len(given.names), [none] * len(given.names), 0)
+        self._none = [np.empty(0, np.int64)] * len(given.names)
+        self._end = Stretch([1] * len(given.names), self._none, 0)
 
     @property
     def is_settled(self) -> bool:
         """Whether it is known of all channels how they are read."""
-        return self._is_over or not any(c.is_open for c in self._channels.values())
+        if self._is_over:
+            return True
+        is_all = len(self._heard) == len(self._channels)
+        return is_all and not any(c.is_open for c in self._heard.values())
 
     def take(self, stretch: Stretch) -> list[Chunk]:
         """Return what is complete, in order of time.
@@ -123,22 +129,37 @@ class Channels:
     def _take(self, stretch: Stretch, *, last: bool) -> list[Chunk]:
         out: list[Chunk] = []
         self._is_over = last
-        self._end = Stretch(stretch.levels, [e[:0] for e in stretch.edges], stretch.until)
-        for row, channel in self._channels.items():
+        self._end = Stretch(stretch.levels, self._none, stretch.until)
+        self._listen(stretch)
+        for row, channel in self._heard.items():
             edges = stretch.edges[row]
             if channel.is_read:
                 out += channel.read(edges, stretch.until, last=last)
             elif not channel.is_left_out:
                 channel.gather(stretch.levels[row], edges, stretch.until)
         self._need_few()
-        for channel in self._channels.values():
+        for channel in self._heard.values():
             is_enough = channel.count >= EDGES or last
             if channel.is_open and channel.verdict is None and is_enough:
                 channel.verdict = self._judged(channel)
         out += self._decided(last=last)
         if last:
             self._need_any()
+            for row, channel in self._channels.items():
+                if row not in self._heard:
+                    channel.drop()
         return self._in_order(out, last=last)
+
+    def _listen(self, stretch: Stretch) -> None:
+        """Take in the channels that say something for the first time."""
+        rows = self._channels if stretch.active is None else stretch.active
+        new = [
+            row
+            for row in rows
+            if row not in self._heard and row in self._channels and len(stretch.edges[row])
+        ]
+        if new:
+            self._heard = {row: self._channels[row] for row in sorted((*self._heard, *new))}
 
     def facts(self) -> dict[str, str]:
         """Return what is known of the buses, as a recording would say it."""
@@ -164,7 +185,7 @@ class Channels:
             out.append(", ".join(words))
         out += [
             f"{c.name} is left out: {c.verdict.why}"
-            for c in self._channels.values()
+            for c in self._heard.values()
             if c.is_left_out and c.verdict is not None and c.count
         ]
         buses = {channel.bus: channel for channel in self._read()}
@@ -178,7 +199,7 @@ class Channels:
         return math.ceil((self._sample or 1) * self._tick_ns)
 
     def _read(self) -> list[SignalChannel]:
-        return [channel for channel in self._channels.values() if channel.is_read]
+        return [channel for channel in self._heard.values() if channel.is_read]
 
     def _told(self, channel: SignalChannel) -> BitTime:
         told = channel.verdict and channel.verdict.told
@@ -229,7 +250,7 @@ class Channels:
 
     def _undersampled(self, found: WireEdges) -> str:
         pulse = shortest_pulse(found)
-        if not self._sample or pulse >= SAMPLES_LEAST * self._sample:
+        if not 0 < pulse < SAMPLES_LEAST * self._sample:  # none at all: rows of one time
             return ""
         return self._too_slow(pulse, 0)
 
@@ -247,7 +268,7 @@ class Channels:
 
     def _decided(self, *, last: bool) -> list[Chunk]:
         """Begin to read what is known to be serial; return what that gives."""
-        waiting = [c for c in self._channels.values() if c.is_open and c.verdict is not None]
+        waiting = [c for c in self._heard.values() if c.is_open and c.verdict is not None]
         out: list[Chunk] = []
         for channel, verdict in ((c, c.verdict) for c in waiting if c.verdict is not None):
             self._need_if_asked(channel)
@@ -258,7 +279,7 @@ class Channels:
             elif not verdict.is_plausible:
                 channel.drop()
         bauds = {self._told(channel).baud for channel in self._read()}
-        full = last or sum(c.count for c in self._channels.values() if c.is_open) > WAITING_MOST
+        full = last or sum(c.count for c in self._heard.values() if c.is_open) > WAITING_MOST
         for channel in (c for c in waiting if c.is_open):
             if self._told(channel).baud in bauds or (full and not bauds):
                 out += self._begun(channel, last=last)
@@ -283,7 +304,7 @@ class Channels:
 
     def _need_few(self) -> None:
         """Refuse a capture of a whole chip, of which nobody said what to look at."""
-        heard = sum(c.count > 0 for c in self._channels.values() if not c.is_asked)
+        heard = sum(c.count > 0 for c in self._heard.values() if not c.is_asked)
         if heard > ACTIVE_MOST:
             told = "{heard} channels change: name those with serial bytes, {channels}"
             raise InputError(Sentence(told, heard=heard))
@@ -304,7 +325,7 @@ class Channels:
     def _in_order(self, out: list[Chunk], *, last: bool) -> list[Chunk]:
         """Hold back, of buses with two wires, what another wire may still come before."""
         for bus, held in self._held.items():
-            of_bus = [c for c in self._channels.values() if c.bus == bus]
+            of_bus = [c for c in self._heard.values() if c.bus == bus]
             held += [chunk for chunk in out if chunk.bus == bus]
             held.sort(key=_time)
             horizon = min((c.horizon for c in of_bus if not c.is_left_out), default=0)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.ground.limits import BAUDS
 from sniffer.signals.glitches import SHORTEST, GlitchFilter
 from sniffer.signals.uart import BREAK, NO_PARITY, Receiver
 
@@ -181,6 +182,8 @@ def _tried(
     glitch: float | None,
 ) -> BitTime | None:
     measured = second / bit
+    if baud is None and measured < BAUDS[0] * (1 - NEAR):
+        return None  # a table that names a wrong unit of time has bits of seconds
     told = BitTime(
         bit, baud or snapped(measured, preferred), measured, 0, spread, 0, invert, parity
     )

@@ -2,26 +2,65 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+import itertools
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple, overload
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+from sniffer.ground.model import I64
 
-    from sniffer.ground.model import I64, U8
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sniffer.ground.model import U8
 
 
 class Stretch(NamedTuple):
     """A part of a capture: what happened on each channel up to a time, in ticks.
 
     ``levels`` are those before the first edge, ``edges`` the ticks of the first samples on a new
-    level, ascending; ``until`` is the last tick at which the levels are known.
+    level, ascending; ``until`` is the last tick at which the levels are known. ``active`` are the
+    channels that have edges, None where that is to be seen from ``edges``.
     """
 
     levels: Sequence[int]
     edges: Sequence[I64]
     until: int
+    active: Sequence[int] | None = None
+
+
+class EdgesByWire(Sequence[I64]):
+    """The edges of a few of many wires, laid out wire by wire: a chip has sixty thousand.
+
+    Args:
+        wires: whose each edge is, ascending.
+        at: when it is; ascending within a wire.
+        size: how many wires there are.
+    """
+
+    def __init__(self, wires: I64, at: I64, size: int) -> None:
+        self.active, first = np.unique(wires, return_index=True)
+        self._spans = dict(
+            zip(self.active.tolist(), itertools.pairwise([*first.tolist(), len(at)]), strict=True)
+        )
+        self._at = at
+        self._size = size
+
+    def __len__(self) -> int:
+        return self._size
+
+    @overload
+    def __getitem__(self, wire: int) -> I64: ...
+
+    @overload
+    def __getitem__(self, wire: slice) -> Sequence[I64]: ...
+
+    def __getitem__(self, wire: int | slice) -> I64 | Sequence[I64]:
+        if isinstance(wire, slice):
+            return [self[one] for one in range(*wire.indices(self._size))]
+        begin, end = self._spans.get(range(self._size)[wire], (0, 0))
+        return self._at[begin:end]
 
 
 class LogicInput(NamedTuple):

@@ -20,7 +20,10 @@ from sniffer.ground.model import Chunk, DamagedInputError, InputError, SnifferEr
 from sniffer.ground.wording import Sentence, offered
 from sniffer.sources.binary import read_binary
 from sniffer.sources.candump import read_candump
+from sniffer.sources.docklight import read_docklight
+from sniffer.sources.grabserial import read_grabserial
 from sniffer.sources.hexdump import read_hexdump, read_od, read_xxd
+from sniffer.sources.interceptty import read_interceptty
 from sniffer.sources.jpnevulator import read_jpnevulator
 from sniffer.sources.jsonl import read_jsonl
 from sniffer.sources.logic_forms import LABELS, ZIPPED
@@ -99,6 +102,9 @@ SOURCES: Final[Mapping[str, Reader]] = MappingProxyType(
         "socat": read_socat,
         "jpnevulator": read_jpnevulator,
         "spy": read_spy,
+        "docklight": read_docklight,
+        "interceptty": read_interceptty,
+        "grabserial": read_grabserial,
         "saleae": read_saleae,
         "jsonl": read_jsonl,
         "pcap": _read_pcap,
@@ -125,6 +131,9 @@ _LABELS: Final[Mapping[str, str]] = {
     "socat": "a log of socat -x",
     "jpnevulator": "a log of jpnevulator",
     "spy": "a log of pySerial's spy://",
+    "docklight": "a log of Docklight in HEX",
+    "interceptty": "a log of interceptty",
+    "grabserial": "a log of grabserial --hex-output",
     "saleae": "a table of Saleae's Async Serial analyzer",
     "jsonl": "frames and gaps as this tool writes them to JSON lines",
     "pcap": "a capture of Wireshark's kind (pcap, pcapng)",
@@ -288,6 +297,7 @@ def _groups(
     group: list[Chunk] = []
     buses: set[str] = set()
     size = 0
+    slow = lag_s < math.inf
     due = time.monotonic() + lag_s
     try:
         for chunk in chunks:
@@ -302,7 +312,8 @@ def _groups(
                     raise _ManyBusesError(f"more than {BUSES_MOST} buses: are they names of one?")
             group.append(chunk)
             size += len(chunk.data)
-            if size >= most or len(group) >= most_chunks or time.monotonic() > due:
+            late = slow and time.monotonic() > due
+            if size >= most or len(group) >= most_chunks or late:
                 yield group
                 group, size, due = [], 0, time.monotonic() + lag_s
                 most, most_chunks = GROUP, GROUP_CHUNKS

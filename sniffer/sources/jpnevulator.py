@@ -13,11 +13,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.model import Chunk, Clock
 from sniffer.ground.patterns import later
+from sniffer.sources.blockstamps import StampedBlock
 from sniffer.sources.text import (
     CUT_OFF,
-    PIECE,
     DamagedLine,
     LineBlock,
     Opened,
@@ -29,6 +28,8 @@ from sniffer.sources.walltime import ZONELESS, WallClock
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from sniffer.ground.model import Chunk
 
 STAMP: Final = later(rb"(\d{4}-\d\d-\d\d) (\d\d:\d\d:\d\d)\.(\d{6}):(?: (\S.*))?")
 """Day, time, microseconds, and the port or its alias where there are several."""
@@ -49,10 +50,9 @@ class _Blocks(TextLog):
     """Where a log has got to: of which port the bytes are, and what waits for a stamp."""
 
     def __init__(self, bus: str) -> None:
-        self._default = self._bus = bus
+        self._default = bus
+        self._block = StampedBlock(bus)
         self._clock = WallClock()
-        self._t_ns: int | None = None  # of the byte to come
-        self._held = bytearray()
         self._count: dict[str, int] = {}
         self.cut_off = False
 
@@ -64,25 +64,17 @@ class _Blocks(TextLog):
 
     def rest(self) -> Iterator[Chunk]:
         """Yield the bytes without a stamp that have come."""
-        if self._held:
-            yield Chunk(bytes(self._held), bus=self._bus)
-            self._held.clear()
+        yield from self._block.rest()
 
     def _line(self, line: bytes, number: int, cut_off: bool) -> Iterator[Chunk]:
         stamp = STAMP.fullmatch(line)
         if stamp:
-            yield from self.rest()
             name = stamp[4]
-            self._bus = name.decode("utf-8", "replace") if name else self._default
-            self._t_ns = self._clock.ns(stamp[1], stamp[2], stamp[3], number)
+            bus = name.decode("utf-8", "replace") if name else self._default
+            t_ns = self._clock.ns(stamp[1], stamp[2], stamp[3], number)
+            yield from self._block.begin(t_ns, bus)
             return
-        data = self._row(line, number, cut_off)
-        if data and self._t_ns is not None:
-            yield Chunk(data[:1], self._t_ns, Clock.FILE, self._bus)
-            self._t_ns, data = None, data[1:]
-        self._held += data
-        if len(self._held) >= PIECE:
-            yield from self.rest()
+        yield from self._block.add(self._row(line, number, cut_off))
 
     def _row(self, line: bytes, number: int, cut_off: bool) -> bytes:
         counted = _COUNT.fullmatch(line)
@@ -105,7 +97,7 @@ class _Blocks(TextLog):
     def _is_no_row(self, pairs: bytes, counted: bool) -> bool:
         """Tell whether two digits at the very end are those of a year, or of a byte count."""
         return len(pairs) == 2 and (
-            (pairs == _CENTURY and self._t_ns is None) or bool(self._count and not counted)
+            (pairs == _CENTURY and self._block.t_ns is None) or bool(self._count and not counted)
         )
 
     def _half(self, pairs: bytes) -> bytes:
@@ -115,11 +107,11 @@ class _Blocks(TextLog):
         return bytes.fromhex(half[0].decode("ascii")) if half and whole else b""
 
     def _counted(self, count: int, size: int, number: int) -> None:
-        due = self._count.get(self._bus, count)
+        due = self._count.get(self._block.bus, count)
         if count != due:
             why = f"byte {count:08X} stands where {due:08X} is due: the log is damaged"
             raise DamagedLine(number, why, nonsense=False)
-        self._count[self._bus] = count + size
+        self._count[self._block.bus] = count + size
 
     def notes(self) -> Iterator[str]:
         """Yield what is worth knowing about the log, at its end."""

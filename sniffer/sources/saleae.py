@@ -18,7 +18,7 @@ from decimal import Decimal, InvalidOperation
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.limits import BAUDS, is_time
-from sniffer.ground.model import NS, Chunk, Clock, Mark, MarkKind
+from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark, MarkKind
 from sniffer.ground.patterns import later
 from sniffer.signals.rates import STANDARD, snapped
 from sniffer.sources.text import (
@@ -67,6 +67,7 @@ _PLAIN_2: Final = later(
 )
 _COLUMNS_2: Final = ("name", "type", "start_time", "duration", "data", "error")
 _BYTE: Final = {b"%02X" % value: bytes((value,)) for value in range(256)}
+_UNKNOWN: Final = Direction.UNKNOWN
 _KNOWN: Final = (*_COLUMNS_2, "address")
 _ERRORS: Final[Mapping[str, MarkKind]] = {
     "parity": MarkKind.PARITY,
@@ -159,9 +160,13 @@ class _Logic1(_ByteTable):
         rows: list[tuple[bytes, ...]] = _PLAIN_1.findall(text)
         if len(rows) != text.count(b"\n") + 1:
             return None
-        byte_ns, clock, bus = self._byte_ns, self._clock, self.bus
+        byte_ns, clock, bus, byte = self._byte_ns, self._clock, self.bus, _BYTE
         return [
-            Chunk(_BYTE[value], int(whole + part) + byte_ns, clock, bus, marks=_marks(odd, torn))
+            Chunk(byte[value], int(whole + part) + byte_ns, clock, bus, _UNKNOWN)
+            if not odd and not torn
+            else Chunk(
+                byte[value], int(whole + part) + byte_ns, clock, bus, _UNKNOWN, _marks(odd, torn)
+            )
             for whole, part, value, odd, torn in rows
         ]
 
@@ -239,7 +244,7 @@ class _Logic2(_ByteTable):
         commas = self._width - 1
         if len(rows) != text.count(b"\n") + 1 or text.count(b",") != commas * len(rows):
             return None
-        lasts, names, clock = self._lasts, self._names, Clock.SAMPLE
+        lasts, names, clock, byte = self._lasts, self._names, Clock.SAMPLE, _BYTE
         for name, duration in {(row[0], row[3]) for row in rows}:
             if duration not in lasts:
                 try:
@@ -249,11 +254,12 @@ class _Logic2(_ByteTable):
             names.setdefault(name, name.decode("utf-8", "replace") or self.bus)
         return [
             Chunk(
-                _BYTE[value],
-                int(whole) * NS + int(part.ljust(9, b"0")) + lasts[duration],
+                byte[value],
+                int(whole + part.ljust(9, b"0")) + lasts[duration],
                 clock,
                 names[name],
-                marks=(Mark(_ERRORS[error.decode()], 0, 1),) if error else (),
+                _UNKNOWN,
+                (Mark(_ERRORS[error.decode()], 0, 1),) if error else (),
             )
             for name, whole, part, duration, value, error in rows
         ]

@@ -41,6 +41,8 @@ OPEN_NS: Final = NS
 
 TX, RX, UNKNOWN = Direction.TX, Direction.RX, Direction.UNKNOWN
 
+_NAMELESS: Final = ("one side", "the other")
+
 _AS_TOLD: Final[Mapping[Direction, Direction]] = {TX: TX, RX: RX, UNKNOWN: UNKNOWN}
 _SWAPPED: Final[Mapping[Direction, Direction]] = {TX: RX, RX: TX, UNKNOWN: UNKNOWN}
 _UNTOLD: Final[Mapping[Direction, Direction]] = dict.fromkeys(Direction, UNKNOWN)
@@ -49,18 +51,17 @@ _UNTOLD: Final[Mapping[Direction, Direction]] = dict.fromkeys(Direction, UNKNOWN
 class _Sides:
     """Holds back what has come until the frames in it tell which side is which."""
 
-    def __init__(self, notes: list[str], names: tuple[str, str]) -> None:
+    def __init__(self, notes: list[str], names: Sequence[str]) -> None:
         self._notes = notes
         self._names = names
         self._held: list[Chunk] = []
         self._size = 0
         self._look_at = FIRST_LOOK
-        self._sides: Mapping[Direction, Direction] | None = None
+        self.told: Mapping[Direction, Direction] | None = None
+        """What each side is, once that is decided."""
 
     def feed(self, chunk: Chunk) -> list[Chunk]:
         """Take a chunk; return what can be handed on."""
-        if self._sides is not None:
-            return [_turned(chunk, self._sides)]
         self._held.append(chunk)
         self._size += len(chunk.data)
         if self._size < self._look_at:
@@ -73,31 +74,41 @@ class _Sides:
         return self._decided(final=True) if self._held else []
 
     def _decided(self, *, final: bool) -> list[Chunk]:
-        self._sides = _sides(self._held, final=final)
-        if self._sides is None:
+        self.told = _sides(self._held, final=final)
+        if self.told is None:
             return []
-        first, second = self._names
-        if self._sides is _SWAPPED:
+        first, second = (*self._names, *_NAMELESS)[:2]
+        if self.told is _SWAPPED:
             told = f"what it marks {second} comes from the controller: that is TX here"
             self._notes.append(told)
-        elif self._sides is _UNTOLD:
+        elif self.told is _UNTOLD:
             told = f"its frames do not tell whether {first} or {second} is the controller's side"
             self._notes.append(told)
         held, self._held = self._held, []
-        return [_turned(chunk, self._sides) for chunk in held]
+        return [_turned(chunk, self.told) for chunk in held]
 
 
-def oriented(chunks: Iterable[Chunk], notes: list[str], names: tuple[str, str]) -> Iterator[Chunk]:
+def oriented(chunks: Iterable[Chunk], notes: list[str], names: Sequence[str]) -> Iterator[Chunk]:
     """Yield chunks with TX for what comes from the controller, whatever the log calls it.
 
-    ``names`` are what the log calls its sides, that of TX first; ``notes`` gets a sentence where
-    they are swapped, or where it cannot be told which is which. What was read before damage or an
-    interruption comes before that does.
+    ``names`` are what the log calls its sides, that of TX first; they may become known while it is
+    read. ``notes`` gets a sentence where they are swapped, or where it cannot be told which is
+    which. What was read before damage or an interruption comes before that does.
     """
     sides = _Sides(notes, names)
+    going = iter(chunks)
     try:
-        for chunk in chunks:
+        while sides.told is None:
+            chunk = next(going, None)
+            if chunk is None:
+                break
             yield from sides.feed(chunk)
+        if sides.told is _AS_TOLD:
+            yield from going
+        elif sides.told is not None:
+            wires = sides.told
+            for chunk in going:
+                yield _turned(chunk, wires)
     except (DamagedInputError, KeyboardInterrupt):
         yield from sides.close()
         raise
@@ -143,7 +154,11 @@ def handed_over(chunks: Iterable[Chunk], wire: Direction) -> Iterator[Chunk]:
         for chunk in chunks:
             if held is not None:
                 yield _sent(held, wire, chunk.t_ns)
-            held = chunk
+                held = None
+            if chunk.direction is wire:
+                held = chunk
+            else:
+                yield chunk
     except (DamagedInputError, KeyboardInterrupt):
         if held is not None:
             yield _sent(held, wire, None)
@@ -153,7 +168,7 @@ def handed_over(chunks: Iterable[Chunk], wire: Direction) -> Iterator[Chunk]:
 
 
 def _sent(chunk: Chunk, wire: Direction, until_ns: int | None) -> Chunk:
-    if chunk.direction != wire or chunk.t_ns is None:
+    if chunk.t_ns is None:
         return chunk
     most = OPEN_NS if until_ns is None else min(max(until_ns - chunk.t_ns, 0), OPEN_NS)
     mark = Mark(MarkKind.SENT, 0, len(chunk.data), most)

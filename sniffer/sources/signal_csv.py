@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from sniffer.ground.limits import is_time
 from sniffer.ground.model import NS, InputError
 from sniffer.signals.stretch import LogicInput, Stretch
 from sniffer.sources.sigrok import rate_in, unlike
@@ -76,6 +77,10 @@ def read_signal_csv(opened: Opened) -> LogicInput:
     head = _head(text)
     line = head.first.text[:200].lstrip()
     dated = _DATE.match(line) if head.scale else None
+    try:
+        zero_ns = _unix_ns(dated) if dated else 0
+    except ValueError:
+        raise InputError(f"there is no date {quoted(line.partition(b',')[0])}") from None
     if not head.scale and not head.rate:
         raise InputError("the table has neither times nor a sample rate: export it with times")
     per_second = head.rate or float(NS)
@@ -87,7 +92,7 @@ def read_signal_csv(opened: Opened) -> LogicInput:
         rows.stretches(head.first, text),
         is_dated=dated is not None,
         is_open_ended=bool(head.scale),
-        zero_ns=_unix_ns(dated) if dated else 0,
+        zero_ns=zero_ns,
     )
 
 
@@ -141,15 +146,25 @@ def _named(
 
 def _unit_of(line: bytes, rate: float) -> float:
     """Return the unit in which sigrok says when the first sample ends; 0 if that fits none."""
-    first = float(line.partition(b",")[0])
-    if first <= 0:
+    try:
+        samples = float(line.partition(b",")[0]) * rate
+    except ValueError:
         return 0
-    thousands = np.log10(1 / (first * rate)) / 3
+    if not 0.1 < samples < 1e16:  # a sample in s to fs
+        return 0
+    thousands = -np.log10(samples) / 3
     return float(10.0 ** (3 * np.rint(thousands))) if abs(thousands % 1 - 0.5) > 0.4 else 0
 
 
 def _unix_ns(dated: re.Match[bytes]) -> int:
-    """Return a date as Unix time; without a zone it is taken as UTC."""
+    """Return a date as Unix time; without a zone it is taken as UTC.
+
+    Raises:
+        ValueError: there is no such date, or none that can be reckoned with.
+    """
+    year, date = int(dated[1][:4]), np.datetime64(dated[1].decode(), "s")  # of ns 64 bits wrap
+    if not is_time(int(date.astype(np.int64)) * NS):
+        raise ValueError(f"the year {year}")
     out = int(np.datetime64(dated[1].decode(), "ns").astype(np.int64))
     return out - zone_ns((dated[2] or b"").decode())
 
@@ -237,10 +252,21 @@ class _LevelRows:
         if None in matches:
             wrong = matches.index(None)
             raise DamagedLine(block.number + wrong, f"{quoted(lines[wrong])} has no date")
-        times = np.array([m[1].decode() for m in matches if m], "datetime64[ns]").astype(np.int64)
+        times = self._since_1970(matches, block)
         self._zero_ns = self._zero_ns or int(times[0])
         pairs = zip(times - self._zero_ns, lines, matches, strict=True)
         return b"\n".join(b"%.9f,%s" % (t / NS, one[m.end() :]) for t, one, m in pairs if m)
+
+    def _since_1970(self, dates: Sequence[re.Match[bytes] | None], block: LineBlock) -> I64:
+        """Return dates in ns, whatever their zone."""
+        texts = [m[1].decode() for m in dates if m]
+        try:
+            whole = np.array(texts, "datetime64[s]").astype(np.int64)
+            if (np.abs(whole - whole[0]) < TICKS_MOST / NS).all():
+                return np.array(texts, "datetime64[ns]").astype(np.int64)
+        except ValueError:
+            pass  # told below
+        raise DamagedLine(block.number, "a date is none, or far from the first", nonsense=False)
 
     def _stretch(self, at: I64, levels: F64, block: LineBlock) -> Stretch:
         steps = np.diff(at, prepend=self._last)

@@ -23,6 +23,7 @@ from sniffer.sources.text import (
     PIECE,
     DamagedLine,
     LineBlock,
+    LineWalk,
     Opened,
     TextLog,
     quoted,
@@ -40,6 +41,11 @@ HEADER: Final = later(
 )
 """Direction, day, time, fraction, number of bytes, and their places in the direction's stream."""
 
+# a block on one line, as nearly all are: what is odd is read line by line
+_ENTRY: Final = later(
+    rb"([<>]) (.{19})\.(\d{6}|\d{9})  length=(\d{1,19})"
+    rb" from=(\d{1,19}) to=(\d{1,19})\n((?: [0-9a-f]{2})+)( *)([^\n]*)\n(?:--\n)?"
+)
 _ALL: Final = later(rb"(?: [0-9a-f]{2})+ *")  # -x: a block on one line
 _ROW: Final = later(rb"((?: [0-9a-f]{2}){1,16}) *")  # -x -v: 48 columns before the gutter
 _COLUMNS: Final = 48
@@ -76,6 +82,8 @@ class _SocatLog(TextLog):
     def __init__(self, bus: str) -> None:
         self._bus = bus
         self._clock = WallClock()
+        self._stamp = b""  # the last second, and when it began
+        self._stamp_ns = 0
         self._micro: bool | None = None  # whether nine digits are microseconds
         self._block: _Block | None = None
         self._due: dict[Direction, int] = {}
@@ -91,8 +99,35 @@ class _SocatLog(TextLog):
         if self._micro is None:
             stamps = [found[3] for found in HEADER.findall(block.text) if len(found[3]) == _NINE]
             self._micro = all(stamp.startswith(_MICRO) for stamp in stamps) if stamps else None
-        for number, line in enumerate(block.lines(), block.number):
-            yield from self._line(line, number, block.cut_off)
+        walk = LineWalk(block)
+        while walk.is_inside:
+            if self._block is None and (found := _ENTRY.match(block.text, walk.at)):
+                chunk = self._entry(found.groups())
+                if chunk is not None:
+                    walk.at = found.end()
+                    yield chunk
+                    continue
+            yield from self._line(*walk.line(), block.cut_off)
+
+    def _entry(self, said: tuple[bytes, ...]) -> Chunk | None:
+        """Return what a block says that is on one line and as usual; None: look closer."""
+        mark, stamp, fraction, length, begin, end, row, blanks, gutter = said
+        size, first, last = int(length), int(begin), int(end)
+        side = _SIDES[mark]
+        if len(row) != 3 * size or last - first + 1 != size or last >= OFFSET_END:
+            return None
+        if gutter and (len(row) > _COLUMNS or len(row) + len(blanks) < _COLUMNS):
+            return None
+        if self._due.get(side, first) != first or stamp != self._stamp:
+            return None
+        nine = len(fraction) == _NINE
+        if nine and (self._micro is None or (self._micro and not fraction.startswith(_MICRO))):
+            return None
+        t_ns = self._stamp_ns + int(fraction) * (1 if nine and not self._micro else 1000)
+        self._due[side] = last + 1
+        self._size += size
+        self._heard[side] = self._size
+        return Chunk(bytes.fromhex(row.decode("ascii")), t_ns, Clock.FILE, self._bus, side)
 
     def rest(self) -> Iterator[Chunk]:
         """Yield what has come of a block that is not whole."""
@@ -130,6 +165,8 @@ class _SocatLog(TextLog):
             self._micro = fraction.startswith(_MICRO)
             fraction = fraction[3:] if self._micro else fraction
         t_ns = self._clock.ns(day, time, fraction, number)
+        self._stamp = b"%s %s" % (day, time)
+        self._stamp_ns = t_ns - int(fraction.ljust(_NINE, b"0"))
         side = _SIDES[mark]
         self._block = _Block(t_ns, side, size, self._hole(side, first, size, number))
         self._due[side] = last + 1

@@ -10,6 +10,7 @@ rounded to milliseconds, before a write and behind a read; the offset counts the
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
@@ -22,6 +23,7 @@ from sniffer.sources.text import (
     PIECE,
     DamagedLine,
     LineBlock,
+    LineWalk,
     Opened,
     TextLog,
     quoted,
@@ -39,6 +41,11 @@ SPY_LINE: Final = later(
 COLOURS: Final = later(rb"\x1b\[\d+m")
 """What the option ``color`` puts in front of the lines."""
 
+# the first line of a call, as nearly all are: what is odd is read line by line
+_ENTRY: Final = later(
+    rb"(\d{5,9})\.(\d{3}) (TX|RX)   0000  "
+    rb"((?:[0-9A-F]{2} ){1,8}(?: (?:[0-9A-F]{2} ){1,8})?)( *)([^\n]*)\n"
+)
 _BYTES: Final = later(rb"([0-9A-F]{4,12})  (.*)")
 _ROW: Final = later(rb"(?:[0-9A-F]{2} ){1,8}(?: (?:[0-9A-F]{2} ){0,8})?")
 _COLUMNS: Final = 49  # of hex: 16 bytes with a blank each, and one in the middle
@@ -49,6 +56,12 @@ _STAMPED: Final = later(rb"-?\d{5,}")
 _DIRECTIONS: Final = {b"TX": Direction.TX, b"RX": Direction.RX}
 _MS: Final = NS // 1000
 _BREAKS: Final = (b"send_break", b"active")
+
+
+@functools.cache
+def _coarse(size: int) -> tuple[Mark, ...]:
+    """Return what is said of the times of ``size`` bytes."""
+    return (Mark(MarkKind.COARSE, 0, size, _MS),)
 
 
 class _Calls(TextLog):
@@ -65,7 +78,22 @@ class _Calls(TextLog):
 
     def chunks(self, block: LineBlock) -> Iterator[Chunk]:
         """Yield what the lines of ``block`` hold."""
-        for number, line in enumerate(block.lines(), block.number):
+        walk = LineWalk(block)
+        while walk.is_inside:
+            found = _ENTRY.match(block.text, walk.at)
+            if found is not None:
+                seconds, thousandths, label, row, blanks, gutter = found.groups()
+                if not gutter or len(row) + len(blanks) >= _COLUMNS:
+                    walk.at = found.end()
+                    if self._held is not None:
+                        yield self._held
+                    t_ns = (int(seconds) * 1000 + int(thousandths)) * _MS + _MS // 2
+                    data = bytes.fromhex(row.decode("ascii"))
+                    direction = _DIRECTIONS[label]
+                    self._due[direction] = len(data)
+                    self._begin(direction, t_ns, data)
+                    continue
+            line, number = walk.line()
             text = COLOURS.sub(b"", line) if b"\x1b" in line else line
             yield from self._line(text, number, block.cut_off)
 
@@ -133,7 +161,12 @@ class _Calls(TextLog):
             self._held = replace(held, data=held.data + data)
             return
         yield from self.rest()
-        marks = (*self._marks, Mark(MarkKind.COARSE, 0, len(data), _MS))
+        self._begin(direction, t_ns, data)
+
+    def _begin(self, direction: Direction, t_ns: int, data: bytes) -> None:
+        """Hold the first line of a call."""
+        coarse = _coarse(len(data))
+        marks = (*self._marks, *coarse) if self._marks else coarse
         self._marks = ()
         self._held = Chunk(data, t_ns, Clock.FILE, self._bus, direction, marks)
 

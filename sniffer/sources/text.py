@@ -105,6 +105,39 @@ class LineBlock:
         return self.text.split(b"\n")
 
 
+class LineWalk:
+    """A way through a block by whole entries where they are as usual, by lines where they are not.
+
+    ``at`` is where the next entry or line begins; who reads an entry moves it behind it.
+    """
+
+    def __init__(self, block: LineBlock) -> None:
+        self._text = block.text
+        self._counted, self._number = 0, block.number
+        self.at = 0
+
+    @property
+    def is_inside(self) -> bool:
+        """Whether there is another line."""
+        return self.at <= len(self._text)
+
+    @property
+    def number(self) -> int:
+        """The number of the line at which the walk is."""
+        self._number += self._text.count(b"\n", self._counted, self.at)
+        self._counted = self.at
+        return self._number
+
+    def line(self) -> tuple[bytes, int]:
+        """Return the next line and its number, and go on behind it."""
+        number = self.number
+        end = self._text.find(b"\n", self.at)
+        end = len(self._text) if end < 0 else end
+        line = self._text[self.at : end]
+        self.at = end + 1
+        return line, number
+
+
 def quoted(text: bytes) -> str:
     """Return the head of ``text``, safe to show in a message of one line."""
     shown = ascii(text[:40].decode("utf-8", "replace"))

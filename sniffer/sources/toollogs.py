@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from typing import Final
 
-from sniffer.sources import jpnevulator, saleae, socat, spy
+from sniffer.sources import (
+    docklight,
+    grabserial,
+    interceptty,
+    jpnevulator,
+    saleae,
+    socat,
+    spy,
+)
 from sniffer.sources.refusals import refused
 from sniffer.sources.text import FIRST_LINES
 
@@ -22,6 +30,13 @@ def tool_log(lines: list[bytes]) -> str:
         if not saleae.is_hexadecimal(lines[: FIRST_LINES + 1]):
             raise refused("a Saleae table in this radix", saleae.HEXADECIMAL)
         return "saleae"
+    if docklight.is_docklight(lines[:FIRST_LINES]):
+        return "docklight"
+    said = next((line for line in lines if not line.startswith(b"#")), b"")
+    if interceptty.is_line(said):
+        return "interceptty"
+    if grabserial.is_row(lines[0]):
+        return "grabserial"
     return "socat" if _is_socat(lines) else ""
 
 

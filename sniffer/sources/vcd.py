@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.ground.model import InputError
-from sniffer.signals.stretch import LogicInput, Stretch
+from sniffer.signals.stretch import EdgesByWire, LogicInput, Stretch
 from sniffer.sources.sigrok import rate_in, unlike
 from sniffer.sources.text import DamagedLine, LineBlock, blocks, quoted
 
@@ -145,13 +145,14 @@ class _Changes:
 
     def _stretch(self, text: bytes, block: LineBlock) -> Stretch:
         data = np.frombuffer(text, np.uint8)
-        space = _SPACE[data]
+        space = np.concatenate([[True], _SPACE[data]])
         # a word begins behind a space and ends before one; the text ends in one
-        begin = np.flatnonzero(~space & np.concatenate([[True], space[:-1]]))
-        end = np.flatnonzero(space & np.concatenate([[False], ~space[:-1]]))
+        borders = np.flatnonzero(space[1:] != space[:-1])
+        begin, end = borders[::2], borders[1::2]
         first = data[begin]
         is_time = first == ord("#")
-        long = _alternate(_LONG[first])
+        long = _LONG[first]
+        long = _alternate(long) if long.any() else long
         named = np.concatenate([[False], long[:-1]])  # the word behind is a name, whatever it is
         is_time &= ~named
         at = self._times(data, begin, end, is_time, block)
@@ -177,13 +178,13 @@ class _Changes:
             wrong = begin[words[int(np.argmax((size > DIGITS) | (size == 0)))]]
             raise self._damaged(data, int(wrong), block)
         times = np.zeros(len(words), np.int64)
-        for place in range(int(size.max()) if len(words) else 0):
-            there = size > place
-            digit = data[end[words[there]] - 1 - place].astype(np.int64) - ord("0")
-            if ((digit < 0) | (digit > 9)).any():
-                wrong = begin[words[there]][(digit < 0) | (digit > 9)][0]
+        for width in np.unique(size).tolist():  # nearly all times have as many digits
+            alike = np.flatnonzero(size == width)
+            digits = data[end[words[alike], None] - np.arange(width, 0, -1)] - np.uint8(ord("0"))
+            if (digits > 9).any():  # what is less than a 0 has wrapped
+                wrong = begin[words[alike]][(digits > 9).any(axis=1)][0]
                 raise self._damaged(data, int(wrong), block)
-            times[there] += digit * 10**place
+            times[alike] = digits @ 10 ** np.arange(width - 1, -1, -1)
         since = np.concatenate([[self._now], times])
         if (np.diff(since) < 0).any():
             wrong = begin[words[int(np.argmax(np.diff(since) < 0))]]
@@ -208,20 +209,31 @@ class _Changes:
         return np.where(known, self._order[nth], -1)
 
     def _changed(self, row: I64, value: I64, at: I64) -> Stretch:
-        """Return the edges by wire: of what is said, what is new."""
-        levels = self._levels.copy()
-        edges: list[I64] = [np.empty(0, np.int64)] * len(levels)
+        """Return the edges by wire: of what is said, what is new.
+
+        What is said of three wires, and what becomes of it by wire (``levels`` are 1 1 1 and none
+        of them known, so that the first value of each is no edge):
+
+            row     0  2  0  2  0      sorted   0  0  0  2  2
+            value   1  0  0  0  1      said     1  0  1  0  0
+            at      5  5  7  8  9      before   1  1  0  0  0
+                                       new         7  9            edges of wire 0
+        """
         order = np.argsort(row, kind="stable")
-        bounds = np.flatnonzero(np.diff(row[order])) + 1
-        for part in np.split(order, bounds) if len(order) else ():
-            wire = int(row[part[0]])
-            said = value[part]
-            if not self._is_known[wire]:  # the first value is no change
-                levels[wire], self._is_known[wire] = said[0], True
-            new = np.diff(said, prepend=levels[wire]) != 0
-            edges[wire] = at[part][new]
-            self._levels[wire] = said[-1]
-        return Stretch(levels.tolist(), edges, self._now)
+        wires, said, at = row[order], value[order], at[order]
+        levels = self._levels.copy()
+        begins = np.flatnonzero(np.diff(wires, prepend=-1))
+        first = wires[begins]
+        fresh = first[~self._is_known[first]]
+        levels[fresh] = said[begins][~self._is_known[first]]  # the first value is no change
+        self._is_known[first] = True
+        before = np.roll(said, 1)
+        before[begins] = levels[first]
+        self._levels = levels.copy()
+        self._levels[first] = said[np.append(begins[1:], len(said))[: len(first)] - 1]
+        new = said != before
+        edges = EdgesByWire(wires[new], at[new], len(levels))
+        return Stretch(levels.tolist(), edges, self._now, edges.active.tolist())
 
 
 def _alternate(words: Mask) -> Mask:

@@ -1,4 +1,4 @@
-"""Dates and times without a zone, as logs of text tools have them, into nanoseconds."""
+"""Dates and times without a zone, and times of the day, as logs of text tools have them, in ns."""
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ from sniffer.sources.text import DamagedLine, quoted
 ZONELESS: Final = "its times are of a clock whose zone is not said: they are taken for UTC"
 """The note about an input that has such times."""
 
+DATELESS: Final = "its times have no date: they count from the midnight before it began"
+"""The note about an input that has times of the day alone."""
+
+_DAY_NS: Final = 24 * 3600 * NS
 _NANO: Final = 9  # digits of a fraction that are kept
 
 
@@ -50,3 +54,27 @@ class WallClock:
                 raise DamagedLine(line, f"{quoted(day)} is not between 1969 and 2257")
             self._known, self._seconds = known, seconds
         return self._seconds * NS + int(fraction[:_NANO].ljust(_NANO, b"0"))
+
+
+class DayClock:
+    """Reads times of the day; one that lies far before the last one is of the next day."""
+
+    def __init__(self) -> None:
+        self._day_ns = 0
+        self._last_ns = 0
+
+    def ns(self, hour: bytes, minute: bytes, second: bytes, fraction: bytes, line: int) -> int:
+        """Return a time of the day in ns since the midnight before the first one.
+
+        Raises:
+            DamagedLine: there is no such time.
+        """
+        h, m, s = int(hour), int(minute), int(second)
+        if h > 23 or m > 59 or s > 60:  # a minute may have a leap second
+            shown = quoted(b":".join((hour, minute, second)))
+            raise DamagedLine(line, f"there is no time {shown}")
+        t_ns = (h * 3600 + m * 60 + s) * NS + int(fraction[:_NANO].ljust(_NANO, b"0"))
+        if t_ns + self._day_ns < self._last_ns - _DAY_NS // 2:
+            self._day_ns += _DAY_NS
+        self._last_ns = t_ns + self._day_ns
+        return self._last_ns

@@ -143,11 +143,12 @@ def _rhythms(case: Case) -> list[_Rhythm]:
         if count < LEAST:
             continue
         bins = periods.counts(key)
-        wide = np.convolve(bins, np.ones(2 * _NEAR + 1, np.int64), "same")
+        near = np.ones(2 * _NEAR + 1, np.int64)
+        wide = np.convolve(bins, near, "same")
         top = int(wide.argmax())
         before = bins[: max(top - _NEAR, 0)]
         # a twentieth of an octave, as wide as what is called one period
-        lump = int(np.convolve(before, np.ones(2 * _NEAR + 1, np.int64), "same").max(initial=0))
+        lump = int(np.convolve(before, near, "same").max()) if len(before) else 0
         sooner = int(before.sum())
         behind = int(bins[top + 4 * _NEAR :].sum())
         first = int(np.searchsorted(np.cumsum(bins), 0.1 * count))

@@ -1,0 +1,52 @@
+"""Blocks of bytes of which only the first has a time: what ended is handed on without one.
+
+Some loggers write the time of the first byte that they read, and then all that comes until a pause,
+a turn or the end of the row. Nothing tells when the other bytes came, so only that one has a stamp.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sniffer.ground.model import Chunk, Clock, Direction
+from sniffer.sources.text import PIECE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+class StampedBlock:
+    """The block that is being read.
+
+    Args:
+        bus: whose bytes come until another one is named.
+    """
+
+    def __init__(self, bus: str) -> None:
+        self.bus = bus
+        self.direction = Direction.UNKNOWN
+        self.t_ns: int | None = None
+        """The time of the byte to come; None behind it."""
+        self._held = bytearray()
+
+    def begin(
+        self, t_ns: int, bus: str, direction: Direction = Direction.UNKNOWN
+    ) -> Iterator[Chunk]:
+        """Yield what is held of the block before, and begin one at ``t_ns``."""
+        yield from self.rest()
+        self.t_ns, self.bus, self.direction = t_ns, bus, direction
+
+    def add(self, data: bytes) -> Iterator[Chunk]:
+        """Yield what is complete when ``data`` has come."""
+        if data and self.t_ns is not None:
+            yield Chunk(data[:1], self.t_ns, Clock.FILE, self.bus, self.direction)
+            self.t_ns, data = None, data[1:]
+        self._held += data
+        if len(self._held) >= PIECE:
+            yield from self.rest()
+
+    def rest(self) -> Iterator[Chunk]:
+        """Yield the bytes without a stamp that have come."""
+        if self._held:
+            yield Chunk(bytes(self._held), bus=self.bus, direction=self.direction)
+            self._held.clear()
