@@ -35,7 +35,9 @@ help: ## list the targets
 demo: $(VENV)/.run ## decode, record and plot a simulated bus; no hardware needed
 	$(BIN)/python -m sniffer.cli.demo
 
+# Compiled once here, not by each of the workers and of the hundreds of processes that tests start.
 test: $(VENV)/.dev ## run all tests, about 12 minutes on two cores (PYTEST_ARGS="-k mightyzap" for some)
+	$(BIN)/python -m compileall -q sniffer
 	$(PYTEST) $(PYTEST_ARGS)
 
 test-quick: $(VENV)/.dev ## the decoding of all protocols against its vectors, in less than a minute

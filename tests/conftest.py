@@ -29,6 +29,10 @@ settings.register_profile("ci", _SHARED, max_examples=20, derandomize=True)
 settings.register_profile("long", _SHARED, max_examples=3000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 
+# Where no bytecode may be written, as in many containers, each process that a test starts would
+# compile all of the package: that takes twice as long as all else it does.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # What a shell starts in the background ignores Ctrl-C and Ctrl-\, and so would every program under
 # test.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:

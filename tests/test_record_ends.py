@@ -53,7 +53,7 @@ def says_until_it_ends(line: Patient, run: Recorder, size: int | None = None) ->
         if line.takes_more():
             line.say(LITTLE)
             said += LITTLE
-        time.sleep(0.01)
+        time.sleep(0.03)
     return said
 
 

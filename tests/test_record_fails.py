@@ -105,7 +105,7 @@ def test_another_output_that_fails_is_told_and_the_recording_goes_on(
             if line.takes_more():
                 line.say(TALK)
                 said += 1
-            time.sleep(0.03)
+            time.sleep(0.15)
             assert told_of or run.process.poll() is None
         ran = run.stop()
     assert ran.status == 2

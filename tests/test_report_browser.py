@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import re
-import zlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from sniffer.jobs.report import report as write
 from tests.browser import Browser, chromium
@@ -33,53 +34,6 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     with Browser(tmp_path_factory.mktemp("profile")) as browser:
         yield browser
-
-
-def pixels(png: bytes) -> np.ndarray[Any, np.dtype[np.uint8]]:
-    """Return the picture of a PNG of 8 bits without interlace, as browsers write it."""
-    assert png[:8] == b"\x89PNG\r\n\x1a\n"
-    at, data = 8, b""
-    width = height = depth = 0
-    while at < len(png):
-        length, kind = int.from_bytes(png[at : at + 4]), png[at + 4 : at + 8]
-        body = png[at + 8 : at + 8 + length]
-        if kind == b"IHDR":
-            width, height = int.from_bytes(body[:4]), int.from_bytes(body[4:8])
-            assert body[8] == 8
-            depth = {2: 3, 6: 4}[body[9]]
-        elif kind == b"IDAT":
-            data += body
-        at += 12 + length
-    rows = np.frombuffer(zlib.decompress(data), np.uint8).reshape(height, 1 + width * depth)
-    out = np.zeros((height, width * depth), np.uint8)
-    before = np.zeros(width * depth, np.int64)
-    for k in range(height):
-        before = _unfiltered(int(rows[k, 0]), rows[k, 1:].astype(np.int64), before, depth)
-        out[k] = before
-    return out.reshape(height, width, depth)[:, :, :3]
-
-
-def _unfiltered(kind: int, row: Any, above: Any, depth: int) -> Any:
-    if kind == 0:
-        return row
-    if kind == 2:
-        return (row + above) & 255
-    columns, up = row.reshape(-1, depth), above.reshape(-1, depth)
-    if kind == 1:
-        return (np.cumsum(columns, axis=0) & 255).ravel()
-    out = np.zeros_like(columns)
-    left = corner = np.zeros(depth, np.int64)
-    for k in range(len(columns)):
-        if kind == 3:
-            guess = (left + up[k]) // 2
-        else:
-            p = left + up[k] - corner
-            near = np.abs(np.stack([p - left, p - up[k], p - corner]))
-            best = near.argmin(axis=0)
-            guess = np.choose(best, [left, up[k], corner])
-        left = out[k] = (columns[k] + guess) & 255
-        corner = up[k]
-    return out.ravel()
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -148,7 +102,7 @@ def test_day_and_night_differ_and_neither_is_empty(page: Path, window: Browser) 
     means = {}
     for scheme in SCHEMES:
         window.open(page, scheme=scheme)
-        picture = pixels(window.picture())
+        picture = np.asarray(Image.open(io.BytesIO(window.picture())).convert("RGB"))
         assert picture.std() > 5
         means[scheme] = float(picture.mean())
     assert means["light"] > 200
