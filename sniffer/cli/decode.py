@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 
 STDOUT: Final = "-"
 
+JOBS_MOST: Final = 256
+"""Processes of one capture at most: a mistyped number starts no more."""
+
 
 @click.command(
     short_help="Decode a capture, a dump, a log or a recording.",
@@ -50,6 +53,7 @@ STDOUT: Final = "-"
         "sniffer decode walk.mcap --alarm 'temperature > 70 for 2s' --fail-on warn",
         "candump-like-logger | sniffer decode - --format jsonl",
         "sniffer decode run.mcap --format pcapng | wireshark -k -i -",
+        "sniffer decode week.bin --protocol mightyzap --jobs 8 -q -o week.parquet",
     ),
 )
 @click.argument("files", metavar="FILE...", nargs=-1, required=True, shell_complete=files_here)
@@ -71,6 +75,14 @@ STDOUT: Final = "-"
     "May be repeated. - is standard output, to which goes what --format says.",
 )
 @with_force
+@click.option(
+    "--jobs",
+    type=click.IntRange(1, JOBS_MOST),
+    default=1,
+    show_default=True,
+    help="Decode by so many processes, with the same result: for huge files of raw bytes. "
+    "JSON lines and tables gain most.",
+)
 @click.option(
     "--fail-on",
     type=click.Choice([s.name.lower() for s in Severity]),
@@ -95,6 +107,7 @@ def decode(
     color: bool | None,
     outputs: tuple[Path, ...],
     force: bool,
+    jobs: int,
     fail_on: str | None,
     summary: bool,
     verbose: bool,
@@ -134,6 +147,7 @@ def decode(
             sinks=printed,
             selection=selection,
             window=window,
+            jobs=jobs,
             patience=patience,
             tell=Teller(say, quiet=quiet),
         )

@@ -5,16 +5,19 @@ Changes are rare. They are found for all rows at once and applied between rows, 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from sniffer.diagnostics.learned import Change
 from sniffer.ground.codes import OK, REQUEST, WHOLE
 from sniffer.ground.columns import columns_of
+from sniffer.ground.memory import Remembering
 from sniffer.ground.model import I64, RELEASES, RESETS, STAGED, Frames, Mask, Transactions
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from sniffer.protocols.base import BusProtocol, Values
 
 SET, FEEDBACK, RENUMBER, RESET, RELEASE = range(5)
@@ -34,8 +37,10 @@ def new_id(change: Change) -> int:
     return change.value if moves and 0 <= change.value <= 255 else -1
 
 
-class Changes:
+class Changes(Remembering):
     """Finds the changes of a pass; remembers what is staged and waits for its execution."""
+
+    LASTING = ("_staged",)
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._protocol = protocol
@@ -44,6 +49,11 @@ class Changes:
         self._what = np.select(effects, [SET, FEEDBACK, RENUMBER], -1)
         self.traits = self._what >= 0
         self._staged: list[Change] = []
+
+    def matters(self, at: int) -> Mapping[str, Any]:
+        """Return what is staged, in order; the row of a pass that is over says nothing."""
+        del at
+        return {"staged": [staged._replace(at=0, row=0) for staged in self._staged]}
 
     def find(
         self,

@@ -8,14 +8,18 @@ the arrival stamps, the mode registers, and what diagnostics remembers about eac
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sniffer.decoding.edges import LeftOpen
+from sniffer.decoding.expectations import Expectations
 from sniffer.decoding.holes import holes_of, mark_tail, surveyed
-from sniffer.decoding.pairing import Expectations, Pairing
+from sniffer.decoding.met import Met, empty_batch
+from sniffer.decoding.pairing import Pairing
+from sniffer.decoding.state import DecoderState
 from sniffer.decoding.values import Scaling
 from sniffer.diagnostics import Diagnostics
 from sniffer.ground.codes import NEVER, REQUEST
@@ -31,15 +35,14 @@ from sniffer.ground.limits import (
     model_ids,
     whole,
 )
+from sniffer.ground.memory import Remembering
 from sniffer.ground.model import (
     GAP_MAX,
     I64,
     Batch,
     Chunk,
-    Clock,
     Frames,
     Gap,
-    Remark,
     Samples,
     SnifferError,
     Spans,
@@ -59,16 +62,7 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
 
 
-class Met(NamedTuple):
-    """A block framed, described and paired; ``partner`` is as ``match`` returns it."""
-
-    block: Block
-    frames: Frames
-    partner: I64
-    decided: int
-
-
-class Decoder:
+class Decoder(Remembering):
     """Decodes one bus.
 
     A pass has four steps: ``block``, ``meet``, where to cut, ``tell``; ``mixed.py`` takes several
@@ -85,11 +79,15 @@ class Decoder:
         doubtful: the line may well be as slow as that: uncertainties cover it.
         alarms: rules of the user's own that are judged.
         is_alone: no other decoder is on this wire: what concerns the wire is told here.
+        state: what another decoder, made with the same arguments, knew: this one goes on there.
 
     Raises:
         SnifferError: unknown protocol or model, or a number that cannot be; its calls raise it
             too, before they have taken anything.
     """
+
+    PASSING = ("_buffer", "_base", "_now_ns", "_barriers", "_asked_until")
+    PARTS = ("_remarks", "_stamps", "_pairing", "_expectations", "_scaling", "_diagnostics")
 
     def __init__(
         self,
@@ -103,6 +101,7 @@ class Decoder:
         doubtful: bool = False,
         alarms: Sequence[Alarm] = (),
         is_alone: bool = True,
+        state: DecoderState | None = None,
     ) -> None:
         self.protocol = protocol_named(protocol)
         known = [m.model for m in self.protocol.models]
@@ -136,6 +135,22 @@ class Decoder:
         self._expectations = Expectations()
         self._scaling = Scaling(self.protocol, models)
         self._diagnostics = Diagnostics(self.protocol, alarms=alarms, is_alone=is_alone)
+        if state is not None:
+            self.remember(state.of(self.name))
+
+    def state(self) -> DecoderState:
+        """Return all that is known here: ``Decoder(..., state=...)`` goes on with it, anywhere."""
+        return DecoderState(self.name, self.memory(), self.observable(self._base))
+
+    def matters(self, at: int) -> Mapping[str, Any]:
+        """Return the bytes that wait, and what stands right before or in them."""
+        return {
+            "at": at,
+            "buffer": self._buffer,
+            "now_ns": self._now_ns,
+            "barriers": sorted({b for b in self._barriers if b >= at}),
+            "asked": self._asked_until == at,
+        }
 
     def feed(self, *chunks: Chunk | bytes | bytearray | memoryview) -> Batch:
         """Decode chunks, each with its own time, in one pass: group them, a pass costs ~200 us.
@@ -147,8 +162,11 @@ class Decoder:
     def take(self, told: Sequence[Chunk]) -> bool:
         """Take chunks in without decoding them; tell whether there were any bytes."""
         timed = tuple(k for k in told if k.data)
+        if timed:
+            self._now_ns = 0  # how late it was before these bytes says nothing of what follows them
         if any(k.marks for k in told):
-            self._now_ns = max(self._now_ns, *(k.t_ns or 0 for k in told))
+            behind = itertools.takewhile(lambda k: not k.data, reversed(told))
+            self._now_ns = max(self._now_ns, *(k.t_ns or 0 for k in behind), 0)
             torn = self._remarks.add(told, self.position + self.pending, self._stamps.last_ns)
             self._barriers += (at for at in torn if at > self._base)
         if timed:
@@ -217,7 +235,7 @@ class Decoder:
 
     def nothing(self) -> Batch:
         """Return no bytes, with what has been remarked between those before and those to come."""
-        batch = _empty(self._base, self._stamps.clock, self._remarks.until(self._base))
+        batch = empty_batch(self._base, self._stamps.clock, self._remarks.until(self._base))
         return self._diagnostics.judge(batch) if batch.remarks else batch
 
     def _decode(self, *, final: bool, is_cut: bool = False) -> Batch:
@@ -376,8 +394,3 @@ class Decoder:
                 mark_tail(told)
             out += told
         return Gaps.of(self.dated(out))
-
-
-def _empty(base: int, clock: Clock, remarks: tuple[Remark, ...]) -> Batch:
-    none = Frames.empty(), (), Transactions.empty(), Samples.empty(), ()
-    return Batch(base, b"", clock, *none, remarks)

@@ -9,14 +9,15 @@ an echo if the proof is complete no more than ``SPAN`` bytes behind it, before t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from sniffer.ground.codes import MANY, NEVER, REQUEST, RESPONSE
+from sniffer.ground.memory import Remembering
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from sniffer.ground.framing import Block
     from sniffer.ground.model import Frames, Mask
@@ -30,14 +31,20 @@ SPAN: Final = 1024
 an echo before it is known to be one."""
 
 
-class Echoes:
+class Echoes(Remembering):
     """Finds echoes block after block."""
+
+    PASSING = ("_count", "_last")
 
     def __init__(self) -> None:
         self._count = 0  # doubled requests with one answer since the last single one
         self._last = b""  # the last request, if the next frame may be its echo
         self._seconds = self._proofs = np.empty(0, bool)
         self._singles = self._seconds
+
+    def matters(self, at: int) -> Mapping[str, Any]:
+        """Return what has been seen: more proofs than are asked for prove no more."""
+        return {**super().matters(at), "_count": min(self._count, CONFIRMED)}
 
     def find(
         self, frames: Frames, block: Block, decided: int, *, silent: bool

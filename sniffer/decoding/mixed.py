@@ -27,17 +27,19 @@ from sniffer.decoding.dividing import divide
 from sniffer.decoding.holes import holes_of, mark_tail
 from sniffer.decoding.names import joined
 from sniffer.decoding.pairing import CHAIN
+from sniffer.decoding.state import DecoderState
 from sniffer.diagnostics import WireRules
 from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import Block
 from sniffer.ground.limits import chunks_of
+from sniffer.ground.memory import Remembering
 from sniffer.ground.model import GAP_MAX, I64, Anomaly, Batch, Chunk, Frames, Gap, SnifferError
 from sniffer.ground.wording import offered
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from sniffer.decoding.decoder import Met
+    from sniffer.decoding.met import Met
     from sniffer.decoding.sink import Part
     from sniffer.diagnostics.alarms import Alarm
     from sniffer.protocols.base import BusProtocol
@@ -51,7 +53,7 @@ def leading(protocols: Sequence[BusProtocol], chunks: Iterable[Chunk]) -> BusPro
     return max(protocols, key=lambda p: shares.get(p.name, 0.0))
 
 
-class MixedDecoder:
+class MixedDecoder(Remembering):
     """Decodes one bus on which several protocols are spoken.
 
     Its calls are those of ``Decoder``; they return a batch for each of ``protocols``, of the same
@@ -66,10 +68,15 @@ class MixedDecoder:
         slowest: the slowest rate that the line may have.
         doubtful: the line may well be as slow as that.
         alarms: each protocol takes those that its servos can meet.
+        state: as for ``Decoder``.
 
     Raises:
         SnifferError: as ``Decoder`` does, and where a model is none of these protocols'.
     """
+
+    LASTING = ("_heard",)
+    PASSING = ("_speaker",)
+    PARTS = ("_parts", "_wire")
 
     def __init__(
         self,
@@ -82,6 +89,7 @@ class MixedDecoder:
         slowest: int | None = None,
         doubtful: bool = False,
         alarms: Sequence[Alarm] = (),
+        state: DecoderState | None = None,
     ) -> None:
         self.protocols = tuple(sorted(protocols, key=lambda p: p.name))
         self.name = joined(self.protocols)
@@ -110,6 +118,12 @@ class MixedDecoder:
         self._wire = WireRules()
         self._speaker = 0  # who spoke last
         self._heard = np.zeros(len(self._parts), bool)
+        if state is not None:
+            self.remember(state.of(self.name))
+
+    def state(self) -> DecoderState:
+        """Return all that is known here, as ``Decoder.state`` does."""
+        return DecoderState(self.name, self.memory(), self.observable(self.position))
 
     def feed(self, *chunks: Chunk | bytes | bytearray | memoryview) -> tuple[Batch, ...]:
         """Decode chunks, as ``Decoder.feed`` does."""
@@ -263,6 +277,7 @@ class How(TypedDict, total=False):
     slowest: int | None
     doubtful: bool
     alarms: Sequence[Alarm]
+    state: DecoderState | None
 
 
 def decoder_of(protocols: Sequence[BusProtocol], **how: Unpack[How]) -> Decoder | MixedDecoder:

@@ -388,10 +388,13 @@ class Pipeline:
             return
         for protocol, batch in parts:
             self.summary.add(bus, protocol, batch)
-        totals = self.summary.buses[bus]
-        if totals.bytes >= ENOUGH and totals.bytes_in_frames > CLEAR * totals.bytes:
-            self._first.pop(bus, None)  # it speaks what was named
+        self._settle(bus)
         self._each(functools.partial(written, bus=bus, parts=parts))
+
+    def _settle(self, bus: str) -> None:
+        b = self.summary.buses[bus]
+        if b.bytes >= ENOUGH and b.bytes_in_frames > CLEAR * b.bytes:
+            self._first.pop(bus, None)  # it speaks what was named
 
 
 __all__ = ["AFTER_NS", "AUTO", "FIRST_LOOK", "UNDECIDED_MOST", "Options", "Pipeline"]

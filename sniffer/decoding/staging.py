@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sniffer.ground.codes import REQUEST
+from sniffer.ground.memory import Remembering
 from sniffer.ground.model import NO_ALT, RELEASES, STAGED
 
 if TYPE_CHECKING:
@@ -22,8 +23,10 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol, SlowFrame
 
 
-class StagedIds:
+class StagedIds(Remembering):
     """Remembers the ids that wait for their execution, block after block."""
+
+    LASTING = ("_known",)
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._everyone = protocol.everyone

@@ -93,6 +93,13 @@ class Quantiles:
         out._least, out._most = list(self._least), list(self._most)
         return out
 
+    def join(self, more: Quantiles) -> None:
+        """Add other durations."""
+        self._bins += more._bins
+        self.count += more.count
+        self._least = [*map(min, self._least, more._least)]
+        self._most = [*map(max, self._most, more._most)]
+
     def histogram(self) -> tuple[I64, I64]:
         """Return how many lower and how many upper bounds lie in each eighth of an octave.
 
@@ -273,7 +280,12 @@ class Summary:
             for table in ROWS:
                 self.shown[table] += int(batch.chosen(table).sum())
             for code in set(Anomalies.of(batch.anomalies).code[batch.chosen("anomalies")].tolist()):
-                self._worst_shown = max(SEVERITY[code], self._worst_shown or Severity.NOTE)
+                self.show(SEVERITY[code])
+
+    def show(self, severity: Severity | None) -> None:
+        """Take the severity of an anomaly that is selected; None: there is none."""
+        if severity is not None:
+            self._worst_shown = max(severity, self._worst_shown or Severity.NOTE)
 
     def narrow(self, told: Mapping[str, Any]) -> None:
         """Take what was asked for."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sniffer.ground.codes import NEVER, REQUEST
+from sniffer.ground.memory import Remembering
 from sniffer.ground.model import ECHO
 
 if TYPE_CHECKING:
@@ -20,8 +21,10 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
 
 
-class TornAnswers:
+class TornAnswers(Remembering):
     """Finds torn answers block after block, also where a cut leads through a turn."""
+
+    PASSING = ("_behind",)
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._protocol = protocol

@@ -19,6 +19,7 @@ from sniffer.diagnostics.learned import FeedbackWrite, Meaning, ScaleMisfit
 from sniffer.ground.codes import ASSUMED, OBSERVED, PROFILE, REQUEST, WHOLE
 from sniffer.ground.columns import UNSEEN, columns_of
 from sniffer.ground.distinct import numbers
+from sniffer.ground.memory import Remembering
 from sniffer.ground.model import (
     ECHO,
     F64,
@@ -47,8 +48,10 @@ CHANGES = RESETS | RELEASES | STAGED
 PROVENANCE = (ASSUMED, PROFILE, OBSERVED)
 
 
-class Scaling:
+class Scaling(Remembering):
     """Turns raw register values into samples, with what the wire has shown so far."""
+
+    PARTS = ("state", "_changes", "_weighing")
 
     def __init__(
         self, protocol: BusProtocol, models: Mapping[int | None, str] | None = None

@@ -12,6 +12,7 @@ from sniffer.decoding.changes import new_id
 from sniffer.diagnostics.evidence import Evidence
 from sniffer.diagnostics.learned import MetClue, Told
 from sniffer.ground.codes import REQUEST
+from sniffer.ground.memory import Remembering
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,8 +35,11 @@ class Verdicts:
     told: list[Told] = field(default_factory=list)
 
 
-class Weighing:
+class Weighing(Remembering):
     """Walks the clues and the new ids of a pass."""
+
+    LASTING = ("_met",)
+    PARTS = ("_evidence",)
 
     def __init__(self, protocol: BusProtocol, state: State) -> None:
         self._protocol = protocol

@@ -21,6 +21,7 @@ from sniffer.diagnostics.models import ModelRules
 from sniffer.diagnostics.rules import CaptureRules, gap_anomalies, protocol_anomalies
 from sniffer.diagnostics.tap import TORN_OFF, TapRules, without_our_fault
 from sniffer.diagnostics.thresholds import AlarmRules
+from sniffer.ground.memory import Remembering
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,8 +32,10 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
 
 
-class WireRules:
+class WireRules(Remembering):
     """What concerns the wire, whoever speaks on it: clocks, directions, what the tap met."""
+
+    PARTS = ("_capture", "_tap")
 
     def __init__(self) -> None:
         self._capture = CaptureRules()
@@ -43,12 +46,14 @@ class WireRules:
         return [*self._capture.judge(batch), *self._tap.judge(batch)]
 
 
-class Diagnostics:
+class Diagnostics(Remembering):
     """Runs all rules over batch after batch of one bus.
 
     ``alarms`` are rules of the user's own. ``is_alone``: no other protocol is on the wire, so that
     what concerns the wire is told here.
     """
+
+    PARTS = ("_pairing", "_device", "_models", "_alarms", "_wire", "_doubled", "_hearing")
 
     def __init__(
         self, protocol: BusProtocol, *, alarms: Sequence[Alarm] = (), is_alone: bool = True

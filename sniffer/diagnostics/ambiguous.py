@@ -10,6 +10,7 @@ import numpy as np
 from sniffer.diagnostics.rules import anomaly
 from sniffer.ground.codes import OK
 from sniffer.ground.distinct import numbers
+from sniffer.ground.memory import Remembering
 from sniffer.ground.model import DEPTH
 
 if TYPE_CHECKING:
@@ -73,8 +74,10 @@ class Missed:
         return self.before[i] if k < 0 else self.make(k)
 
 
-class Ambiguity:
+class Ambiguity(Remembering):
     """Finds such answers batch after batch."""
+
+    PASSING = ("_tail",)
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._protocol = protocol

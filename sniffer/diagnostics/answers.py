@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -19,10 +19,11 @@ from sniffer.ground.codes import (
     OUTCOMES,
     UNSOLICITED,
 )
+from sniffer.ground.memory import Remembering
 from sniffer.ground.model import ANY_ID, DEPTH
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from sniffer.ground.model import I64, U8, Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
@@ -30,6 +31,10 @@ if TYPE_CHECKING:
 LATE_SPAN_NS: Final = 3_000_000_000
 """An unasked answer this long after an unanswered request is still taken for its answer: the
 longest time-out met in clients (wCK's original library waits 3 s)."""
+
+LATE_SPAN: Final = 1 << 17
+"""And no further behind it, in bytes: as much as a line of 430 kbit/s has room for in that time. On
+a faster one that is never quiet such an answer is taken for unasked."""
 
 _CODE: Final = np.array(
     [
@@ -71,8 +76,11 @@ class _Wrong(NamedTuple):
         return int(self.answered[i]), int(self.answered_length[i])
 
 
-class PairingRules:
+class PairingRules(Remembering):
     """Remembers the last requests that stayed open, and the last answer."""
+
+    PASSING = ("_open", "_last")
+    PARTS = ("_ambiguity",)
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._protocol = protocol
@@ -80,6 +88,11 @@ class PairingRules:
         self._last: tuple[int, Span] | None = None
         self._names: dict[int, str] = {}
         self._ambiguity = Ambiguity(protocol)
+
+    def matters(self, at: int) -> Mapping[str, Any]:
+        """Return the requests that may still be answered late, and an answer that ends here."""
+        last = self._last if self._last is not None and sum(self._last[1]) >= at else None
+        return {"open": [o for o in self._open if self._may_be_late(o, at)], "last": last}
 
     def judge(self, batch: Batch) -> Sequence[Anomalies]:
         """Report the transactions that went wrong, and answers beyond their window."""
@@ -191,6 +204,9 @@ class PairingRules:
 
     def _may_be_open(self, still: Open, offset: int) -> bool:
         return offset - sum(still.span) <= self._protocol.reach
+
+    def _may_be_late(self, still: Open, offset: int) -> bool:
+        return offset - sum(still.span) <= max(LATE_SPAN, self._protocol.reach)
 
     def _late(self, batch: Batch) -> I64:
         """Return the rows answered beyond their window, by more than the clock is unsure."""
@@ -314,6 +330,7 @@ class PairingRules:
         for still in reversed(self._open):
             took = int(f.t_start[r]) - still.t_ns
             fits = still.servo_id in (-1, who) and token in (-1, still.token)
+            fits &= self._may_be_late(still, batch.base + int(f.start[r]))
             if fits and 0 < took <= LATE_SPAN_NS:
                 return still, took
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -11,9 +11,10 @@ from sniffer.diagnostics.edges import Edges
 from sniffer.diagnostics.rules import anomaly
 from sniffer.ground.codes import REQUEST, WHOLE
 from sniffer.ground.columns import columns_of
+from sniffer.ground.memory import Remembering
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.diagnostics.learned import Change
     from sniffer.ground.model import Anomaly, Batch, Samples
@@ -31,8 +32,11 @@ def device_code(name: str) -> str:
     return code if code in CATALOGUE else "device-alarm"
 
 
-class DeviceRules:
+class DeviceRules(Remembering):
     """Remembers which faults each servo is reporting."""
+
+    LASTING = ("_reported", "_any_outside")
+    PARTS = ("_edges",)
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._protocol = protocol
@@ -44,6 +48,13 @@ class DeviceRules:
         self._outside = Edges(256 * len(known.low))
         self._any_outside = False
         self._alarms = {i: (r, [Edges(256) for _ in r.alarms]) for i, r in known.alarms.items()}
+        alarms = [one for _, edges in self._alarms.values() for one in edges]
+        self._edges = [*self._status, self._outside, *alarms]
+
+    def matters(self, at: int) -> Mapping[str, Any]:
+        """Return nothing beside the edges: the others only tell where nothing is to be done."""
+        del at
+        return {}
 
     def judge(self, batch: Batch, resets: Sequence[Change] = ()) -> Iterator[Anomaly]:
         """Report what began, what ended, and what a servo was told about the bus.

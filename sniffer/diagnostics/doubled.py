@@ -15,8 +15,11 @@ from sniffer.diagnostics.found import Anomalies
 from sniffer.diagnostics.rules import anomaly
 from sniffer.ground.codes import OK, RESPONSE
 from sniffer.ground.framing import Block
+from sniffer.ground.memory import Remembering
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from sniffer.ground.model import I16, I64, Anomaly, Batch
     from sniffer.protocols.base import BusProtocol
 
@@ -39,8 +42,11 @@ class _Exchange(NamedTuple):
     end: int
 
 
-class DoubledAnswers:
+class DoubledAnswers(Remembering):
     """Remembers for each servo which of its answers were followed by another."""
+
+    LASTING = ("_count", "_twice", "_twins")
+    PASSING = ("_last",)
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._protocol = protocol
@@ -48,6 +54,18 @@ class DoubledAnswers:
         self._twice: dict[int, list[int]] = {}  # servo -> numbers of its last doubled answers
         self._twins: dict[int, int] = {}  # servo -> offset from which on it is known to be two
         self._last: _Exchange | None = None
+
+    def matters(self, at: int) -> Mapping[str, Any]:
+        """Return how many answers ago each was doubled, not how many there were in all."""
+        last = self._last if self._last is not None and self._last.end >= at else None
+        if last is not None:
+            last = last._replace(number=last.number - int(self._count[last.servo_id & 255]))
+        ago = {s: [int(self._count[s]) - n for n in told] for s, told in self._twice.items()}
+        return {
+            "twice": {s: near for s, told in ago.items() if (near := _near(told))},
+            "twins": set(self._twins),
+            "last": last,
+        }
 
     def judge(self, batch: Batch, found: Anomalies) -> Anomalies:
         """Return the anomalies with noise that is a second answer called so."""
@@ -149,6 +167,11 @@ class DoubledAnswers:
         np.add.at(covered, block.segment(spans.start), spans.end - spans.start)
         whole: list[bool] = (np.isin(ends, answers) & (covered == [len(t) for t in tries])).tolist()
         return whole
+
+
+def _near(ago: list[int]) -> list[int]:
+    """Return what counts with the last answer, which may be doubled itself, or with the next."""
+    return [n for n in ago if n <= WITHIN]
 
 
 def _may_be(length: Any, size: Any) -> Any:

@@ -6,12 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sniffer.ground.memory import Remembering
+
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, Mask
 
 
-class Edges:
+class Edges(Remembering):
     """Remembers one flag a key (0..size-1) across batches."""
+
+    LASTING = ("_on",)
 
     def __init__(self, size: int) -> None:
         self._on = np.zeros(size, bool)

@@ -12,13 +12,14 @@ import numpy as np
 
 from sniffer.ground.clues import SURE
 from sniffer.ground.codes import ASSUMED, OBSERVED, PROFILE
+from sniffer.ground.memory import Remembering
 from sniffer.protocols.base import Turn
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from sniffer.ground.clues import Clue
-    from sniffer.ground.model import I64
+    from sniffer.ground.model import I64, Mask
     from sniffer.protocols.base import BusProtocol, State
 
 WORTH_TELLING: Final = 2
@@ -38,8 +39,11 @@ class Verdict(NamedTuple):
     points: tuple[int, ...]
 
 
-class Evidence:
+class Evidence(Remembering):
     """Counts what speaks for each model, and decides; the decision stands in ``state``."""
+
+    LASTING = ("_counted", "_points", "_told", "_top", "_lead")
+    PASSING = ("_stale",)
 
     def __init__(self, protocol: BusProtocol, state: State) -> None:
         self.state = state
@@ -54,6 +58,18 @@ class Evidence:
         self._stale: set[int] = set()
         if state.chosen.any():  # else every servo is the default, as the state has it
             self._decide(np.arange(256))
+
+    @property
+    def _counted(self) -> Mapping[tuple[int, int, tuple[int, ...]], Mask]:
+        """Which servos each clue was counted for, in whatever order they came."""
+        return {key: self._known[:, column] for key, column in self._keys.items()}
+
+    @_counted.setter
+    def _counted(self, told: Mapping[tuple[int, int, tuple[int, ...]], Mask]) -> None:
+        self._keys = {key: column for column, key in enumerate(told)}
+        self._known = np.zeros((256, max(64, len(told))), bool)
+        for column, servos in enumerate(told.values()):
+            self._known[:, column] = servos
 
     def is_news(self, servo: int, clue: Clue, *, to_all: bool) -> bool:
         """Whether a clue has not been counted yet for a servo, or for one of them all."""

@@ -7,7 +7,7 @@ yet, answers are those to requests before the capture.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -16,10 +16,11 @@ from sniffer.diagnostics.rules import anomaly
 from sniffer.ground.codes import REQUEST, RESPONSE
 from sniffer.ground.distinct import numbers
 from sniffer.ground.gaps import BLANK, NOISE, Gaps
+from sniffer.ground.memory import Remembering
 from sniffer.ground.model import NEVER_NS, Anomaly, Direction
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from sniffer.ground.model import Batch
 
@@ -31,8 +32,13 @@ SHOWN: Final = 5
 """Servos that are named."""
 
 
-class Hearing:
+class Hearing(Remembering):
     """Remembers whether requests and answers were heard, and what is held back until both are."""
+
+    LASTING = (
+        *("_hears_requests", "_hears_answers", "_answers", "_held", "_count"),
+        *("_servos", "_told", "_wires", "_broken"),
+    )
 
     def __init__(self) -> None:
         self._hears_requests = self._hears_answers = False
@@ -43,6 +49,11 @@ class Hearing:
         self._told = False
         self._wires: set[int] = set()
         self._broken = -1  # where the bytes before the batch end, if they are a broken frame
+
+    def matters(self, at: int) -> Mapping[str, Any]:
+        """Return that both sides are heard, once they are: then nothing is held back any more."""
+        both = self._hears_requests and self._hears_answers
+        return {"held": self._held} if both else super().matters(at)
 
     def judge(self, batch: Batch, found: Anomalies) -> Anomalies:
         """Return the anomalies without those that follow from hearing one side only."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from sniffer.diagnostics.evidence import AGAINST, GIVEN_UP, LIKELY, TAKEN
 from sniffer.diagnostics.rules import anomaly
 from sniffer.ground.clues import DEFAULT, NUMBER, RANGE, READ, SURE, TEXT, WORD, WRITTEN
+from sniffer.ground.memory import Remembering
 from sniffer.ground.registers import unseen_scale
 
 if TYPE_CHECKING:
@@ -20,8 +21,10 @@ SPANS = 4
 """So many frames are named as evidence, the latest first."""
 
 
-class ModelRules:
+class ModelRules(Remembering):
     """Tells what was weighed; remembers which scales were doubted."""
+
+    LASTING = ("_doubted",)
 
     def __init__(self, protocol: BusProtocol) -> None:
         self._protocol = protocol

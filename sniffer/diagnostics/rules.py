@@ -10,6 +10,7 @@ from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.diagnostics.found import CODES, NONE, NUMBER, Anomalies
 from sniffer.ground import gaps
 from sniffer.ground.codes import RESPONSE
+from sniffer.ground.memory import Remembering
 from sniffer.ground.model import (
     ECHO,
     ECHO_DIFFERS,
@@ -125,8 +126,11 @@ def protocol_anomalies(batch: Batch, protocol: BusProtocol) -> Iterator[Anomaly]
             )
 
 
-class CaptureRules:
+class CaptureRules(Remembering):
     """What the capture itself shows: clocks that step back, taps that are swapped."""
+
+    LASTING = ("_echo_told", "_wires")
+    PASSING = ("_last",)
 
     def __init__(self) -> None:
         self._last: int | None = None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.ground.codes import NEVER, REQUEST
+from sniffer.ground.memory import Remembering
 from sniffer.ground.model import NS, Anomaly, MarkKind, Remark, Severity
 
 if TYPE_CHECKING:
@@ -115,8 +116,10 @@ QUIET_NS: Final = NS
 """Of these kinds the first is reported, and then one a second with the count of all since."""
 
 
-class TapRules:
+class TapRules(Remembering):
     """Reports what the tap remarked about its bytes."""
+
+    LASTING = ("_told", "_since")
 
     def __init__(self) -> None:
         self._told: dict[MarkKind, int] = {}

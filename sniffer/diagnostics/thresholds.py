@@ -18,6 +18,7 @@ from sniffer.diagnostics.alarms import OPERATORS, meant
 from sniffer.diagnostics.rules import anomaly
 from sniffer.ground.codes import WHOLE
 from sniffer.ground.distinct import distinct
+from sniffer.ground.memory import Remembering
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -55,8 +56,10 @@ class JudgedValues:
     row: I64
 
 
-class ThresholdWatch:
+class ThresholdWatch(Remembering):
     """What a rule is judged by, batch after batch; goals are carried along."""
+
+    LASTING = ("_goal", "_goal_of_all")
 
     def __init__(self, alarm: Alarm, what: Meant, protocol: BusProtocol) -> None:
         self._servo = alarm.servo_id
@@ -104,8 +107,11 @@ class ThresholdWatch:
         return _values(batch, np.array(kept, np.int64), np.array(apart, np.float64))
 
 
-class _Threshold:
+class _Threshold(Remembering):
     """One rule, for all servos of a bus."""
+
+    LASTING = ("_held",)
+    PARTS = ("_watch",)
 
     def __init__(self, alarm: Alarm, what: Meant, protocol: BusProtocol) -> None:
         self._alarm = alarm
@@ -178,8 +184,10 @@ class _Threshold:
         return f"{value:.6g} {self._unit}".rstrip()
 
 
-class AlarmRules:
+class AlarmRules(Remembering):
     """Runs the user's rules over batch after batch of one bus."""
+
+    PARTS = ("_rules",)
 
     def __init__(self, protocol: BusProtocol, alarms: Sequence[Alarm] = ()) -> None:
         told = [(alarm, meant(alarm, protocol.registers)) for alarm in dict.fromkeys(alarms)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from sniffer.ground.memory import Remembering
 from sniffer.ground.model import Chunk, Gap, MarkKind, Remark
 
 if TYPE_CHECKING:
@@ -22,8 +23,10 @@ OF_STAMPS: Final = frozenset({MarkKind.SENT, MarkKind.COARSE})
 """Kinds that concern a stamp: they are in the uncertainty, and nobody needs to be told."""
 
 
-class Remarks:
+class Remarks(Remembering):
     """The marks of chunks that are still in the buffer, at their places in the stream."""
+
+    PASSING = ("_waiting",)
 
     def __init__(self) -> None:
         self._waiting: list[Remark] = []

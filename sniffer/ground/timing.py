@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sniffer.ground.memory import Remembering
 from sniffer.ground.model import I64, NS, U8, Chunk, Clock, Direction, Frames, MarkKind, Mask
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ def clock_of(chunk: Chunk) -> Clock:
     return chunk.clock or Clock.FILE
 
 
-class Stamps:
+class Stamps(Remembering):
     """One row a chunk that is still in the buffer: offset behind it, stamp, slack, direction.
 
     A chunk without a stamp has a nominal time, which follows the bytes before it without a pause,
@@ -105,6 +106,12 @@ class Stamps:
         slowest: the slowest that the line may be; pauses are reckoned by it. ``baud`` where None.
         doubtful: the line may well be as slow as that.
     """
+
+    LASTING = ("clock",)
+    PASSING = (
+        *("_end", "_t", "_slack", "_exact", "_direction"),
+        *("_first", "_offset", "_last", "_open_ns", "_slack_before", "_stamped"),
+    )
 
     def __init__(
         self,
@@ -132,6 +139,18 @@ class Stamps:
         self._open_ns = 0  # by how much the last chunk may have been over later
         self._slack_before = -1  # of the last chunk
         self._stamped = False
+
+    def matters(self, at: int) -> Mapping[str, Any]:
+        """Return the rows of bytes from ``at`` on, and all that later ones depend on."""
+        ahead = self._end > at
+        rows = (self._end, self._t, self._slack, self._exact, self._direction)
+        return {
+            "rows": [column[ahead] for column in rows],
+            "offset": self._offset,
+            "begun": self._offset > self._first,
+            "clock": self.clock,
+            "last": (self._last, self._open_ns, self._slack_before, self._stamped),
+        }
 
     def add(self, chunks: Sequence[Chunk]) -> I64:
         """Take chunks in; return the stream offsets of the silences (barriers) before them."""

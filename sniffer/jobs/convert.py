@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,17 +10,19 @@ from typing import TYPE_CHECKING
 from sniffer.decoding.pipeline import Options
 from sniffer.decoding.summary import Summary
 from sniffer.ground.files import TABLES, files_of
-from sniffer.ground.wording import and_
+from sniffer.ground.model import SnifferError
+from sniffer.ground.wording import Sentence, and_
 from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.copying import Copies, copy_source
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.outputs import check_outputs, gone, open_all, session_facts, told_part
 from sniffer.jobs.session import run_source
 from sniffer.jobs.telling import Teller
+from sniffer.sources.opening import STDIN
 from sniffer.sources.several import name_of, open_capture
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from sniffer.decoding.sink import Sink
     from sniffer.jobs.asked import Extract
@@ -53,6 +56,7 @@ def convert(
     wide: Wide | None = None,
     contents: Contents | None = None,
     anonymise: bool = False,
+    jobs: int = 1,
     patience: Patience | None = None,
     tell: Teller | None = None,
 ) -> Converted:
@@ -76,6 +80,7 @@ def convert(
         wide: tables have a column for each quantity of a servo; a row a register where None.
         contents: what recordings have beside the raw bytes; the usual where None.
         anonymise: times count from zero; names, ports and serial numbers are left out.
+        jobs: how many processes decode; the result is the same.
         patience: takes interruptions; KeyboardInterrupt is one without, too.
         tell: takes what should be told; nothing is told without.
 
@@ -87,6 +92,8 @@ def convert(
     options = options or Options()
     options.check()
     asked = None
+    if jobs > 1:
+        refuse_jobs(source, window)
     if selection is not None or window is not None:
         from sniffer.jobs.asked import Extract, refuse_part_of
 
@@ -115,6 +122,7 @@ def convert(
         asked=asked,
         wide=wide,
         contents=contents,
+        jobs=jobs,
         patience=patience,
         tell=tell,
     )
@@ -132,6 +140,7 @@ def convert_opened(
     wide: Wide | None = None,
     contents: Contents | None = None,
     others: Sequence[str] = (),
+    jobs: int = 1,
     patience: Patience | None,
     tell: Teller,
 ) -> Converted:
@@ -157,8 +166,17 @@ def convert_opened(
         ending = copy_source(opened, copies, name=name, tell=tell, patience=patience)
         return Converted(Summary(), ending, gone(outputs, tell, wide=wide is not None))
     heard = Derived(opened, copies.of, facts) if raw else opened
+    run: Callable[..., tuple[Summary, Ending]] = run_source
+    if jobs > 1 and raw:
+        tell.talk("decoded by one process: the bytes themselves are written on the way")
+    elif jobs > 1:
+        from sniffer.jobs.parts import decode_in_parts
+
+        files = [path for path in outputs if path.is_file()]
+        folder = files[0].parent if files else None
+        run = functools.partial(decode_in_parts, jobs=jobs, folder=folder)
     try:
-        summary, ending = run_source(
+        summary, ending = run(
             heard, options, every, name=name, tell=tell, patience=patience, asked=asked
         )
     finally:
@@ -182,3 +200,16 @@ def _selected(raw: Sequence[RawFile], outputs: Sequence[Path], tell: Teller) -> 
         if path.suffix.lower() in BYTES:
             tell.talk(f"{path} {LEFT_OUT}")
     return [SelectedBytes(file) for file in raw]
+
+
+def refuse_jobs(source: str | Path | Sequence[str | Path], window: Window | None) -> None:
+    """Refuse several processes for what one reads as it comes, or only some of.
+
+    Raises:
+        SnifferError: it is standard input, or a part of a capture.
+    """
+    inputs = [source] if isinstance(source, str | Path) else source
+    if any(str(one) == STDIN for one in inputs):
+        raise SnifferError(Sentence("{jobs} needs a file: save standard input first"))
+    if window is not None and window.is_part:
+        raise SnifferError(Sentence("{jobs} decodes a whole capture: leave {start} and {stop} out"))

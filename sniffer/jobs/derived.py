@@ -35,7 +35,7 @@ class Derived(Source):
         is_mixed: bool | None = None,
         tables: Callable[[], Sequence[RegisterMap]] | None = None,
     ) -> None:
-        super().__init__(of._origin, of.format, of._bus)
+        super().__init__(of._origin, of.format, of.bus)
         self._of = of
         self._made = made
         self._facts = facts

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.pipeline import Pipeline
+from sniffer.decoding.resuming import ResumablePipeline
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.ground.wording import Sentence
 
@@ -117,6 +118,7 @@ def run_source(
     ahead: Iterable[Chunk] = (),
     on_break: Callable[[str], None] = lambda why: None,
     asked: Extract | None = None,
+    feed: Callable[[ResumablePipeline], None] | None = None,
 ) -> tuple[Summary, Ending]:
     """Decode everything into the sinks; return the totals, and how it ended.
 
@@ -124,7 +126,7 @@ def run_source(
     ``groups`` are the source's own where None, else what somebody made of them; then ``ahead`` are
     its first chunks, by which times are judged. A recording may break off: whoever records can be
     killed. ``on_break`` is told why an input was not read to its end. ``asked`` is what of it is
-    shown.
+    shown. ``feed`` has a pipeline decode all of the source, in its own way.
 
     Raises:
         InputError: there is nothing in it, or its protocol cannot be told.
@@ -139,7 +141,8 @@ def run_source(
         for remark in told.remarks:
             tell.talk(f"{bus}: {remark}")
 
-    pipeline = Pipeline(options, sinks, on_detection=tell.found, on_pace=timed, ahead=ahead)
+    kind = Pipeline if feed is None else ResumablePipeline
+    pipeline = kind(options, sinks, on_detection=tell.found, on_pace=timed, ahead=ahead)
     part = None
     if asked is not None:
         pipeline.narrowing = asked.narrowing([*sinks, pipeline.summary], tell)
@@ -149,6 +152,10 @@ def run_source(
     with patience.decoding():
         try:
             try:
+                if feed is not None:
+                    assert isinstance(pipeline, ResumablePipeline)
+                    feed(pipeline)
+                    groups = ()
                 for group in heard(patience.groups(source if groups is None else groups)):
                     pipeline.feed(group)
                     if part is not None and part.is_over:

@@ -179,7 +179,7 @@ class Records:
         if opcode == Opcode.ATTACHMENT and not self._attachments:
             return None
         try:
-            record = _parse(opcode, body, own=self._own)
+            record = parse(opcode, body, own=self._own)
         except BrokenError:
             if opcode in _BESIDE:
                 return None
@@ -295,7 +295,7 @@ class Records:
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 if size > TOLD:
                     raise BrokenError(f"a record claims to have {size} bytes")
-                self._learn(_parse(opcode, data[start + _HEAD.size : end], own=self._own))
+                self._learn(parse(opcode, data[start + _HEAD.size : end], own=self._own))
             start = end
         return found, start
 
@@ -311,7 +311,7 @@ def _whole(data: bytes) -> int:
     return end
 
 
-def _parse(opcode: int, body: bytes, *, own: bool) -> Any:
+def parse(opcode: int, body: bytes, *, own: bool) -> Any:
     """Parse a record with the library, which reads no further than the body has bytes.
 
     Records of others may have more at their end than is known here, our ``own`` have not.

@@ -93,7 +93,7 @@ def groups(source: Path | str | Stream, *, hasty: bool = False) -> Iterator[list
     with _opened(source) as (stream, name, size):
         until = ends(stream)
         records = Records(stream)
-        raw = _Channels(records, RawChunk)
+        raw = BusChannels(records, RawChunk)
         group: list[Chunk] = []
         held = 0
         ours = False
@@ -107,7 +107,7 @@ def groups(source: Path | str | Stream, *, hasty: bool = False) -> Iterator[list
                     ours |= record.name == SESSION
                 if not isinstance(record, Piece):
                     continue
-                for chunk in _raw(raw, record, offsets, until):
+                for chunk in raw_chunks(raw, record, offsets, until):
                     group.append(chunk)
                     held += len(chunk.data)
                     if held >= GROUP or len(group) >= GROUP_CHUNKS:
@@ -138,7 +138,7 @@ def recorded(source: Path | str | Stream) -> Iterator[RecordedFrame]:
     """
     with _opened(source) as (stream, name, size):
         records = Records(stream)
-        raw, frames = _Channels(records, RawChunk), _Channels(records, Frame)
+        raw, frames = BusChannels(records, RawChunk), BusChannels(records, Frame)
         starts: dict[str, int] = {}
         recovered = False
         try:
@@ -240,7 +240,7 @@ def _opened(source: Path | str | Stream) -> Iterator[tuple[Stream, str, int | No
             raise DamagedInputError(f"{path}: cannot be read on ({error.strerror})") from None
 
 
-class _Channels:
+class BusChannels:
     """The channels of a message type, with their bus; looked for again where there are more."""
 
     def __init__(self, records: Records, message: type[RawChunk | Frame]) -> None:
@@ -274,8 +274,8 @@ def _of(piece: Piece, buses: dict[int, str], *, first: bool = False) -> Iterator
             yield buses[channel], data
 
 
-def _raw(
-    channels: _Channels, piece: Piece, offsets: dict[str, int], until: Mapping[str, End]
+def raw_chunks(
+    channels: BusChannels, piece: Piece, offsets: dict[str, int], until: Mapping[str, End]
 ) -> Iterator[Chunk]:
     """Yield a piece's chunks, as far as they lie before the ends.
 

@@ -14,6 +14,7 @@ from typing import Protocol as TypingProtocol
 import numpy as np
 
 from sniffer.ground.codes import PROFILE
+from sniffer.ground.memory import Remembering
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -34,7 +35,7 @@ class Turn(NamedTuple):
     origin: int
 
 
-class State:
+class State(Remembering):
     """What was seen on the wire and changes what later bytes mean, by servo id (0..255).
 
     ``model`` is the row of each servo's table in ``protocol.models``, ``origin`` on what grounds
@@ -43,6 +44,8 @@ class State:
     ``modes`` holds the registers that select a scale; ``seen`` tells whether the wire showed them.
     ``notes`` is a protocol's own small memory (for example a bit layout the bus has proved).
     """
+
+    LASTING = ("model", "origin", "chosen", "choice", "named", "modes", "seen", "notes")
 
     def __init__(
         self, protocol: BusProtocol, models: Mapping[int | None, str] | None = None

@@ -4,21 +4,30 @@ from __future__ import annotations
 
 import contextlib
 import json
+import shutil
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from sniffer.decoding.rows import as_dict, rows_of
 from sniffer.decoding.summary import Summary
+from sniffer.decoding.totals import add_totals
 from sniffer.ground.files import open_text, writing
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from sniffer.decoding.pacing import Pace
+    from sniffer.decoding.sink import Part
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
+    from sniffer.sinks.pieces import WrittenElsewhere
 
 _encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
+
+
+def _lines(bus: str, parts: Sequence[Part]) -> str:
+    return "".join(f"{_encode(as_dict(row))}\n" for row in rows_of(parts, bus))
 
 
 class JsonlSink:
@@ -51,14 +60,22 @@ class JsonlSink:
         """Write the batch's records."""
         self.write_together(bus, [(protocol, batch)])
 
-    def write_together(self, bus: str, parts: Sequence[tuple[BusProtocol, Batch]]) -> None:
+    def write_together(self, bus: str, parts: Sequence[Part]) -> None:
         """Write what several protocols said in one pass, in wire order."""
         for protocol, batch in parts:
             self._summary.add(bus, protocol, batch)
-        lines = [_encode(as_dict(row)) for row in rows_of(parts, bus)]
-        if lines:
-            with self._guard():
-                self._file.write("\n".join(lines) + "\n")
+        with self._guard():
+            self._file.write(_lines(bus, parts))
+
+    def pieces(self) -> LinePieces:
+        """Return how a part of a capture is written elsewhere."""
+        return LinePieces()
+
+    def join(self, piece: Path, told: WrittenElsewhere) -> None:
+        """Write what was written elsewhere."""
+        add_totals(self._summary, told.totals)
+        with piece.open(encoding="utf-8", newline="") as lines, self._guard():
+            shutil.copyfileobj(lines, self._file, 1 << 20)
 
     def close(self) -> None:
         """Write the summary."""
@@ -73,3 +90,37 @@ class JsonlSink:
 
     def _guard(self) -> contextlib.AbstractContextManager[None]:
         return writing(self._path) if self._path is not None else contextlib.nullcontext()
+
+
+@dataclass(frozen=True, slots=True)
+class LinePieces:
+    """Parts of a capture as JSON lines without a summary."""
+
+    def open(self, path: Path) -> LinePiece:
+        """Return what writes one."""
+        return LinePiece(path)
+
+
+class LinePiece:
+    """Writes the lines of a part."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file = open_text(path)
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Write the batch's records."""
+        self.write_together(bus, [(protocol, batch)])
+
+    def write_together(self, bus: str, parts: Sequence[Part]) -> None:
+        """Write what several protocols said in one pass, in wire order."""
+        with writing(self._path):
+            self._file.write(_lines(bus, parts))
+
+    def close(self) -> None:
+        """Finish the file."""
+        with writing(self._path):
+            self._file.close()

@@ -8,13 +8,16 @@ from typing import TYPE_CHECKING
 from sniffer.decoding.sink import Narrowed, Paced, Part, Sink, written
 from sniffer.ground.model import Batch, Chunk, OutputError
 from sniffer.ground.streams import silence
+from sniffer.sinks.pieces import join, pieces_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
     from typing import Any, TextIO
 
     from sniffer.decoding.pacing import Pace
     from sniffer.protocols.base import BusProtocol
+    from sniffer.sinks.pieces import PieceMaker, WrittenElsewhere
 
 
 class Standard:
@@ -57,6 +60,17 @@ class Standard:
         with self._listening():
             if self._open:
                 written(self._sink, bus=bus, parts=parts)
+                self._stream.flush()
+
+    def pieces(self) -> PieceMaker:
+        """Return how a part of a capture is written elsewhere."""
+        return pieces_of(self._sink)
+
+    def join(self, piece: Path, told: WrittenElsewhere) -> None:
+        """Pass on what was written elsewhere."""
+        with self._listening():
+            if self._open:
+                join(self._sink, piece, told)
                 self._stream.flush()
 
     def close(self) -> None:

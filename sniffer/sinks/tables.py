@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
+import pyarrow.ipc
 import pyarrow.parquet
 
 from sniffer.ground.codes import KINDS, PARTS, PROVENANCES, ROLES
@@ -24,6 +26,8 @@ from sniffer.sinks.dictionaries import NAME, RegisterNames, absent, always, cons
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from sniffer.sinks.pieces import WrittenElsewhere
 
 FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 """What a text begins with that spreadsheets take for a formula (OWASP, CSV injection)."""
@@ -162,7 +166,9 @@ class _Table:
         self._packing: Future[None] | None = None
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
-        table = self._build(bus, protocol, batch)
+        self.take(self._build(bus, protocol, batch))
+
+    def take(self, table: Any) -> None:
         self._parts.append(_in_text(table, self._schema) if table.schema != self._schema else table)
         self._rows += len(table)
         if self._rows >= self.ROWS:
@@ -236,9 +242,64 @@ class TableSink:
             self._samples.write(bus, protocol, batch)
             self._frames.write(bus, protocol, batch)
 
+    def pieces(self) -> TablePieces:
+        """Return how a part of a capture is written elsewhere."""
+        return TablePieces()
+
+    def join(self, piece: Path, told: WrittenElsewhere) -> None:
+        """Add the rows that were written elsewhere."""
+        del told
+        for path, table in ((piece, self._samples), (beside(piece), self._frames)):
+            with pyarrow.memory_map(str(path)) as file:
+                for rows in pa.ipc.open_stream(file):
+                    table.take(pa.Table.from_batches([rows]))
+
     def close(self) -> None:
         """Write what is left and the files' ends."""
         try:
             self._samples.close()
         finally:
             self._frames.close()
+
+
+@dataclass(frozen=True, slots=True)
+class TablePieces:
+    """Parts of a capture as rows that are ready to be packed into whatever file it is."""
+
+    def open(self, path: Path) -> TablePiece:
+        """Return what writes one."""
+        return TablePiece(path)
+
+
+class TablePiece:
+    """Writes the rows of a part as two Arrow streams, names and all."""
+
+    def __init__(self, path: Path) -> None:
+        packed = pa.ipc.IpcWriteOptions(compression="lz4", emit_dictionary_deltas=False)
+        self._tables = [
+            (file, open_binary(file), build, schema)
+            for file, build, schema in (
+                (path, samples_table, SAMPLES),
+                (beside(path), frames_table, FRAMES),
+            )
+        ]
+        self._writers = [
+            pa.ipc.new_stream(stream, schema, options=packed)
+            for _, stream, _, schema in self._tables
+        ]
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Add the batch's rows."""
+        if len(batch.frames):
+            for writer, (path, _, build, _) in zip(self._writers, self._tables, strict=True):
+                with writing(path):
+                    writer.write_table(build(bus, protocol, batch))
+
+    def close(self) -> None:
+        """Write the files' ends."""
+        for writer, (path, stream, _, _) in zip(self._writers, self._tables, strict=True):
+            with writing(path), stream:
+                writer.close()

@@ -160,7 +160,7 @@ class Source:
         self.name = origin.name
         self.notes: list[str] = []
         self._origin = origin
-        self._bus = bus
+        self.bus = bus
         self._first = GROUP, GROUP_CHUNKS
         self._known: Mapping[str, str] | None = None
         self._levels: LogicCapture | None = None
@@ -182,6 +182,11 @@ class Source:
     def is_mixed(self) -> bool:
         """Whether lines of two taps may be mixed in it, by their host."""
         return self.format in MIXED
+
+    @property
+    def path(self) -> Path | None:
+        """The file that it is read from; None where it is none, or several."""
+        return self._origin.path
 
     @property
     def size(self) -> int | None:
@@ -209,7 +214,7 @@ class Source:
     @contextlib.contextmanager
     def _opened(self) -> Iterator[Opened]:
         with self._origin.open() as stream:
-            yield Opened(stream, self.name, self._origin.path, self._bus, self.notes)
+            yield Opened(stream, self.name, self._origin.path, self.bus, self.notes)
 
     def _told(self, groups: Iterable[list[Chunk]]) -> Iterator[list[Chunk]]:
         """Add the input's name to what is wrong with it."""
@@ -244,10 +249,10 @@ class Source:
 
         if self._known is None:
             if self._origin.live:  # what is read of it now would be missing later
-                self._known = facts_of(io.BytesIO(self._origin.head), self._bus)
+                self._known = facts_of(io.BytesIO(self._origin.head), self.bus)
             else:
                 with self._origin.open() as stream:
-                    self._known = facts_of(stream, self._bus)
+                    self._known = facts_of(stream, self.bus)
         return self._known
 
     def tables(self) -> list[RegisterMap]:
@@ -269,7 +274,7 @@ class Source:
         head = self._origin.head
         if len(head) >= HEAD and self.format not in _BINARY:
             head = head[: head.rfind(b"\n") + 1]
-        opened = Opened(io.BytesIO(head), self.name, self._origin.path, self._bus)
+        opened = Opened(io.BytesIO(head), self.name, self._origin.path, self.bus)
         with contextlib.suppress(DamagedInputError):  # it comes again, behind what can be read
             next(self._told(_groups(SOURCES[self.format](opened), math.inf)), None)
 

@@ -7,6 +7,7 @@ read digit by digit into integer nanoseconds: a float has no room for them.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.limits import TIME_END_NS
@@ -42,13 +43,16 @@ def is_line(line: bytes) -> bool:
     return _LINE.match(line) is not None
 
 
-class _Log(TextLog):
+class CandumpLog(TextLog):
+    """The lines of a log, block by block."""
+
     def __init__(self) -> None:
         self._buses: dict[bytes, str] = {}
         self.errors = 0
         self.cut_off = False
 
     def chunks(self, block: LineBlock) -> Iterator[Chunk]:
+        """Yield one chunk a line."""
         rows: list[_Row] = _LINE.findall(block.text)
         # one match a line, or the lines need a closer look
         if len(rows) == block.text.count(b"\n") + 1:
@@ -58,6 +62,19 @@ class _Log(TextLog):
             return
         for number, line in enumerate(block.lines(), block.number):
             yield from self._line(line.strip(), number, block.cut_off)
+
+    def sizes(self, block: LineBlock) -> Counter[str]:
+        """Return how many bytes the lines of ``block`` hold by bus, as ``chunks`` has them."""
+        out: Counter[str] = Counter()
+        rows: list[_Row] = _LINE.findall(block.text)
+        plain = not any(len(row[3]) == 8 for row in rows)  # an error frame has a long id
+        if plain and len(rows) == block.text.count(b"\n") + 1:
+            for row in rows:
+                out[row[2].decode("utf-8", "replace")] += len(row[5]) // 2
+        else:
+            for chunk in self.chunks(block):
+                out[chunk.bus] += len(chunk.data)
+        return out
 
     def _line(self, line: bytes, number: int, cut_off: bool) -> Iterator[Chunk]:
         if not line or line.startswith(b"#"):
@@ -96,6 +113,7 @@ class _Log(TextLog):
         return Chunk(data, t_ns, Clock.FILE, name, direction)
 
     def notes(self) -> Iterator[str]:
+        """Yield what was left out."""
         if self.errors:
             yield f"{self.errors} CAN error frames are left out: their bytes were on no wire"
         if self.cut_off:
@@ -104,4 +122,4 @@ class _Log(TextLog):
 
 def read_candump(opened: Opened) -> Iterator[Chunk]:
     """Yield one chunk a line; its time is that of the line, on the file's clock."""
-    return read_log(opened, _Log())
+    return read_log(opened, CandumpLog())

@@ -38,6 +38,10 @@ class SeveralSources(Source):
         return f"{len(self._parts)} inputs, one behind the other"
 
     @property
+    def path(self) -> None:
+        """There is no one file."""
+
+    @property
     def size(self) -> int | None:
         """Bytes of all files; None where one is none."""
         sizes = [part.size for part in self._parts]

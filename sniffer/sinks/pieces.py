@@ -1,0 +1,126 @@
+"""Outputs of which parts are written elsewhere, by another process, and joined in order.
+
+A sink that can tell how its records are written elsewhere saves the time: what it is given then is
+finished (``Joining``). Any other is given the batches themselves.
+"""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
+
+from sniffer.decoding.sink import taken, written
+from sniffer.ground.files import open_binary, writing
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from sniffer.decoding.sink import Part, Sink
+    from sniffer.decoding.summary import Summary
+    from sniffer.ground.model import Batch, Chunk
+    from sniffer.protocols.base import BusProtocol
+
+
+class PieceMaker(Protocol):
+    """How a part of a capture is written elsewhere; it can be pickled."""
+
+    def open(self, path: Path) -> Sink:
+        """Return a sink that writes a part to ``path``, and to files beside it."""
+        ...
+
+
+class WrittenElsewhere(NamedTuple):
+    """A part of a capture that was written elsewhere, but for the records themselves."""
+
+    totals: Summary
+    given: Callable[[str, Sequence[tuple[str, Batch]]], Sequence[Part]]
+    """Returns batches, by the name of their protocol, as sinks are given them."""
+
+
+@runtime_checkable
+class Joining(Protocol):
+    """A sink that takes parts that were written elsewhere."""
+
+    def pieces(self) -> PieceMaker:
+        """Return how a part is written elsewhere."""
+        ...
+
+    def join(self, piece: Path, told: WrittenElsewhere) -> None:
+        """Write a part, which follows all that was written before."""
+        ...
+
+
+def pieces_of(sink: Sink) -> PieceMaker:
+    """Return how a part of what a sink writes is written elsewhere."""
+    return sink.pieces() if isinstance(sink, Joining) else BatchPieces()
+
+
+def join(sink: Sink, piece: Path, told: WrittenElsewhere) -> None:
+    """Have a sink write a part."""
+    if isinstance(sink, Joining):
+        sink.join(piece, told)
+        return
+    with piece.open("rb") as file:
+        while True:
+            try:
+                bus, chunks, said = pickle.load(file)
+            except EOFError:
+                return
+            if chunks:
+                taken(sink, bus=bus, chunks=chunks)
+            if said:
+                written(sink, bus=bus, parts=told.given(bus, said))
+
+
+@dataclass(frozen=True, slots=True)
+class BatchPieces:
+    """Parts of a capture as the batches themselves, for sinks that know no other way."""
+
+    def open(self, path: Path) -> BatchPiece:
+        """Return what writes one."""
+        return BatchPiece(path)
+
+
+def _unchanging(value: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(value)
+
+
+class _BatchPickler(pickle.Pickler):
+    """Knows mappings that nobody can change, too."""
+
+    def reducer_override(self, value: object) -> Any:
+        if isinstance(value, MappingProxyType):
+            return _unchanging, (dict(value),)
+        return NotImplemented
+
+
+class BatchPiece:
+    """Writes what a sink would be given, call by call."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file = open_binary(path)
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Write chunks."""
+        self._write(bus, chunks, ())
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Write a batch."""
+        self.write_together(bus, [(protocol, batch)])
+
+    def write_together(self, bus: str, parts: Sequence[Part]) -> None:
+        """Write what several protocols said in one pass; which rows are shown is found out anew."""
+        self._write(bus, (), [(p.name, replace(batch, chosen=None)) for p, batch in parts])
+
+    def _write(self, bus: str, chunks: Sequence[Chunk], said: Sequence[tuple[str, Batch]]) -> None:
+        with writing(self._path):
+            _BatchPickler(self._file, pickle.HIGHEST_PROTOCOL).dump((bus, chunks, said))
+
+    def close(self) -> None:
+        """Finish the file."""
+        with writing(self._path):
+            self._file.close()
