@@ -133,7 +133,7 @@ _LABELS: Final[Mapping[str, str]] = {
     "spy": "a log of pySerial's spy://",
     "docklight": "a log of Docklight in HEX",
     "interceptty": "a log of interceptty",
-    "grabserial": "a log of grabserial --hex-output",
+    "grabserial": "a log of grabserial in hex",
     "saleae": "a table of Saleae's Async Serial analyzer",
     "jsonl": "frames and gaps as this tool writes them to JSON lines",
     "pcap": "a capture of Wireshark's kind (pcap, pcapng)",

@@ -54,7 +54,7 @@ def is_row(line: bytes) -> bool:
         InputError: it is one of ``--hex-ascii``.
     """
     if _GUTTER.match(line):
-        what = "a log of grabserial --hex-ascii, which leaves out every byte 0D,"
+        what = "a log of `grabserial --hex-ascii`, which leaves out every byte 0D,"
         raise refused(what, "log with --hex-output alone")
     return ROW.fullmatch(line) is not None
 
@@ -87,7 +87,7 @@ class _GrabserialLog(TextLog):
             self.cut_off = row is not None or _TORN.match(line) is not None
         if row is None:
             if not self.cut_off and _OURS.match(line):
-                raise DamagedLine(number, f"{quoted(line)} is no row of grabserial --hex-output")
+                raise DamagedLine(number, f"{quoted(line)} is no row of `grabserial --hex-output`")
             self.talk += bool(line.strip()) and not self.cut_off
             return
         label = row[1]
