@@ -55,7 +55,7 @@ def is_row(line: bytes) -> bool:
     """
     if _GUTTER.match(line):
         what = "a log of `grabserial --hex-ascii`, which leaves out every byte 0D,"
-        raise refused(what, "log with --hex-output alone")
+        raise refused(what, "log with `--hex-output` alone")
     return ROW.fullmatch(line) is not None
 
 
