@@ -329,7 +329,7 @@ def test_the_stored_sample_is_refused_by_name(name: str) -> None:
         (b"Docklight Log File (ASCII) - Started 01.03.2019 14:09:26.248 \n", "representation HEX"),
         (b"01.03.2019 14:09:28.633 [TX] - EVT0<CR>\n", "representation HEX"),
         (b"<html>\n<title>Docklight Log File (HEX) - Started 2/21/2007</title>", "plain text"),
-        (b"[0.000001 0.000001] FF FF 01 > ..\n", "--hex-output alone"),
+        (b"[0.000001 0.000001] FF FF 01 > ..\n", "`--hex-output` alone"),
         (b"  vcan0  1F0   [8]  80 4A 0F 00 00 00 00 00\n", "candump -L"),
         (b"\x1b[1;32m00000000: \x1b[0m4141  AA\n", "colours"),
         (b"hello world\n", "say `input_format='bin'`"),

@@ -185,7 +185,9 @@ class BusTotals:
         self._count_commands(protocol, batch)
         self._count_times(batch)
 
-    def know(self, models: Mapping[int, tuple[str, int]], met: npt.NDArray[np.signedinteger[Any]]) -> None:
+    def know(
+        self, models: Mapping[int, tuple[str, int]], met: npt.NDArray[np.signedinteger[Any]]
+    ) -> None:
         """Take which models servos are; of one that was met and has none, none is known now."""
         unsaid = [servo for servo in self.models if servo not in models]
         if unsaid:

@@ -16,6 +16,12 @@ if TYPE_CHECKING:
 AT_ONCE: Final = 10 << 20
 """Bytes that arrow sends to S3 in one request; of more it makes a multipart upload of several."""
 
+CONNECTS_S: Final = 10
+"""How long S3 may take to be reached; the client of Amazon gives up after one second."""
+
+ANSWERS_S: Final = 60
+"""How long S3 may be silent; the client of Amazon gives up after three, which a busy store takes."""
+
 
 class ObjectPlace(NamedTuple):
     """A file system of arrow, a path in it, and how many bytes it sends in one request."""
@@ -49,6 +55,8 @@ def find_objects(uri: str) -> ObjectPlace:
             system = pafs.S3FileSystem(
                 region=system.region or None,
                 endpoint_override=endpoint,
+                connect_timeout=CONNECTS_S,
+                request_timeout=ANSWERS_S,
                 allow_delayed_open=True,
                 background_writes=False,
             )

@@ -366,7 +366,7 @@ class _Work:
             skipped=len(tasks) - len(self.todo),
             statuses=statuses,
             undone=tuple(undone),
-            reasons=tuple(self.reasons),
+            reasons=tuple(dict.fromkeys(self.reasons)),
             troubles=tuple(sorted(_trouble(row) for row in self.rows.values() if row.error)),
             bytes=sum(row.bytes for row in self.rows.values()),
             seconds=time.monotonic() - self.began,
