@@ -8,7 +8,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from sniffer.decoding.names import AND
 from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
@@ -171,7 +170,7 @@ class BusTotals:
             self._count_anomalies(Anomalies.of(batch.anomalies))
         if not len(f):
             return
-        self.know(batch.models, f.servo_id)
+        self.models.update(batch.models)
         self.bytes_in_frames += int(f.length.sum())
         if self.t_first_ns is None:
             self.t_first_ns = int(f.t_start[0])
@@ -184,18 +183,6 @@ class BusTotals:
             self.outcomes[outcome] += n
         self._count_commands(protocol, batch)
         self._count_times(batch)
-
-    def know(
-        self, models: Mapping[int, tuple[str, int]], met: npt.NDArray[np.signedinteger[Any]]
-    ) -> None:
-        """Take which models servos are; of one that was met and has none, none is known now."""
-        unsaid = [servo for servo in self.models if servo not in models]
-        if unsaid:
-            times = np.bincount(met[met >= 0], minlength=max(unsaid) + 1)
-            for servo in unsaid:
-                if times[servo]:
-                    del self.models[servo]
-        self.models.update(models)
 
     def _count_gaps(self, batch: Batch) -> None:
         gaps = Gaps.of(batch.gaps)

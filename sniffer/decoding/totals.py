@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from sniffer.decoding.names import AND
 from sniffer.decoding.summary import BusTotals, Quantiles
 
@@ -49,7 +47,7 @@ def _add(b: BusTotals, more: BusTotals) -> None:
         b.first.setdefault(code, anomaly)
     for servo, times in more.times.items():
         b.times.setdefault(servo, Quantiles()).join(times)
-    b.know(more.models, np.array([who for who, _, _ in more.by_command], np.int64))
+    b.models.update(more.models)
     if b.t_first_ns is None:
         b.t_first_ns = more.t_first_ns
     if more.t_last_ns is not None:

@@ -20,7 +20,7 @@ CONNECTS_S: Final = 10
 """How long S3 may take to be reached; the client of Amazon gives up after one second."""
 
 ANSWERS_S: Final = 60
-"""How long S3 may be silent; the client of Amazon gives up after three, which a busy store takes."""
+"""How long S3 may be silent; the client of Amazon gives up after three seconds."""
 
 
 class ObjectPlace(NamedTuple):
