@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from sniffer.fleet.rows import UndoneError, WorkerDiedError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping
     from types import TracebackType
 
     from sniffer.fleet.engines import Batch, Outcome
@@ -118,7 +118,8 @@ class _Worker:
 
     def __init__(self, context: Any) -> None:
         self.pipe, other = context.Pipe()
-        self.process = context.Process(target=_work, args=(other,), name="fleet")
+        given = other, dict(os.environ)
+        self.process = context.Process(target=_work, args=given, name="fleet")
         with _without_main():
             self.process.start()
         self.is_there = False
@@ -167,8 +168,11 @@ def _heard_from(workers: list[_Worker]) -> list[_Worker]:
     return [w for w in workers if w.pipe in ready or w.process.sentinel in ready]
 
 
-def _work(pipe: connection.Connection) -> None:
+def _work(pipe: connection.Connection, environment: Mapping[str, str]) -> None:
     """Decode batches until the pipe ends."""
+    # a fork server keeps that of its begin: where a store is, and who we are, may be said since
+    os.environ.clear()
+    os.environ.update(environment)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; one decides
     threading.Thread(target=_leave_with_parent, daemon=True).start()
     import pyarrow as pa
