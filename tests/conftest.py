@@ -25,7 +25,7 @@ MANY: Final = 3000
 # the same code, so a build that fails can be repeated; "fast" and "long" go and look for new ones.
 _SHARED = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
 settings.register_profile("fast", _SHARED, max_examples=40)
-settings.register_profile("ci", _SHARED, max_examples=20, derandomize=True)
+settings.register_profile("ci", _SHARED, max_examples=12, derandomize=True)
 settings.register_profile("long", _SHARED, max_examples=3000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 
@@ -46,7 +46,9 @@ def pytest_xdist_node_collection_finished(node: Any, ids: Sequence[str]) -> None
     """Say once how many tests there are, before the dots that show how far they are."""
     if node.gateway.id == "gw0":
         said = f"{len(ids)} tests, a dot each, and behind each line how far it is"
-        long = "; all of them take about 13 minutes on two idle cores, longer on busy ones"
+        long = (
+            "; all of them take about a quarter of an hour on two idle cores, longer on busy ones"
+        )
         reporter = node.config.pluginmanager.get_plugin("terminalreporter")
         reporter.write_line(said + (long if len(ids) > MANY else ""))
 
