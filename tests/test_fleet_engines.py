@@ -18,6 +18,7 @@ from sniffer.fleet.rows import CaptureTask
 from sniffer.fleet.run import decode_fleet
 from tests.commands import within
 from tests.fleets import HELD_UP, Peril, captures, content, descendants, serial, talks
+from tests.plugin import visible
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -55,7 +56,10 @@ def test_a_dask_cluster_makes_the_same_data_set_as_one_process(
     assert content(tmp_path / "dask") == content(tmp_path / "serial")
 
 
-def test_a_dask_worker_that_is_killed_with_a_capture_costs_nothing_but_time(tmp_path: Path) -> None:
+def test_a_dask_worker_that_is_killed_with_a_capture_costs_nothing_but_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    visible(monkeypatch)  # the registry forgets its protocol afterwards
     peril = Peril(tmp_path / "peril")
     logs = talks(tmp_path / "captures", b"", HELD_UP, b"")
     options = Options(protocol=str(peril.protocol))

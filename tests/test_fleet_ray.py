@@ -10,6 +10,7 @@ import pytest
 from sniffer.decoding.options import Options
 from sniffer.fleet.run import decode_fleet
 from tests.fleets import DEADLY, Peril, content, serial, talks
+from tests.plugin import visible
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,6 +22,7 @@ def test_ray_makes_the_same_data_set_but_for_a_capture_that_ends_its_worker(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sniffer.fleet.run.BATCH_CAPTURES", 2)
+    visible(monkeypatch)  # the registry forgets its protocol afterwards
     options = Options(protocol=str(Peril(tmp_path / "peril").protocol))
     logs = talks(tmp_path / "captures", b"", b"", b"", DEADLY)
     done = decode_fleet([logs], tmp_path / "ray", options, engine="ray", workers=2)
