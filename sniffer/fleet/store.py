@@ -240,7 +240,15 @@ def _is_left(folder: Path) -> bool:
             return True
         except PermissionError:
             return False
-        return False
+        return _is_corpse(int(rest))
     with contextlib.suppress(OSError):
         return time.time() - folder.stat().st_mtime > STALE_S
+    return False
+
+
+def _is_corpse(process: int) -> bool:
+    """Tell whether a process has ended, and nobody has asked yet how (proc(5), stat: Z, X)."""
+    with contextlib.suppress(OSError):  # there is no /proc but on Linux
+        told = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
+        return told.rpartition(")")[2].split()[0] in "ZX"
     return False
