@@ -171,7 +171,7 @@ def test_workers_load_nothing_of_the_script_that_begins_them(
 def test_no_capture_is_blamed_where_workers_end_before_they_begin(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sniffer.fleet.engines.local._work", contextlib.suppress)
+    monkeypatch.setattr("sniffer.jobs.crew._work", contextlib.suppress)
     done = sniffer.decode_fleet([talks(tmp_path / "in", b"", b"")], tmp_path / "data", workers=1)
     assert done.reasons == ("worker processes end here before they begin",)
     assert (len(done.undone), done.statuses) == (2, {})

@@ -52,10 +52,12 @@ Lines = dict[tuple[str, str], list[str]]
 class Inline:
     """A crew of one that works here: what it is given and returns is pickled all the same."""
 
-    def __init__(self, count: int, do: Callable[[Any], Any]) -> None:
+    def __init__(
+        self, count: int, do: Callable[[Any], Any], *, preload: Sequence[str] = ()
+    ) -> None:
         self._do = do
         self._became: list[Became] = []
-        del count
+        del count, preload
 
     @property
     def has_room(self) -> bool:

@@ -1,22 +1,38 @@
-"""Processes that do tasks, one each at a time; none outlives who started them."""
+"""Processes that do tasks, one each at a time; none outlives who started them.
+
+The pools of the standard library do not do: ``ProcessPoolExecutor`` breaks as a whole when one
+process dies and cannot say of which task, ``multiprocessing.Pool`` waits for its result for ever.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
+import os
+import pickle
 import signal
+import sys
+import threading
 from multiprocessing.connection import wait
-from typing import TYPE_CHECKING, Any, NamedTuple
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from sniffer.ground.model import SnifferError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from multiprocessing.connection import Connection
-    from multiprocessing.process import BaseProcess
 
 
 class LostWorkerError(SnifferError):
-    """A process ended in the middle of its task: somebody killed it, or the system did."""
+    """A process ended in the middle of its task: somebody killed it, or the system did.
+
+    ``had_begun`` is false where it never came so far that it could have looked at the task.
+    """
+
+    def __init__(self, why: str, *, had_begun: bool = True) -> None:
+        super().__init__(why)
+        self.had_begun = had_begun
 
 
 class TaskEnd(NamedTuple):
@@ -28,13 +44,44 @@ class TaskEnd(NamedTuple):
 
 
 class _CrewMember:
-    def __init__(self, do: Callable[[Any], Any]) -> None:
-        context = multiprocessing.get_context("spawn")  # threads of ours would not survive a fork
+    """A process and the line to it; it has begun once it has said so."""
+
+    def __init__(self, context: Any, do: Callable[[Any], Any]) -> None:
         self.line, theirs = context.Pipe()
-        self.process: BaseProcess = context.Process(target=_work, args=(do, theirs), daemon=True)
-        self.process.start()
-        theirs.close()
+        given = do, theirs, dict(os.environ)
+        self.process = context.Process(target=_work, args=given, name="crew")
+        with _without_main():
+            self.process.start()
+        theirs.close()  # so that the line ends where the process does
+        self.has_begun = False
         self.task: Any = None
+
+    def give(self, task: Any) -> None:
+        """Have a task done; if the process is dead, that shows when it is asked."""
+        self.task = task
+        with contextlib.suppress(OSError):
+            self.line.send(task)
+
+    def heard(self) -> TaskEnd | None:
+        """Return what became of the task, None: the process is there, that is all."""
+        with contextlib.suppress(EOFError, OSError):
+            if self.line.poll():
+                said = self.line.recv()
+                if said is None:
+                    self.has_begun = True
+                    return None
+                task, self.task = self.task, None
+                return TaskEnd(task, *said)
+        self.process.join()
+        why = f"a process ended in the middle of its work ({_how(self.process.exitcode)})"
+        return TaskEnd(self.task, None, LostWorkerError(why, had_begun=self.has_begun))
+
+    def end(self) -> None:
+        """End it at once."""
+        self.line.close()
+        self.process.kill()
+        self.process.join()
+        self.process.close()
 
 
 class Crew:
@@ -43,61 +90,80 @@ class Crew:
     Args:
         count: how many.
         do: a function of a module, given each task; tasks and results can be pickled.
+        preload: modules that processes find loaded, where the system can fork: they begin at once,
+            and share the memory of them.
     """
 
-    def __init__(self, count: int, do: Callable[[Any], Any]) -> None:
+    def __init__(
+        self, count: int, do: Callable[[Any], Any], *, preload: Sequence[str] = ()
+    ) -> None:
+        # threads of ours would not survive a plain fork
+        forks = "forkserver" in multiprocessing.get_all_start_methods()
+        self._context: Any = multiprocessing.get_context("forkserver" if forks else "spawn")
+        if forks:
+            self._context.set_forkserver_preload(list(preload))
         self._count = count
         self._do = do
-        self._workers: list[_CrewMember] = []
+        self._members: list[_CrewMember] = []
+
+    @property
+    def _busy(self) -> list[_CrewMember]:
+        return [member for member in self._members if member.task is not None]
 
     @property
     def has_room(self) -> bool:
         """Whether a task that is given now is begun now."""
-        return sum(w.task is not None for w in self._workers) < self._count
+        return len(self._busy) < self._count
 
     @property
     def is_busy(self) -> bool:
         """Whether a task is under way."""
-        return any(w.task is not None for w in self._workers)
+        return bool(self._busy)
 
     def give(self, task: Any) -> None:
         """Have a task done; there must be room."""
-        worker = next((w for w in self._workers if w.task is None), None)
-        if worker is None:
-            worker = _CrewMember(self._do)
-            self._workers.append(worker)
-        worker.task = task
-        try:
-            worker.line.send(task)
-        except OSError:
-            return  # it is gone: that is told when somebody waits
+        member = next((m for m in self._members if m.task is None), None)
+        if member is None:
+            member = _CrewMember(self._context, self._do)
+            self._members.append(member)
+        member.give(task)
 
-    def wait(self, seconds: float) -> list[TaskEnd]:
-        """Return what has become of tasks by now, or within so many seconds."""
-        busy = {w.line: w for w in self._workers if w.task is not None}
-        out = []
-        for line in wait(list(busy), seconds):
-            worker = busy[line]  # type: ignore[index]
-            task, worker.task = worker.task, None
-            try:
-                result, error = worker.line.recv()
-                out.append(TaskEnd(task, result, error))
-            except (EOFError, OSError):
-                self._workers.remove(worker)
-                worker.process.join()
-                why = f"a process that decodes a part ended ({_how(worker.process.exitcode)})"
-                out.append(TaskEnd(task, None, LostWorkerError(why)))
+    def wait(self, seconds: float | None = None) -> list[TaskEnd]:
+        """Return what has become of tasks by now, or within so many seconds; maybe nothing."""
+        busy, out = self._busy, []
+        # a process that a dead member has begun may keep its line open
+        ready = wait([end for m in busy for end in (m.line, m.process.sentinel)], seconds)
+        for member in busy:
+            if member.line in ready or member.process.sentinel in ready:
+                told = member.heard()
+                if told is not None:
+                    out.append(told)
+                    if isinstance(told.error, LostWorkerError):
+                        self._members.remove(member)
+                        member.end()
         return out
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for worker in self._workers:
-            worker.process.terminate()
-        for worker in self._workers:
-            worker.process.join()
-            worker.line.close()
+        for member in self._members:
+            member.end()
+        self._members = []
+
+
+@contextlib.contextmanager
+def _without_main() -> Iterator[None]:
+    """Have new processes load nothing of the program that begins them.
+
+    They need none of it, and a script that was not written to be loaded would run again in each.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 def _how(status: int | None) -> str:
@@ -106,27 +172,29 @@ def _how(status: int | None) -> str:
     return f"killed by {signal.Signals(-status).name}: is there memory enough?"
 
 
-def _work(do: Callable[[Any], Any], line: Connection) -> None:
+def _work(do: Callable[[Any], Any], line: Connection, environment: Mapping[str, str]) -> None:
     """Do tasks until nobody gives any more; end with whoever gave them."""
+    # a fork server keeps that of its begin: where a store is, and who we are, may be said since
+    os.environ.clear()
+    os.environ.update(environment)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who started it decides what an interruption ends
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    while line in wait([line, parent.sentinel]):
-        try:
-            task = line.recv()
-        except EOFError:
-            return
-        try:
-            told: tuple[Any, BaseException | None] = (do(task), None)
-        except Exception as error:
-            told = (None, error)
-        try:
-            line.send(told)
-        except OSError:
-            return
+    threading.Thread(target=_leave_with_parent, daemon=True).start()
+    with contextlib.suppress(EOFError, OSError):
+        line.send(None)
+        while True:
+            line.send(_done(do, line.recv_bytes()))
 
 
-def is_orphan() -> bool:
-    """Tell whether who gave this process its task is gone: then nobody wants the result."""
+def _done(do: Callable[[Any], Any], task: bytes) -> tuple[Any, BaseException | None]:
+    try:
+        return do(pickle.loads(task)), None
+    except Exception as error:
+        return None, error
+
+
+def _leave_with_parent() -> None:
+    """End this process with the one that began it, however that ended."""
     parent = multiprocessing.parent_process()
-    return parent is not None and not parent.is_alive()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -10,7 +10,6 @@ from sniffer.decoding.resuming import BusPlan, PartPipeline, States
 from sniffer.decoding.slicing import Narrowing
 from sniffer.decoding.summary import Summary
 from sniffer.ground.model import DamagedInputError
-from sniffer.jobs.crew import is_orphan
 from sniffer.selection.selection import Selection
 
 if TYPE_CHECKING:
@@ -96,8 +95,6 @@ def decode_part(task: PartTask) -> PartResult:
         stack.callback(pipeline.finish)
         try:
             for group in own:
-                if is_orphan():
-                    raise SystemExit
                 pipeline.feed(group)
         except DamagedInputError as error:
             damage = error

@@ -102,7 +102,9 @@ class JoinedParts:
             UnheardBusError: so does who knows nothing of a bus; all before that part is joined.
         """
         try:
-            with Crew(min(self._jobs, len(self._seams)), do_task) as crew:
+            with Crew(
+                min(self._jobs, len(self._seams)), do_task, preload=(do_task.__module__,)
+            ) as crew:
                 self._count(crew)
                 while self._joined < len(self._seams):
                     self._fill(crew, folder)
