@@ -6,10 +6,11 @@ a turn or the end of the row. Nothing tells when the other bytes came, so only t
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import TYPE_CHECKING
 
 from sniffer.ground.model import Chunk, Clock, Direction
-from sniffer.sources.text import PIECE
+from sniffer.sources.text import PIECE, LineBlock, TextLog
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,3 +51,25 @@ class StampedBlock:
         if self._held:
             yield Chunk(bytes(self._held), bus=self.bus, direction=self.direction)
             self._held.clear()
+
+
+class StampedLog(TextLog):
+    """A log of such blocks, which is read line by line."""
+
+    def __init__(self, bus: str) -> None:
+        self._block = StampedBlock(bus)
+        self.cut_off = False
+
+    @abstractmethod
+    def _line(self, line: bytes, number: int, cut_off: bool) -> Iterator[Chunk]:
+        """Yield what is complete behind a line."""
+
+    def chunks(self, block: LineBlock) -> Iterator[Chunk]:
+        """Yield what the lines of ``block`` hold."""
+        for number, line in enumerate(block.lines(), block.number):
+            yield from self._line(line, number, block.cut_off)
+        yield from self.rest()
+
+    def rest(self) -> Iterator[Chunk]:
+        """Yield the bytes without a stamp that have come."""
+        yield from self._block.rest()

@@ -17,18 +17,10 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import Direction
 from sniffer.ground.patterns import later
-from sniffer.sources.blockstamps import StampedBlock
+from sniffer.sources.blockstamps import StampedLog
 from sniffer.sources.refusals import refused
 from sniffer.sources.sides import oriented
-from sniffer.sources.text import (
-    CUT_OFF,
-    DamagedLine,
-    LineBlock,
-    Opened,
-    TextLog,
-    quoted,
-    read_log,
-)
+from sniffer.sources.text import DamagedLine, LineBlock, Opened, quoted, read_log, remarks
 from sniffer.sources.walltime import ZONELESS, WallClock
 
 if TYPE_CHECKING:
@@ -77,29 +69,22 @@ def is_docklight(lines: list[bytes]) -> bool:
     return False
 
 
-class _Turns(TextLog):
+class _Turns(StampedLog):
     """Where a log has got to."""
 
     def __init__(self, bus: str, names: list[str]) -> None:
+        super().__init__(bus)
         self._bus = bus
         self._names = names
-        self._block = StampedBlock(bus)
         self._clock = WallClock()
         self._month_first: bool | None = None
-        self.cut_off = False
         self.comments = 0
 
     def chunks(self, block: LineBlock) -> Iterator[Chunk]:
         """Yield what the lines of ``block`` hold."""
         if self._month_first is None:
             self._look_at_dates(block.text)
-        for number, line in enumerate(block.lines(), block.number):
-            yield from self._line(line, number, block.cut_off)
-        yield from self.rest()
-
-    def rest(self) -> Iterator[Chunk]:
-        """Yield the bytes without a stamp that have come."""
-        yield from self._block.rest()
+        yield from super().chunks(block)
 
     def _line(self, line: bytes, number: int, cut_off: bool) -> Iterator[Chunk]:
         found = LINE.fullmatch(line)
@@ -156,15 +141,11 @@ class _Turns(TextLog):
         """Yield what is worth knowing about the log, at its end."""
         first = "only the first byte of a line has a time: no response times follow from them"
         yield f"{ZONELESS}; {first}"
-        told = []
-        if self._month_first:
-            told.append("its dates are read with the month first")
-        if self.comments:
-            told.append(f"{self.comments} lines of comments are left out")
-        if self.cut_off:
-            told.append(CUT_OFF)
-        if told:
-            yield "; ".join(told)
+        yield from remarks(
+            "its dates are read with the month first" if self._month_first else "",
+            f"{self.comments} lines of comments are left out" if self.comments else "",
+            cut_off=self.cut_off,
+        )
 
 
 def read_docklight(opened: Opened) -> Iterator[Chunk]:

@@ -15,17 +15,9 @@ from typing import TYPE_CHECKING, Final
 from sniffer.ground.limits import is_time
 from sniffer.ground.model import NS
 from sniffer.ground.patterns import later
-from sniffer.sources.blockstamps import StampedBlock
+from sniffer.sources.blockstamps import StampedLog
 from sniffer.sources.refusals import refused
-from sniffer.sources.text import (
-    CUT_OFF,
-    DamagedLine,
-    LineBlock,
-    Opened,
-    TextLog,
-    quoted,
-    read_log,
-)
+from sniffer.sources.text import DamagedLine, Opened, left_out, quoted, read_log, remarks
 from sniffer.sources.walltime import DATELESS, ZONELESS, DayClock, WallClock
 
 if TYPE_CHECKING:
@@ -59,26 +51,16 @@ def is_row(line: bytes) -> bool:
     return ROW.fullmatch(line) is not None
 
 
-class _GrabserialLog(TextLog):
+class _GrabserialLog(StampedLog):
     """Where a log has got to."""
 
     def __init__(self, bus: str) -> None:
+        super().__init__(bus)
         self._default = bus
-        self._block = StampedBlock(bus)
         self._wall = WallClock()
         self._day = DayClock()
-        self.zoneless = self.dateless = self.cut_off = False
+        self.zoneless = self.dateless = False
         self.talk = 0
-
-    def chunks(self, block: LineBlock) -> Iterator[Chunk]:
-        """Yield what the lines of ``block`` hold."""
-        for number, line in enumerate(block.lines(), block.number):
-            yield from self._line(line, number, block.cut_off)
-        yield from self.rest()
-
-    def rest(self) -> Iterator[Chunk]:
-        """Yield the bytes without a stamp that have come."""
-        yield from self._block.rest()
 
     def _line(self, line: bytes, number: int, cut_off: bool) -> Iterator[Chunk]:
         row = ROW.fullmatch(line)
@@ -116,13 +98,8 @@ class _GrabserialLog(TextLog):
         first = "only the first byte of a row has a time: no response times follow from them"
         dateless = DATELESS if self.dateless else "its times count from its first byte"
         yield f"{ZONELESS if self.zoneless else dateless}; {first}"
-        told = []
-        if self.talk:
-            told.append(f"{self.talk} lines between its rows are none of grabserial's: left out")
-        if self.cut_off:
-            told.append(CUT_OFF)
-        if told:
-            yield "; ".join(told)
+        others = left_out(self.talk, "between its rows", "grabserial's")
+        yield from remarks(others, cut_off=self.cut_off)
 
 
 def read_grabserial(opened: Opened) -> Iterator[Chunk]:

@@ -20,15 +20,16 @@ from sniffer.ground.model import Chunk, Clock, Direction
 from sniffer.ground.patterns import later
 from sniffer.sources.sides import handed_over, oriented
 from sniffer.sources.text import (
-    CUT_OFF,
     PIECE,
     DamagedLine,
     LineBlock,
     LineWalk,
     Opened,
     TextLog,
+    left_out,
     quoted,
     read_log,
+    remarks,
 )
 from sniffer.sources.walltime import DATELESS, DayClock
 
@@ -142,13 +143,8 @@ class _Buffers(TextLog):
     def notes(self) -> Iterator[str]:
         """Yield what is worth knowing about the log, at its end."""
         yield DATELESS if self.timed else "it has no times: its bytes are laid out back to back"
-        told = []
-        if self.talk:
-            told.append(f"{self.talk} lines between its own are none of interceptty's: left out")
-        if self.cut_off:
-            told.append(CUT_OFF)
-        if told:
-            yield "; ".join(told)
+        others = left_out(self.talk, "between its own", "interceptty's")
+        yield from remarks(others, cut_off=self.cut_off)
 
 
 def read_interceptty(opened: Opened) -> Iterator[Chunk]:

@@ -14,16 +14,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.patterns import later
-from sniffer.sources.blockstamps import StampedBlock
-from sniffer.sources.text import (
-    CUT_OFF,
-    DamagedLine,
-    LineBlock,
-    Opened,
-    TextLog,
-    quoted,
-    read_log,
-)
+from sniffer.sources.blockstamps import StampedLog
+from sniffer.sources.text import DamagedLine, Opened, quoted, read_log, remarks
 from sniffer.sources.walltime import ZONELESS, WallClock
 
 if TYPE_CHECKING:
@@ -46,25 +38,14 @@ def is_row(line: bytes) -> bool:
     return bool(_PAIRS.fullmatch(line.partition(b"   ")[0].partition(b"\t")[0].rstrip(b" ")))
 
 
-class _Blocks(TextLog):
+class _Blocks(StampedLog):
     """Where a log has got to: of which port the bytes are, and what waits for a stamp."""
 
     def __init__(self, bus: str) -> None:
+        super().__init__(bus)
         self._default = bus
-        self._block = StampedBlock(bus)
         self._clock = WallClock()
         self._count: dict[str, int] = {}
-        self.cut_off = False
-
-    def chunks(self, block: LineBlock) -> Iterator[Chunk]:
-        """Yield what the lines of ``block`` hold."""
-        for number, line in enumerate(block.lines(), block.number):
-            yield from self._line(line, number, block.cut_off)
-        yield from self.rest()
-
-    def rest(self) -> Iterator[Chunk]:
-        """Yield the bytes without a stamp that have come."""
-        yield from self._block.rest()
 
     def _line(self, line: bytes, number: int, cut_off: bool) -> Iterator[Chunk]:
         stamp = STAMP.fullmatch(line)
@@ -117,8 +98,7 @@ class _Blocks(TextLog):
         """Yield what is worth knowing about the log, at its end."""
         first = "only the first byte of a block has a time: no response times follow from them"
         yield f"{ZONELESS}; {first}"
-        if self.cut_off:
-            yield CUT_OFF
+        yield from remarks(cut_off=self.cut_off)
 
 
 def read_jpnevulator(opened: Opened) -> Iterator[Chunk]:

@@ -19,15 +19,16 @@ from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind
 from sniffer.ground.patterns import later
 from sniffer.sources.sides import handed_over, oriented
 from sniffer.sources.text import (
-    CUT_OFF,
     PIECE,
     DamagedLine,
     LineBlock,
     LineWalk,
     Opened,
     TextLog,
+    left_out,
     quoted,
     read_log,
+    remarks,
 )
 from sniffer.sources.walltime import ZONELESS, WallClock
 
@@ -230,12 +231,8 @@ class _SocatLog(TextLog):
             told.append(f"{lost}, as from= and to= count them")
         if self.logs > 1:
             told.append(f"{self.logs} logs, one behind the other, are read as one stream")
-        if self.talk:
-            told.append(f"{self.talk} lines between its blocks are none of socat's: left out")
-        if self.cut_off:
-            told.append(CUT_OFF)
-        if told:
-            yield "; ".join(told)
+        others = left_out(self.talk, "between its blocks", "socat's")
+        yield from remarks(*told, others, cut_off=self.cut_off)
 
 
 def _counts(header: re.Match[bytes]) -> bytes:

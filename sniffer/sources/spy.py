@@ -19,15 +19,16 @@ from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark, MarkKind
 from sniffer.ground.patterns import later
 from sniffer.sources.sides import handed_over, oriented
 from sniffer.sources.text import (
-    CUT_OFF,
     PIECE,
     DamagedLine,
     LineBlock,
     LineWalk,
     Opened,
     TextLog,
+    left_out,
     quoted,
     read_log,
+    remarks,
 )
 
 if TYPE_CHECKING:
@@ -173,16 +174,10 @@ class _Calls(TextLog):
     def notes(self) -> Iterator[str]:
         """Yield what is worth knowing about the log, at its end."""
         yield "its times count from when the port was opened, in whole milliseconds"
-        told = []
-        if self.emptied:
-            times = "once" if self.emptied == 1 else f"{self.emptied} times"
-            told.append(f"the program emptied its input {times}: what it had not read is missing")
-        if self.talk:
-            told.append(f"{self.talk} lines between are none of spy://: left out")
-        if self.cut_off:
-            told.append(CUT_OFF)
-        if told:
-            yield "; ".join(told)
+        times = "once" if self.emptied == 1 else f"{self.emptied} times"
+        emptied = f"the program emptied its input {times}: what it had not read is missing"
+        others = left_out(self.talk, "between", "spy://")
+        yield from remarks(emptied if self.emptied else "", others, cut_off=self.cut_off)
 
 
 def read_spy(opened: Opened) -> Iterator[Chunk]:

@@ -221,6 +221,18 @@ def read_log(opened: Opened, log: TextLog) -> Iterator[Chunk]:
         opened.notes.extend(log.notes())
 
 
+def left_out(count: int, between: str, whose: str) -> str:
+    """Return what is said of lines of others, nothing where there are none."""
+    return f"{count} lines {between} are none of {whose}: left out" if count else ""
+
+
+def remarks(*told: str, cut_off: bool) -> Iterator[str]:
+    """Yield in one note what there is to say at the end of a log, if there is anything."""
+    said = [*filter(None, told), *([CUT_OFF] if cut_off else [])]
+    if said:
+        yield "; ".join(said)
+
+
 def joined(pieces: Iterable[bytes | None]) -> Iterator[bytes | None]:
     """Join small pieces to about :data:`PIECE` bytes; what came before damage is yielded first.
 
