@@ -66,7 +66,7 @@ ONLY: Final[Mapping[str, tuple[str, ...]]] = {
     ),
     "threading": (
         *("cli/", "ports/", "tap/", "viewers/", "sinks/rerun/", "simulation/play/", "inside/"),
-        "fleet/engines/",
+        "jobs/crew.py",
     ),
     "socket": ("viewers/viewer.py",),
     "subprocess": ("viewers/", "inside/recorder.py", "wireshark/places.py"),

@@ -13,6 +13,7 @@ from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.lineerrors import IN_ANSWERS, IN_REQUESTS
 from sniffer.diagnosis.misread import BITS, BITS_FEW, alike_of
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.placed import finding_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -273,15 +274,13 @@ def clocks(case: Case) -> Iterator[Finding]:
         if found is None or found.explained < SAME:
             continue
         slow = "slower" if found.off > 0 else "faster"
-        yield Finding(
+        yield finding_of(
+            torn,
             "clock-off",
             servo,
-            torn[0].t_ns,
-            torn[-1].t_ns,
-            len(torn),
             f"{found.explained} of {found.tried} torn answers of servo {servo} are what a tap hears "
             f"of a clock that is {abs(found.off):.1%} {slow}",
-            tuple(Place(d.at, d.length, d.t_ns, "a torn answer") for d in torn[:3]),
+            "a torn answer",
             strength=min(0.5 + found.explained / 16, 1.0),
             brief=f"the clock of servo {servo} is {abs(found.off):.0%} {slow}",
             values=(("off", found.off),),

@@ -11,6 +11,7 @@ from sniffer.diagnosis.case import episodes, sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.tracks import in_force
 from sniffer.diagnosis.twins import beginnings, telling
 from sniffer.diagnostics.catalogue import CATALOGUE
@@ -338,15 +339,13 @@ def chatty_bare(case: Case) -> Iterator[Finding]:
         chance = float(np.mean(high - low + 2 * NEAR_RAW)) * size / 256
         if len(fits) < max(UNASKED, BARE_SHARE * len(alike), 2 * chance * len(alike)):
             continue
-        yield Finding(
+        yield finding_of(
+            fits,
             "speaks-unasked",
             servo,
-            fits[0].t_ns,
-            fits[-1].t_ns,
-            len(fits),
             f"{len(fits)} times {size} bytes stand between the frames that would be an answer of "
             f"servo {servo}, where it is at the moment",
-            tuple(Place(d.at, d.length, d.t_ns, "would be an answer") for d in fits[:3]),
+            "would be an answer",
             strength=min(0.5 + len(fits) / 25, 0.9),
             brief=f"servo {servo} speaks unasked",
         )

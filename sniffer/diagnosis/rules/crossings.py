@@ -11,6 +11,7 @@ from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.comparing import alike, header_of
 from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.twins import of_twins
 from sniffer.ground.model import NS
 
@@ -175,14 +176,12 @@ def spoken_into(case: Case) -> Iterator[Finding]:
     chance = at_least(len(shown), judged, BY_PULSES)
     if len(shown) < ENOUGH or chance > LEAST_SURE:
         return
-    yield Finding(
+    yield finding_of(
+        shown,
         "requests-spoken-into",
         None,
-        shown[0].t_ns,
-        shown[-1].t_ns,
-        len(shown),
         f"{len(shown)} of {judged} torn requests begin as they should, and then differ for long",
-        tuple(Place(d.at, d.length, d.t_ns, "somebody speaks into it") for d in shown[:3]),
+        "somebody speaks into it",
         strength=sureness(chance, CHANCE),
         brief="somebody speaks into requests",
     )

@@ -11,6 +11,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.comparing import bits_wrong
 from sniffer.diagnosis.damage import HELD
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.placed import finding_of
 from sniffer.ground.model import MALFORMED, UNKNOWN, UNUSUAL
 
 if TYPE_CHECKING:
@@ -190,15 +191,13 @@ def same_bytes(case: Case) -> Iterator[Finding]:
         if 2 * len(places) < len(damages) or any(_is_torn(got, whole) for whole in known):
             continue
         servos = {d.servo_id for d in places}
-        yield Finding(
+        yield finding_of(
+            places,
             "same-bytes-torn",
             single(case, servos.pop()) if len(servos) == 1 else None,
-            places[0].t_ns,
-            places[-1].t_ns,
-            len(places),
             f"{len(places)} of {len(damages)} pieces that are no frame are the same "
             f"{len(got)} bytes: {got[:24].hex(' ').upper()}",
-            tuple(Place(d.at, d.length, d.t_ns, "no frame, the same again") for d in places[:3]),
+            "no frame, the same again",
             strength=min(0.7 + len(places) / 30, 1.0),
             brief=f"the same {len(got)} bytes that are no frame, {len(places)} times",
         )

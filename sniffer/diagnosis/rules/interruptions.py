@@ -12,6 +12,7 @@ from sniffer.diagnosis.comparing import alike, header_of, is_altered
 from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.order import Order
 from sniffer.ground.codes import DAMAGED, RESPONSE
 from sniffer.ground.model import Clock
@@ -137,14 +138,12 @@ def request_in_answer(case: Case) -> Iterator[Finding]:
     torn = [d for d in places if _holds_request(d, known, header)]
     if len(torn) < ENOUGH or len(torn) < PART_TORN * len(places):
         return
-    yield Finding(
+    yield finding_of(
+        torn,
         "request-in-answer",
         None,
-        torn[0].t_ns,
-        torn[-1].t_ns,
-        len(torn),
         f"{len(torn)} of {len(places)} torn answers begin or end as requests of this controller",
-        tuple(Place(d.at, d.length, d.t_ns, "a request runs into this answer") for d in torn[:3]),
+        "a request runs into this answer",
         strength=min(0.5 + len(torn) / 10, 1.0) * min(2 * len(torn) / len(places), 1.0),
         brief="requests run into answers",
     )
@@ -208,15 +207,13 @@ def swallowed_behind(case: Case) -> Iterator[Finding]:
             shown.append(d)
     if len(shown) < ENOUGH or len(shown) < SHARE * judged:
         return
-    yield Finding(
+    yield finding_of(
+        shown,
         "request-swallowed",
         None,
-        shown[0].t_ns,
-        shown[-1].t_ns,
-        len(shown),
         f"{len(shown)} of {judged} times bytes stand behind an answer, the request is missing that comes "
         "next in this controller's order, and its last byte ends them",
-        tuple(Place(d.at, d.length, d.t_ns, "what is left of a request") for d in shown[:3]),
+        "what is left of a request",
         strength=min(0.5 + len(shown) / 10, 1.0),
         brief="requests are missing behind answers",
     )
@@ -274,14 +271,12 @@ def spoken_into(case: Case) -> Iterator[Finding]:
     chance = at_least(len(shown), judged, BY_PULSES)
     if len(shown) < OVERLAPS or chance > CHANCE**0.5:
         return
-    yield Finding(
+    yield finding_of(
+        shown,
         "answers-spoken-into",
         None,
-        shown[0].t_ns,
-        shown[-1].t_ns,
-        len(shown),
         f"{len(shown)} of {judged} torn answers begin as they should, and then differ for long",
-        tuple(Place(d.at, d.length, d.t_ns, "somebody speaks into this answer") for d in shown[:3]),
+        "somebody speaks into this answer",
         strength=sureness(chance, CHANCE),
         brief="somebody speaks into answers",
     )

@@ -9,6 +9,7 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.twins import late_answers
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
 from sniffer.ground.model import NEVER_NS, NS
@@ -190,15 +191,13 @@ def belated(case: Case) -> Iterator[Finding]:
     late = [d for d in late if case.has_clock and 2 * hasty[d.earlier_id] >= HABIT]
     if len(late) < max(OVERLAPS, PART_TORN * sum(d.turn == IN_REPLY for d in case.damages)):
         return
-    yield Finding(
+    yield finding_of(
+        late,
         "answers-after-next",
         None,
-        late[0].t_ns,
-        late[-1].t_ns,
-        len(late),
         f"{len(late)} torn answers begin as that of the servo asked before, whose request had none, and "
         "the next one came before it was due",
-        tuple(Place(d.at, d.length, d.t_ns, "the answer to the request before") for d in late[:3]),
+        "the answer to the request before",
         strength=min(0.5 + len(late) / 20, 1.0),
         brief="answers come behind the next request",
     )

@@ -13,13 +13,14 @@ from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.comparing import alike, is_altered
 from sniffer.diagnosis.damage import HELD, IN_REPLY
 from sniffer.diagnosis.misread import held
-from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.placed import finding_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.model import Finding
     from sniffer.diagnosis.rules import Rule
 
 FINDINGS: Final = (
@@ -122,14 +123,12 @@ def _line_ends(
 
 
 def _told(shown: Sequence[Damage], what: str, chance: float) -> Finding:
-    return Finding(
+    return finding_of(
+        shown,
         "pieces-complete",
         None,
-        shown[0].t_ns,
-        shown[-1].t_ns,
-        len(shown),
         what,
-        tuple(Place(d.at, d.length, d.t_ns, "whole but for its beginning") for d in shown[:3]),
+        "whole but for its beginning",
         strength=sureness(chance, CHANCE),
         brief=f"{len(shown)} frames lack their beginnings, and nothing else is wrong with them",
     )

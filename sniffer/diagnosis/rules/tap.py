@@ -9,6 +9,7 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.comparing import is_altered
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.placed import finding_of
 from sniffer.ground.codes import NO_RESPONSE
 from sniffer.ground.model import MarkKind
 from sniffer.ground.wording import counted
@@ -144,14 +145,12 @@ def echo_differs(case: Case) -> Iterator[Finding]:
     torn = [d for d in case.damages if d.asked and is_altered(d.got[: len(d.asked)], d.asked)]
     if len(torn) < 2:
         return
-    yield Finding(
+    yield finding_of(
+        torn,
         "echo-differs",
         None,
-        torn[0].t_ns,
-        torn[-1].t_ns,
-        len(torn),
         f"{len(torn)} echoes are not what was sent",
-        tuple(Place(d.at, d.length, d.t_ns, "an echo that differs") for d in torn[:3]),
+        "an echo that differs",
         strength=min(0.5 + len(torn) / 10, 1.0),
         brief="what comes back is not what was sent",
     )

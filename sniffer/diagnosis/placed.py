@@ -1,0 +1,41 @@
+"""What several damaged places say together."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sniffer.diagnosis.model import Finding, Place
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sniffer.diagnosis.damage import Damage
+
+SHOWN: Final = 3
+"""Places that a finding shows of many."""
+
+
+def finding_of(
+    damages: Sequence[Damage],
+    code: str,
+    servo_id: int | None,
+    what: str,
+    seen: str,
+    *,
+    strength: float = 1.0,
+    brief: str = "",
+    values: tuple[tuple[str, float], ...] = (),
+) -> Finding:
+    """Return what several places say together; ``seen`` is what each of them shows."""
+    return Finding(
+        code,
+        servo_id,
+        damages[0].t_ns,
+        damages[-1].t_ns,
+        len(damages),
+        what,
+        tuple(Place(d.at, d.length, d.t_ns, seen) for d in damages[:SHOWN]),
+        strength=strength,
+        brief=brief,
+        values=values,
+    )
