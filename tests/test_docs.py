@@ -15,7 +15,7 @@ import sniffer
 from sniffer.decoding.rows import AnomalyRow, FrameRow, GapRow, SampleRow, TransactionRow
 from sniffer.decoding.summary import Summary
 from sniffer.diagnostics.catalogue import CATALOGUE
-from sniffer.ground.model import Columns, Frames, Samples, Transactions
+from sniffer.ground.model import Frames, Samples, Transactions
 from sniffer.protocols import PROTOCOLS
 from sniffer.sinks import SINKS
 from sniffer.sinks.tables import FRAMES, SAMPLES
@@ -25,6 +25,8 @@ from tests.transcripts import PAGES, ROOT, Stage, agrees, is_run, shown
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from sniffer.ground.columnar import Columns
 
 DOCS = ROOT / "docs"
 WRITTEN = sorted(

@@ -47,7 +47,7 @@ from sniffer.sources import open_source
 from tests.recordings import START_NS, heads, keep, messages, record, talk
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import Columns
+    from sniffer.ground.columnar import Columns
     from sniffer.protocols.base import BusProtocol
 
 RERUN = shutil.which("rerun", path=str(Path(sys.executable).parent))

@@ -14,8 +14,9 @@ import numpy as np
 from sniffer.diagnosis.buckets import TimedBuckets
 from sniffer.diagnosis.likes import Likes
 from sniffer.ground.codes import MANY, NEVER, NOT_EXPECTED, OK, REQUEST, RESPONSE
+from sniffer.ground.columnar import Columns
 from sniffer.ground.gaps import BLANK, CHECKSUM, IDLE_TAIL, NOISE, Gaps
-from sniffer.ground.model import ECHO, Clock, Columns, Frames
+from sniffer.ground.model import ECHO, Clock, Frames
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

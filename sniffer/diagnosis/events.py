@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.buckets import in_groups
-from sniffer.ground.model import Columns
+from sniffer.ground.columnar import Columns
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64

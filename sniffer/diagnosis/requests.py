@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.ground.codes import DAMAGED, MISMATCHED, NO_RESPONSE
-from sniffer.ground.model import Columns
+from sniffer.ground.columnar import Columns
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64, U8, Batch, Mask

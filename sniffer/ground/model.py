@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
+from sniffer.ground.columnar import Columns, column_names
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
@@ -25,13 +27,6 @@ I16 = npt.NDArray[np.int16]
 U8 = npt.NDArray[np.uint8]
 F64 = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
-_DTYPES: Final[Mapping[str, type[np.generic]]] = {
-    "I64": np.int64,
-    "I16": np.int16,
-    "U8": np.uint8,
-    "F64": np.float64,
-    "Mask": np.bool_,
-}
 
 NS: Final = 1_000_000_000
 NEVER_NS: Final = 1 << 62
@@ -149,47 +144,6 @@ STAGED: Final = 32  # its values take effect with a later frame ...
 RELEASES: Final = 64  # ... this one
 ECHO: Final = 128  # an adapter's echo of the request before: judged as if it were not there
 
-_NAMES: Final[dict[Any, tuple[str, ...]]] = {}
-_EMPTY: Final[dict[Any, Any]] = {}
-
-
-def _names(kind: type[Columns]) -> tuple[str, ...]:
-    """Return the columns of a kind of record; asking the dataclass for them takes a while."""
-    if kind not in _NAMES:
-        _NAMES[kind] = tuple(f.name for f in fields(kind))
-    return _NAMES[kind]
-
-
-@dataclass(frozen=True, slots=True)
-class Columns:
-    """Base of the column records: rows are counted, taken and joined, nothing else."""
-
-    def __len__(self) -> int:
-        return len(getattr(self, _names(type(self))[0]))
-
-    def take(self, index: Any) -> Self:
-        """Return the rows that ``index`` (a slice, a mask or row numbers) selects."""
-        return type(self)(*[getattr(self, name)[index] for name in _names(type(self))])
-
-    def having(self, **columns: npt.NDArray[Any]) -> Self:
-        """Return the rows with these columns in place of their own, each in its column's type."""
-        kept = {name: getattr(self, name) for name in _names(type(self))}
-        cast = {name: a.astype(kept[name].dtype, copy=False) for name, a in columns.items()}
-        return type(self)(**kept | cast)
-
-    @classmethod
-    def concat(cls, parts: Sequence[Self]) -> Self:
-        """Join records of one kind; ``parts`` must not be empty."""
-        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in _names(cls)))
-
-    @classmethod
-    def empty(cls) -> Self:
-        """Return no rows, with every column of its own type."""
-        if cls not in _EMPTY:  # there is nothing in it that could change
-            _EMPTY[cls] = cls(*(np.empty(0, _DTYPES[str(f.type)]) for f in fields(cls)))
-        none: Self = _EMPTY[cls]
-        return none
-
 
 @dataclass(frozen=True, slots=True)
 class Spans(Columns):
@@ -237,7 +191,7 @@ class Frames(Columns):
         """Return ``n`` rows that name nobody, state nothing and expect no reply, at time zero."""
         none = dict.fromkeys(("servo_id", "address", "status"), -1) | {"alt_id": NO_ALT}
         like = cls.empty()
-        kinds = ((name, getattr(like, name).dtype) for name in _names(cls))
+        kinds = ((name, getattr(like, name).dtype) for name in column_names(cls))
         return cls(
             *(
                 np.full(n, none[name], dtype) if name in none else np.zeros(n, dtype)

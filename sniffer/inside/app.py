@@ -16,15 +16,14 @@ from textual.widgets import ContentSwitcher, Input, OptionList, Static
 
 from sniffer.ground.model import InputError, OutputError, SnifferError
 from sniffer.ground.wording import plain
-from sniffer.inside.chrome import ASKED, CSS, HelpPage, LineSuggester, exits_on_signals
+from sniffer.inside.chrome import CSS, HelpPage, Prompt, StatusLine, exits_on_signals
 from sniffer.inside.columns import ERROR, WARN
 from sniffer.inside.detail import detail_of
-from sniffer.inside.figures import figures_of
 from sniffer.inside.filters import completions, filter_of
 from sniffer.inside.keys import KEYS
 from sniffer.inside.moment import moment_of
 from sniffer.inside.notes import Notes
-from sniffer.inside.panes import FieldPane, TextPane, bytes_text, figures_text, moment_table
+from sniffer.inside.panes import FieldPane, FiguresPane, TextPane, bytes_text, moment_table
 from sniffer.inside.places import line_of
 from sniffer.inside.search import Search
 from sniffer.inside.table import FrameList
@@ -35,7 +34,6 @@ from sniffer.selection.selection import complaint
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from sniffer.inside.figures import ShownFigures
     from sniffer.inside.reading import Reading
     from sniffer.inside.recorder import BesideRecorder
 
@@ -87,15 +85,14 @@ class LookingGlass(App[None]):
         # kept by name: another screen may stand above theirs
         self.top, self.head = Static(id="top", markup=False), Static(id="head", markup=False)
         self.list, self.fields, self.bytes = FrameList(self.view), FieldPane(), TextPane("bytes")
-        self.board, self.figures = TextPane("board"), TextPane("figures")
+        self.board, self.figures = TextPane("board"), FiguresPane("figures")
         self.below = ContentSwitcher(initial="detail", id="below")
-        self.prompt = Input(id="prompt", compact=True, suggester=LineSuggester(self._known))
-        self.status = Static(id="status", markup=False)
+        self.prompt = Prompt(self._known)
+        self.status = StatusLine()
         self._title = plain(name)
         self.title = f"sniffer open {self._title}"
         self._follow = follow
         self._recorder = recorder
-        self._said, self._is_bad = "", False
         self._wanted: int | None = None
         self._search: Search | None = None
         self._found_last, self._filter_text = "", wanted
@@ -134,7 +131,7 @@ class LookingGlass(App[None]):
 
     def say(self, text: str, *, bad: bool = False) -> None:
         """Say something in the last line, in place of the keys."""
-        self._said, self._is_bad = text, bad
+        self.status.say(text, bad=bad)
         self._status()
 
     def _tick(self) -> None:
@@ -180,27 +177,20 @@ class LookingGlass(App[None]):
         self.head.update(self.list.heading(self.list.size.width or 80))
 
     def _status(self) -> None:
-        status = self.status
-        told, bad = self._said, self._is_bad
-        if not told and self._recorder is not None and self._recorder.has_ended:
-            told, bad = f"the recording has ended: {self._recorder.said}", True
-        if not told and self.reading.problem:
-            told, bad = self.reading.problem, True
-        status.set_class(bad, "bad")
-        status.update(plain(told) or "  ".join(f"{k.shown} {k.word}" for k in KEYS if k.word))
+        wrong = self.reading.problem or ""
+        if self._recorder is not None and self._recorder.has_ended:
+            wrong = f"the recording has ended: {self._recorder.said}"
+        self.status.show(wrong)
 
     def on_frame_list_moved(self, event: FrameList.Moved) -> None:
         """Have the panes follow the cursor."""
         if event.by_hand:
             self._start = ""
-            self._said, self._follow = "", self._follow and self._is_at_end
+            self.status.say("")
+            self._follow = self._follow and self.list.cursor >= self.view.count - 1
         if not self._is_due:
             self._is_due = True
             self.set_timer(SETTLES_S, self._show)
-
-    @property
-    def _is_at_end(self) -> bool:
-        return self.list.cursor >= self.view.count - 1
 
     def _show(self) -> None:
         """Show what is under the cursor in the pane that is open."""
@@ -256,13 +246,9 @@ class LookingGlass(App[None]):
                 self._noted(partial(self.notes.remove, self.index, self.list.line))
                 return
         self.asking = what
-        prompt = self.prompt
-        prompt.placeholder = ASKED[what]
-        prompt.value = {"filter": self._filter_text, "find": self._found_last}.get(what, "")
-        prompt.cursor_position = len(prompt.value)
-        prompt.display = True
+        known = {"filter": self._filter_text, "find": self._found_last}
         self.status.display = False
-        prompt.focus()
+        self.prompt.open(what, known.get(what, ""))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Do what was asked for."""
@@ -301,7 +287,7 @@ class LookingGlass(App[None]):
         if text is not None:
             self._filter_text = plain(text.strip())
         self.view.choose(chosen, exchanges=self.view.exchanges if exchanges is None else exchanges)
-        self._said = ""
+        self.status.say("")
         self._wanted, self.list.cursor = kept, 0
         self.view.steps()
         self.list.afresh()
@@ -320,7 +306,8 @@ class LookingGlass(App[None]):
                 self.say(f"looking for {self._start} …")
             return
         if not self.view.is_behind or self.view.judged > line:
-            self._start, self._said = "", ""
+            self._start = ""
+            self.status.say("")
             self._go(line)
 
     def _go(self, line: int) -> None:
@@ -340,7 +327,7 @@ class LookingGlass(App[None]):
             self.say(f"searching … {self._search.done:.0%}, Esc stops it")
             return
         text, self._search = self._search.text, None
-        self._said = ""
+        self.status.say("")
         if at < 0:
             self.say(f"{plain(text)!r} is nowhere in the lines shown")
         else:
@@ -380,21 +367,8 @@ class LookingGlass(App[None]):
         below = self.below
         below.current = "detail" if below.current == name else name
         if below.current == "figures":
-            self._figures()
+            self.figures.count(self.index, self.view.shown())
         self._show()
-
-    def _figures(self) -> None:
-        pane = self.figures
-        pane.show("counting …")
-        numbers = self.view.shown()
-
-        def count() -> None:
-            self.call_from_thread(self._counted, figures_of(self.index, numbers))
-
-        self.run_worker(count, thread=True, exclusive=True, group="figures")
-
-    def _counted(self, figures: ShownFigures) -> None:
-        self.figures.show(figures_text(figures))
 
     def action_follow(self) -> None:
         """Stay at the last line, or no more."""
@@ -418,6 +392,6 @@ class LookingGlass(App[None]):
             self.say("the search was stopped")
         else:
             self.below.current = "detail"
-            self._said = ""
+            self.status.say("")
             self._show()
             self.list.focus()

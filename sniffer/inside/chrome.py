@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Final
 
 from textual.screen import ModalScreen
 from textual.suggester import Suggester
-from textual.widgets import Static
+from textual.widgets import Input, Static
 
+from sniffer.ground.wording import plain
 from sniffer.inside.filters import completed
-from sniffer.inside.keys import help_text
+from sniffer.inside.keys import KEYS, help_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,6 +60,39 @@ class LineSuggester(Suggester):
         """Return the line as it would be."""
         known = self._known()
         return None if known is None else completed(value, known)
+
+
+class Prompt(Input):
+    """The line in which somebody says what a key has asked for."""
+
+    def __init__(self, known: Callable[[], dict[str, list[str]] | None]) -> None:
+        super().__init__(id="prompt", compact=True, suggester=LineSuggester(known))
+
+    def open(self, what: str, text: str) -> None:
+        """Ask for something; ``text`` is there already."""
+        self.placeholder = ASKED[what]
+        self.value = text
+        self.cursor_position = len(text)
+        self.display = True
+        self.focus()
+
+
+class StatusLine(Static):
+    """The last line: what was said to who looks on, else what is wrong, else the keys."""
+
+    def __init__(self) -> None:
+        super().__init__(id="status", markup=False)
+        self.said, self._is_bad = "", False
+
+    def say(self, text: str, *, bad: bool = False) -> None:
+        """Say something until something else is said; empty: nothing any more."""
+        self.said, self._is_bad = text, bad
+
+    def show(self, wrong: str) -> None:
+        """Draw it; ``wrong`` is what is wrong meanwhile, if anything is."""
+        told, bad = (self.said, self._is_bad) if self.said else (wrong, bool(wrong))
+        self.set_class(bad, "bad")
+        self.update(plain(told) or "  ".join(f"{k.shown} {k.word}" for k in KEYS if k.word))
 
 
 class HelpPage(ModalScreen[None]):

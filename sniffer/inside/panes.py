@@ -11,12 +11,15 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from sniffer.ground.wording import plain
+from sniffer.inside.figures import figures_of
 from sniffer.inside.moment import SHOWN, TITLES
 from sniffer.inside.table import SEVERITIES
 
 if TYPE_CHECKING:
+    from sniffer.ground.model import I64
     from sniffer.inside.detail import Detail, DetailField, DetailPart
     from sniffer.inside.figures import ShownFigures
+    from sniffer.inside.index import CaptureIndex
     from sniffer.inside.moment import MomentRow
 
 LIT: Final = "reverse bold"
@@ -63,6 +66,19 @@ class TextPane(VerticalScroll):
     def show(self, what: Text | Table | str) -> None:
         """Show this."""
         self._text.update(what)
+
+
+class FiguresPane(TextPane):
+    """What is counted of the lines that are shown, by a thread of its own."""
+
+    def count(self, index: CaptureIndex, numbers: I64) -> None:
+        """Count lines, and show what comes of it; what was begun before is given up."""
+        self.show("counting …")
+
+        def counted() -> None:
+            self.app.call_from_thread(self.show, figures_text(figures_of(index, numbers)))
+
+        self.run_worker(counted, thread=True, exclusive=True, group="figures")
 
 
 def bytes_text(detail: Detail | None, chosen: DetailField | None, width: int) -> Text:

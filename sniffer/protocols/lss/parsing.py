@@ -7,12 +7,12 @@ the lowest byte). Longer words and numbers, texts and damage go to ``lines.read`
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from sniffer.ground.model import I64, U8, Columns, Mask
+from sniffer.ground.columnar import Columns
 from sniffer.protocols.lss.grammar import (
     COMMAND_MARK,
     END,
@@ -24,6 +24,9 @@ from sniffer.protocols.lss.grammar import (
 )
 from sniffer.protocols.lss.lines import Line, read
 from sniffer.protocols.lss.tables import ENTRIES, IS_QUERY
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import I64, U8, Mask
 
 U64 = npt.NDArray[np.uint64]
 WIDE: Final = 8  # characters that one 64-bit word holds
