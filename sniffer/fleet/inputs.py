@@ -123,6 +123,8 @@ def _remote(given: str) -> Iterator[tuple[FoundCapture, bool]]:
 def glob_pattern(pattern: str) -> str:
     """Return a pattern of names as a regular expression: ``**`` crosses folders, ``*`` does not.
 
+    As ``glob.translate``, which Python has from 3.13 on.
+
     >>> import re
     >>> re.fullmatch(glob_pattern("s3://a/**/*.log"), "s3://a/b/c/d.log") is not None
     True

@@ -68,6 +68,7 @@ class Store:
         try:
             place = find_objects(told)
         except (pa.ArrowInvalid, pa.ArrowNotImplementedError, OSError) as error:
+            # no such URI; a file system that this build of arrow lacks; a bucket that is not found
             raise InputError(f"{told}: no place for files ({error})") from None
         return cls(told, place)
 

@@ -12,14 +12,13 @@ import tempfile
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import zstandard
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
+from sniffer.ground.pickling import write_pickle
 
+if TYPE_CHECKING:
     from sniffer.ground.model import Batch
     from sniffer.protocols.base import BusProtocol
 
@@ -120,17 +119,7 @@ class Pages:
             self._file.close()
 
 
-class _Pickler(pickle.Pickler):
-    """Details of gaps are views that cannot be pickled: what they show can."""
-
-    def reducer_override(self, thing: Any) -> Any:
-        if isinstance(thing, MappingProxyType):
-            shown: Mapping[Any, Any] = thing
-            return dict, (dict(shown),)
-        return NotImplemented
-
-
 def _pickled(batch: Batch, before: Board) -> bytes:
     out = io.BytesIO()
-    _Pickler(out, 5).dump((batch, before))
+    write_pickle((batch, before), out)
     return out.getvalue()

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from sniffer.decoding.sink import taken, written
 from sniffer.ground.files import open_binary, writing
+from sniffer.ground.pickling import write_pickle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -84,19 +84,6 @@ class BatchPieces:
         return BatchPiece(path)
 
 
-def _unchanging(value: dict[Any, Any]) -> MappingProxyType[Any, Any]:
-    return MappingProxyType(value)
-
-
-class _BatchPickler(pickle.Pickler):
-    """Knows mappings that nobody can change, too."""
-
-    def reducer_override(self, value: object) -> Any:
-        if isinstance(value, MappingProxyType):
-            return _unchanging, (dict(value),)
-        return NotImplemented
-
-
 class BatchPiece:
     """Writes what a sink would be given, call by call."""
 
@@ -118,7 +105,7 @@ class BatchPiece:
 
     def _write(self, bus: str, chunks: Sequence[Chunk], said: Sequence[tuple[str, Batch]]) -> None:
         with writing(self._path):
-            _BatchPickler(self._file, pickle.HIGHEST_PROTOCOL).dump((bus, chunks, said))
+            write_pickle((bus, chunks, said), self._file)
 
     def close(self) -> None:
         """Finish the file."""
