@@ -59,8 +59,8 @@ REST_MAX_S: Final = 1.0
 """How long that lasts at most by the clock, less than anybody waits for the thread."""
 
 MOVED_UP_S: Final = 0.02
-"""How long the kernel is given for what did not fit in what a read hands out (4 kB): a worker has to
-move that up, and may wait for a processor."""
+"""How long the kernel is given for what did not fit in what a read hands out (4 kB): a worker has
+to move that up, and may wait for a processor."""
 
 RETRY_S: Final = 0.25
 """How often a port that is away is looked for."""
