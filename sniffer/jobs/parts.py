@@ -86,6 +86,7 @@ class JoinedParts:
         self._patience = patience
         self._plans = pipeline.plans()
         self._known = self._guess = pipeline.states()
+        self._unsure = pipeline.unsure()
         self._done: dict[int, PartResult] = {}
         self._again: list[PartTask] = []
         self._failed: set[int] = set()
@@ -166,6 +167,7 @@ class JoinedParts:
             self._options,
             self._where,
             pieces,
+            self._unsure,
         )
 
     def _take(self, outcome: TaskEnd) -> None:
@@ -233,6 +235,8 @@ class JoinedParts:
     def _write(self, number: int, found: PartResult, folder: Path) -> None:
         told = WrittenElsewhere(found.totals, self._pipeline.given)
         paths = {id(sink): folder / _piece(number, nth) for nth, sink in enumerate(self._sinks)}
+        for bus, chunks in found.first.items():
+            self._pipeline.keep_first(bus, chunks)
         self._pipeline.take(found.totals, lambda sink: join(sink, paths[id(sink)], told))
         for file in folder.glob(_piece(number, "*", "*")):
             file.unlink()
