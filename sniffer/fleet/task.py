@@ -21,6 +21,7 @@ from sniffer.fleet.store import Store
 from sniffer.fleet.tables import TABLES, CaptureTables
 from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import NS, OutputError, SnifferError
+from sniffer.ground.naming import worded
 from sniffer.ground.wording import one_line
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.session import Ending, run_source
@@ -117,7 +118,7 @@ def _decoded(task: CaptureTask, store: Store, folder: Path) -> CaptureRow:
         if isinstance(error, OutputError) and isinstance(error.__cause__, _MACHINE):
             raise error.__cause__ from None
         known = isinstance(error, SnifferError)
-        told = str(error) if known else f"{type(error).__name__}: {error}"
+        told = worded(error) if known else f"{type(error).__name__}: {error}"
         return replace(row, error=one_line(told.replace(str(file), task.path)))
     if heard.is_mistaken:
         return replace(row, error=one_line(heard.damage))
@@ -164,7 +165,8 @@ def _heard(task: CaptureTask, file: Path, tables: CaptureTables) -> _Decoded:
     if ending == Ending.INTERRUPTED:
         raise KeyboardInterrupt
     mistaken = ending == Ending.MISTAKEN
-    return _Decoded(summary, "; ".join(told if mistaken else damage), mistaken)
+    why = "; ".join(map(worded, told if mistaken else damage))
+    return _Decoded(summary, why, mistaken)
 
 
 def _totalled(row: CaptureRow, summary: Summary, mtime_ns: int) -> CaptureRow:
