@@ -86,10 +86,10 @@ def decode_part(task: PartTask) -> PartResult:
         pipeline.narrowing = Narrowing(None, Selection.parse(task.where).rows)
     if task.is_exact:
         pipeline.resume(task.plans, task.known)
-        own.due.update(pipeline.heard())
     else:
         for group in warm:
             pipeline.feed(group)
+    own.due.update(pipeline.heard())
     before = pipeline.states()
     pipeline.summary = Summary()
     pipeline.keep_first_of(task.unsure)
