@@ -58,7 +58,7 @@ class Amounts:
 
 
 QUICK: Final = Amounts(
-    captures=8, size=300_000, small=12, done=300, table=400_000, huge=36_000_000, rounds=1
+    captures=8, size=300_000, small=12, done=300, table=400_000, huge=95_000_000, rounds=1
 )
 
 

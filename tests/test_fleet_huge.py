@@ -146,7 +146,7 @@ def test_captures_are_shared_where_the_others_would_wait_for_who_has_them() -> N
     assert of(8, 1000, 1000, 1000) == 3
     assert of(2, 1000, 1000) == of(2, *[1000] * 10) == of(4, *[1000] * 40) == 0
     assert of(2, 1000, *[10] * 200) == 0  # the other one has enough to do
-    assert of(2, 32) == of(1, 1000) == of(2) == 0  # it would not gain anything
+    assert of(2, 80) == of(8, 34) == of(1, 1000) == of(2) == 0  # it would not gain anything
     there = CaptureTask("s3://logs/x.bin", 1 << 30, 0, "", "", "", "", "")
     assert shared([(there,)], 2) == 0
     assert shared([(there, there)], 2) == 0
@@ -163,10 +163,10 @@ def peril(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Peril]:
 
 
 def huge(folder: Path, mark: bytes) -> Path:
-    """Write a huge capture with a mark in its last part, and one that nobody can divide."""
+    """Write a huge capture with a mark in its last part, and a small one."""
     folder.mkdir()
-    (folder / "huge.bin").write_bytes(talk(120, 1) + mark + talk(8, 2))
-    (folder / "text.log").write_text(log(talk(15, 3)), encoding="ascii")
+    (folder / "huge.bin").write_bytes(talk(200, 1) + mark + talk(8, 2))
+    (folder / "text.log").write_text(log(talk(2, 3)), encoding="ascii")
     return folder
 
 
@@ -195,7 +195,7 @@ def test_of_the_processes_that_decode_one_capture_any_may_be_killed(
     killer.start()
     done = sniffer.decode_fleet([inputs], tmp_path / "data", workers=2, **named(peril))
     killer.join()
-    assert len(there) >= 4  # who sees to it, those that decode, and who begins them
+    assert len(there) >= 5  # who sees to it, those that decode, and who begins them
     assert (done.statuses, done.reasons, done.troubles) == ({"ok": 2}, (), ())
     assert serial(inputs, tmp_path / "serial", **named(peril)).is_whole
     assert content(tmp_path / "data") == content(tmp_path / "serial")
