@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import platform
+import shutil
 import statistics
 import subprocess
 import sys
@@ -37,6 +38,9 @@ FLEET: Final = Path(__file__).parent / "FLEET.md"
 SMALL: Final = 10_000
 """Bytes of a small capture."""
 
+PIECE: Final = 50_000_000
+"""Bytes of which a huge capture is made: over and over the same."""
+
 ADDITIONS: Final = 10_000_000
 
 
@@ -49,10 +53,13 @@ class Amounts:
     small: int = 100
     done: int = 10_000
     table: int = 20_000_000
+    huge: int = 1_000_000_000
     rounds: int = 3
 
 
-QUICK: Final = Amounts(captures=8, size=300_000, small=12, done=300, table=400_000, rounds=1)
+QUICK: Final = Amounts(
+    captures=8, size=300_000, small=12, done=300, table=400_000, huge=95_000_000, rounds=1
+)
 
 
 def main() -> None:
@@ -82,6 +89,7 @@ def _page(amounts: Amounts) -> Iterator[str]:
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         yield _workers(place, amounts)
+        yield _huge(place, amounts)
         yield from _tables(place, amounts)
         yield from _small(place, amounts)
         yield _skipped(place, amounts)
@@ -110,20 +118,36 @@ def written(folder: Path, count: int, size: int) -> Path:
 
 
 def _workers(place: Path, amounts: Amounts) -> str:
-    """Measure one worker against two, in turns, each into a data set of its own."""
+    """Measure one worker against two on captures of one size."""
     inputs = written(place / "big", amounts.captures, amounts.size)
+    told = _one_and_two(inputs, place / "data", amounts.captures * amounts.size, amounts.rounds)
+    return f"| 1 to 2 workers, {amounts.captures} x {amounts.size / 1e6:g} MB | {told} | >= 1.8x |"
+
+
+def _huge(place: Path, amounts: Amounts) -> str:
+    """Measure one worker against two on one capture, which they decode together."""
+    inputs = place / "huge.bin"
+    with inputs.open("wb") as file:
+        while file.tell() < amounts.huge:
+            file.write(STREAMS["mightyzap"](min(amounts.huge, PIECE)))
+    told = _one_and_two(inputs, place / "together", inputs.stat().st_size, amounts.rounds)
+    inputs.unlink()
+    return f"| 1 to 2 workers, one capture of {amounts.huge / 1e6:g} MB | {told} | >= 1.7x |"
+
+
+def _one_and_two(inputs: Path, data: Path, size: int, rounds: int) -> str:
+    """Measure one worker against two, in turns, each into a data set of its own."""
     took: dict[int, list[float]] = {1: [], 2: []}
-    for turn in range(amounts.rounds):
+    for _ in range(rounds):
         for workers, times in took.items():
-            done = decode_fleet([inputs], place / f"data{workers}-{turn}", workers=workers)
+            done = decode_fleet([inputs], data, workers=workers)
             if not done.is_whole or done.failures:
                 sys.exit(f"not all captures were decoded: {done}")
             times.append(done.seconds)
+            shutil.rmtree(data)
     ratio = statistics.median(took[1]) / statistics.median(took[2])
-    whole = amounts.captures * amounts.size / 1e6
-    of = f"{amounts.captures} x {amounts.size / 1e6:g} MB"
-    rate = whole / statistics.median(took[2])
-    return f"| 1 to 2 workers, {of} | {ratio:.2f}x ({rate:.1f} MB/s with two) | >= 1.8x |"
+    rate = size / 1e6 / statistics.median(took[2])
+    return f"{ratio:.2f}x ({rate:.1f} MB/s with two)"
 
 
 def _tasks(inputs: Path, dataset: Path, protocol: str = "auto") -> list[CaptureTask]:

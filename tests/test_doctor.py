@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from sniffer.cli.naming import worded
 from sniffer.doctor import (
     Level,
     Listened,
@@ -21,6 +20,7 @@ from sniffer.doctor import (
     worst,
 )
 from sniffer.ground.model import NS, Chunk, Clock, Mark, MarkKind
+from sniffer.ground.naming import worded
 from sniffer.ports import Counters
 from sniffer.ports.listing import PortInfo
 from sniffer.protocols import PROTOCOLS

@@ -134,6 +134,7 @@ def test_what_cannot_be_read_has_a_row_that_says_why_and_is_tried_again_when_tha
         "broken.log": "damaged",
     }
     assert found["prose.txt"]["error"].startswith(f"{inputs / 'prose.txt'}: this is text, but no")
+    assert found["prose.txt"]["error"].endswith("is the traffic, say --input-format bin")
     assert f"line {log(talk(5)).count(chr(10)) + 1}" in found["broken.log"]["error"]
     assert found["broken.log"]["frames"] == found["good.log"]["frames"] > 0
     assert found["empty.bin"]["date"] > "2100"

@@ -11,7 +11,7 @@ import pytest
 
 import sniffer
 from sniffer.cli import cli
-from sniffer.cli.naming import worded
+from sniffer.ground.naming import worded
 from sniffer.ground.wording import Sentence, spelled
 from tests.commands import within
 
@@ -31,6 +31,7 @@ OTHERS: Final = (
     "diagnostics/",  # the catalogue is a page about the commands; details are a contract
     "viewers/viewer.py",  # options of the Rerun viewer, a program of its own
     "viewers/companion/child.py",
+    "ground/naming.py",  # what the command line calls arguments
     "sources/refusals.py",  # options of candump
 )
 

@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sniffer
-from sniffer.cli.naming import worded
 from sniffer.decoding.rows import Row, as_dict, rows
 from sniffer.ground.model import InputError
+from sniffer.ground.naming import worded
 from sniffer.selection.columns import IS_TEXT, REALS, TABLES, VALUES
 from sniffer.selection.selection import Selection
 

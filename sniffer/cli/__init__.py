@@ -21,10 +21,10 @@ from typing import Any, Final, TextIO
 import click
 
 from sniffer import __version__
-from sniffer.cli.naming import worded
 from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED, MISTAKE
 from sniffer.cli.streams import say, silence_stdout
 from sniffer.ground.loading import Loading, PluginWarning
+from sniffer.ground.naming import worded
 from sniffer.ground.streams import silence
 from sniffer.ground.wording import nearly
 

@@ -7,7 +7,6 @@ from typing import Final
 
 import click
 
-from sniffer.cli.naming import worded
 from sniffer.cli.options import (
     captures_in,
     decoding,
@@ -23,6 +22,7 @@ from sniffer.cli.streams import say
 from sniffer.decoding.options import Options
 from sniffer.ground.files import open_text, writing
 from sniffer.ground.model import InputError
+from sniffer.ground.naming import worded
 from sniffer.ground.wording import plain
 from sniffer.jobs.check import Checked
 from sniffer.jobs.check import check as hold

@@ -8,9 +8,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from sniffer.cli.naming import worded
 from sniffer.cli.streams import say
 from sniffer.ground.model import SnifferError
+from sniffer.ground.naming import worded
 from sniffer.jobs.demo import STORY, record_damaged, summaries
 from sniffer.jobs.report import report
 

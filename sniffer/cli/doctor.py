@@ -13,7 +13,6 @@ from click.core import ParameterSource
 from rich.text import Text
 
 from sniffer.cli.amounts import Duration, port_spec
-from sniffer.cli.naming import worded
 from sniffer.cli.options import (
     SHARED,
     ProtocolName,
@@ -31,6 +30,7 @@ from sniffer.doctor.examine import Examined, examine, prepare
 from sniffer.doctor.records import Level, Observation
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS
+from sniffer.ground.naming import worded
 from sniffer.sinks.consoles import console_for
 
 _STYLES: Final = {Level.OK: "green", Level.NOTE: "cyan", Level.WARN: "yellow", Level.BAD: "red"}

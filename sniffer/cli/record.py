@@ -11,7 +11,6 @@ import click
 
 from sniffer.cli.amounts import Duration, Size, port_specs, sizes_and_times, topics
 from sniffer.cli.joints import with_ros2
-from sniffer.cli.naming import worded
 from sniffer.cli.options import (
     SHARED,
     Finite,
@@ -34,6 +33,7 @@ from sniffer.decoding.pipeline import AUTO
 from sniffer.diagnostics.alarms import Alarm
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS
+from sniffer.ground.naming import worded
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wording import one_line
 from sniffer.mcapfile.joints import RosJoint

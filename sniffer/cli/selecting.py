@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sniffer.cli.naming import worded
 from sniffer.cli.options import Command, Whole, gathered
 from sniffer.cli.streams import say
 from sniffer.ground.amounts import time_in
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import InputError
+from sniffer.ground.naming import worded
 
 if TYPE_CHECKING:
     from sniffer.decoding.summary import Summary

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.naming import worded
+from sniffer.ground.naming import worded
 from sniffer.ground.streams import silence
 from sniffer.ground.wording import and_, one_line
 

@@ -233,6 +233,10 @@ class Decoder(Remembering):
         """Offset in the stream up to which everything is decided."""
         return self._base
 
+    def models(self) -> dict[str, Mapping[int, tuple[str, int]]]:
+        """Return, by protocol, model and grounds of the servos whose model is not just assumed."""
+        return {self.protocol.name: self._scaling.models()}
+
     def nothing(self) -> Batch:
         """Return no bytes, with what has been remarked between those before and those to come."""
         batch = empty_batch(self._base, self._stamps.clock, self._remarks.until(self._base))

@@ -161,6 +161,10 @@ class MixedDecoder(Remembering):
         """Offset in the stream up to which everything is decided."""
         return self._parts[0].position
 
+    def models(self) -> dict[str, Mapping[int, tuple[str, int]]]:
+        """Return, by protocol, model and grounds of the servos whose model is not just assumed."""
+        return {name: told for part in self._parts for name, told in part.models().items()}
+
     def _nothing(self) -> tuple[Batch, ...]:
         return self._judged([replace(part.nothing(), is_shared=True) for part in self._parts])
 

@@ -100,6 +100,8 @@ class Pipeline:
         self._begin: dict[str, int] = dict(starts or {})
         self._late = {bus: Late(size) for bus, size in options.begins.items() if size}
         self._tuned: dict[str, int] = {}
+        self._torn: set[str] = set()
+        """Buses of which something was left out: what was known of their servos is forgotten."""
 
     def add(self, sink: Sink) -> None:
         """Take another sink; it gets what comes from now on."""
@@ -188,6 +190,7 @@ class Pipeline:
             self._deliver(bus, parts_of(decoder, decoder.close()))
             self._begin[bus] = decoder.position + count
             self._decoders[bus] = self._decoder(bus, decoder.protocols)
+            self._torn.add(bus)
         else:
             count += sum(len(c.data) for c in self._waiting.pop(bus, ()))
             self._begin[bus] = self._begin.get(bus, 0) + count
@@ -242,6 +245,9 @@ class Pipeline:
             self._deliver(bus, parts_of(decoder, decoder.close()))
         for mistake in self.mistaken():
             self.summary.buses[mistake.bus].looks_like = mistake.found.protocol
+        for bus, decoder in self._decoders.items():
+            if bus in self.summary.buses and bus not in self._torn:
+                self.summary.know(bus, decoder.models())
         if undecided is not None:
             raise undecided
 
@@ -375,11 +381,15 @@ class Pipeline:
         )
 
     def _decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        self.keep_first(bus, chunks)
+        decoder = self._decoders[bus]
+        self._deliver(bus, parts_of(decoder, decoder.feed(*chunks)))
+
+    def keep_first(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Keep the first bytes of a bus whose protocol was named: do they speak another one?"""
         first = self._first.get(bus)
         if first is not None and sum(len(c.data) for c in first) < ENOUGH:
             first += chunks
-        decoder = self._decoders[bus]
-        self._deliver(bus, parts_of(decoder, decoder.feed(*chunks)))
 
     def _deliver(self, bus: str, parts: Sequence[Part]) -> None:
         if not any(b.data or b.remarks or b.anomalies for _, b in parts):
@@ -388,13 +398,7 @@ class Pipeline:
             return
         for protocol, batch in parts:
             self.summary.add(bus, protocol, batch)
-        self._settle(bus)
         self._each(functools.partial(written, bus=bus, parts=parts))
-
-    def _settle(self, bus: str) -> None:
-        b = self.summary.buses[bus]
-        if b.bytes >= ENOUGH and b.bytes_in_frames > CLEAR * b.bytes:
-            self._first.pop(bus, None)  # it speaks what was named
 
 
 __all__ = ["AFTER_NS", "AUTO", "FIRST_LOOK", "UNDECIDED_MOST", "Options", "Pipeline"]

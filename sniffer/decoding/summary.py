@@ -229,6 +229,12 @@ class BusTotals:
             mine = servo == who
             self.times.setdefault(who, Quantiles()).add(took[mine], spread[mine])
 
+    def know(self, told: Mapping[int, tuple[str, int]]) -> dict[int, tuple[str, int]]:
+        """Keep what is known of servos in the end, as far as they were met; return it."""
+        met = {servo for servo, _, _ in self.by_command}
+        self.models = {servo: model for servo, model in told.items() if servo in met}
+        return self.models
+
     @property
     def seconds(self) -> float | None:
         """Length of the capture by its own clock; None where it has none."""
@@ -286,6 +292,18 @@ class Summary:
         """Take the severity of an anomaly that is selected; None: there is none."""
         if severity is not None:
             self._worst_shown = max(severity, self._worst_shown or Severity.NOTE)
+
+    def know(self, bus: str, told: Mapping[str, Mapping[int, tuple[str, int]]]) -> None:
+        """Take what is known in the end, by protocol: of each servo its model, and on what grounds.
+
+        What was shown of a servo and refuted later is no longer told of it.
+        """
+        totals = self.buses[bus]
+        if totals.parts:
+            each = [part.know(told.get(name, {})) for name, part in sorted(totals.parts.items())]
+            totals.models = {servo: model for one in each for servo, model in one.items()}
+        else:
+            totals.know(told.get(totals.protocol, {}))
 
     def narrow(self, told: Mapping[str, Any]) -> None:
         """Take what was asked for."""

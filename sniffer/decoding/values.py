@@ -166,12 +166,17 @@ class Scaling(Remembering):
         resets = [c for c in changes if c.what == RESET and c.value >= 0]
         return Meaning(samples, _feedback(changes), weighed.told, misfits, resets)
 
-    def models(self, frames: Frames) -> dict[int, tuple[str, int]]:
-        """Return model and grounds of the servos in ``frames``, where it is not just assumed."""
+    def models(self, frames: Frames | None = None) -> dict[int, tuple[str, int]]:
+        """Return model and grounds of the servos in ``frames``, where it is not just assumed.
+
+        None: of all servos.
+        """
         state = self.state
         if not state.origin.any():
             return {}
-        met = np.bincount(frames.servo_id[frames.servo_id >= 0], minlength=256) > 0
+        met = np.ones(256, bool)
+        if frames is not None:
+            met = np.bincount(frames.servo_id[frames.servo_id >= 0], minlength=256) > 0
         met[[s for s in self.protocol.everyone if s]] = False
         return {
             servo: (self.protocol.models[int(state.model[servo])].model, int(state.origin[servo]))

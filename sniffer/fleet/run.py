@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.decoding.options import Options
+from sniffer.fleet import rows
 from sniffer.fleet.engines import cores, engine_named
 from sniffer.fleet.rows import (
     CRASHED,
@@ -235,7 +236,8 @@ def tasks_of(
         robot = whose(capture)
         fingerprint = _fingerprint(capture, robot, decoder)
         place = (capture.uri, capture.size, capture.mtime_ns)
-        tasks.append(CaptureTask(*place, robot, dataset, recipe, decoder, fingerprint))
+        told = (robot, dataset, recipe, decoder, fingerprint)
+        tasks.append(CaptureTask(*place, *told, sizes=rows.HUGE))
     return sorted(tasks, key=lambda task: (-task.size, task.uri))
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.ipc
 
 from sniffer.sinks.relations import RELATIONS
 from sniffer.sinks.tables import parquet_writer
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
+    from sniffer.sinks.pieces import WrittenElsewhere
 
 TABLES: Final = ("samples", "frames", "transactions", "anomalies")
 """The tables of a data set, names of ``RELATIONS``."""
@@ -39,6 +42,7 @@ class CaptureTables:
     """
 
     def __init__(self, folder: Path, capture: str) -> None:
+        self.folder = folder
         self._grown = {name: _GrowingFile(folder / f"{name}.parquet", name, capture)
                        for name in TABLES}  # fmt: skip
 
@@ -49,6 +53,18 @@ class CaptureTables:
         """Add the batch's rows."""
         for name, grown in self._grown.items():
             grown.add(RELATIONS[name].build(bus, protocol, batch))
+
+    def pieces(self) -> CapturePieces:
+        """Return how a part of a capture is written elsewhere."""
+        return CapturePieces()
+
+    def join(self, piece: Path, told: WrittenElsewhere) -> None:
+        """Add the rows that were written elsewhere."""
+        del told
+        for name, grown in self._grown.items():
+            with pa.memory_map(str(_piece(piece, name))) as file:
+                for rows in pa.ipc.open_stream(file):
+                    grown.add(pa.Table.from_batches([rows]))
 
     def close(self) -> None:
         """Write what is left and the files' ends."""
@@ -62,6 +78,48 @@ class CaptureTables:
     def files(self) -> dict[str, Path]:
         """Return the files by the names of their tables; a table without rows has none."""
         return {name: grown.path for name, grown in self._grown.items() if grown.rows}
+
+
+@dataclass(frozen=True, slots=True)
+class CapturePieces:
+    """Parts of a capture as rows that are ready to be packed into its tables."""
+
+    def open(self, path: Path) -> CapturePiece:
+        """Return what writes one."""
+        return CapturePiece(path)
+
+
+class CapturePiece:
+    """Writes the rows of a part as Arrow streams, one a table, batch by batch.
+
+    What the machine refuses is raised as it is: it is not the capture's fault.
+    """
+
+    def __init__(self, path: Path) -> None:
+        packed = pa.ipc.IpcWriteOptions(compression="lz4", use_threads=False)
+        self._writers = {
+            name: pa.ipc.new_stream(_piece(path, name), RELATIONS[name].schema, options=packed)
+            for name in TABLES
+        }
+
+    def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
+        """Take nothing."""
+
+    def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
+        """Add the batch's rows."""
+        for name, writer in self._writers.items():
+            rows = RELATIONS[name].build(bus, protocol, batch)
+            if len(rows):
+                writer.write_table(rows)
+
+    def close(self) -> None:
+        """Write the files' ends."""
+        for writer in self._writers.values():
+            writer.close()
+
+
+def _piece(path: Path, table: str) -> Path:
+    return path.with_name(f"{path.stem}.{table}{path.suffix}")
 
 
 class _GrowingFile:

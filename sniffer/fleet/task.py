@@ -8,6 +8,7 @@ is the same each time, and it counts when the commit is there.
 from __future__ import annotations
 
 import datetime
+import functools
 import hashlib
 import json
 import time
@@ -16,19 +17,32 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.fleet.dataset import commit, table_path
 from sniffer.fleet.recipe import read_recipe
-from sniffer.fleet.rows import CRASHED, DAMAGED, FAILED, OK, CaptureRow, CaptureTask, UndoneError
+from sniffer.fleet.rows import (
+    CRASHED,
+    DAMAGED,
+    FAILED,
+    OK,
+    CaptureRow,
+    CaptureTask,
+    UndividedError,
+    UndoneError,
+)
 from sniffer.fleet.store import Store
 from sniffer.fleet.tables import TABLES, CaptureTables
 from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import NS, OutputError, SnifferError
+from sniffer.ground.naming import worded
 from sniffer.ground.wording import one_line
 from sniffer.jobs.asked import Extract
+from sniffer.jobs.crew import LostWorkerError
+from sniffer.jobs.parts import decode_stretches
 from sniffer.jobs.session import Ending, run_source
 from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
+from sniffer.sources.stretches import stretches_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from sniffer.decoding.options import Options
@@ -44,12 +58,15 @@ _MACHINE: Final = (OSError, MemoryError)
 """What a machine, not a capture, is to blame for."""
 
 
-def decode_capture(task: CaptureTask) -> CaptureRow:
+def decode_capture(task: CaptureTask, jobs: int = 1) -> CaptureRow:
     """Decode a capture into its data set; return what became of it, which is committed.
 
-    What is wrong with the capture is in the row.
+    What is wrong with the capture is in the row. Several ``jobs`` decode it together, by processes
+    of their own, with the same result to the byte.
 
     Raises:
+        UndividedError: several processes cannot decode it: nothing is committed, nor here below.
+        LostWorkerError: one of them was killed again and again.
         UndoneError: the machine could not (disk, memory, network): nothing is committed.
         KeyboardInterrupt: it was interrupted: nothing is committed.
     """
@@ -57,7 +74,7 @@ def decode_capture(task: CaptureTask) -> CaptureRow:
     try:
         store = Store.of(task.dataset)
         with store.staging() as folder:
-            row = _decoded(task, store, folder)
+            row = _decoded(task, store, folder, jobs)
             row = replace(row, seconds=round(time.monotonic() - began, 3))
             commit(store, row, folder)
     except _MACHINE as error:
@@ -99,7 +116,7 @@ def _blank(task: CaptureTask) -> CaptureRow:
     )
 
 
-def _decoded(task: CaptureTask, store: Store, folder: Path) -> CaptureRow:
+def _decoded(task: CaptureTask, store: Store, folder: Path, jobs: int) -> CaptureRow:
     row = _blank(task)
     try:
         file = Store.of(task.uri).fetch("", folder)
@@ -110,14 +127,14 @@ def _decoded(task: CaptureTask, store: Store, folder: Path) -> CaptureRow:
     row = replace(row, sha256=sha256, capture=sha256[:ID])
     tables = CaptureTables(folder, row.capture)
     try:
-        heard = _heard(task, file, tables)
-    except (*_MACHINE, UndoneError):
+        heard = _heard(task, file, tables, jobs)
+    except (*_MACHINE, UndoneError, UndividedError, LostWorkerError):
         raise
     except Exception as error:
         if isinstance(error, OutputError) and isinstance(error.__cause__, _MACHINE):
             raise error.__cause__ from None
         known = isinstance(error, SnifferError)
-        told = str(error) if known else f"{type(error).__name__}: {error}"
+        told = worded(error) if known else f"{type(error).__name__}: {error}"
         return replace(row, error=one_line(told.replace(str(file), task.path)))
     if heard.is_mistaken:
         return replace(row, error=one_line(heard.damage))
@@ -146,16 +163,28 @@ class _Decoded:
     is_mistaken: bool
 
 
-def _heard(task: CaptureTask, file: Path, tables: CaptureTables) -> _Decoded:
+def _heard(task: CaptureTask, file: Path, tables: CaptureTables, jobs: int) -> _Decoded:
     options, selection, input_format = read_recipe(task.recipe)
     told: list[str] = []
     damage: list[str] = []
     with open_source(file, input_format, wiring=options.wired) as opened:
         told_options: Options = options.with_facts(opened.facts(), opened.tables)
-        summary, ending = run_source(
+        plan = stretches_of(opened, task.sizes, jobs) if task.is_huge else ""
+        decode: Callable[..., tuple[Summary, Ending]] = run_source
+        if not isinstance(plan, str):
+            decode = functools.partial(
+                decode_stretches,
+                plan=plan,
+                jobs=jobs,
+                folder=tables.folder,
+                first=task.sizes.first,
+            )
+        elif jobs > 1:
+            raise UndividedError(plan)
+        summary, ending = decode(
             opened,
-            told_options,
-            [tables],
+            options=told_options,
+            sinks=[tables],
             name=opened.name,
             tell=Teller(told.append, quiet=True),
             on_break=damage.append,
@@ -164,7 +193,8 @@ def _heard(task: CaptureTask, file: Path, tables: CaptureTables) -> _Decoded:
     if ending == Ending.INTERRUPTED:
         raise KeyboardInterrupt
     mistaken = ending == Ending.MISTAKEN
-    return _Decoded(summary, "; ".join(told if mistaken else damage), mistaken)
+    why = "; ".join(map(worded, told if mistaken else damage))
+    return _Decoded(summary, why, mistaken)
 
 
 def _totalled(row: CaptureRow, summary: Summary, mtime_ns: int) -> CaptureRow:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.options import Options
     from sniffer.ground.memory import Observed
+    from sniffer.ground.model import Chunk
     from sniffer.sinks.pieces import PieceMaker
     from sniffer.sources.logstretches import LogCount, LogStretch
     from sniffer.sources.stretches import Seam
@@ -35,6 +36,8 @@ class PartTask:
     options: Options
     where: str | None
     pieces: Sequence[tuple[PieceMaker, Path]]
+    unsure: frozenset[str] = frozenset()
+    """The buses whose first bytes are wanted, as those before the parts are few."""
     tries: int = 1
 
 
@@ -45,6 +48,7 @@ class PartResult:
     before: States
     after: States
     totals: Summary
+    first: Mapping[str, Sequence[Chunk]]
     damage: DamagedInputError | None = None
 
 
@@ -82,12 +86,13 @@ def decode_part(task: PartTask) -> PartResult:
         pipeline.narrowing = Narrowing(None, Selection.parse(task.where).rows)
     if task.is_exact:
         pipeline.resume(task.plans, task.known)
-        own.due.update(pipeline.heard())
     else:
         for group in warm:
             pipeline.feed(group)
+    own.due.update(pipeline.heard())
     before = pipeline.states()
     pipeline.summary = Summary()
+    pipeline.keep_first_of(task.unsure)
     damage = None
     with contextlib.ExitStack() as stack:
         for pieces, path in task.pieces:
@@ -100,4 +105,4 @@ def decode_part(task: PartTask) -> PartResult:
             damage = error
     if pipeline.failure is not None:
         raise pipeline.failure
-    return PartResult(before, pipeline.states(), pipeline.summary, damage)
+    return PartResult(before, pipeline.states(), pipeline.summary, pipeline.first(), damage)

@@ -22,9 +22,10 @@ from sniffer.jobs.part import CountTask, PartResult, PartTask, do_task, observed
 from sniffer.jobs.session import Patience, run_source
 from sniffer.sinks.pieces import WrittenElsewhere, join, pieces_of
 from sniffer.sources.stretches import Sizes, stretches_of
+from sniffer.sources.text import BLOCK
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from sniffer.decoding.options import Options
     from sniffer.decoding.resuming import ResumablePipeline
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from sniffer.selection.selection import Selection
     from sniffer.sources import Source
     from sniffer.sources.logstretches import LogCount
-    from sniffer.sources.stretches import Stretches
+    from sniffer.sources.stretches import FileStretch, Stretches
 
 TRIES: Final = 3
 """So often a part is tried whose process is killed."""
@@ -86,6 +87,7 @@ class JoinedParts:
         self._patience = patience
         self._plans = pipeline.plans()
         self._known = self._guess = pipeline.states()
+        self._unsure = pipeline.unsure()
         self._done: dict[int, PartResult] = {}
         self._again: list[PartTask] = []
         self._failed: set[int] = set()
@@ -102,9 +104,7 @@ class JoinedParts:
             UnheardBusError: so does who knows nothing of a bus; all before that part is joined.
         """
         try:
-            with Crew(
-                min(self._jobs, len(self._seams)), do_task, preload=(do_task.__module__,)
-            ) as crew:
+            with Crew(min(self._jobs, len(self._seams)), do_task, preload=self._loaded()) as crew:
                 self._count(crew)
                 while self._joined < len(self._seams):
                     self._fill(crew, folder)
@@ -115,6 +115,11 @@ class JoinedParts:
                     self._join(folder)
         finally:
             self._pipeline.resume(self._plans, self._known)
+
+    def _loaded(self) -> list[str]:
+        """Return the modules that processes need: each is loaded once, and not by each of them."""
+        makers = {type(pieces_of(sink)).__module__ for sink in self._sinks}
+        return [do_task.__module__, *sorted(makers)]
 
     def _count(self, crew: Crew) -> None:
         """Have it counted what stands before the parts, where they do not tell themselves."""
@@ -166,6 +171,7 @@ class JoinedParts:
             self._options,
             self._where,
             pieces,
+            self._unsure,
         )
 
     def _take(self, outcome: TaskEnd) -> None:
@@ -233,6 +239,8 @@ class JoinedParts:
     def _write(self, number: int, found: PartResult, folder: Path) -> None:
         told = WrittenElsewhere(found.totals, self._pipeline.given)
         paths = {id(sink): folder / _piece(number, nth) for nth, sink in enumerate(self._sinks)}
+        for bus, chunks in found.first.items():
+            self._pipeline.keep_first(bus, chunks)
         self._pipeline.take(found.totals, lambda sink: join(sink, paths[id(sink)], told))
         for file in folder.glob(_piece(number, "*", "*")):
             file.unlink()
@@ -257,8 +265,7 @@ def decode_in_parts(
 ) -> tuple[Summary, Ending]:
     """Decode everything into the sinks by several processes; else as ``run_source``.
 
-    Where the input cannot be read in parts, one process decodes it, and that is told. Sinks that
-    are ``Joining`` have their parts written by the processes.
+    Where the input cannot be read in parts, one process decodes it, and that is told.
 
     Args:
         source: what is decoded.
@@ -283,19 +290,71 @@ def decode_in_parts(
         return run_source(
             source, options, sinks, name=name, tell=tell, patience=patience, asked=asked
         )
+    return decode_stretches(
+        source,
+        plan,
+        options,
+        sinks,
+        jobs=jobs,
+        name=name,
+        tell=tell,
+        patience=patience,
+        asked=asked,
+        folder=folder,
+        first=sizes.first,
+    )
+
+
+def decode_stretches(
+    source: Source,
+    plan: Stretches,
+    options: Options,
+    sinks: Sequence[Sink],
+    *,
+    jobs: int,
+    name: str,
+    tell: Teller,
+    patience: Patience | None = None,
+    asked: Extract | None = None,
+    folder: Path | None = None,
+    first: int = BLOCK,
+    on_break: Callable[[str], None] = lambda why: None,
+) -> tuple[Summary, Ending]:
+    """Decode everything into the sinks, stretch by stretch, by one process or by several.
+
+    Sinks that are ``Joining`` have their parts written by the processes. The pipeline is given the
+    same groups whoever decodes them: batches are the same, too, and what depends on where they end.
+
+    Args:
+        source: what is decoded.
+        plan: its stretches.
+        options: how it is decoded.
+        sinks: the outputs, of one process: this one writes them.
+        jobs: how many processes decode.
+        name: what the source is called.
+        tell: takes what should be told.
+        patience: takes interruptions.
+        asked: which rows are shown; it may be no part of a capture.
+        folder: where parts wait for their turn; where temporary files are, if None.
+        first: bytes that the first group must have; else the source is read as it is.
+        on_break: is told why an input was not read to its end.
+
+    Raises:
+        SnifferError: part of a capture is asked for, or a process was killed again and again.
+    """
     patience = patience or Patience()
     selection = None if asked is None else asked.selection
 
     def feed(pipeline: ResumablePipeline) -> None:
         head = list(patience.groups(plan.head))
-        if not head or sum(len(chunk.data) for chunk in head[0]) < sizes.first:
+        if not head or sum(len(chunk.data) for chunk in head[0]) < first:
             for group in patience.groups(source):
                 pipeline.feed(group)
             return
         for group in head:
             pipeline.feed(group)
-        seams = list(plan.parts)
-        if pipeline.is_settled:
+        rest: Iterable[FileStretch] = plan.in_turn(source.notes)
+        if pipeline.is_settled and jobs > 1:
             parts = JoinedParts(
                 *(pipeline, sinks, plan, options),
                 selection=selection,
@@ -307,10 +366,11 @@ def decode_in_parts(
                 contextlib.suppress(UnheardBusError),  # one process goes on from there
             ):
                 parts.run(Path(room))
-            del seams[: parts.joined]
+            rest = [seam.own for seam in plan.parts[parts.joined :]]
             source.notes[:] = parts.notes
-        for seam in seams:
-            for group in patience.groups(seam.own):
+        for stretch in rest:
+            stretch.due.update(pipeline.heard())
+            for group in patience.groups(stretch):
                 pipeline.feed(group)
 
     return run_source(
@@ -321,5 +381,6 @@ def decode_in_parts(
         tell=tell,
         patience=patience,
         asked=asked,
+        on_break=on_break,
         feed=feed,
     )

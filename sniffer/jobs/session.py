@@ -166,7 +166,7 @@ def run_source(
                 usable = reads_on(source, pipeline.summary)
                 ending = Ending.DONE if usable else Ending.DAMAGED
                 told = f"{error}: read as far as it goes" if usable else str(error)
-                on_break(str(error))
+                on_break(Sentence("{error}", error=error))
             except KeyboardInterrupt:
                 ending, told = Ending.INTERRUPTED, _after_interruption(pipeline)
                 on_break("reading it was interrupted")

@@ -46,20 +46,24 @@ class LogStretch:
     before: LogCount = field(default_factory=lambda: LogCount(Counter()))
     bases: dict[str, int] = field(default_factory=dict)
     due: dict[str, int] = field(default_factory=dict)
+    behind: LogCount = field(default_factory=lambda: LogCount(Counter()))
+    """What stands in front of whatever follows, but for the bytes: known once it was read."""
 
     def __iter__(self) -> Iterator[Sequence[Chunk]]:
         group: list[Chunk] = []
         held = 0
         try:
             with self.path.open("rb", buffering=0) as file:
-                opened = Opened(_Bounded(file, self.begin, self.end), self.name, bus=self.bus)
-                for chunk in read_log(opened, CandumpLog()):
+                part, log = _Bounded(file, self.begin, self.end), CandumpLog()
+                for chunk in read_log(Opened(part, self.name, bus=self.bus), log):
                     self.bases.setdefault(chunk.bus, self.before.sizes[chunk.bus])
                     group.append(chunk)
                     held += len(chunk.data)
                     if held >= BLOCK or len(group) >= GROUP_CHUNKS:
                         yield group
                         group, held = [], 0
+                own = LogCount(Counter(), part.lines, log.errors, log.cut_off)
+                self.behind = _sum(self.before, own)
         except DamagedLine as damage:
             if group:
                 yield group
@@ -91,11 +95,14 @@ class _Bounded:
     def __init__(self, file: BinaryIO, begin: int, end: int) -> None:
         file.seek(begin)
         self._file, self._left = file, end - begin
+        self.lines = 0
+        """The lines that were read to their end."""
 
     def read(self, size: int, /) -> bytes:
         """Return up to ``size`` bytes, none at the end."""
         data = self._file.read(min(size, self._left))
         self._left -= len(data)
+        self.lines += data.count(b"\n")
         return data
 
 

@@ -105,6 +105,22 @@ class Stretches:
     parts: Sequence[Seam]
     tally: Sequence[LogStretch] = ()
 
+    def in_turn(self, notes: list[str]) -> Iterator[FileStretch]:
+        """Yield the parts for one who has read the head, each when the one before was read.
+
+        What is worth knowing of all of it stands in ``notes`` in the end.
+        """
+        from sniffer.sources.logstretches import LogStretch, notes_of
+
+        last = self.head
+        for stretch in (seam.own for seam in self.parts):
+            if isinstance(stretch, LogStretch) and isinstance(last, LogStretch):
+                stretch.before = last.behind
+            yield stretch
+            last = stretch
+        if isinstance(last, LogStretch):
+            notes[:] = notes_of(last.behind)
+
     def counted(self, counts: Sequence[LogCount]) -> list[str]:
         """Take what the stretches of ``tally`` hold; return what is worth knowing of all of it."""
         from sniffer.sources.logstretches import LogStretch, notes_of, summed
@@ -133,6 +149,11 @@ class Sizes:
     block: int = BLOCK
     first: int = BLOCK
 
+    @property
+    def smallest(self) -> int:
+        """Bytes that a capture of raw bytes has at least that is cut."""
+        return self.head + 2 * self.least
+
     def each(self, rest: int, jobs: int) -> int:
         """Return the size of a part, where so many bytes follow the head."""
         return min(max(rest // (SHARES * jobs), self.least), self.most)
@@ -156,7 +177,7 @@ def stretches_of(source: Source, sizes: Sizes, jobs: int) -> Stretches | str:
 
 def _of_binary(source: Source, path: Path, sizes: Sizes, jobs: int) -> Stretches | str:
     size = path.stat().st_size
-    if size - sizes.head < 2 * sizes.least:
+    if size < sizes.smallest:
         return ""
     each = sizes.each(size - sizes.head, jobs)
     each = -(-each // sizes.block) * sizes.block  # chunks are those of the whole input

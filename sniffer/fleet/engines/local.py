@@ -1,15 +1,20 @@
-"""Processes of this machine, each with a batch at a time; one that dies is replaced."""
+"""Processes of this machine, each with a batch at a time; one that dies is replaced.
+
+Where a capture is so large that the others would wait for whoever has it, all of them decode it.
+"""
 
 from __future__ import annotations
 
+import heapq
 from collections import Counter, deque
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Self
 
-from sniffer.fleet.rows import UndoneError, WorkerDiedError
+from sniffer.fleet.rows import CaptureTask, UndividedError, UndoneError, WorkerDiedError
 from sniffer.jobs.crew import Crew, LostWorkerError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from sniffer.fleet.engines import Batch, Outcome
     from sniffer.fleet.rows import CaptureRow
@@ -21,14 +26,28 @@ PRELOADED: Final = ("sniffer.fleet.task", "pyarrow.parquet")
 """What workers find loaded."""
 
 
+@dataclass(frozen=True, slots=True)
+class SharedCapture:
+    """A capture that so many processes decode together."""
+
+    task: CaptureTask
+    jobs: int
+
+
 class LocalEngine:
     """Decodes in processes of this machine, as many as ``workers``.
+
+    Captures that are large beside the rest come first, one after the other, each decoded by all of
+    them (``shared``): a process of its own sees to it, and to those that decode. If one of these is
+    lost that often, or the capture is such that it cannot be divided, it is decoded by one process
+    as all others.
 
     A process that dies, of a capture or because somebody killed it, takes nothing along: its
     captures are tried again, each alone; one that ends its process ``ATTEMPTS`` times is given up.
     """
 
     def __init__(self, workers: int) -> None:
+        self._workers = workers
         self._crew = Crew(workers, decode_here, preload=PRELOADED)
         self._deaths: Counter[str] = Counter()
         self._stillborn = 0
@@ -47,7 +66,17 @@ class LocalEngine:
         Raises:
             UndoneError: no process can be begun.
         """
-        waiting = iter(batches)
+        given = deque(batches)
+        alone: list[Batch] = []
+        for _ in range(shared(given, self._workers)):
+            huge = given.popleft()
+            rows, error = self._together(*huge)
+            got = rows if error is None else self._failure(huge, error)
+            if got is None:
+                alone.append(huge)
+            else:
+                yield huge, got
+        waiting: Iterator[Batch] = iter((*alone, *given))
         again: deque[Batch] = deque()
         while True:
             while self._crew.has_room:
@@ -63,6 +92,16 @@ class LocalEngine:
                     again.extend((task,) for task in batch)
                 else:
                     yield batch, got
+
+    def _together(
+        self, task: CaptureTask
+    ) -> tuple[Sequence[CaptureRow] | None, BaseException | None]:
+        """Have a capture decoded by all; return its row, or why there is none, or neither."""
+        self._crew.give(SharedCapture(task, self._workers))
+        while not (ended := self._crew.wait()):
+            continue
+        ((_, rows, error),) = ended
+        return rows, error
 
     def _failure(self, batch: Batch, error: BaseException) -> BaseException | None:
         """Return why a batch is not done, None: its captures are tried again, each alone."""
@@ -87,15 +126,59 @@ class LocalEngine:
         return WorkerDiedError(f"its process died {ATTEMPTS} times")
 
 
-def decode_here(batch: Batch) -> list[CaptureRow]:
-    """Decode captures by one thread: the cores have a process each.
+def shared(batches: Sequence[Batch], workers: int) -> int:
+    """Return how many of the first captures, the biggest, all workers had better decode together.
+
+    It is reckoned in bytes how long all of it takes, for each number of them. Together they take a
+    share each, a quarter more of it for handing rows over, and the time of two parts in which
+    processes begin, or only the last part is not done. The others go to whoever is free, the
+    biggest first.
+    """
+    sizes = [sum(task.size for task in batch) for batch in batches]
+    most = 0
+    while most < min(len(batches), workers) and _can_be_shared(batches[most]):
+        most += 1
+    if workers == 1 or not most:
+        return 0
+    took = 0
+    best = _apart(sizes, workers), 0
+    for nth, size in enumerate(sizes[:most], 1):
+        took += 5 * size // (4 * workers) + 2 * batches[nth - 1][0].sizes.least
+        best = min(best, (took + _apart(sizes[nth:], workers), nth))
+    return best[1]
+
+
+def _can_be_shared(batch: Batch) -> bool:
+    """Tell whether a batch is one huge capture that lies here: a copy is made by one process."""
+    return len(batch) == 1 and batch[0].is_huge and "://" not in batch[0].uri
+
+
+def _apart(sizes: Sequence[int], workers: int) -> int:
+    """Return how many bytes one worker has at most, if who is free takes the next capture."""
+    loads = [0] * workers
+    for size in sizes:
+        heapq.heapreplace(loads, loads[0] + size)
+    return max(loads)
+
+
+def decode_here(given: Batch | SharedCapture) -> list[CaptureRow] | None:
+    """Decode captures by one thread, or one by several processes: the cores have one each.
+
+    Returns:
+        The rows; None for a capture that several processes cannot decode.
 
     Raises:
         UndoneError: one of them was not done; those before it are.
+        LostWorkerError: a process was lost that had part of a capture.
     """
     import pyarrow as pa
 
-    from sniffer.fleet.task import decode_batch
+    from sniffer.fleet.task import decode_batch, decode_capture
 
     pa.set_cpu_count(1)
-    return decode_batch(batch)
+    if not isinstance(given, SharedCapture):
+        return decode_batch(given)
+    try:
+        return [decode_capture(given.task, given.jobs)]
+    except UndividedError:
+        return None

@@ -1,4 +1,7 @@
-"""What the command line calls the arguments of library calls: sentences are written once."""
+"""What the command line calls the arguments of library calls: sentences are written once.
+
+The rows of a data set say it so, too: whoever reads them has no call before him.
+"""
 
 from __future__ import annotations
 
