@@ -35,6 +35,7 @@ from sniffer.ground.model import (
     OutputError,
 )
 from sniffer.ground.registers import schema_path
+from sniffer.mcapfile.container import Container
 from sniffer.mcapfile.fields import state_field
 from sniffer.mcapfile.sink import McapSink
 from sniffer.mcapfile.source import chunks, groups, recorded, session
@@ -310,10 +311,12 @@ def test_a_silent_stretch_has_a_row_of_statistics_at_each_end(tmp_path: Path) ->
     assert busy.bus_load_percent == pytest.approx(busy.bytes * 10 / 57600 * 100, rel=1e-3)
 
 
-def test_large_groups_are_cut_into_chunks_of_about_a_megabyte(tmp_path: Path) -> None:
+def test_large_groups_are_cut_into_chunks_of_about_a_megabyte(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     sent = talk("mightyzap", 2.0, rate=0) * 30
     sent = [Chunk(c.data) for c in sent]
-    record(tmp_path / "run.mcap", "mightyzap", sent, size=len(sent))
+    record(tmp_path / "run.mcap", "mightyzap", sent, size=len(sent), flush_ns=NS * 3600)
     with (tmp_path / "run.mcap").open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
@@ -321,6 +324,14 @@ def test_large_groups_are_cut_into_chunks_of_about_a_megabyte(tmp_path: Path) ->
     assert max(c.uncompressed_size for c in summary.chunk_indexes) < 1_100_000
     sizes = [sum(len(c.data) for c in group) for group in groups(tmp_path / "run.mcap")]
     assert sizes[0] < 300_000
+
+    def alone(*args: Any, **options: Any) -> Container:
+        return Container(*args, **{**options, "beside": False})
+
+    monkeypatch.setattr("sniffer.mcapfile.sink.Container", alone)
+    record(tmp_path / "alone.mcap", "mightyzap", sent, size=len(sent), flush_ns=NS * 3600)
+    beside = (tmp_path / "run.mcap").read_bytes()
+    assert beside == (tmp_path / "alone.mcap").read_bytes(), "packed beside or not"
 
 
 def test_an_mcap_of_somebody_else_is_refused_with_its_topics(tmp_path: Path) -> None:

@@ -100,7 +100,8 @@ class Scaling(Remembering):
         rows = np.flatnonzero(paired.readable)
         state = self.state
         v = self.protocol.values(block, frames, rows, state)
-        traits = self._traits[v.register]
+        register = v.register.astype(np.intp)  # as numpy looks up fastest
+        traits = self._traits[register]
         present = int(np.bitwise_or.reduce(traits)) if len(traits) else 0
         is_eventful = bool(present & EVENT) or bool((frames.flags & CHANGES).any())
         changes: list[Change] = []
@@ -112,7 +113,8 @@ class Scaling(Remembering):
         (state.model, state.origin), state.turns = known, weighed.turns
         if weighed.turns and len(self.protocol.models) > 1:
             v = self.protocol.values(block, frames, rows, state)
-            traits = self._traits[v.register]
+            register = v.register.astype(np.intp)
+            traits = self._traits[register]
             present = int(np.bitwise_or.reduce(traits)) if len(traits) else 0
         origin = state.origins_of(v.row, v.servo_id)
         (state.model, state.origin), state.turns = now, ()
@@ -128,14 +130,14 @@ class Scaling(Remembering):
         # instead.
         plain = bool(present & MODED) and not (changes or weighed.anew) and self._is_modeless()
         scale = self._known.unseen if plain else self._known.scale
-        value: F64 = np.multiply(v.raw, scale[v.register], dtype=np.float64)
+        value: F64 = np.multiply(v.raw, scale[register], dtype=np.float64)
         if present & SIGNED:
             mine = np.flatnonzero(traits & SIGNED)
-            raw, bit = v.raw[mine], self._known.sign_bit[v.register[mine]]
+            raw, bit = v.raw[mine], self._known.sign_bit[register[mine]]
             magnitude = raw & ((1 << bit) - 1)
             signed = np.where(raw >> bit & 1, magnitude, -magnitude)
             # a scale that turns the sign makes zero -0.0
-            value[mine] = signed * self._known.scale[v.register[mine]] + 0.0
+            value[mine] = signed * self._known.scale[register[mine]] + 0.0
         takes = accepted[v.row]
         misfits: list[ScaleMisfit] = []
         if plain:
@@ -155,7 +157,7 @@ class Scaling(Remembering):
             t_ns=frames.t_end[v.row],
             servo_id=v.servo_id,
             register=v.register,
-            role=self._known.role[v.register],
+            role=self._known.role[register],
             raw=v.raw,
             value=value,
             provenance=origin,

@@ -69,11 +69,11 @@ class _Wrong(NamedTuple):
 
     def span(self, i: int) -> Span:
         """Return where a request stands."""
-        return int(self.asked[i]), int(self.asked_length[i])
+        return self.asked.item(i), self.asked_length.item(i)
 
     def answer(self, i: int) -> Span:
         """Return where an answer stands."""
-        return int(self.answered[i]), int(self.answered_length[i])
+        return self.answered.item(i), self.answered_length.item(i)
 
 
 class PairingRules(Remembering):
@@ -183,9 +183,9 @@ class PairingRules(Remembering):
             self._remember(missed, 0, len(mine))
 
         def make(i: int) -> Anomaly:
-            op, servo, t_ns = self._op(int(rows.op[i])), int(rows.servo_id[i]), int(rows.t_ns[i])
+            op, servo, t_ns = self._op(rows.op.item(i)), rows.servo_id.item(i), rows.t_ns.item(i)
             name = f"servo {servo}" if servo >= 0 else "no servo"
-            match rows.outcome[i]:
+            match rows.outcome.item(i):
                 case outcome if outcome == NO_RESPONSE:
                     text = f"{name} did not answer {op}"
                     return anomaly("no-response", t_ns, servo, text, rows.span(i))

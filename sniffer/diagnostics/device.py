@@ -104,14 +104,15 @@ class DeviceRules(Remembering):
 
     def _ranges(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
         """Report what was written out of range each time, what was measured when it begins."""
+        register = v.register.astype(np.intp)  # as numpy looks up fastest
         if not self._any_outside:
-            out = (v.raw < self._known.low[v.register]) | (v.raw > self._known.high[v.register])
+            out = (v.raw < self._known.low[register]) | (v.raw > self._known.high[register])
             if not out.any():
                 return
-        mine = np.flatnonzero(self._known.has_range[v.register] & (v.part == WHOLE))
+        mine = np.flatnonzero(self._known.has_range[register] & (v.part == WHOLE))
         if not len(mine):
             return
-        register, raw = v.register[mine], v.raw[mine]
+        register, raw = register[mine], v.raw[mine]
         outside = (raw < self._known.low[register]) | (raw > self._known.high[register])
         for i, codes in self._known.special.items():
             outside &= ~((register == i) & np.isin(raw, codes))
@@ -164,7 +165,7 @@ class DeviceRules(Remembering):
     def _bus_changes(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
         if not self._known.effects:
             return
-        told = self._known.has_effect[v.register]
+        told = self._known.has_effect[v.register.astype(np.intp)]
         if not told.any():
             return
         told &= v.accepted & (v.part == WHOLE)

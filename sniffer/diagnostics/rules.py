@@ -71,10 +71,11 @@ def gap_anomalies(batch: Batch) -> Anomalies:
         code[0] = NUMBER["capture-start"]
 
     def make(i: int) -> Anomaly:
-        gap = found[int(rows[i])]
+        row = rows.item(i)
+        gap = found[row]
         span = batch.base + gap.start, gap.length
-        who = int(found.servo_id[rows[i]])
-        return anomaly(CODES[code[i]], gap.t_ns, who, _gap_text(batch, gap), span)
+        who = found.servo_id.item(row)
+        return anomaly(CODES[code.item(i)], gap.t_ns, who, _gap_text(batch, gap), span)
 
     return Anomalies(code, found.t_ns[rows], found.servo_id[rows], at, found.length[rows], at, make)
 

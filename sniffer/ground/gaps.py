@@ -142,9 +142,7 @@ class Gaps(Lazy[Gap]):
         def explain(run: int) -> list[Gap]:
             nth = int(np.searchsorted(begins, run, "right")) - 1
             part, shift = parts[nth]
-            return [
-                gap._replace(start=gap.start + shift) for gap in part._of(run - int(begins[nth]))
-            ]
+            return [Gap(gap.start + shift, *gap[1:]) for gap in part._of(run - int(begins[nth]))]
 
         columns = [
             np.concatenate([getattr(part, name) for part, _ in parts])
@@ -164,9 +162,10 @@ class Gaps(Lazy[Gap]):
         self._known.clear()
 
     def _one(self, i: int) -> Gap:
-        run = int(self._run[i])
-        gap = self._of(run)[i - int(np.searchsorted(self._run, run))]
-        return _told(gap, int(self.t_ns[i]), is_tail=bool(self.kind[i] == IDLE_TAIL))
+        run = self._run.item(i)
+        is_first = not i or self._run.item(i - 1) != run
+        gap = self._of(run)[0 if is_first else i - int(self._run.searchsorted(run))]
+        return _told(gap, self.t_ns.item(i), is_tail=self.kind.item(i) == IDLE_TAIL)
 
     def _of(self, run: int) -> Sequence[Gap]:
         """Explain a run, once."""

@@ -2,21 +2,18 @@
 
 The mcap library supplies every record but the messages; its own writer takes one call a message,
 which costs ten times what is done here. Nothing is buffered: a chunk that was written is in the
-file. A chunk holds the schemas and channels that are new in it, before its messages.
+file, or, where chunks are packed beside what makes them, after ``settle``. A chunk holds the
+schemas and channels that are new in it, before its messages.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
-import struct
 import zlib
 from typing import TYPE_CHECKING, Final, NamedTuple, cast
 
-import numpy as np
-import zstandard
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
-from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
     AttachmentIndex,
@@ -32,23 +29,17 @@ from mcap.records import (
 from sniffer.ground.files import occupied, writing
 from sniffer.ground.model import OutputError
 from sniffer.mcapfile.index import MAGIC, ChunkNote, FileSummary, as_bytes
+from sniffer.mcapfile.packing import ChunkContents, Packer, ready
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
-    import numpy.typing as npt
     from google.protobuf.descriptor import FileDescriptor
     from google.protobuf.message import Message
 
-    from sniffer.ground.model import I64
+    from sniffer.mcapfile.packing import ReadyChunk
     from sniffer.mcapfile.queue import Sorted
-    from sniffer.mcapfile.rows import U16
-
-LEVEL: Final = 1
-"""Of zstd: 3, its default, takes half as long again for the same size."""
-
-_INDEX: Final = np.dtype([("log", "<u8"), ("at", "<u8")])
 
 
 class MessageType(NamedTuple):
@@ -68,13 +59,20 @@ class Container:
         library: what the header names as its maker.
         overwrite: whether a file that is there may be replaced.
         durable: whether ``sync`` waits until the disk has what was written.
+        beside: whether a thread of its own packs the chunks.
 
     Raises:
         OutputError: it cannot be written; what was written before is left readable.
     """
 
     def __init__(
-        self, path: Path, library: str, *, overwrite: bool = True, durable: bool = False
+        self,
+        path: Path,
+        library: str,
+        *,
+        overwrite: bool = True,
+        durable: bool = False,
+        beside: bool = False,
     ) -> None:
         self.path = path
         if not overwrite and occupied(path):
@@ -90,7 +88,8 @@ class Container:
         self._crc = 0
         self._new: list[McapRecord] = []
         self._summary = FileSummary()
-        self._compress = zstandard.ZstdCompressor(level=LEVEL).compress
+        self._packer = Packer(beside=beside)
+        self._ahead = 0
         try:
             self._put(MAGIC + as_bytes(Header("", library)))
             if durable:
@@ -102,8 +101,8 @@ class Container:
 
     @property
     def last(self) -> int:
-        """The latest log time in the file."""
-        return self._summary.last
+        """The latest log time in the file, and in what will be."""
+        return max(self._ahead, self._summary.last)
 
     @property
     def is_deleted(self) -> bool:
@@ -142,6 +141,7 @@ class Container:
 
     def append(self, record: Schema | Channel) -> None:
         """Write a schema or channel outside of any chunk."""
+        self.settle()
         self.know(record)
         self._put(as_bytes(record))
 
@@ -156,12 +156,14 @@ class Container:
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a metadata record."""
+        self.settle()
         data = as_bytes(Metadata(name=name, metadata=dict(values)))
         self._put(data)
         self._summary.metadata.append(MetadataIndex(self.size - len(data), len(data), name))
 
     def attach(self, attachment: Attachment) -> None:
         """Write an attachment."""
+        self.settle()
         a = attachment
         data = as_bytes(a)
         self._put(data)
@@ -184,44 +186,44 @@ class Container:
         messages up find only those; who reads whole chunks finds all.
         """
         head = b"".join(map(as_bytes, self._new))
-        data = b"".join((head, rows.data))
-        packed = self._compress(data)
-        at = rows.start + len(head)
-        crc = zlib.crc32(data)
-        self.chunk("zstd", packed, len(data), crc, rows.log, rows.channel, at, indexed=indexed)
+        data = b"".join((head, rows.data)) if head else rows.data
+        at = rows.start + len(head) if head else rows.start
         self._new.clear()
+        self._ahead = max(self._ahead, int(rows.log.max()))
+        self._place(self._packer.pack(ChunkContents(data, rows.log, rows.channel, at, indexed)))
 
-    def chunk(
-        self,
-        compression: str,
-        packed: bytes,
-        size: int,
-        crc: int,
-        log: I64,
-        channel: U16,
-        at: I64,
-        *,
-        indexed: bool = True,
-    ) -> None:
-        """Write a chunk that is packed already; ``at`` is where in it each message stands."""
-        times = log.astype(np.uint64)  # as the format has them, whatever a damaged one says
-        first, last = int(times.min()), int(times.max())
-        name = compression.encode()
-        body = struct.pack("<QQQII", first, last, size, crc, len(name)) + name
-        body += struct.pack("<Q", len(packed))
-        head = struct.pack("<BQ", Opcode.CHUNK, len(body) + len(packed)) + body
-        length = len(head) + len(packed)
-        ids, counts = np.unique(channel, return_counts=True)
-        parts = [head, packed]
-        if indexed:
-            parts += _message_indexes(ids, counts, times, channel, at)
-        start = self.size
-        self._put(b"".join(parts))
-        self._summary.add(
-            ChunkNote(
-                start, length, first, last, compression, len(packed), size, ids, counts, indexed
-            )
-        )
+    def chunk(self, compression: str, packed: bytes, crc: int, contents: ChunkContents) -> None:
+        """Write a chunk that is packed already; ``crc`` is the sum of what it holds."""
+        self.settle()
+        self._place([ready(compression, packed, crc, contents)])
+
+    def settle(self, *, wait: bool = True) -> None:
+        """Write the chunks that are packed by now; ``wait``: all of them."""
+        self._place(self._packer.done(wait=wait))
+
+    def _place(self, chunks: Iterable[ReadyChunk]) -> None:
+        """Append chunks; where that fails, what stands behind is not written either."""
+        try:
+            for c in chunks:
+                start = self.size
+                self._put(c.data)
+                self._summary.add(
+                    ChunkNote(
+                        start,
+                        c.length,
+                        c.first,
+                        c.last,
+                        c.compression,
+                        c.packed,
+                        c.size,
+                        c.ids,
+                        c.counts,
+                        c.indexed,
+                    )
+                )
+        except BaseException:
+            self._packer.drop()
+            raise
 
     def sync(self) -> None:
         """Wait, where that was asked for, until the disk has what was written."""
@@ -243,6 +245,7 @@ class Container:
         if self._file.closed:
             return
         try:
+            self.settle()
             self._put(as_bytes(DataEnd(self._crc)))
             here = self.size
             try:
@@ -258,6 +261,7 @@ class Container:
 
     def abandon(self) -> None:
         """Close the file as it is."""
+        self._packer.drop()
         with contextlib.suppress(OSError):
             self._file.close()
 
@@ -294,21 +298,6 @@ def _sync_folder(folder: Path) -> None:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
-
-
-def _message_indexes(
-    ids: U16, counts: I64, times: npt.NDArray[np.uint64], channel: U16, at: I64
-) -> Iterator[bytes]:
-    """Yield a message index record for each channel of a chunk."""
-    order = np.argsort(channel, kind="stable")
-    index = np.empty(len(order), _INDEX)
-    index["log"], index["at"] = times[order], at[order]
-    entries, done = index.tobytes(), 0
-    for number, count in zip(ids.tolist(), counts.tolist(), strict=True):
-        n = 16 * count
-        yield struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + n, number, n)
-        yield entries[done : done + n]
-        done += n
 
 
 def type_of(message: type[Message]) -> MessageType:

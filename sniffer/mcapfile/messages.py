@@ -56,6 +56,8 @@ DERIVED: Final[Mapping[str, Any]] = {
 }
 """The message of each topic that is made of the raw bytes, by its kind."""
 
+_NUMBERS: Final = json.JSONEncoder(default=repr).encode
+
 
 class BusWriter:
     """One bus.
@@ -298,7 +300,7 @@ class BusWriter:
                 offset=batch.base + g.start,
                 length=g.length,
                 reason=g.reason,
-                detail=json.dumps(dict(g.detail), default=repr),
+                detail=_NUMBERS(dict(g.detail)),
                 data=batch.data[g.start : g.start + g.length],
             )
             for g in gaps
@@ -384,7 +386,8 @@ class BusWriter:
 
 def _who(anomaly: Found) -> str:
     """Return the servo, unless the detail begins with it or names it."""
-    who = f"servo {anomaly.servo_id}"
-    if anomaly.servo_id is None or re.search(rf"\b{who}\b", anomaly.detail):
+    if anomaly.servo_id is None:
         return ""
-    return f"{who}: "
+    who = f"servo {anomaly.servo_id}"
+    named = who in anomaly.detail and re.search(rf"\b{who}\b", anomaly.detail)
+    return "" if named else f"{who}: "

@@ -16,6 +16,7 @@ from sniffer.ground.model import InputError, OutputError
 from sniffer.mcapfile.container import Container
 from sniffer.mcapfile.ends import end_facts
 from sniffer.mcapfile.packed import BrokenError
+from sniffer.mcapfile.packing import ChunkContents
 from sniffer.mcapfile.records import NotMcapError, Piece, Records
 from sniffer.mcapfile.states import kind_of
 from sniffer.mcapfile.tail import Tail
@@ -144,9 +145,8 @@ def _copy(
         if len(p.at):
             topics = {kind_of(records.channels[c].topic) for c in np.unique(p.channel).tolist()}
             indexed = p.indexed or not topics <= {"raw", *BULK}
-            file.chunk(
-                p.compression, p.packed, len(p.data), p.crc, p.log, p.channel, p.at, indexed=indexed
-            )
+            contents = ChunkContents(p.data, p.log, p.channel, p.at, indexed)
+            file.chunk(p.compression, p.packed, p.crc, contents)
             tail.look(p)
         return len(p.at)
     else:

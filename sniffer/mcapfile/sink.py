@@ -133,7 +133,7 @@ class McapSink:
         self._buses: dict[str, BusWriter] = {}
         self._attached: set[str] = set()
         self._failure: str | None = None
-        self._file = Container(path, LIBRARY, overwrite=overwrite, durable=durable)
+        self._file = Container(path, LIBRARY, overwrite=overwrite, durable=durable, beside=not live)
         self._ros2: RosWriter | None = None
         if joints is not None:
             from sniffer.mcapfile.ros2 import JointPlaces, RosWriter
@@ -144,9 +144,7 @@ class McapSink:
         self._closed = False
         self._encoded_at = time.monotonic_ns()
         self._since: int | None = None
-        self._round_at = 0
-        self._round_from = 0
-        self._told_ns = 0
+        self._round_at = self._round_from = self._told_ns = 0
         with self._guard():
             self._file.metadata(SESSION, self._session)
             for proto in sorted(schema_path("messages").glob("*.proto")):
@@ -202,6 +200,7 @@ class McapSink:
             else:
                 self._encode()
                 self._flush(None)
+                self._file.settle()
 
     def close(self) -> None:
         """Finish the file; after a failure it is left as it is."""
@@ -321,6 +320,7 @@ class McapSink:
 
     def _settle(self, *, again: bool) -> None:
         """Write what has waited long enough; ``again``: a new round of the buses begins."""
+        self._file.settle(wait=False)
         if self._since is None or self._live:
             return
         now = time.monotonic_ns()

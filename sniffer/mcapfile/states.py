@@ -105,7 +105,7 @@ class States:
 
     def _told(self, batch: Batch) -> KnownValues:
         v = batch.values
-        field = self._field_of[v.register]
+        field = self._field_of[v.register.astype(np.intp)]
         mine = np.flatnonzero(v.accepted & (field >= 0) & ~np.isnan(v.value))
         return KnownValues(
             v.row[mine], v.servo_id[mine].astype(np.int64), field[mine], v.value[mine]

@@ -69,9 +69,10 @@ class RegisterNames:
 
     def columns(self, register: Any) -> tuple[Any, Any, Any]:
         """Return name, quantity and unit of rows by their registers."""
+        wide = register.astype(np.intp)  # as numpy looks up fastest
         name, quantity, unit = (
             pa.DictionaryArray.from_arrays(
-                pa.array(register.astype(np.int32) if number is None else number.take(register)),
+                pa.array(register.astype(np.int32) if number is None else number[wide]),
                 texts,
             )
             for number, texts in (self._name, self._quantity, self._unit)

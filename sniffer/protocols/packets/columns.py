@@ -128,7 +128,8 @@ class FamilyColumns:
         servo_id, code = block.data[start + self.id_at], block.data[start + self.code_at]
         body = self.plain(block, start, end)
         data, params, count = body.data, body.params, body.number
-        what = self._what.ravel()[code.astype(np.int64) << 8 | np.minimum(count, ROOM - 1)]
+        by, who = code.astype(np.intp), servo_id.astype(np.intp)  # as numpy looks up fastest
+        what = self._what.ravel()[by << 8 | np.minimum(count, ROOM - 1)]
         seen = int(np.bitwise_or.reduce(what)) if len(what) else 0
         length = None
         if seen & (READS | TARGETS):
@@ -137,9 +138,9 @@ class FamilyColumns:
             self._check(body, what, code)
         if seen & TARGETS and length is not None:
             self._whole_targets(body, what, code, length)
-        silent = self._silent[servo_id]
-        request = self._certain[code] | (silent & ~self._answers[code])
-        either = ~request & (what & KNOWN > 0) & ~self._answers[code]
+        silent, answers = self._silent[who], self._answers[by]
+        request = self._certain[by] | (silent & ~answers)
+        either = ~request & (what & KNOWN > 0) & ~answers
         might = np.zeros(0, np.int64)
         if either.any():
             request = self._either_way(
@@ -150,13 +151,13 @@ class FamilyColumns:
         asked = request.view(np.uint8)
         known = what & asked  # bit KNOWN is 1
         what = what * asked
-        flags = np.where(what & FITS, self._effect[code], np.uint8(0))
+        flags = np.where(what & FITS, self._effect[by], np.uint8(0))
         flags += (asked - known) * np.uint8(UNKNOWN)
         flags += (known & ~(what >> 1)) * np.uint8(MALFORMED)
         flags[might] |= UNUSUAL
         held = (what & ADDRESSED > 0) * np.int64(self.width)
         address = np.where(held, column(data, params, self.width or 1), -1)
-        lists = (what & FITS > 0) & self.lists[code]
+        lists = (what & FITS > 0) & self.lists[by]
         brings_none = (what & READS > 0) | lists
         status = np.where(request, np.int16(-1), code)  # a plain -1 would wrap to 255
         if self._error_width:
@@ -169,13 +170,13 @@ class FamilyColumns:
         if length is not None and seen & READS:
             np.copyto(token, length, where=what & READS > 0)
         if self._answer.any():
-            token += np.where(what & FITS, self._answer[code], 0)
+            token += np.where(what & FITS, self._answer[by], 0)
         # an error needs no data: a response of an error byte alone answers any read
         token[(status > 0) & (data_length == 0)] = -1
-        reply = np.where(request & ~silent, self._reply[code], np.uint8(NEVER))
-        alt = self._anyone[servo_id]
+        reply = np.where(request & ~silent, self._reply[by], np.uint8(NEVER))
+        alt = self._anyone[who]
         if self._to_all.any():
-            reply = np.where(request & silent, self._to_all[code], reply)
+            reply = np.where(request & silent, self._to_all[by], reply)
             alt = np.where(reply == MANY, ANY_ID, alt)
         if seen & WRITES:
             self._over_registers(body, what, address, data_length, reply, alt)
@@ -195,7 +196,7 @@ class FamilyColumns:
             length=end - start,
             kind=np.where(request, np.uint8(REQUEST), np.uint8(RESPONSE)),
             servo_id=servo_id,
-            op=np.where(request, code.astype(np.int64), -1),
+            op=np.where(request, by, -1),
             address=address,
             data_start=start + self.plan.tail_at + held,
             data_length=data_length if as_sent else np.where(brings_none, 0, wire - held),

@@ -196,8 +196,9 @@ class Words:
                 add(end, "truncated", {**detail, **self._as_read(run[at:end])})
                 continue
             checksum, body, got = self.checksum_of(run[at:stop])
-            sums = {"checksum_expected": checksum(body), "checksum_got": got}
-            detail = {} if checksum(body) == got else sums
+            expected = checksum(body)
+            sums = {"checksum_expected": expected, "checksum_got": got}
+            detail = {} if expected == got else sums
             read = self._as_read(run[at : stop - plan.sum_width])
             add(stop, "damaged", {**detail, **read})
         return out

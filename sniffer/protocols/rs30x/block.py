@@ -182,25 +182,26 @@ def describe(block: Block, spans: Spans) -> Frames:
     data_length = np.where(ack, 0, length - OVERHEAD)
     nibble = bits & REPLY_BITS
     none = data_length == 0
-    command = _COMMAND[bits]
+    by = bits.astype(np.intp)  # as numpy looks up fastest
+    command = _COMMAND[by]
     is_long = servo_id == LONG
     op = np.where(is_long, LONG_WRITE, WRITE)
     op = np.where(none & (nibble > 0), READ, op)
     op = np.where(command >= 0, command, op)
     op = np.where(back, np.where(ack, ACK_OP, RETURN_OP), op)
     by_packet = nibble == ASKS_ADDRESS
-    from_address = np.where(by_packet, wire_address, _ADDRESS_OF[bits])
+    from_address = np.where(by_packet, wire_address, _ADDRESS_OF[by])
     writes = (op == WRITE) | (op == LONG_WRITE)
     writes |= carries_registers(servo_id, op, wire_address, data_length)
     address = np.where(op == READ, from_address, np.where(writes, wire_address, -1))
     address = np.where(back & ~ack, wire_address, address)
-    token = from_address << 8 | np.where(by_packet, block_length, _LENGTH_OF[bits])
+    token = from_address << 8 | np.where(by_packet, block_length, _LENGTH_OF[by])
     token = np.where(token < 0, np.where(nibble == ASKS_ACK, ACK_TOKEN, NO_TOKEN), token)
     token = np.where(back, wire_address << 8 | block_length, token)
     token = np.where(ack, ACK_TOKEN, token)
     alone = ~is_long & (servo_id != EVERYONE)
-    reply = np.where(asked & alone, _REPLY[bits], NEVER)
-    status = np.where(back, bits.astype(np.int64), -1)
+    reply = np.where(asked & alone, _REPLY[by], NEVER)
+    status = np.where(back, by, -1)
     status = np.where(ack, np.where(data[start] == ACK_BYTE, -1, NACK), status)
     alt = np.where(asked & (nibble == ASKS_ACK), ANY_ID, NO_ALT)
     renumbers = asked & (op == WRITE) & (alt == NO_ALT)
@@ -235,15 +236,16 @@ def _new_id(data: U8, head: I64, writes: Mask, address: I64, length: I64, alt: I
 def _flags(data: U8, head: I64, op: I64, bits: U8, servo_id: I64, address: I64, length: I64) -> I64:
     """Return the flags of requests: what the manual has no form for, and what it excludes."""
     nibble = bits & REPLY_BITS
-    command = _COMMAND[bits] >= 0
+    by = bits.astype(np.intp)
+    command = _COMMAND[by] >= 0
     write = op == WRITE
     malformed = write & ((length == 0) | (data[head + _COUNT] != 1))
     malformed |= (op == LONG_WRITE) & ((length == 0) | (data[head + _LENGTH] < 2))
     malformed |= carries_registers(servo_id, op, address, length) & (data[head + _COUNT] != 1)
-    undefined = ~command & (_REPLY[bits] == IF_ALL)
+    undefined = ~command & (_REPLY[by] == IF_ALL)
     unknown = undefined & (op == READ)
     resets = bits & RESET_BIT > 0
-    unusual = _ODD[bits] | ((servo_id == LONG) & (bits > 0))
+    unusual = _ODD[by] | ((servo_id == LONG) & (bits > 0))
     unusual |= (servo_id == EVERYONE) & (nibble > 0)
     unusual |= (undefined & ~unknown) | (write & (nibble == ASKS_ADDRESS))
     data_of_reset = resets & (length == 1) & (data[head + _DATA] == 0xFF)

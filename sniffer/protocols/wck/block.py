@@ -112,7 +112,15 @@ _MASK: Final = _table(lambda op: MASKS.get(op.reply[0], 0xFF) if op.reply else 0
 _CHECKED: Final = (_ECHO0 > 0) | (_ECHO1 > 0) | _TWICE | (_MOST < HEADER)
 _AGAIN: Final = _table(_again_at, np.int64)
 _DATA_AT: Final = _table(lambda op: _data(op)[0], np.int64)
-_DATA_LENGTH: Final = _table(lambda op: _data(op)[1], np.int64)
+_MORE_DATA: Final = _table(lambda op: _data(op)[1], np.int64) - LENGTH
+"""What a command has more of data than of bytes: less than none."""
+_NEVER_OR_MUST: Final = np.array([NEVER, MUST], np.uint8)
+
+
+def _commands(data: U8, n: int, start: I64) -> U8:
+    """Return the kind of the command that each two bytes behind a header are, of ``n`` pairs."""
+    pairs = np.ndarray((n,), "<u2", data, DATA1, (1,))
+    return np.asarray(KIND[pairs[start].astype(np.intp)])
 
 
 def frame(block: Block) -> tuple[Spans, int]:
@@ -135,12 +143,12 @@ def frame(block: Block) -> tuple[Spans, int]:
     data = np.zeros(n + 4, np.uint8)
     data[:n] = block.data
     start = np.flatnonzero(block.data == HEADER)
-    kind = KIND[np.ndarray((n + 2,), "<u2", data, DATA1, (1,))[start]]
+    kind = _commands(data, n + 2, start)
     live = kind != NONE
     live |= start + PARAMS > n
     start, kind = start[live], kind[live]
     limit = np.broadcast_to(block.limit(start), start.shape)
-    length = LENGTH[kind]
+    length = LENGTH[kind.astype(np.intp)]
     sync = np.flatnonzero(kind == SYNC)
     length[sync] += data[start[sync] + DATA2] & ID_BITS
     motion = np.flatnonzero(kind == MOTION)
@@ -172,7 +180,7 @@ def frame(block: Block) -> tuple[Spans, int]:
     start, end, replies = start[rows], end[rows], has[rows].astype(np.int64)
     # Nearly always each command that has an answer has it: only where two stand together it lacks.
     if len(start) and (not replies[-1] or (end[:-1] == start[1:]).any()):
-        kind = KIND[np.ndarray((n + 2,), "<u2", data, DATA1, (1,))[start]]
+        kind = _commands(data, n + 2, start)
         decided = _in_turn(block, start, end, _ASKS[kind], replies, decided)
     told = int(np.searchsorted(start, decided))
     return _spans(start[:told], end[:told], replies[:told]), decided
@@ -258,11 +266,12 @@ def _replies(
     #     plain   1      1         0       1      0     has a reply
     limit = block.limit(start)
     room = limit - end
-    asks, ff0, ff1 = _ASKS[kind], data[end] == HEADER, data[end + 1] == HEADER
+    of = kind.astype(np.intp)
+    asks, ff0, ff1 = _ASKS[of], data[end] == HEADER, data[end + 1] == HEADER
     unsure = asks & (room < REPLY) & block.open(limit)
-    unsure &= (room < 1) | ~ff0 | _FF0[kind]
+    unsure &= (room < 1) | ~ff0 | _FF0[of]
     has = asks & (room >= REPLY)
-    rare = np.flatnonzero(has & (ff0 & _FF0[kind] | ff1 & _FF1[kind]))
+    rare = np.flatnonzero(has & (ff0 & _FF0[of] | ff1 & _FF1[of]))
     plain = has & ~ff0 & ~ff1
     if len(rare):
         begin, k = end[rare], kind[rare]
@@ -317,10 +326,7 @@ def describe(block: Block, spans: Spans) -> Frames:
     # the commands begin at 0 0 6 12 12 22 22, and one look-up gives the kind of all rows.
     command = start.copy()
     command[answer] = start[in_order(~request)[answer]]
-    if n:
-        kind = KIND[np.ndarray((block.n - DATA2,), "<u2", data, DATA1, (1,))[command]]
-    else:
-        kind = np.empty(0, np.uint8)
+    kind = _commands(data, block.n - DATA2, command) if n else np.empty(0, np.uint8)
     servo_id = (data[command + DATA1] & ID_BITS).astype(np.int16)
     ten = np.flatnonzero((kind == MOVE_10BIT) | (kind == READ_10BIT))
     servo_id[ten] = data[command[ten] + PARAMS]
@@ -328,16 +334,17 @@ def describe(block: Block, spans: Spans) -> Frames:
     servo_id[(kind == SYNC) | (kind == TO_CONTROLLER) | rbc] = -1
     breaks = np.flatnonzero(kind == BREAK)
     servo_id[breaks] = np.where(request[breaks], -1, data[start[breaks]].astype(np.int64))
-    op = kind.astype(np.int64)
+    of = kind.astype(np.intp)
+    op = of.copy()
     strange = np.flatnonzero(kind == UNKNOWN_OP)
     op[strange] = UNKNOWN_BASE + data[command[strange] + DATA2].astype(np.int64)
     op[rbc] = controller.BASE + data[start[rbc] + controller.TYPE_AT].astype(np.int64)
     length = spans.end - start
-    asks = request & _ASKS[kind]
-    reply = np.where(asks, MUST, NEVER)
-    way, token = spans.kind, np.where(_ASKS[kind], REPLY, 0)
-    data_start = start + np.where(request, _DATA_AT[kind], 0)
-    data_length = np.where(request, _DATA_LENGTH[kind] + length - LENGTH[kind], REPLY)
+    may_ask = _ASKS[of]
+    reply = _NEVER_OR_MUST[(may_ask & request).view(np.uint8).astype(np.intp)]
+    way, token = spans.kind, may_ask * np.int64(REPLY)
+    data_start = start + request * _DATA_AT[of]
+    data_length = np.where(request, length + _MORE_DATA[of], REPLY)
     if rbc.any():
         answered = controller.answers(block, start, spans.end, rbc, op)
         way = np.where(answered, RESPONSE, way)
@@ -358,12 +365,12 @@ def describe(block: Block, spans: Spans) -> Frames:
         reply=reply,
         token=token,
         alt_id=alt,
-        flags=_flags(data, spans, command, kind, request, answer),
+        flags=_flags(data, spans, command, of, request, answer),
     )
 
 
-def _flags(data: U8, spans: Spans, command: I64, kind: U8, request: Mask, answer: I64) -> U8:
-    flags = np.where(request & (kind == UNKNOWN_OP), UNKNOWN, 0).astype(np.uint8)
+def _flags(data: U8, spans: Spans, command: I64, kind: I64, request: Mask, answer: I64) -> U8:
+    flags: U8 = (request & (kind == UNKNOWN_OP)) * np.uint8(UNKNOWN)
     again = np.flatnonzero(request & (_AGAIN[kind] > 0))
     at = spans.start[again] + _AGAIN[kind[again]]
     flags[again[data[at] != data[at - 1]]] |= UNUSUAL
