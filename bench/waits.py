@@ -136,7 +136,7 @@ def viewers() -> list[Wait]:
             for chunk in chunks:
                 with calls.times():
                     live.raw("bus0", [chunk])
-                    live.keep_up()
+                    live.idle(chunk.t_ns or 0)
         with end.times():
             live.close()
     what = "a viewer that takes nothing"

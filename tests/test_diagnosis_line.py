@@ -83,12 +83,14 @@ def suffering(*troubles: Trouble, it: Plan | None = None, goals: Goals | None = 
     return found(tapped(talked(it, 5, bench_of(it, 5, goals, troubles=troubles))), it.protocol)
 
 
-def twins(shift_ns: int, protocol: str, clash: Clash, seed: int = 5) -> set[str]:
-    it = robot_of(protocol, goals="none", reads="position")
+def twins(
+    shift_ns: int, protocol: str, clash: Clash, seed: int = 5, baud: int = 115200
+) -> set[str]:
+    it = robot_of(protocol, goals="none", reads="position", baud=baud)
     bench = bench_of(it, seed, stays, twins=(2,), clash=clash)
     first, last = bench.delays[bench.bodies[2]]
     bench.delays[bench.shadows[2]] = (first + shift_ns, last + shift_ns)
-    return found(tapped(talked(it, seed, bench)), protocol)
+    return found(tapped(talked(it, seed, bench)), protocol, baud)
 
 
 def two_masters() -> set[str]:
@@ -218,6 +220,7 @@ TOLD: Final = (
     ("damage-in-requests", "early release", "held driver"),
     ("strays-at-turn", "free line", "noise"),
     ("strays-anywhere", "noise", "free line"),
+    ("strays-alone", "noise", "two masters"),
     ("same-bit", "twins", "noise"),
     ("one-way-bits", "late edges", "noise"),
     ("late-edges", "late edges", "noise"),
@@ -258,6 +261,12 @@ def test_a_fault_shows(code: str, fault: str, _: str) -> None:
 @pytest.mark.parametrize(("code", "_", "other"), TOLD)
 def test_another_fault_does_not_look_like_it(code: str, _: str, other: str) -> None:
     assert code not in of(other)
+
+
+def test_answers_that_lie_over_each_other_begin_as_requests_do_and_are_none() -> None:
+    told = twins(90_000, "mightyzap", Clash.AND, baud=400_000)
+    assert "answers-always-torn" in told
+    assert "request-in-answer" not in told
 
 
 def test_of_a_sound_line_nothing_is_told() -> None:

@@ -135,6 +135,24 @@ def test_a_controller_that_waits_in_vain_hears_no_answer_either() -> None:
     assert "goes-on-unanswered" not in told
 
 
+def test_who_asks_once_a_cycle_waits_as_long_whether_he_is_answered_or_not() -> None:
+    def once(talk: Conversation, cycle: int, servo: int) -> bool:
+        talk.ask_in_vain(servo, 25)
+        return True
+
+    def again(talk: Conversation, cycle: int, servo: int) -> bool:
+        talk.ask_in_vain(servo, 25)
+        return once(talk, cycle, servo)
+
+    sure = {}
+    for wait in (once, again):
+        talk = robot("mightyzap", 8, instead=wait, rate_hz=6, goals=False)
+        (incident,) = talk.diagnosed().incidents()
+        sure[wait] = {one.cause: one.confidence for one in incident.causes}
+    assert sure[again]["wrong-baud"] > 0.8 > sure[once]["wrong-baud"]
+    assert sure[once]["tap-one-way"] > 0.2 > sure[again]["tap-one-way"]
+
+
 def test_a_scan_that_finds_servos_late_is_not_heard_one_way() -> None:
     talk = Conversation("mightyzap")
     for servo in range(10, 40):

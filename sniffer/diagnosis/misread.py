@@ -129,22 +129,24 @@ def alike_of(d: Damage, known: Mapping[bytes, tuple[bytes, ...]]) -> tuple[bytes
 def of_peers(asked: bytes, known: Mapping[bytes, tuple[bytes, ...]]) -> tuple[bytes, ...]:
     """Return answers to requests like this one to other servos, as this one would give them.
 
-    Requests that differ in one byte beside the checksum are to other ids; the answer has the id at
-    the same place. Its checksum is left as it is: it is not to be relied on.
+    Requests that differ in one byte beside the checksum are to other ids, or, where ids are written
+    as text, in a row of digits; the answer has the id at the same place. Its checksum is left as it
+    is: it is not to be relied on.
     """
     out: list[bytes] = []
     for request, answers in known.items():
         differ = [i for i, (a, b) in enumerate(zip(request, asked, strict=False)) if a != b]
-        if len(request) != len(asked) or not 1 <= len(differ) <= 2:
+        if len(request) != len(asked) or not differ:
             continue
-        at = differ[0]
-        if len(differ) == 2 and differ[1] != len(asked) - 1:
-            # rs30x and wCK have the sum last, too; LSS has none
+        # rs30x and wCK have the sum last, LSS has none
+        where = differ[:-1] if len(differ) > 1 and differ[-1] == len(asked) - 1 else differ
+        at, end = where[0], where[-1] + 1
+        if len(where) != end - at or (len(where) > 1 and not asked[at:end].isdigit()):
             continue
         out += (
-            answer[:at] + asked[at : at + 1] + answer[at + 1 :]
+            answer[:at] + asked[at:end] + answer[end:]
             for answer in answers
-            if at < len(answer) and answer[at] == request[at]
+            if end <= len(answer) and answer[at:end] == request[at:end]
         )
     return tuple(dict.fromkeys(out))
 

@@ -95,11 +95,13 @@ def twins(case: Case) -> Mapping[int, Twin]:
     known = case.ledger.damages.likes.known
     begins = beginnings(case)
     requests = case.ledger.exchanges.kinds.requests
-    belated = {d.at for d in late_answers(case)}
+    belated, named = {d.at for d in late_answers(case)}, _named(case)
     for d in case.damages:
         mine = found.get(d.servo_id)
         if d.turn == IN_REPLY and d.is_answered and mine is not None and d.at not in belated:
             asks = max((alike(d.got, one) for one in requests), default=0)
+            if named.get(d.at, -1) not in (-1, d.servo_id):
+                continue  # what names another servo is no answer of this one
             if asks <= alike(d.got, begins.get(d.servo_id, b"")):  # else a request was torn
                 mine.torn.append(d)
         earlier = found.get(d.earlier_id)
@@ -113,12 +115,16 @@ def twins(case: Case) -> Mapping[int, Twin]:
         found[one].stray += strays
     one = _behind_one(case, torn, SOME)
     if one in found:
-        found[one].crossed += torn
+        found[one].crossed += [d for d in torn if _behind_whom(d) == one]
     _spare(case, found)
+    ends = {d.at + d.length for d in torn}
     for servo, twin in found.items():
         events = case.anomalies("duplicate-response", servo_id=servo)
         rows = case.alarm_rows("duplicate-response", servo_id=servo)
         whole = int(case.alarms["n"][rows].sum())
+        # what stands right behind a torn request is the answer to it
+        asked = np.isin(events.at, list(ends))
+        events, whole = events.take(~asked), whole - int(asked.sum())
         other = late.get(servo)
         if other is None:
             twin.whole, twin.times = whole, events.t_ns.tolist()
@@ -136,21 +142,24 @@ def twins(case: Case) -> Mapping[int, Twin]:
     for twin in found.values():
         if twin is not surest:  # what stands at others' places is one twin's, not several's
             twin.stray, twin.foreign, twin.crossed = [], [], []
-    return {s: t for s, t in found.items() if _is_twin(case, t)}
+    out = {s: t for s, t in found.items() if _is_twin(case, t)}
+    return {s: t for s, t in out.items() if not _is_neighbour(t, surest)}
 
 
 def late_answers(case: Case) -> Sequence[Damage]:
-    """Return torn places that begin as the answer to the request before the last one.
+    """Return torn places that begin as the answer to the request before the last one, or name it.
 
     That one stands right before the last, with nothing between: it is its one and only answer.
     """
     begins, requests = beginnings(case), case.ledger.exchanges.kinds.requests
     ends = {f.at + f.length: f for f in case.ledger.exchanges.failed}
+    named = _named(case)
     out = []
     for d in case.damages:
         first = ends.get(d.at - len(d.asked)) if d.turn == IN_REPLY and d.asked else None
         if first is not None and first.servo_id == d.earlier_id:
-            out += [d] if _is_foreign(d, begins, requests) else []
+            is_named = d.earlier_id == named.get(d.at, -1) != d.servo_id
+            out += [d] if is_named or _is_foreign(d, begins, requests) else []
     return out
 
 
@@ -180,13 +189,31 @@ def _spare(case: Case, found: Mapping[int, Twin]) -> None:
 
 
 def _is_twin(case: Case, t: Twin) -> bool:
-    twice = t.twice >= LEAST and t.twice >= SHARE * case.total("ok", t.servo_id)
+    answers = case.total("ok", t.servo_id) + case.total("damaged", t.servo_id)
+    twice = answers > 0 and t.twice >= max(LEAST, SHARE * case.total("ok", t.servo_id))
     return twice or len(t.mixed) >= max(LEAST, PART * t.tried)
+
+
+def _is_neighbour(t: Twin, surest: Twin | None) -> bool:
+    """Tell whether a servo's torn answers stand behind exchanges of one that surely answers twice.
+
+    What lies over them is the second answer of that one, which looks like theirs but for the id.
+    """
+    if surest is None or t is surest or surest.twice < LEAST or t.twice >= LEAST:
+        return False
+    behind = sum(d.earlier_id == surest.servo_id for d, _ in t.mixed)
+    return behind >= ALONE * len(t.mixed)
 
 
 def of_twins(case: Case, d: Damage) -> bool:
     """Tell whether a torn place is a twin's, or in the exchange behind a twin's."""
-    return d.servo_id in case.twins or d.earlier_id in case.twins
+    behind = d.behind == RESPONSE and d.asked_id in case.twins
+    return behind or d.servo_id in case.twins or d.earlier_id in case.twins
+
+
+def _behind_whom(d: Damage) -> int:
+    """Return behind whose exchange a torn request, or a stray byte, stands."""
+    return d.asked_id if d.behind == RESPONSE else d.earlier_id
 
 
 def torn_answers(case: Case) -> dict[int, Sequence[Damage]]:
@@ -212,6 +239,12 @@ def beginnings(case: Case) -> Mapping[int, bytes]:
     for request, known in likes.known.items():
         answers.setdefault(likes.asked[request], []).extend(known)
     return {servo: beginning(some) for servo, some in answers.items()}
+
+
+def _named(case: Case) -> Mapping[int, int]:
+    """Return whose frames torn places say they are, by their first byte: a header names a servo."""
+    told = case.anomalies("bad-checksum", "truncated-frame", "damaged-frame")
+    return dict(zip(told.at.tolist(), told.servo_id.tolist(), strict=True))
 
 
 def _begins_like(got: bytes, theirs: bytes, others: Sequence[bytes]) -> bool:
@@ -242,7 +275,7 @@ def _behind_one(case: Case, places: Sequence[Damage], least: int) -> int:
         places = [d for d in places if d.behind == RESPONSE]
         if len(places) < max(least, ALONE * (len(places) + len(others))):
             return -1
-    whose = [d.asked_id if d.behind == RESPONSE else d.earlier_id for d in places]
+    whose = [_behind_whom(d) for d in places]
     near = [s for s, d in zip(whose, places, strict=True) if 0 <= d.since_ns <= NEAR_NS]
     if not near:
         return -1

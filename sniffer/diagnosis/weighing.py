@@ -45,6 +45,15 @@ LEAST: Final = 0.0
 SHOWN: Final = 3
 """Causes told of an incident."""
 
+SIDE: Final = 0.3
+"""What counts so little for a cause is a side effect of it, which others have as well."""
+
+PROOF: Final = 3.0
+"""From this score on, of side effects alone, another fault is as good as proven."""
+
+ITS_OWN: Final = "damage-one-servo"
+"""What shows that a servo is hit by itself, and no chance."""
+
 TOGETHER_NS: Final = NS
 """One cause that befalls several servos within this time is one incident."""
 
@@ -77,9 +86,27 @@ def explain(findings: Sequence[Finding]) -> list[Explained]:
         if best is None:
             break
         out.append(_explained(best, left, findings))
-        taken = set(map(id, best.explained))
+        taken = set(map(id, best.explained)) - _of_another(best, left, findings)
         left = [f for f in left if id(f) not in taken]
     return _joined(out)
+
+
+def _of_another(best: Weighed, left: Sequence[Finding], all_found: Sequence[Finding]) -> set[int]:
+    """Return findings that a cause has as side effects, and that prove the fault of one servo.
+
+    What befalls the line, the controller or the tap does not choose a servo: where one is hit far
+    more than others, and in a way that a fault of its own has, there are two faults.
+    """
+    weights = WEIGHTS[best.cause.slug]
+    sides = {id(f) for f in best.explained if weights[f.code].weight <= SIDE}
+    rest = [f for f in left if id(f) in sides or all(f is not other for other in best.explained)]
+    out: set[int] = set()
+    for w in weigh(rest, rest) if sides and best.cause.of != SERVO else ():
+        mine = [f for f in w.explained if id(f) in sides and f.servo_id == w.servo_id]
+        signs = {f.code for f in mine if WEIGHTS[w.cause.slug][f.code].is_key}
+        if w.cause.of == SERVO and w.score >= PROOF and ITS_OWN in signs and len(signs) > 1:
+            out |= set(map(id, mine))
+    return out
 
 
 def _best(left: Sequence[Finding], all_found: Sequence[Finding]) -> Weighed | None:

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.summary import Summary
     from sniffer.jobs.files import Files, RecordingFiles
     from sniffer.selection.selection import Selection
+    from sniffer.tap.reader import Anchor
     from sniffer.tap.tap import PortSpec
     from sniffer.viewers.companion.parent import LiveView
 
@@ -246,7 +247,7 @@ def run_recording(
     if view is not None:
         view.hold(tapping.searches)
         pipeline.add(view)
-        beside.append(functools.partial(_keep_up, view))
+        beside.append(functools.partial(_idle, view, tapping.anchor))
     for note in tapping.notes:
         tell.talk(note)
     for warning in tapping.warnings:
@@ -354,8 +355,8 @@ def _all(acts: Sequence[Callable[[Recorder], None]], recorder: Recorder) -> None
         act(recorder)
 
 
-def _keep_up(view: LiveView, recorder: Recorder) -> None:
-    view.keep_up()
+def _idle(view: LiveView, anchor: Anchor, recorder: Recorder) -> None:
+    view.idle(anchor.now())
 
 
 def _deleted(file: RecordingFiles, tell: Teller, recorder: Recorder) -> None:

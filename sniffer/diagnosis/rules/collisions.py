@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.misread import BITS_FEW, FRONT
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.rules.interruptions import torn_requests
 from sniffer.diagnosis.twins import LEAST, PART, torn_answers
 
 if TYPE_CHECKING:
@@ -121,6 +122,8 @@ def always_torn(case: Case) -> Iterator[Finding]:
         rest = sum(case.total("damaged", s) for s in others)
         if not others or rest > FEW * sum(case.total("ok", s) for s in others):
             continue
+        if len(torn_requests(case, torn)) > PLAIN * len(torn):
+            continue  # what stands there is no answer
         read = [m for m in case.misreads if m.servo_id == servo]
         plain = sum((m.shape == BITS_FEW and len(m.flips) == 1) or m.shape == FRONT for m in read)
         if plain > PLAIN * len(read):

@@ -1,4 +1,4 @@
-"""What servos say against it: alarms with what was commanded before, refusals, words unasked."""
+"""What servos say against it: alarms with what was commanded before, words unasked."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from sniffer.diagnosis.case import episodes, sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_REQUEST
-from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.tracks import in_force
 from sniffer.diagnosis.twins import beginnings, telling
@@ -27,18 +27,6 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.rules import Rule
 
 FINDINGS: Final = (
-    FindingCode(
-        "refuses-command",
-        "device",
-        "A servo refuses one and the same command, time and again.",
-        "At least three answers with a refusal (not of a checksum) to one command.",
-    ),
-    FindingCode(
-        "refuses-torque",
-        "device",
-        "A servo refuses to have its torque switched on.",
-        "Each write of its torque register was answered with a refusal.",
-    ),
     FindingCode(
         "complaints-together",
         "device",
@@ -81,11 +69,6 @@ _BRIEF: Final[Mapping[str, str]] = MappingProxyType(
 
 RECENT_NS: Final = 10 * NS
 """A goal stated longer before an alarm has nothing to do with it."""
-
-LEAST: Final = 3
-"""Refusals of one command that are no accident."""
-
-PLENTY: Final = 10
 
 SHARED: Final = ("device-safe-mode", "device-input-voltage", "device-overload")
 """Alarms that a supply which sags raises in all servos that hang on it."""
@@ -157,66 +140,6 @@ def _commanded(case: Case, servo: int, t_ns: int) -> str:
     stated = max(t_ns - int(goal.t[row]), 0) / 1e6
     near = f", stated {stated:.0f} ms before" if int(goal.t[row]) < t_ns else ""
     return f"; its goal was {goal.told(float(goal.last[row]))}{near}"
-
-
-def refusals(case: Case) -> Iterator[Finding]:
-    """Commands that a servo refuses again and again."""
-    r = case.ledger.refusals.counted()
-    for servo, op in sorted({*zip(r["servo_id"].tolist(), r["op"].tolist(), strict=True)}):
-        rows = np.flatnonzero((r["servo_id"] == servo) & (r["op"] == op))
-        worst = rows[np.argmax(r["n"][rows])]
-        n, status = int(r["n"][rows].sum()), int(r["status"][worst])
-        names = case.protocol.status_names(status) if status > 0 else ()
-        if n < LEAST or "checksum" in names:  # what it got was not what was sent: the line's
-            continue
-        says = f" with {' and '.join(names).replace('_', ' ')}" if names else " with other values"
-        command = _command(case, op, int(r["address"][worst]))
-        others = f", of {len(rows)} addresses" if len(rows) > 1 else ""
-        what = f"servo {servo} answers {command}{says}, {n} times{others}"
-        at, length, t = (int(r[name][worst]) for name in ("at", "length", "t_first"))
-        yield Finding(
-            "refuses-command",
-            servo,
-            int(r["t_first"][rows].min()),
-            int(r["t_last"][rows].max()),
-            n,
-            what,
-            (Place(at, length, t, what),),
-            strength=min(0.7 + n / PLENTY * 0.3, 1.0),
-            brief=f"servo {servo} refuses {command}",
-        )
-
-
-def _command(case: Case, op: int, address: int) -> str:
-    """Return a command with the register that it is for."""
-    named = next((x.name for x in case.protocol.registers if 0 <= x.address == address), "")
-    to = "" if address < 0 else f" of {named}" if named else f" at {address:#04x}"
-    return f"{case.protocol.op_name(op)}{to}"
-
-
-def torque_refused(case: Case) -> Iterator[Finding]:
-    """Servos that refuse to have their torque switched on."""
-    w = case.writes
-    registers = case.protocol.registers
-    is_torque = np.array([r.quantity == "torque_enable" for r in registers], bool)
-    for row in np.flatnonzero((w["refused"] > 0) & is_torque[w["register"]]).tolist():
-        servo, n, refused = (int(w[k][row]) for k in ("servo_id", "n", "refused"))
-        if servo in case.protocol.everyone or refused < n:
-            continue
-        first, last = int(w["t_first"][row]), int(w["t_last"][row])
-        name = registers[int(w["register"][row])].name
-        what = f"servo {servo} refused each of {n} writes of {name}"
-        yield Finding(
-            "refuses-torque",
-            servo,
-            first,
-            last,
-            n,
-            what,
-            (Place(int(w["at"][row]), int(w["length"][row]), first, f"a write of {name}"),),
-            strength=0.7 if n == 1 else 1.0,
-            brief=f"servo {servo} refuses {name}",
-        )
 
 
 def chatty(case: Case) -> Iterator[Finding]:
@@ -354,8 +277,6 @@ def chatty_bare(case: Case) -> Iterator[Finding]:
 RULES: Final[tuple[Rule, ...]] = (
     complaints,
     together,
-    refusals,
-    torque_refused,
     chatty,
     chatty_bare,
 )

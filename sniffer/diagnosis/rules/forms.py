@@ -9,7 +9,7 @@ import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.comparing import bits_wrong
-from sniffer.diagnosis.damage import HELD
+from sniffer.diagnosis.damage import HELD, IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.ground.model import MALFORMED, UNKNOWN, UNUSUAL
@@ -39,7 +39,7 @@ FINDINGS: Final = (
         "same-bytes-torn",
         "controller",
         "The same bytes that are no frame stand there time and again, and never whole: they are sent so.",
-        "Half of all damaged places and more hold the same bytes, and no sound request is like them.",
+        "Half of all damaged places and more hold the same bytes, no sound request is like them, and most stand where no answer is due.",
     ),
     FindingCode(
         "odd-commands",
@@ -190,6 +190,8 @@ def same_bytes(case: Case) -> Iterator[Finding]:
         # A request that is whole at times is torn at others.
         if 2 * len(places) < len(damages) or any(_is_torn(got, whole) for whole in known):
             continue
+        if 2 * sum(d.turn == IN_REPLY for d in places) > len(places):
+            continue  # an answer that is due: a servo at rest says the same, and it is torn alike
         servos = {d.servo_id for d in places}
         yield finding_of(
             places,

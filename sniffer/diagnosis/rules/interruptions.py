@@ -128,14 +128,18 @@ def request_in_answer(case: Case) -> Iterator[Finding]:
     if not case.has_clock or case.latency_ns > LATENCY_NS or case.count("adapter-echo"):
         return  # of an echo it is what comes back; of a host that holds bytes, two pieces
     asked = {f.at + f.length: f.t_ns for f in case.ledger.exchanges.failed}
-    places = [d for d in case.damages if d.turn == IN_REPLY and d.asked]
-    places = [d for d in places if d.at in asked and _is_in_one_go(case, d, asked[d.at])]
+    replies = [d for d in case.damages if d.turn == IN_REPLY and d.asked]
+    places = [d for d in replies if d.at in asked and _is_in_one_go(case, d, asked[d.at])]
+    seldom_whole = torn_requests(case, replies)
+    places += [d for d in seldom_whole if d not in places]
     if not places:
         return
     asks = case.ledger.exchanges.kinds.requests
     known = tuple(dict.fromkeys((*asks, *(d.asked for d in places))))
     header = header_of(known)
-    torn = [d for d in places if _holds_request(d, known, header)]
+    answers = case.ledger.damages.likes.known
+    torn = [d for d in places if _holds_request(d, known, header, alike_of(d, answers))]
+    torn += [d for d in seldom_whole if d not in torn]
     if len(torn) < ENOUGH or len(torn) < PART_TORN * len(places):
         return
     yield finding_of(
@@ -242,14 +246,35 @@ def _is_in_one_go(case: Case, d: Damage, asked_ns: int) -> bool:
     return d.t_ns - asked_ns <= begins + whole + case.latency_ns
 
 
-def _holds_request(d: Damage, known: Sequence[bytes], header: int) -> bool:
+def torn_requests(case: Case, places: Sequence[Damage]) -> list[Damage]:
+    """Return places of answers that are torn requests which are torn there oftener than whole.
+
+    Noise tears one now and then; whose end is spoken into each time is said while another speaks.
+    """
+    kinds = case.ledger.exchanges.kinds
+    header = header_of(kinds.requests)
+    out = []
+    for k, whole in enumerate(kinds.example):
+        mine = [
+            d
+            for d in places
+            if whole != d.asked and header < alike(d.got, whole) and is_altered(d.got, whole)
+        ]
+        if len(mine) >= OVERLAPS and len(mine) > int(kinds.n[k]):
+            out += mine
+    return out
+
+
+def _holds_request(d: Damage, known: Sequence[bytes], header: int, due: Sequence[bytes]) -> bool:
     """Tell whether damage begins or ends as a request, and not as the answer that is due.
 
-    ``header`` is how many first bytes all requests share: answers have them, too.
+    ``header`` is how many first bytes all requests share: answers have them, too. Where a servo has
+    had no whole answer, ``due`` are those of its peers with its id, which a request has as well.
     """
     if any(is_altered(d.got, q) or q.startswith(d.got) for q in known):
         return False  # nothing but a request that is torn
-    tail, head = alike(d.got[::-1], d.expected[::-1]), alike(d.got, d.expected)
+    tail = max((alike(d.got[::-1], one[::-1]) for one in due), default=0)
+    head = max((alike(d.got, one) for one in due), default=0)
     for request in known:
         ends, begins = alike(d.got[::-1], request[::-1]), alike(d.got, request)
         if ends >= max(TAIL, tail + MORE) or begins >= max(TAIL, head + MORE, header + 1):

@@ -12,6 +12,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.twins import of_twins
 from sniffer.ground.model import NS
 from sniffer.ground.wording import counted
@@ -60,6 +61,12 @@ FINDINGS: Final = (
         "Single bytes of nobody come while nobody speaks.",
         "Three of them or more, not at the turn of the direction.",
     ),
+    FindingCode(
+        "strays-alone",
+        "line",
+        "Single bytes stand alone in pauses of the line: nobody says so little.",
+        "Four or more, by stamps of which the line rests for three byte times before and behind.",
+    ),
 )
 
 STRAYS: Final = (AT_TURN, IN_IDLE)
@@ -84,6 +91,15 @@ LEAST_BUSY: Final = 0.05
 
 HITS: Final = 0.3
 """Part of the disturbances within a frame that are long enough, and at the place, to alter a bit."""
+
+ALONE_BYTES: Final = 3
+"""Byte times of rest before and behind a byte that stands alone."""
+
+PULSE: Final = 1
+"""Bytes that a pulse makes where nobody speaks; two who speak at once leave more."""
+
+SPARED: Final = 0.02
+"""From so rare a chance on it counts that no frame is hit."""
 
 PLENTY: Final = 12
 """So many places are beyond doubt."""
@@ -201,7 +217,9 @@ def strays(case: Case) -> Iterator[Finding]:
             f"{between} times elsewhere: {shown}",
             f"{turns} stray bytes where the direction changes",
         )
-    elif turns + between >= MANY and _spares_frames(case, torn, turns + between):
+    elif turns + between >= MANY and (
+        spared := sureness(_hits_none(case, torn, turns + between), CHANCE)
+    ) >= sureness(SPARED, CHANCE):
         yield _damage(
             case,
             both,
@@ -210,7 +228,7 @@ def strays(case: Case) -> Iterator[Finding]:
             f"{turns + between} times stray bytes stand between frames, and {torn} frames of "
             f"{case.ledger.frames} are torn: what came at any time would hit frames, too; {shown}",
             f"{turns + between} stray bytes between frames",
-            0.9,
+            0.9 * spared,
         )
     elif turns + between >= LEAST and between:
         yield _damage(
@@ -223,13 +241,36 @@ def strays(case: Case) -> Iterator[Finding]:
         )
 
 
-def _spares_frames(case: Case, torn: int, strays: int) -> bool:
-    """Tell whether frames are spared by what makes strays, as chance would not have it."""
+def strays_alone(case: Case) -> Iterator[Finding]:
+    """Tell of bytes that stand alone: a pulse makes them, and no sender."""
+    rest_ns = ALONE_BYTES * case.ledger.byte_ns
+    alone = [
+        d
+        for d in case.damages
+        if d.turn == IN_IDLE and d.length <= PULSE and min(d.since_ns, d.until_ns) >= rest_ns
+    ]
+    if (
+        not case.has_clock
+        or len(alone) <= LEAST
+        or (case.twins and any(of_twins(case, d) for d in alone))
+    ):
+        return
+    yield finding_of(
+        alone,
+        "strays-alone",
+        None,
+        f"{len(alone)} times a single byte stands alone in a pause, where a frame would be longer",
+        "a byte that stands alone",
+        strength=min(0.5 + len(alone) / (2 * PLENTY), 1.0),
+    )
+
+
+def _hits_none(case: Case, torn: int, strays: int) -> float:
+    """Return how likely chance spares frames as what makes strays does."""
     busy = LEAST_BUSY
     if case.has_clock and case.seconds:
         busy = min(case.ledger.bytes * case.ledger.byte_ns / (case.seconds * NS), 1.0)
-    hits = busy * HITS
-    return at_least(strays, strays + torn, 1 - hits) < CHANCE
+    return at_least(strays, strays + torn, 1 - busy * HITS)
 
 
 def _rows(table: dict[str, I64], rows: Mask) -> dict[str, I64]:
@@ -269,5 +310,5 @@ def _damage(
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (who_is_damaged, strays)
+RULES: Final[tuple[Rule, ...]] = (who_is_damaged, strays, strays_alone)
 """The rules of this area."""

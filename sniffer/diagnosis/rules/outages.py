@@ -13,14 +13,14 @@ from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import IN_REPLY
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.twins import of_twins
-from sniffer.ground.model import NS
+from sniffer.ground.model import NEVER_NS, NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
-    from sniffer.ground.model import I64
+    from sniffer.ground.model import I64, Mask
 
 FINDINGS: Final = (
     FindingCode(
@@ -109,6 +109,8 @@ class _Lost:
         # Losses in a row are one moment: it was not asked between them.
         asked = max(self.ok + self.bad, 1)
         self.turn_ns = (case.last_ns - case.first_ns) / asked
+        runs = case.ledger.silences.runs(servo)
+        self._silences = np.array([(s.first_ns, s.back_ns or NEVER_NS) for s in runs], np.int64)
 
     @property
     def share(self) -> float:
@@ -118,8 +120,19 @@ class _Lost:
     @property
     def moments(self) -> int:
         """How many times it was away."""
-        apart = np.diff(self.times) > IN_A_ROW * self.turn_ns
-        return 1 + int(apart.sum()) if len(self.times) else 0
+        return 1 + int(self.apart(self.times).sum()) if len(self.times) else 0
+
+    def apart(self, times: I64) -> Mask:
+        """Tell of losses (sorted) which are not of the same moment as the one before.
+
+        Who asks in vain waits longer than behind an answer: a silence is one moment, however long.
+        """
+        far: Mask = np.diff(times) > IN_A_ROW * self.turn_ns
+        if len(self._silences):
+            which = np.searchsorted(self._silences[:, 0], times, "right") - 1
+            within = times < self._silences[np.maximum(which, 0), 1]
+            far &= (which[1:] != which[:-1]) | (which[1:] < 0) | ~within[1:]
+        return far
 
     def within(self, times: I64) -> float:
         """Return the part of its losses that are near some moments (sorted)."""
@@ -203,7 +216,7 @@ def _for_a_while(case: Case, bad: list[_Lost]) -> Iterator[Finding]:
         times, at = one.times[mine], one.at[mine]
         missing = case.anomalies("no-response", servo_id=one.servo).t_ns
         gone = int(np.isin(times, missing).sum())
-        moments = 1 + int((np.diff(times) > IN_A_ROW * one.turn_ns).sum())
+        moments = 1 + int(one.apart(times).sum())
         if chance > ALONE or gone < GONE * len(times) or moments < LEAST:
             continue
         since, until = case.since(int(times[0])), case.since(int(times[-1]))

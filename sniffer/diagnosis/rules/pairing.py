@@ -41,7 +41,7 @@ FINDINGS: Final = (
         "away-again-and-again",
         "pairing",
         "A servo goes away for a moment and comes back, time and again, for about as long each time.",
-        "At least three such silences, nine tenths of them within a factor of eight.",
+        "At least three such silences, nine tenths of them within a factor of eight, and single losses at most twice as often.",
     ),
     FindingCode(
         "misses-now-and-then",
@@ -168,7 +168,7 @@ def silences(case: Case) -> Iterator[Finding]:
         away = _outages(case, servo)
         if away:
             yield _away(servo, away)
-            if len(away) >= AGAIN and _alike(away):
+            if len(away) >= AGAIN and _alike(away) and not _mostly_short(case, servo, away):
                 yield _again(servo, away)
         if len(away) < AGAIN:
             yield from _now_and_then(case, servo)
@@ -195,6 +195,19 @@ def _alike(away: Sequence[Silence]) -> bool:
     spans = np.array([(s.back_ns or 0) - s.first_ns for s in away], np.int64)
     low, high = np.quantile(spans, (0.05, 0.95))
     return bool(high <= ALIKE * low)
+
+
+def _mostly_short(case: Case, servo: int, away: Sequence[Silence]) -> bool:
+    """Tell whether a servo is away for a moment far oftener than for as long as these silences.
+
+    Who starts anew takes as long each time: only what is away for moments of all lengths mostly
+    misses one request.
+    """
+    single = case.ledger.silences.lengths(servo)[0]
+    others = case.total("asked") - case.total("asked", servo)
+    usual = (case.total("missing") - case.total("missing", servo)) / max(others, 1)
+    least = min(s.missed for s in away)
+    return least > 2 and single > 2 * len(away) + usual * case.total("asked", servo)
 
 
 def _away(servo: int, away: Sequence[Silence]) -> Finding:

@@ -66,6 +66,8 @@ SOME: Final = 1e-2
 ENDS: Final = 4
 """Bytes of the end of a line of text: with more, only its first one may be missing."""
 
+DIGITS: Final = frozenset(b"0123456789")
+
 BY_NOISE: Final = 0.3
 """Part of short pieces that noise makes of signs that stand in lines, with the end of one."""
 
@@ -76,14 +78,14 @@ def pieces_complete(case: Case) -> Iterator[Finding]:
     order = sorted(range(len(kinds)), key=lambda k: -int(kinds.n[k]))
     requests = [kinds.example[k] for k in order[:HEADS]]
     known = case.ledger.damages.likes.known
-    # bare answers hold by no checksum
-    answers = [some[0] for some in known.values()][:HEADS] if case.has_checksum else []
+    said = [some[0] for some in known.values()][:HEADS]
+    answers = said if case.has_checksum else []  # bare answers hold by no checksum
     torn = [d for d in case.damages if d.turn != HELD and len(d.got) == d.length >= SHORTEST]
     torn = torn[:KEPT]
     if len(torn) < LEAST or not requests:
         return
     if case.protocol.checksum_of(requests[0]) is None:
-        yield from _line_ends(torn, requests, answers)
+        yield from _line_ends(torn, requests, said)
         return
     # what ends as a request in the place of an answer was said into it
     alone = [d for d in torn if d.turn != IN_REPLY]
@@ -112,6 +114,7 @@ def _line_ends(
 ) -> Iterator[Finding]:
     """Yield the same of lines of text, which have no checksum: ends of them, and of nothing else."""
     signs = set(b"".join((*requests, *answers)))
+    signs |= DIGITS if signs & DIGITS else set()  # a number may be any
     begins = {line[0] for line in (*requests, *answers)}
     end = requests[0][-1]
     short = [d for d in torn if d.length <= ENDS and d.got[0] not in begins]

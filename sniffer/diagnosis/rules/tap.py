@@ -62,7 +62,8 @@ FINDINGS: Final = (
         "waits-in-vain",
         "tap",
         "No servo answers, and the controller waits for each answer as long as it can be due.",
-        "The time to the next request is never shorter than the manual's window for an answer.",
+        "The time to the next request is never shorter than the manual's window for an answer. It counts "
+        "little more than half where no request is repeated: who asks once a cycle waits as long behind an answer.",
     ),
     FindingCode(
         "clock-stepped",
@@ -98,6 +99,14 @@ PROMPT_NS: Final = 8 * MS
 SHARE: Final = 0.6
 """Share of the exchanges without an answer behind which a controller goes on, where the tap lost
 the answers; where nobody answers it waits behind each."""
+
+
+AGAIN: Final = 3
+"""Repeated requests that show that answers are missed."""
+
+ONCE: Final = 0.6
+"""How much waits count where nothing is repeated: they may be the pace of the loop. Of two causes that
+are as likely then, the one that keeps a robot from moving is named first."""
 
 
 def wires_swapped(case: Case) -> Iterator[Finding]:
@@ -179,7 +188,8 @@ def nobody_answers(case: Case) -> Iterator[Finding]:
         strength=1.0 if len(servos) > 1 else 0.7,
         brief=f"no answer to {missing} requests to {many}",
     )
-    waits = case.ledger.exchanges.waited()
+    exchanges = case.ledger.exchanges
+    waits = exchanges.waited()
     n = int(waits["n"].sum())
     if not case.has_clock or not n or case.latency_ns >= PROMPT_NS:
         return
@@ -207,6 +217,7 @@ def nobody_answers(case: Case) -> Iterator[Finding]:
             f"the controller waits {int(waits['wait_min'].min()) / MS:.0f} ms and more behind each of "
             f"{n} requests: it hears no answer either",
             (place,),
+            strength=1.0 if exchanges.retried()["n"].sum() >= AGAIN else ONCE,
             brief="the controller waits for each answer in vain",
         )
 

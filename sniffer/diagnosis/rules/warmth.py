@@ -36,6 +36,12 @@ FINDINGS: Final = (
         "At least 15 degrees more than at the beginning, by a degree a second or faster, still rising at the end or up to the highest.",
     ),
     FindingCode(
+        "saved-while-cool",
+        "device",
+        "A servo goes into safe mode far below its limit of temperature: it is something else.",
+        "The last temperature before it, at most five seconds old, is 20 degrees or more below the limit.",
+    ),
+    FindingCode(
         "load-high-and-still",
         "device",
         "A servo bears nearly all that it can, for long, and does not move while its goals do.",
@@ -53,6 +59,10 @@ NEAR_DEGC: Final = 5.0
 
 HOT_DEGC: Final = 75.0
 """Small servos are shipped with limits of 70 to 85 degrees."""
+
+COOL_DEGC: Final = 20.0
+FRESH_NS: Final = 5 * NS
+"""So far below its limit, and measured so shortly before, heat is no reason to protect itself."""
 
 RISE_DEGC: Final = 15.0
 
@@ -124,6 +134,30 @@ def temperature(case: Case) -> Iterator[Finding]:
             (Place(int(t.at[top]), 1, int(t.t_first[top]), f"temperature {t.told(t.high[top])}"),),
             strength=min(0.4 + rise / 50, 1.0),
             brief=f"servo {servo} heats up by {rise:.0f} {t.unit}",
+        )
+
+
+def saved_while_cool(case: Case) -> Iterator[Finding]:
+    """Servos that protect themselves, and not for heat."""
+    for servo in case.measured_by("temperature"):
+        t = case.series(servo, "temperature")
+        told = case.anomalies("device-safe-mode", servo_id=servo)
+        if t is None or not len(told):
+            continue
+        row = int(np.searchsorted(t.t_first, told.t_ns[0], "right")) - 1
+        limit, of = _limit(case, servo)
+        if row < 0 or told.t_ns[0] - t.t[row] > FRESH_NS or t.high[row] > limit - COOL_DEGC:
+            continue
+        yield Finding(
+            "saved-while-cool",
+            servo,
+            int(told.t_ns[0]),
+            int(told.t_ns[-1]),
+            len(told),
+            f"servo {servo} measures {t.told(float(t.high[row]))} when it goes into safe mode; {of} "
+            f"{t.told(limit)}",
+            case.places(told, f"servo {servo}: safe mode", 2),
+            brief=f"servo {servo} is not hot",
         )
 
 
@@ -244,5 +278,5 @@ def _usual(case: Case, motor: Effort) -> float:
     return float(np.median(medians)) if medians else 0.0
 
 
-RULES: Final[tuple[Rule, ...]] = (temperature, load)
+RULES: Final[tuple[Rule, ...]] = (temperature, saved_while_cool, load)
 """The rules of this file."""

@@ -59,11 +59,15 @@ _LOST: Final[tuple[_Row, ...]] = (
     ("goal-jump", 0.1, "a torn request may hold by chance"),
     ("goal-beyond-range", 0.1, "a torn request may hold by chance"),
     ("refuses-command", 0.1, "servos refuse torn requests"),
+    ("echoes-differ", 0.2, "a torn answer may hold by chance"),
     ("echo-mismatch", 0.1, "a torn answer may hold by chance"),
 )
 """What others make of it."""
 
-_TWICE: Final = ("doubtful-value", "refuses-command", "echo-mismatch", "answers-after-next")
+_TWICE: Final = (
+    *("doubtful-value", "refuses-command", "echoes-differ", "echo-mismatch"),
+    "answers-after-next",
+)
 """What two answers to one request explain in another way."""
 
 _HALF_HEARD: Final[tuple[_Row, ...]] = (
@@ -79,6 +83,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         "bus-noise",
         ("damage-everywhere", 4.0, "all senders are hit alike"),
         ("strays-anywhere", 2.5, "the line is disturbed while nobody speaks"),
+        ("strays-alone", 0.5, "a pulse alone makes a byte"),
         ("damage-in-answers", 0.5, "answers are hit"),
         ("damage-in-requests", 1.5, "requests are hit"),
         ("damage-one-servo", -3.0, "only one servo is hit"),
@@ -109,6 +114,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("damage-in-answers", 0.7, "servos that move are hit"),
         ("damage-in-requests", 0.5, "requests are hit"),
         ("strays-anywhere", 0.5, "the line is disturbed while nobody speaks"),
+        ("strays-alone", 0.5, "a pulse alone makes a byte"),
         ("line-babbles", -4.0, "nothing gets by for long"),
         ("late-bits", -2.0, "sparks do not choose the last bits"),
         ("held-low", -2.0, "the line is low for long"),
@@ -219,9 +225,10 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("strays-at-turn", 0.1, "its bytes break into pieces"),
         ("damage-everywhere", 0.1, "pieces of its answers look like frames"),
         ("comes-and-goes", 0.1, "which of its bytes are misread depends on what it says"),
+        ("echoes-differ", 1.0, "which of its bytes are misread depends on what it says"),
         *_SAID,
         *_TORN,
-        *_LOST,
+        *(w for w in _LOST if w[0] != "echoes-differ"),
         *_HALF_HEARD,
     ),
     *for_(
@@ -246,6 +253,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         *(w for w in _LOST if w[0] not in _TWICE),
         *_HALF_HEARD,
         ("refuses-command", 0.5, "two answers at once say anything"),
+        ("echoes-differ", 2.0, "two answers at once say now this, now that"),
         ("echo-mismatch", 0.5, "two answers at once say anything"),
         ("joint-limp", 0.1, "two answers at once say anything"),
         ("joint-not-following", 0.1, "two answers at once say anything"),

@@ -66,6 +66,7 @@ WEIGHTS: Final = (
                 "doubtful-value",
                 "echo-mismatch",
                 "refuses-command",
+                "echoes-differ",
                 "goal-beyond-range",
                 "odd-commands",
                 "position-jumps",
@@ -174,6 +175,15 @@ WEIGHTS: Final = (
         for weight in for_(
             cause, ("pieces-complete", -2.5, "what is torn here was whole on the line")
         )
+    ),
+    *for_(
+        "duplicate-id",
+        (
+            "bytes-lost",
+            -2.0,
+            "two answers in a row are those to two requests, of which one was lost",
+        ),
+        ("requests-missing", -1.5, "the request before a second answer may be missing here"),
     ),
     *for_("bus-noise", ("echo-differs", 2.5, "requests come back altered, too")),
     *for_("bad-cable", ("echo-differs", -2.0, "the controller's own requests are hit, too")),

@@ -1,0 +1,246 @@
+"""Two faults at once, and evidence that only looks like it: each with its counterpart."""
+
+from __future__ import annotations
+
+import random
+from typing import TYPE_CHECKING
+
+import pytest
+
+from sniffer.diagnosis.misread import of_peers
+from tests.conversations import Conversation, robot, swinging, through_usb
+from tests.diagnosed import codes, verdicts
+from tests.servos import lss
+from tests.streams import wck
+from tests.test_diagnosis_beside import torn_read
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+SERVOS = (1, 2, 3, 4, 5)
+
+
+def altered(data: bytes) -> bytes:
+    """Return a frame with one byte read otherwise."""
+    return data[:-2] + bytes((data[-2] ^ 0x18, data[-1]))
+
+
+def hit(data: bytes, rng: random.Random) -> bytes:
+    """Return a frame that a pulse has hit anywhere, for a bit or some."""
+    k, bits = rng.randrange(3, len(data)), rng.choice((1, 3, 7, 1)) << rng.randrange(6)
+    return data[:k] + bytes((data[k] ^ bits,)) + data[k + 1 :]
+
+
+# -------------------------------------------------------------------------- twins, and noise beside
+
+
+def twins_and(noise: float) -> Conversation:
+    """Servo 2 answers twice, the second time into the next request; of all others some are torn."""
+    rng = random.Random(3)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        place = swinging(servo, talk.now_s)
+        if servo == 2:
+            talk.say(talk.tongue.ask(2))
+            talk.rest(0.3)
+            talk.say(talk.tongue.answer(2, place))
+            talk.rest(0.2)
+            talk.say(talk.tongue.answer(2, place + 0.1))
+            if cycle % 2:
+                talk.say(altered(talk.tongue.ask(3)))
+            talk.rest(0.4)
+            return True
+        if noise and servo != 3 and rng.random() < noise:
+            if rng.random() < 0.5:
+                talk.say(hit(talk.tongue.ask(servo), rng))
+                talk.rest(5)
+            else:
+                torn_read(talk, servo, lambda data: hit(data, rng))
+            return True
+        return False
+
+    return robot("mightyzap", 10, servos=SERVOS, instead=instead, goals=False)
+
+
+def test_noise_is_told_beside_a_servo_that_answers_twice() -> None:
+    told = verdicts(twins_and(0.04).diagnosed().incidents())
+    assert ("duplicate-id", (2,)) in told
+    assert "bus-noise" in {cause for cause, _ in told}
+
+
+def test_what_a_second_answer_tears_is_no_noise() -> None:
+    assert verdicts(twins_and(0.0).diagnosed().incidents()) == [("duplicate-id", (2,))]
+
+
+# ------------------------------------------------------------------------------ who tore what it is
+
+
+@pytest.mark.parametrize(("in_answers", "sent_so"), [(True, False), (False, True)])
+def test_the_same_bytes_time_and_again_are_a_command_only_where_no_answer_is_due(
+    in_answers: bool, sent_so: bool
+) -> None:
+    odd = b"\x7e\xbf\x7e\xfe\xff\xb7\x6b"
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 3 or cycle < 20:
+            return False
+        if in_answers:
+            torn_read(talk, servo, lambda data: odd)
+        else:
+            talk.read(servo, 0.4)
+            talk.rest(5)
+            talk.write(odd)
+        return True
+
+    told = robot("lss", 6, instead=instead, goals=False).diagnosed()
+    assert ("same-bytes-torn" in codes(told)) is sent_so
+
+
+def test_answers_that_name_the_servo_asked_before_come_to_a_controller_that_did_not_wait() -> None:
+    talk = Conversation("rs30x")
+    for cycle in range(120):
+        talk.until(cycle / 25)
+        talk.say(talk.tongue.ask(3))
+        talk.rest(2.5)
+        talk.say(talk.tongue.ask(24))
+        talk.rest(0.3)
+        talk.say(altered(talk.tongue.answer(3, swinging(3, talk.now_s))))
+        talk.rest(0.4)
+        talk.say(talk.tongue.answer(24, swinging(2, talk.now_s)))
+    told = talk.diagnosed()
+    assert "answers-twice" not in codes(told)
+    assert verdicts(told.incidents())[0] == ("impatient-controller", ())
+
+
+def test_ids_that_are_written_as_text_are_put_in_place_of_a_peers() -> None:
+    known = {b"#25QD\r": (b"*25QD-128\r",), b"#8QD\r": (b"*8QD5\r",), b"#26QV\r": (b"*26QV1\r",)}
+    assert of_peers(b"#80QD\r", known) == (b"*80QD-128\r",)
+    assert not of_peers(b"#80QT\r", known)
+
+
+# ------------------------------------------------------------------------------ silences and resets
+
+
+def silences(lengths: Callable[[random.Random], int], every: int) -> Conversation:
+    """Servo 3 misses so many requests in a row, every so many cycles."""
+    rng, away = random.Random(5), 0
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        nonlocal away
+        if servo != 3:
+            return False
+        if not away and cycle % every == every - 1:
+            away = lengths(rng)
+        away = max(away - 1, -1) if away else 0
+        if away:
+            talk.ask_in_vain(servo, 20)
+        return bool(away)
+
+    return robot("mightyzap", 20, servos=(1, 2, 3, 4), rate_hz=10, instead=instead, goals=False)
+
+
+def test_silences_of_which_most_are_of_one_request_are_no_restarts() -> None:
+    told = codes(silences(lambda rng: rng.choice((2, 2, 2, 2, 2, 5)), 10).diagnosed())
+    assert "away-again-and-again" not in told
+
+
+def test_silences_that_are_as_long_each_time_are_restarts() -> None:
+    told = codes(silences(lambda rng: 5, 20).diagnosed())
+    assert "away-again-and-again" in told
+
+
+def test_one_silence_is_one_moment_however_often_was_asked_meanwhile() -> None:
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if servo != 1 or not 300 <= cycle < 310:
+            return False
+        talk.ask_in_vain(servo, 87)
+        return True
+
+    told = robot("wck", 12, servos=SERVOS, rate_hz=100, instead=instead, goals=False).diagnosed()
+    assert "away-for-a-while" in codes(told)
+    assert "comes-and-goes" not in codes(told)
+
+
+# --------------------------------------------------------------------- what a servo says of itself
+
+
+@pytest.mark.parametrize(("degrees", "cool"), [(46, True), (72, False)])
+def test_a_servo_that_protects_itself_far_from_its_limit_is_not_too_hot(
+    degrees: int, cool: bool
+) -> None:
+    told = [(k / 5, f"#6QT *6QT{300 + (degrees - 30) * k // 2}") for k in range(21)]
+    told += [(k / 5 + 0.05, f"#6Q *6Q{6 if k < 20 else 10}") for k in range(24)]
+    diagnosis = lss(*told)
+    assert "device-safe-mode" in codes(diagnosis)
+    assert ("saved-while-cool" in codes(diagnosis)) is cool
+
+
+@pytest.mark.parametrize(("every", "refuses"), [(1, True), (3, False)])
+def test_who_refuses_a_command_does_so_each_time(every: int, refuses: bool) -> None:
+    def behind(talk: Conversation, cycle: int) -> None:
+        talk.say(wck.command(0xE0, 0xC9, b"\x02\x02"))
+        talk.rest(0.3)
+        talk.say(b"\x03\x40" if cycle % every else b"\x0b\x40")  # ten bits: the first has three
+        talk.rest(0.4)
+
+    told = robot("wck", 3, behind=behind).diagnosed()
+    assert ("refuses-command" in codes(told)) is refuses
+    assert ("echoes-differ" in codes(told)) is not refuses
+    (incident,) = told.incidents()
+    assert incident.cause == ("servo-refuses" if refuses else "duplicate-id")
+
+
+# --------------------------------------------------------------------------- what the tap has lost
+
+
+def test_ends_of_lines_with_any_number_in_them_are_what_is_left_of_lost_bytes() -> None:
+    rng = random.Random(9)
+
+    def behind(talk: Conversation, cycle: int) -> None:
+        if cycle % 9 == 4:
+            talk.rest(4)
+            talk.say(b"%d\r" % rng.randrange(1, 999))
+
+    told = robot("lss", 6, servos=(1, 2), behind=behind, path=lambda servo, s: 0.5).diagnosed()
+    assert "pieces-complete" in codes(told)
+
+
+def test_a_clock_that_is_off_is_told_beside_bytes_that_the_tap_lost() -> None:
+    rng = random.Random(2)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        lost = rng.random() < 0.06
+        if lost:
+            talk.say(talk.tongue.ask(servo)[: rng.choice((4, 5))])
+            talk.rest(0.3)
+            talk.say(talk.tongue.answer(servo, swinging(servo, talk.now_s)))
+            talk.rest(0.4)
+        elif servo == 1 and cycle > 100:
+            torn_read(talk, 1, lambda data: data[:6] + bytes(b | 0xC0 for b in data[6:]))
+        return lost or (servo == 1 and cycle > 100)
+
+    told = verdicts(
+        robot("mightyzap", 10, servos=SERVOS, instead=instead, goals=False).diagnosed().incidents()
+    )
+    assert {"tap-loss", "clock-drift"} <= {cause for cause, _ in told}
+    assert ("clock-drift", (1,)) in told
+
+
+@pytest.mark.parametrize(("torn", "at_turn"), [(0.0, True), (0.02, False)])
+def test_strays_that_spare_all_frames_come_when_the_direction_changes(
+    torn: float, at_turn: bool
+) -> None:
+    rng = random.Random(8)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        if rng.random() < 0.3:
+            talk.say(bytes((rng.choice((0x00, 0xFC, 0xFE)),)))
+            talk.rest(0.5)
+        if rng.random() < torn:
+            torn_read(talk, servo, altered)
+            return True
+        return False
+
+    talk = robot("mightyzap", 10, rate_hz=20, instead=instead, goals=False)
+    told = codes(talk.diagnosed(through_usb(talk.chunks)))
+    assert ("strays-at-turn" in told) is at_turn
