@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
@@ -14,11 +15,21 @@ from hypothesis import strategies as st
 import sniffer.sources.saleae as saleae
 import sniffer.sources.text as text
 from sniffer.decoding.decoder import Decoder
-from sniffer.ground.model import Chunk, Clock, DamagedInputError, Direction, Mark, MarkKind
+from sniffer.ground.model import (
+    Chunk,
+    Clock,
+    DamagedInputError,
+    Direction,
+    Mark,
+    MarkKind,
+    SnifferError,
+)
 from sniffer.ground.runs import ChunkRun, joined
 from sniffer.sources import open_source
+from sniffer.sources.alike import TextLines, likenesses
 from sniffer.testing.laws import equal
 from tests.toollogs import conversation
+from tests.waves import saleae_csv, sampled, spoken
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -150,3 +161,26 @@ def test_a_run_is_decoded_as_its_chunks_are() -> None:
         [as_chunks.feed(*chunks), as_chunks.close()],
         chunks,
     )
+
+
+@given(st.lists(st.from_regex(r"[0-9]{1,7}\.[0-9]{0,8}", fullmatch=True), min_size=1, max_size=60))
+@example(["0.1"] * 20 + ["0.3"] * 20 + ["1.7"] * 20)
+def test_fractions_read_in_columns_are_those_that_python_reads(texts: list[str]) -> None:
+    lines = TextLines("\n".join(texts).encode())
+    out = np.full(len(texts), np.nan)
+    for some in likenesses(lines, re.compile(rb"([0-9]+)\.([0-9]*)"), (1, 2), ()):
+        out[some.rows] = some.decimals(1, 2)
+    assert out.tolist() == [float(one) for one in texts]
+
+
+@pytest.mark.parametrize("trigger", [0.0, 0.004])
+def test_rows_of_levels_say_the_same_read_in_columns_and_one_by_one(trigger: float) -> None:
+    talk = b"".join(one.data for one in conversation(20))
+    levels = sampled(spoken(talk, 57600), 1_000_000)
+    table = saleae_csv(
+        {"RX": levels, "EN": levels[:1].repeat(len(levels))}, 1_000_000, trigger=trigger
+    )
+    half = len(table) // 2  # what is read first tells what it is
+    assert said(table) == said(table[:half] + table[half:].replace(b"\n", b"\n\n"))
+    with pytest.raises(SnifferError, match="a level is neither 0 nor 1"):
+        said(table[:half] + table[half:].replace(b",1,1\n", b",7,1\n"))

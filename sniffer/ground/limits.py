@@ -102,8 +102,10 @@ def chunks_of(given: Sequence[Any]) -> Sequence[Chunk]:
     Raises:
         SnifferError: something is neither, or a chunk says what cannot be.
     """
-    if len(given) == 1 and type(given[0]) is ChunkRun:
-        return given[0]
+    if len(given) == 1 and type(run := given[0]) is ChunkRun:
+        if run and (run.t_ns.min() < TIME_LEAST_NS or run.t_ns.max() >= TIME_END_NS):
+            return chunks_of(list(run))
+        return run
     return [
         k
         if type(k) is Chunk

@@ -94,13 +94,14 @@ class ChunkRun(Sequence[Chunk]):
         return min(int(np.searchsorted(self.ends, size)) + 1, len(self))
 
 
-def joined(runs: Sequence[ChunkRun]) -> Sequence[Chunk]:
-    """Return runs that follow each other as one; as chunks where they differ in bus or clock."""
+def joined(parts: Sequence[Sequence[Chunk]]) -> Sequence[Chunk]:
+    """Return parts that follow each other as one: a run if they are runs of one bus and clock."""
+    if len(parts) == 1:
+        return parts[0]
+    runs = [part for part in parts if isinstance(part, ChunkRun)]
+    if not runs or len(runs) < len(parts) or len({(run.bus, run.clock) for run in runs}) > 1:
+        return [chunk for part in parts for chunk in part]
     first = runs[0]
-    if len(runs) == 1:
-        return first
-    if any((run.bus, run.clock) != (first.bus, first.clock) for run in runs):
-        return [chunk for run in runs for chunk in run]
     marks: dict[int, tuple[Mark, ...]] = {}
     ends, behind, rows = [], 0, 0
     for run in runs:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import re
     from collections.abc import Iterator, Sequence
 
-    from sniffer.ground.model import I64, U8, Mask
+    from sniffer.ground.model import F64, I64, U8, Mask
 
 FEW: Final = 16
 """So few lines are read one by one: columns cost as much."""
@@ -23,18 +23,12 @@ FEW: Final = 16
 PATTERNS_MOST: Final = 32
 """Lines of a block that others are compared with: where all are unlike, that is given up."""
 
-NONE: Final = 0xFF
-"""The value of what is no digit."""
+_ZERO: Final = np.uint8(ord("0"))
+_UPPER: Final = np.full(256, 0xFF, np.uint8)  # the value of each sign as a capital digit
+_UPPER[list(b"0123456789ABCDEF")] = np.arange(16)
 
-DECIMAL: Final = np.full(256, NONE, np.uint8)
-"""Value of each sign as a decimal digit."""
-
-UPPER: Final = np.full(256, NONE, np.uint8)
-"""Value of each sign as a hexadecimal digit in capitals."""
-
-for _nth, _digit in enumerate(b"0123456789ABCDEF"):
-    UPPER[_digit] = _nth
-DECIMAL[UPPER < 10] = UPPER[UPPER < 10]
+EXACT: Final = 15
+"""Decimal digits that a float always tells apart."""
 
 Span = tuple[int, int]
 """Where a number stands in a line."""
@@ -44,11 +38,11 @@ class TextLines:
     """The lines of a text, by their length."""
 
     def __init__(self, text: bytes) -> None:
-        self.text = text
-        self._data = np.frombuffer(text, np.uint8)
+        self.text = text + b"\n"
+        self._data = np.frombuffer(self.text, np.uint8)
         breaks = np.flatnonzero(self._data == ord("\n"))
-        self._begin = np.concatenate([[0], breaks + 1])
-        self._size = np.append(breaks, len(text)) - self._begin
+        self._begin = np.concatenate([[0], breaks[:-1] + 1])
+        self._size = breaks - self._begin
 
     def __len__(self) -> int:
         return len(self._begin)
@@ -65,46 +59,44 @@ class TextLines:
         yield from np.split(order, borders)
 
     def signs(self, rows: I64) -> U8:
-        """Return lines of one length, a column a sign."""
+        """Return lines of one length, a row a place: what stands there in each of them."""
         size = int(self._size[rows[0]])
-        if int(self._begin[rows[-1]] - self._begin[rows[0]]) == (len(rows) - 1) * (size + 1):
-            begin = int(self._begin[rows[0]])  # they follow on each other
-            padded = self._data[begin : begin + len(rows) * (size + 1)]
-            if len(padded) == len(rows) * (size + 1):
-                return padded.reshape(len(rows), size + 1)[:, :size]
-        return self._data[self._begin[rows, None] + np.arange(size)]
+        begin, count = int(self._begin[rows[0]]), len(rows)
+        if int(self._begin[rows[-1]]) - begin == (count - 1) * (size + 1):  # nothing between them
+            signs = self._data[begin : begin + count * (size + 1)].reshape(count, size + 1)
+            return np.ascontiguousarray(signs[:, :size].T)
+        return self._data[self._begin[rows] + np.arange(size)[:, None]]
 
 
-def alike(signs: U8, like: U8, decimal: Sequence[Span], upper: Sequence[Span]) -> Mask:
-    """Tell which lines differ from one in these numbers alone, and have digits where it has."""
-    out = np.ones(len(signs), bool)
-    at = 0
-    for (begin, end), digits in sorted(
-        [*((span, DECIMAL) for span in decimal), *((span, UPPER) for span in upper)],
-        key=lambda told: told[0],
-    ):
-        if at < begin:
-            out &= (signs[:, at:begin] == like[at:begin]).all(axis=1)
-        out &= (digits[signs[:, begin:end]] != NONE).all(axis=1)
-        at = end
-    if at < signs.shape[1]:
-        out &= (signs[:, at:] == like[at:]).all(axis=1)
+def alike(signs: U8, decimal: Sequence[Span], upper: Sequence[Span]) -> Mask:
+    """Tell which lines differ from the first in these numbers alone, and have digits there."""
+    free: dict[int, bool] = {place: True for span in decimal for place in range(*span)}
+    free |= {place: False for span in upper for place in range(*span)}
+    out = np.ones(signs.shape[1], bool)
+    for place, said in enumerate(signs):
+        is_decimal = free.get(place)
+        if is_decimal is None:
+            out &= said == said[0]
+        elif is_decimal:
+            out &= said - _ZERO < 10  # what is less than a 0 wraps
+        else:
+            out &= _UPPER[said] < 16
     return out
 
 
 def number(signs: U8, span: Span) -> I64:
     """Return the decimal numbers that stand there, of 18 digits at most."""
-    out = np.zeros(len(signs), np.int64)
-    for place in range(*span):
+    out = np.zeros(signs.shape[1], np.int64)
+    for said in signs[slice(*span)]:
         out *= 10
-        out += DECIMAL[signs[:, place]]
+        out += said - _ZERO
     return out
 
 
 def octets(signs: U8, span: Span) -> U8:
-    """Return the bytes that stand there in hexadecimal capitals, a column each."""
-    digits = UPPER[signs[:, slice(*span)]]
-    return np.asarray(digits[:, ::2] << np.uint8(4) | digits[:, 1::2])
+    """Return the bytes that stand there in hexadecimal capitals, a row a place."""
+    digits = _UPPER[signs[slice(*span)]]
+    return np.asarray(digits[::2] << np.uint8(4) | digits[1::2])
 
 
 class UnlikeError(ValueError):
@@ -112,7 +104,7 @@ class UnlikeError(ValueError):
 
 
 class AlikeLines(NamedTuple):
-    """Lines that are alike: one of them taken apart, the rows of all, their signs in columns."""
+    """Lines that are alike: one of them taken apart, the rows of all, their signs by place."""
 
     one: re.Match[bytes]
     rows: I64
@@ -122,8 +114,20 @@ class AlikeLines(NamedTuple):
         """Return the decimal numbers that a group of the expression matches."""
         return number(self.signs, self.one.span(group))
 
+    def decimals(self, whole: int, part: int) -> F64:
+        """Return the fractions of which one group matches the whole and another the digits behind.
+
+        Raises:
+            UnlikeError: they have more digits than a float tells apart.
+        """
+        if len(self.one[whole]) + len(self.one[part]) > EXACT:
+            raise UnlikeError
+        places = 10 ** len(self.one[part])
+        # both are exact, so the quotient is what the text is rounded to
+        return np.asarray((self.number(whole) * places + self.number(part)) / places)
+
     def octets(self, group: int) -> U8:
-        """Return the bytes that a group matches, a column each."""
+        """Return the bytes that a group matches, a row a place."""
         return octets(self.signs, self.one.span(group))
 
 
@@ -149,11 +153,14 @@ def likenesses(
             if one is None:
                 raise UnlikeError
             if len(rows) <= FEW or looked >= PATTERNS_MOST:
-                yield AlikeLines(one, rows[:1], signs[:1])
-                rows, signs = rows[1:], signs[1:]
+                yield AlikeLines(one, rows[:1], signs[:, :1])
+                rows, signs = rows[1:], signs[:, 1:]
                 continue
             looked += 1
             spans = ([one.span(n) for n in decimal], [one.span(n) for n in upper])
-            like = alike(signs, signs[0], *spans)
-            yield AlikeLines(one, rows[like], signs[like])
-            rows, signs = rows[~like], signs[~like]
+            like = alike(signs, *spans)
+            if like.all():
+                yield AlikeLines(one, rows, signs)
+                break
+            yield AlikeLines(one, rows[like], signs[:, like])
+            rows, signs = rows[~like], signs[:, ~like]

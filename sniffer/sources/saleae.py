@@ -93,7 +93,7 @@ class _ByteRows:
 
     def take(self, some: AlikeLines, t_ns: I64, value: U8, marks: tuple[Mark, ...]) -> None:
         """Take some rows in."""
-        self._value[some.rows], self._t_ns[some.rows] = value[:, 0], t_ns
+        self._value[some.rows], self._t_ns[some.rows] = value[0], t_ns
         if marks:
             self._marks |= dict.fromkeys(some.rows.tolist(), marks)
 
