@@ -178,7 +178,9 @@ class _Changes:
             first = begin[words[int(np.argmax((size > DIGITS) | (size == 0)))]]
             raise self._damaged(data, int(first), block)
         times = np.zeros(len(words), np.int64)
-        for width in np.unique(size).tolist():  # nearly all times have as many digits
+        # nearly all times have as many digits
+        is_one = len(size) > 0 and size.min() == size.max()
+        for width in size[:1].tolist() if is_one else np.unique(size).tolist():
             alike = np.flatnonzero(size == width)
             behind = end[words[alike]]
             told, wrong = np.zeros(len(alike), np.int64), np.zeros(len(alike), bool)
