@@ -49,6 +49,7 @@ from sniffer.ground.model import (
     Transactions,
 )
 from sniffer.ground.remarks import Remarks
+from sniffer.ground.runs import ChunkRun
 from sniffer.ground.timing import Stamps, byte_time_ns
 from sniffer.ground.wording import offered
 from sniffer.protocols import protocol_named
@@ -152,26 +153,27 @@ class Decoder(Remembering):
             "asked": self._asked_until == at,
         }
 
-    def feed(self, *chunks: Chunk | bytes | bytearray | memoryview) -> Batch:
+    def feed(self, *chunks: Chunk | ChunkRun | bytes | bytearray | memoryview) -> Batch:
         """Decode chunks, each with its own time, in one pass: group them, a pass costs ~200 us.
 
-        Plain bytes are a chunk without a time.
+        Plain bytes are a chunk without a time. A run of chunks is handed in alone.
         """
         return self._decode(final=False) if self.take(chunks_of(chunks)) else self.nothing()
 
     def take(self, told: Sequence[Chunk]) -> bool:
         """Take chunks in without decoding them; tell whether there were any bytes."""
-        timed = tuple(k for k in told if k.data)
+        run = told if isinstance(told, ChunkRun) else None
+        timed = told if run is not None else tuple(k for k in told if k.data)
         if timed:
             self._now_ns = 0  # how late it was before these bytes says nothing of what follows them
-        if any(k.marks for k in told):
+        if run.marks if run is not None else any(k.marks for k in told):
             behind = itertools.takewhile(lambda k: not k.data, reversed(told))
             self._now_ns = max(self._now_ns, *(k.t_ns or 0 for k in behind), 0)
             torn = self._remarks.add(told, self.position + self.pending, self._stamps.last_ns)
             self._barriers += (at for at in torn if at > self._base)
         if timed:
             self._barriers += self._stamps.add(timed).tolist()
-            self._buffer += b"".join(k.data for k in timed)
+            self._buffer += b"".join(k.data for k in timed) if run is None else run.data
         return bool(timed)
 
     def idle(self, now_ns: int) -> Batch:

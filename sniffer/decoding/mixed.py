@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from sniffer.decoding.met import Met
     from sniffer.decoding.sink import Part
     from sniffer.diagnostics.alarms import Alarm
+    from sniffer.ground.runs import ChunkRun
     from sniffer.protocols.base import BusProtocol
 
 
@@ -125,7 +126,7 @@ class MixedDecoder(Remembering):
         """Return all that is known here, as ``Decoder.state`` does."""
         return DecoderState(self.name, self.memory(), self.observable(self.position))
 
-    def feed(self, *chunks: Chunk | bytes | bytearray | memoryview) -> tuple[Batch, ...]:
+    def feed(self, *chunks: Chunk | ChunkRun | bytes | bytearray | memoryview) -> tuple[Batch, ...]:
         """Decode chunks, as ``Decoder.feed`` does."""
         told = chunks_of(chunks)
         some = [part.take(told) for part in self._parts]

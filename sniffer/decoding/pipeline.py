@@ -26,6 +26,7 @@ from sniffer.decoding.sink import Paced, Tuned, act, closed, taken, written
 from sniffer.decoding.summary import Summary
 from sniffer.diagnostics.alarms import refusal
 from sniffer.ground.model import Chunk, Clock, Mark, MarkKind, OutputError
+from sniffer.ground.runs import ChunkRun, by_bus
 from sniffer.ground.timing import LATENCY_NS
 
 if TYPE_CHECKING:
@@ -109,10 +110,7 @@ class Pipeline:
 
     def feed(self, group: Iterable[Chunk]) -> None:
         """Decode a group; chunks of several buses may be mixed."""
-        by_bus: dict[str, list[Chunk]] = {}
-        for chunk in group:
-            by_bus.setdefault(chunk.bus, []).append(chunk)
-        for bus, chunks in by_bus.items():
+        for bus, chunks in by_bus(group).items():
             self.record(bus, chunks)
             self.decode(bus, chunks)
 
@@ -383,7 +381,8 @@ class Pipeline:
     def _decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
         self.keep_first(bus, chunks)
         decoder = self._decoders[bus]
-        self._deliver(bus, parts_of(decoder, decoder.feed(*chunks)))
+        told = decoder.feed(chunks) if isinstance(chunks, ChunkRun) else decoder.feed(*chunks)
+        self._deliver(bus, parts_of(decoder, told))
 
     def keep_first(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Keep the first bytes of a bus whose protocol was named: do they speak another one?"""

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final, SupportsIndex
 
 from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind, SnifferError
+from sniffer.ground.runs import ChunkRun
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -93,23 +94,41 @@ def model_ids(models: Mapping[int | None, str]) -> dict[int | None, str]:
     }
 
 
-def chunks_of(given: Sequence[Any]) -> list[Chunk]:
+def chunks_of(given: Sequence[Any]) -> Sequence[Chunk]:
     """Return what a caller handed over as chunks; bytes are a chunk without a time.
+
+    A run of chunks stands for itself, where it is all there is.
 
     Raises:
         SnifferError: something is neither, or a chunk says what cannot be.
     """
+    if len(given) == 1 and type(run := given[0]) is ChunkRun:
+        if run and (run.t_ns.min() < TIME_LEAST_NS or run.t_ns.max() >= TIME_END_NS):
+            return chunks_of(list(run))
+        return run
     return [
         k
         if type(k) is Chunk
         and type(k.data) is bytes
         and (k.t_ns is None or (type(k.t_ns) is int and TIME_LEAST_NS <= k.t_ns < TIME_END_NS))
-        and not k.marks
         and type(k.clock) is Clock
         and type(k.direction) is Direction
+        and (not k.marks or _are_marks(k.marks))
         else _chunk(k)
         for k in given
     ]
+
+
+def _are_marks(marks: Any) -> bool:
+    """Tell whether these are marks as they are to be: readers and taps make no others."""
+    if type(marks) is not tuple:
+        return False
+    for mark in marks:
+        if type(mark) is not Mark or type(mark.kind) is not MarkKind:
+            return False
+        if not (type(mark.start) is type(mark.length) is type(mark.count) is int and is_mark(mark)):
+            return False
+    return True
 
 
 def _chunk(k: Any) -> Chunk:

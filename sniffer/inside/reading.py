@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.ground.model import NS, Clock, DamagedInputError, SnifferError
+from sniffer.ground.runs import ChunkRun
 from sniffer.jobs.session import merged
 from sniffer.jobs.telling import Teller
 from sniffer.sources import SOURCES
@@ -228,7 +229,11 @@ class Reading:
                 yield from group
             return
         name = os.fspath(self._path or "")
-        yield from SOURCES[self._source.format](Opened(stream, name, self._path))
+        for told in SOURCES[self._source.format](Opened(stream, name, self._path)):
+            if isinstance(told, ChunkRun):
+                yield from told
+            else:
+                yield told
 
 
 def pages(group: Iterable[Chunk]) -> Iterator[list[Chunk]]:

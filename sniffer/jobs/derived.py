@@ -28,7 +28,7 @@ class Derived(Source):
     def __init__(
         self,
         of: Source,
-        made: Callable[[Iterable[list[Chunk]]], Iterator[list[Chunk]]],
+        made: Callable[[Iterable[Sequence[Chunk]]], Iterator[Sequence[Chunk]]],
         facts: Mapping[str, str],
         *,
         origin: str | None = None,
@@ -43,7 +43,7 @@ class Derived(Source):
         self._is_mixed = of.is_mixed if is_mixed is None else is_mixed
         self._tables = tables
 
-    def __iter__(self) -> Iterator[list[Chunk]]:
+    def __iter__(self) -> Iterator[Sequence[Chunk]]:
         yield from self._made(self._of)
         self.notes[:] = self._of.notes
 

@@ -20,6 +20,7 @@ from sniffer.decoding.names import protocols_named
 from sniffer.decoding.pipeline import AUTO
 from sniffer.ground.codes import NOT_EXPECTED, OK
 from sniffer.ground.model import Clock, DamagedInputError, Direction, Mark, MarkKind
+from sniffer.ground.runs import by_bus
 from sniffer.ground.timing import LATENCY_NS
 from sniffer.merge.merger import Merger
 
@@ -194,7 +195,7 @@ def in_order(
     try:
         for group in groups:
             pass_all = bool(buses) and all(wires.passes for wires in buses.values())
-            if pass_all and all(chunk.bus in buses for chunk in group):
+            if pass_all and all(bus in buses for bus in by_bus(group)):
                 yield group
                 continue
             out: list[Chunk] = []

@@ -19,6 +19,7 @@ import numpy as np
 from sniffer.decoding.detect import FEW, Scores
 from sniffer.ground.limits import BUSES_MOST
 from sniffer.ground.model import Direction, InputError
+from sniffer.ground.runs import ChunkRun
 from sniffer.ground.wording import Sentence, and_, nearly
 from sniffer.protocols import PROTOCOLS
 from sniffer.signals.chunking import Chunker
@@ -110,7 +111,7 @@ class Channels:
         is_all = len(self._heard) == len(self._channels)
         return is_all and not any(c.is_open for c in self._heard.values())
 
-    def take(self, stretch: Stretch) -> list[Chunk]:
+    def take(self, stretch: Stretch) -> Sequence[Chunk]:
         """Return what is complete, in order of time.
 
         Raises:
@@ -118,7 +119,7 @@ class Channels:
         """
         return self._take(stretch, last=False)
 
-    def end(self) -> list[Chunk]:
+    def end(self) -> Sequence[Chunk]:
         """Return what is left when no more comes.
 
         Raises:
@@ -126,15 +127,15 @@ class Channels:
         """
         return self._take(self._end, last=True)
 
-    def _take(self, stretch: Stretch, *, last: bool) -> list[Chunk]:
-        out: list[Chunk] = []
+    def _take(self, stretch: Stretch, *, last: bool) -> Sequence[Chunk]:
+        out: list[Sequence[Chunk]] = []
         self._is_over = last
         self._end = Stretch(stretch.levels, self._none, stretch.until)
         self._listen(stretch)
         for row, channel in self._heard.items():
             edges = stretch.edges[row]
             if channel.is_read:
-                out += channel.read(edges, stretch.until, last=last)
+                out.append(channel.read(edges, stretch.until, last=last))
             elif not channel.is_left_out:
                 channel.gather(stretch.levels[row], edges, stretch.until)
         self._need_few()
@@ -148,7 +149,7 @@ class Channels:
             for row, channel in self._channels.items():
                 if row not in self._heard:
                     channel.drop()
-        return self._in_order(out, last=last)
+        return self._in_order([part for part in out if part], last=last)
 
     def _listen(self, stretch: Stretch) -> None:
         """Take in the channels that say something for the first time."""
@@ -266,28 +267,28 @@ class Channels:
             f"more, better {good}"
         )
 
-    def _decided(self, *, last: bool) -> list[Chunk]:
+    def _decided(self, *, last: bool) -> list[Sequence[Chunk]]:
         """Begin to read what is known to be serial; return what that gives."""
         waiting = [c for c in self._heard.values() if c.is_open and c.verdict is not None]
-        out: list[Chunk] = []
+        out: list[Sequence[Chunk]] = []
         for channel, verdict in ((c, c.verdict) for c in waiting if c.verdict is not None):
             self._need_if_asked(channel)
             if channel.is_left_out:
                 continue
             if verdict.is_explained or channel.is_asked:
-                out += self._begun(channel, last=last)
+                out.append(self._begun(channel, last=last))
             elif not verdict.is_plausible:
                 channel.drop()
         bauds = {self._told(channel).baud for channel in self._read()}
         full = last or sum(c.count for c in self._heard.values() if c.is_open) > WAITING_MOST
         for channel in (c for c in waiting if c.is_open):
             if self._told(channel).baud in bauds or (full and not bauds):
-                out += self._begun(channel, last=last)
+                out.append(self._begun(channel, last=last))
             elif full:
                 channel.drop()
         return out
 
-    def _begun(self, channel: SignalChannel, *, last: bool) -> list[Chunk]:
+    def _begun(self, channel: SignalChannel, *, last: bool) -> Sequence[Chunk]:
         return channel.begin(self._told(channel), self._given, self._glitch, last=last)
 
     def _need_if_asked(self, channel: SignalChannel) -> None:
@@ -322,8 +323,11 @@ class Channels:
         told = "no channel has serial bytes ({why}); name one to read it all the same, {channels}"
         raise InputError(Sentence(told, why=why))
 
-    def _in_order(self, out: list[Chunk], *, last: bool) -> list[Chunk]:
+    def _in_order(self, parts: list[Sequence[Chunk]], *, last: bool) -> Sequence[Chunk]:
         """Hold back, of buses with two wires, what another wire may still come before."""
+        if len(parts) == 1 and not self._held and _ascends(parts[0]):
+            return parts[0]
+        out = [chunk for part in parts for chunk in part]
         for bus, held in self._held.items():
             of_bus = [c for c in self._heard.values() if c.bus == bus]
             held += [chunk for chunk in out if chunk.bus == bus]
@@ -366,6 +370,11 @@ def _wire(name: str) -> Direction:
 
 def _time(chunk: Chunk) -> int:
     return chunk.t_ns or 0
+
+
+def _ascends(chunks: Sequence[Chunk]) -> bool:
+    """Tell whether these come in order of time for certain."""
+    return isinstance(chunks, ChunkRun) and bool((np.diff(chunks.t_ns) >= 0).all())
 
 
 def _hertz(rate: float) -> str:

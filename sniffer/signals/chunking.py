@@ -8,15 +8,18 @@ the first byte behind a pause is a chunk of its own: whatever begins there begin
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark, MarkKind
+from sniffer.ground.model import NS, Clock, Direction, Mark, MarkKind
+from sniffer.ground.runs import ChunkRun
 from sniffer.signals.uart import BREAK, DATA_BITS, FRAMING, NO_PARITY, PARITY, UartBytes
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from sniffer.ground.model import I64, Chunk
     from sniffer.signals.rates import BitTime
     from sniffer.signals.stretch import LogicInput
 
@@ -54,7 +57,7 @@ class Chunker:
         self._tick_ns, self._zero_ns = given.tick_ns, given.zero_ns
         self._bus, self._direction = bus, direction
 
-    def chunks(self, got: UartBytes) -> list[Chunk]:
+    def chunks(self, got: UartBytes) -> Sequence[Chunk]:
         """Return the chunks of some bytes, in order."""
         n = len(got.value)
         if not n:
@@ -73,22 +76,24 @@ class Chunker:
         # What begins a run is to begin at its edge; what ends elsewhere, to end where it did.
         length = np.where(begins[end - 1], BYTE_BITS * self._nominal, self._bits * self._bit)
         since = np.rint((got.start[end - 1] + length) * self._tick_ns).astype(np.int64)
-        t_ns = (since + self._zero_ns).tolist()
-        data = got.value.tobytes()
-        spans = zip(first.tolist(), end.tolist(), t_ns, strict=True)
-        bus, direction = self._bus, self._direction
-        out = [Chunk(data[a:b], t, Clock.SAMPLE, bus, direction) for a, b, t in spans]
-        self._mark(out, got, first)
-        return out
+        return ChunkRun(
+            got.value.tobytes(),
+            end,
+            since + self._zero_ns,
+            np.full(len(end), self._direction, np.uint8),
+            Clock.SAMPLE,
+            self._bus,
+            _marks(got, first),
+        )
 
-    def _mark(
-        self, chunks: list[Chunk], got: UartBytes, first: np.ndarray[tuple[int], np.dtype[np.intp]]
-    ) -> None:
-        """Say of bytes what was wrong with them."""
-        bad = np.flatnonzero(got.flags)
-        of = np.searchsorted(first, bad, "right") - 1
-        for row, nth, flags in zip(bad.tolist(), of.tolist(), got.flags[bad].tolist(), strict=True):
-            chunk = chunks[nth]
-            at = row - int(first[nth])
-            marks = tuple(Mark(kind, at, 1) for flag, kind in _KINDS if flags & flag)
-            chunks[nth] = replace(chunk, marks=(*chunk.marks, *marks))
+
+def _marks(got: UartBytes, first: I64) -> Mapping[int, tuple[Mark, ...]]:
+    """Return what was wrong with bytes, by chunk."""
+    bad = np.flatnonzero(got.flags)
+    of = np.searchsorted(first, bad, "right") - 1
+    at = (bad - first[of]).tolist()
+    out: dict[int, tuple[Mark, ...]] = {}
+    for nth, place, flags in zip(of.tolist(), at, got.flags[bad].tolist(), strict=True):
+        marks = tuple(Mark(kind, place, 1) for flag, kind in _KINDS if flags & flag)
+        out[nth] = (*out.get(nth, ()), *marks)
+    return out

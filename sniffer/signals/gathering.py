@@ -13,6 +13,8 @@ from sniffer.signals.rates import BitTime, WireEdges
 from sniffer.signals.uart import Receiver
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sniffer.ground.model import I64, Chunk
     from sniffer.signals.stretch import LogicInput
 
@@ -88,7 +90,7 @@ class SignalChannel:
 
     def begin(
         self, told: BitTime, given: LogicInput, glitch: float | None, *, last: bool
-    ) -> list[Chunk]:
+    ) -> Sequence[Chunk]:
         """Read it, from what was gathered on; return what is complete."""
         found = self.found()
         self._edges.clear()
@@ -100,7 +102,7 @@ class SignalChannel:
         )
         return self.read(found.edges, found.until, last=last)
 
-    def read(self, edges: I64, until: int, *, last: bool) -> list[Chunk]:
+    def read(self, edges: I64, until: int, *, last: bool) -> Sequence[Chunk]:
         """Return what is complete of what is read."""
         assert self._machine is not None, "begin comes first"
         glitches, receiver, chunker = self._machine

@@ -10,18 +10,18 @@ from __future__ import annotations
 import contextlib
 import io
 import math
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.limits import BUSES_MOST
 from sniffer.ground.model import Chunk, DamagedInputError, InputError, SnifferError
+from sniffer.ground.runs import ChunkRun
 from sniffer.ground.wording import Sentence, offered
 from sniffer.sources.binary import read_binary
 from sniffer.sources.candump import read_candump
 from sniffer.sources.docklight import read_docklight
 from sniffer.sources.grabserial import read_grabserial
+from sniffer.sources.grouping import GROUP, GROUP_CHUNKS, ManyBusesError, grouped
 from sniffer.sources.hexdump import read_hexdump, read_od, read_xxd
 from sniffer.sources.interceptty import read_interceptty
 from sniffer.sources.jpnevulator import read_jpnevulator
@@ -35,7 +35,7 @@ from sniffer.sources.refusals import refuse_utf16
 from sniffer.sources.saleae import read_saleae
 from sniffer.sources.socat import read_socat
 from sniffer.sources.spy import read_spy
-from sniffer.sources.text import FIRST_LINES, PAUSE, DamagedLine, Opened
+from sniffer.sources.text import DamagedLine, Opened
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -44,18 +44,12 @@ if TYPE_CHECKING:
     from sniffer.ground.wiring import Wiring
     from sniffer.sources.logic import LogicCapture
 
-__all__ = ["SOURCES", "Source", "open_source"]
+__all__ = ["GROUP_CHUNKS", "SOURCES", "Source", "open_source"]
 
-Reader = Callable[[Opened], Iterator[Chunk]]
-
-GROUP: Final = 1 << 18
-"""Payload of a group, in bytes."""
+Reader = Callable[[Opened], Iterator[Chunk | ChunkRun]]
 
 LAG_S: Final = 0.1
 """A slow input is handed on after this time, in seconds, however little has come."""
-
-GROUP_CHUNKS: Final = 1 << 15
-"""Chunks of a group at most: lines may hold a byte each."""
 
 
 def _read_mcap(opened: Opened) -> Iterator[Chunk]:
@@ -142,10 +136,6 @@ _LABELS: Final[Mapping[str, str]] = {
 }
 
 
-class _ManyBusesError(DamagedInputError):
-    """An input names more buses than there can be."""
-
-
 class Source:
     """An input that is recognised: iterate it for groups of chunks, in order.
 
@@ -201,7 +191,7 @@ class Source:
         """Let the first group have no more than so many bytes and chunks: somebody waits for it."""
         self._first = payload, chunks
 
-    def __iter__(self) -> Iterator[list[Chunk]]:
+    def __iter__(self) -> Iterator[Sequence[Chunk]]:
         lag_s = LAG_S if self._origin.live else math.inf
         if self._levels is None or not self._levels.is_ahead:
             self.notes.clear()
@@ -209,14 +199,14 @@ class Source:
             yield from self._told(self._levels.groups(lag_s))
             return
         with self._opened() as opened:
-            yield from self._told(_groups(SOURCES[self.format](opened), lag_s, self._first))
+            yield from self._told(grouped(SOURCES[self.format](opened), lag_s, self._first))
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[Opened]:
         with self._origin.open() as stream:
             yield Opened(stream, self.name, self._origin.path, self.bus, self.notes)
 
-    def _told(self, groups: Iterable[list[Chunk]]) -> Iterator[list[Chunk]]:
+    def _told(self, groups: Iterable[Sequence[Chunk]]) -> Iterator[Sequence[Chunk]]:
         """Add the input's name to what is wrong with it."""
         read = False
         try:
@@ -226,7 +216,7 @@ class Source:
         except DamagedLine as damage:
             kind = DamagedInputError if read else InputError
             raise kind(f"{self.name}, {damage}") from None
-        except _ManyBusesError as error:
+        except ManyBusesError as error:
             raise DamagedInputError(f"{self.name}: {error}") from None
 
     def facts(self) -> Mapping[str, str]:
@@ -276,7 +266,7 @@ class Source:
             head = head[: head.rfind(b"\n") + 1]
         opened = Opened(io.BytesIO(head), self.name, self._origin.path, self.bus)
         with contextlib.suppress(DamagedInputError):  # it comes again, behind what can be read
-            next(self._told(_groups(SOURCES[self.format](opened), math.inf)), None)
+            next(self._told(grouped(SOURCES[self.format](opened), math.inf)), None)
 
     def close(self) -> None:
         """Release an input that is not read to its end."""
@@ -289,50 +279,6 @@ class Source:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _groups(
-    chunks: Iterable[Chunk], lag_s: float, first: tuple[int, int] = (GROUP, GROUP_CHUNKS)
-) -> Iterator[list[Chunk]]:
-    """Group chunks; those read before damage are yielded first, unless a first line is nonsense.
-
-    ``first``: bytes and chunks of the first group.
-    """
-    most, most_chunks = first
-    group: list[Chunk] = []
-    buses: set[str] = set()
-    size = 0
-    slow = lag_s < math.inf
-    due = time.monotonic() + lag_s
-    try:
-        for chunk in chunks:
-            if chunk is PAUSE:
-                if group:
-                    yield group
-                group, size, due = [], 0, time.monotonic() + lag_s
-                continue
-            if chunk.bus not in buses:
-                buses.add(chunk.bus)
-                if len(buses) > BUSES_MOST:
-                    raise _ManyBusesError(f"more than {BUSES_MOST} buses: are they names of one?")
-            group.append(chunk)
-            size += len(chunk.data)
-            late = slow and time.monotonic() > due
-            if size >= most or len(group) >= most_chunks or late:
-                yield group
-                group, size, due = [], 0, time.monotonic() + lag_s
-                most, most_chunks = GROUP, GROUP_CHUNKS
-    except KeyboardInterrupt:
-        if group:
-            yield group  # what has been read is decoded before the end
-        raise
-    except DamagedInputError as error:
-        wrong = isinstance(error, DamagedLine) and error.nonsense and error.line <= FIRST_LINES
-        if group and not wrong:
-            yield group
-        raise
-    if group:
-        yield group
 
 
 def open_source(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.limits import is_time
 from sniffer.ground.model import DamagedInputError, InputError
+from sniffer.ground.runs import joined
 from sniffer.ground.wiring import Wiring
 from sniffer.ground.wording import Sentence
 from sniffer.signals.channels import Channels
@@ -24,7 +25,7 @@ from sniffer.sources.sigrok import read_sr
 from sniffer.sources.vcd import read_vcd
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Iterator, Mapping
+    from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
     from contextlib import AbstractContextManager
 
     from sniffer.ground.model import Chunk
@@ -68,8 +69,8 @@ class LogicCapture:
     ) -> None:
         self._opening, self._form, self._wiring = opening, form, wiring or Wiring()
         self._facts: dict[str, str] = {}
-        self._ahead: list[Chunk] = []
-        self._going: Generator[list[Chunk]] | None = None
+        self._ahead: list[Sequence[Chunk]] = []
+        self._going: Generator[Sequence[Chunk]] | None = None
         self._damage: DamagedInputError | None = None
         self._channels: Channels | None = None
 
@@ -86,9 +87,12 @@ class LogicCapture:
         """
         self._going = self._lists()
         try:
+            held = 0
             for chunks in self._going:
-                self._ahead += chunks
-                if self._is_settled or len(self._ahead) > AHEAD_MOST:
+                if chunks:
+                    self._ahead.append(chunks)
+                held += len(chunks)
+                if self._is_settled or held > AHEAD_MOST:
                     break
         except DamagedInputError as error:
             self._damage = error  # it is told behind what comes before
@@ -104,7 +108,7 @@ class LogicCapture:
         for group in self.groups():
             yield from group
 
-    def groups(self, lag_s: float = math.inf) -> Iterator[list[Chunk]]:
+    def groups(self, lag_s: float = math.inf) -> Iterator[Sequence[Chunk]]:
         """Yield the chunks of all buses in groups; a slow input is handed on after ``lag_s``.
 
         Raises:
@@ -112,22 +116,25 @@ class LogicCapture:
         """
         going, self._going = self._going, None
         group, self._ahead = self._ahead, []
+        held = sum(map(len, group))
         damage, self._damage = self._damage, None
         due = time.monotonic() + lag_s
         try:
             if damage is not None:
                 raise damage
             for chunks in going or self._lists():
-                group += chunks
-                if len(group) >= GROUP_MOST or time.monotonic() > due:
-                    yield group
-                    group, due = [], time.monotonic() + lag_s
+                if chunks:
+                    group.append(chunks)
+                held += len(chunks)
+                if held >= GROUP_MOST or time.monotonic() > due:
+                    yield joined(group)
+                    group, held, due = [], 0, time.monotonic() + lag_s
         except (DamagedInputError, KeyboardInterrupt):
             if group:
-                yield group  # what came before it is decoded
+                yield joined(group)  # what came before it is decoded
             raise
         if group:
-            yield group
+            yield joined(group)
 
     def close(self) -> None:
         """Let go of a capture whose beginning only was read."""
@@ -138,7 +145,7 @@ class LogicCapture:
     def _is_settled(self) -> bool:
         return self._channels is not None and self._channels.is_settled
 
-    def _lists(self) -> Generator[list[Chunk]]:
+    def _lists(self) -> Generator[Sequence[Chunk]]:
         with self._opening() as opened:
             name = opened.name
             try:
@@ -162,7 +169,7 @@ class LogicCapture:
             if not given.is_dated:
                 opened.notes.append(NO_DATE)
 
-    def _rest(self, channels: Channels) -> list[Chunk]:
+    def _rest(self, channels: Channels) -> Sequence[Chunk]:
         """Return what a damaged capture holds up to its damage, if it can be read at all."""
         try:
             return channels.end()

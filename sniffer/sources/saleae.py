@@ -13,14 +13,17 @@ Both stamp where a byte begins. The duration of Logic 2 ends in the middle of th
 from __future__ import annotations
 
 import itertools
-import re
 from decimal import Decimal, InvalidOperation
 from typing import TYPE_CHECKING, Final
+
+import numpy as np
 
 from sniffer.ground.limits import BAUDS, is_time
 from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark, MarkKind
 from sniffer.ground.patterns import later
+from sniffer.ground.runs import ChunkRun
 from sniffer.signals.rates import STANDARD, snapped
+from sniffer.sources.alike import TextLines, UnlikeError, likenesses
 from sniffer.sources.text import (
     CUT_OFF,
     PAUSE,
@@ -35,6 +38,9 @@ from sniffer.sources.walltime import ZONELESS, WallClock, zone_ns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
+
+    from sniffer.ground.model import I64, U8
+    from sniffer.sources.alike import AlikeLines
 
 TABLE_1: Final = later(rb'"?Time ?\[s\]"?, ?"?Value"?, ?"?Parity Error"?, ?"?Framing Error"?\s*$')
 """The head of a table of Logic 1."""
@@ -56,18 +62,13 @@ _ISO: Final = later(
     r"([0-9]{4}-[0-9]{2}-[0-9]{2})[T ]([0-9]{2}:[0-9]{2}:[0-9]{2})(?:\.([0-9]+))?"
     r"(Z|[+-][0-9]{2}:?[0-9]{2})?"
 )
-# rows as they are nearly always: read a block at a time
-_PLAIN_1: Final = later(
-    rb"^([0-9]{1,9})\.([0-9]{9})[0-9]*,0x([0-9A-F]{2}),(Error)?,(Error)?$", re.MULTILINE
-)
+# rows as they are nearly always, which say what others like them say: read in columns
+_PLAIN_1: Final = later(rb"([0-9]{1,9})\.([0-9]{9})([0-9]*),0x([0-9A-F]{2}),(Error)?,(Error)?")
 _PLAIN_2: Final = later(
-    rb'^"?([^",\n]*)"?,"?data"?,([0-9]{1,9})\.([0-9]{1,9}),([0-9.e-]{1,24}),0x([0-9A-F]{2})'
-    rb'(?:,(?:"?(parity|framing)"?)?)?$',
-    re.MULTILINE,
+    rb'"?([^",\n]*)"?,"?data"?,([0-9]{1,9})\.([0-9]{1,9}),([0-9.e-]{1,24}),0x([0-9A-F]{2})'
+    rb'(?:,(?:"?(parity|framing)"?)?)?'
 )
 _COLUMNS_2: Final = ("name", "type", "start_time", "duration", "data", "error")
-_BYTE: Final = {b"%02X" % value: bytes((value,)) for value in range(256)}
-_UNKNOWN: Final = Direction.UNKNOWN
 _KNOWN: Final = (*_COLUMNS_2, "address")
 _ERRORS: Final[Mapping[str, MarkKind]] = {
     "parity": MarkKind.PARITY,
@@ -79,6 +80,40 @@ _SAME: Final = 1.05  # bytes a twentieth further apart follow each other, too
 
 
 _Row = tuple[int, bytes, tuple[Mark, ...]]
+
+
+class _ByteRows:
+    """What rows say: a byte each, when it was over, and what was wrong with it."""
+
+    def __init__(self, lines: TextLines) -> None:
+        self.lines = lines
+        self._value = np.empty(len(lines), np.uint8)
+        self._t_ns = np.empty(len(lines), np.int64)
+        self._marks: dict[int, tuple[Mark, ...]] = {}
+
+    def take(self, some: AlikeLines, t_ns: I64, value: U8, marks: tuple[Mark, ...]) -> None:
+        """Take some rows in."""
+        self._value[some.rows], self._t_ns[some.rows] = value[0], t_ns
+        if marks:
+            self._marks |= dict.fromkeys(some.rows.tolist(), marks)
+
+    def run(self, clock: Clock, bus: str) -> ChunkRun:
+        """Return all rows, which are of one bus."""
+        n = len(self._value)
+        ends, ways = np.arange(1, n + 1), np.zeros(n, np.uint8)
+        return ChunkRun(self._value.tobytes(), ends, self._t_ns, ways, clock, bus, self._marks)
+
+    def chunks(self, clock: Clock, names: Mapping[str, Sequence[I64]]) -> list[Chunk]:
+        """Return all rows, which are of several buses."""
+        of = np.empty(len(self._value), np.int64)
+        for nth, parts in enumerate(names.values()):
+            of[np.concatenate(parts)] = nth
+        buses, data, marks = [*names], self._value.tobytes(), self._marks
+        rows = enumerate(zip(of.tolist(), self._t_ns.tolist(), strict=True))
+        return [
+            Chunk(data[n : n + 1], t_ns, clock, buses[nth], Direction.UNKNOWN, marks.get(n, ()))
+            for n, (nth, t_ns) in rows
+        ]
 
 
 class _ByteTable:
@@ -153,22 +188,18 @@ class _Logic1(_ByteTable):
         self._byte_ns = 0
         self._clock = Clock.FILE
 
-    def rows(self, text: bytes) -> Sequence[Chunk] | None:
+    def rows(self, text: bytes) -> Sequence[Chunk | ChunkRun] | None:
         """Return what rows say that are as usual, None where they need a closer look."""
         if self._waiting is not None or self._radix != 16:
             return None
-        rows: list[tuple[bytes, ...]] = _PLAIN_1.findall(text)
-        if len(rows) != text.count(b"\n") + 1:
+        told = _ByteRows(TextLines(text))
+        try:
+            for some in likenesses(told.lines, _PLAIN_1, (1, 2, 3), (4,)):
+                t_ns = some.number(1) * NS + some.number(2) + self._byte_ns
+                told.take(some, t_ns, some.octets(4), _marks(some.one[5], some.one[6]))
+        except UnlikeError:
             return None
-        byte_ns, clock, bus, byte = self._byte_ns, self._clock, self.bus, _BYTE
-        return [
-            Chunk(byte[value], int(whole + part) + byte_ns, clock, bus, _UNKNOWN)
-            if not odd and not torn
-            else Chunk(
-                byte[value], int(whole + part) + byte_ns, clock, bus, _UNKNOWN, _marks(odd, torn)
-            )
-            for whole, part, value, odd, torn in rows
-        ]
+        return [told.run(self._clock, self.bus)]
 
     def row(self, cells: Sequence[str], line: int, cut_off: bool) -> Iterator[Chunk]:
         """Yield what a row says."""
@@ -206,7 +237,7 @@ class _Logic1(_ByteTable):
             yield "it does not tell how long a byte is: times are those of where bytes begin"
 
 
-def _marks(parity: bytes | str, framing: bytes | str) -> tuple[Mark, ...]:
+def _marks(parity: bytes | str | None, framing: bytes | str | None) -> tuple[Mark, ...]:
     if not parity and not framing:
         return ()
     kinds = ((MarkKind.PARITY, parity), (MarkKind.FRAMING, framing))
@@ -233,36 +264,30 @@ class _Logic2(_ByteTable):
         self._at = {name: head.index(name) for name in _KNOWN if name in head}
         self._others = [i for i, name in enumerate(head) if name not in _KNOWN]
         self._is_plain = tuple(head) in (_COLUMNS_2, _COLUMNS_2[:-1])
-        self._lasts: dict[bytes, int] = {}  # till the end of a byte, by how it is written
-        self._names: dict[bytes, str] = {}
 
-    def rows(self, text: bytes) -> Sequence[Chunk] | None:
+    def rows(self, text: bytes) -> Sequence[Chunk | ChunkRun] | None:
         """Return what rows say that are as usual, None where they need a closer look."""
         if not self._is_plain or self._radix != 16:
             return None
-        rows: list[tuple[bytes, ...]] = _PLAIN_2.findall(text)
-        commas = self._width - 1
-        if len(rows) != text.count(b"\n") + 1 or text.count(b",") != commas * len(rows):
-            return None
-        lasts, names, clock, byte = self._lasts, self._names, Clock.SAMPLE, _BYTE
-        for name, duration in {(row[0], row[3]) for row in rows}:
-            if duration not in lasts:
-                try:
-                    lasts[duration] = self._whole_ns(duration.decode(), 0)
-                except DamagedLine:
+        told = _ByteRows(TextLines(text))
+        names: dict[str, list[I64]] = {}
+        try:
+            for some in likenesses(told.lines, _PLAIN_2, (2, 3), (5,)):
+                one = some.one
+                if one[0].count(b",") != self._width - 1:
                     return None
-            names.setdefault(name, name.decode("utf-8", "replace") or self.bus)
-        return [
-            Chunk(
-                byte[value],
-                int(whole + part.ljust(9, b"0")) + lasts[duration],
-                clock,
-                names[name],
-                _UNKNOWN,
-                (Mark(_ERRORS[error.decode()], 0, 1),) if error else (),
-            )
-            for name, whole, part, duration, value, error in rows
-        ]
+                part = some.number(3) * 10 ** (9 - len(one[3]))
+                end = some.number(2) * NS + part + self._whole_ns(one[4].decode(), 0)
+                marks = (Mark(_ERRORS[one[6].decode()], 0, 1),) if one[6] else ()
+                told.take(some, end, some.octets(5), marks)
+                names.setdefault(one[1].decode("utf-8", "replace") or self.bus, []).append(
+                    some.rows
+                )
+        except (UnlikeError, DamagedLine):
+            return None
+        if len(names) == 1:
+            return [told.run(Clock.SAMPLE, *names)]
+        return told.chunks(Clock.SAMPLE, names)
 
     def _whole_ns(self, duration: str, line: int) -> int:
         """Return how long a byte takes whose duration is stated: it ends in its stop bit."""
@@ -294,7 +319,7 @@ class _Logic2(_ByteTable):
         return iter(())
 
 
-def read_saleae(opened: Opened) -> Iterator[Chunk]:
+def read_saleae(opened: Opened) -> Iterator[Chunk | ChunkRun]:
     """Yield one chunk a byte: its time is that of its end, the names in a table are buses."""
     table: _Logic1 | _Logic2 | None = None
     try:

@@ -47,7 +47,7 @@ class SeveralSources(Source):
         sizes = [part.size for part in self._parts]
         return sum(size or 0 for size in sizes) if None not in sizes else None
 
-    def __iter__(self) -> Iterator[list[Chunk]]:
+    def __iter__(self) -> Iterator[Sequence[Chunk]]:
         self.notes.clear()
         damage: list[str] = []
         ended: dict[str, int] = {}

@@ -16,6 +16,7 @@ import numpy as np
 from sniffer.ground.limits import is_time
 from sniffer.ground.model import NS, InputError
 from sniffer.signals.stretch import LogicInput, Stretch
+from sniffer.sources.alike import TextLines, UnlikeError, likenesses
 from sniffer.sources.sigrok import rate_in, unlike
 from sniffer.sources.text import DamagedLine, LineBlock, blocks, cells_of, quoted
 from sniffer.sources.walltime import zone_ns
@@ -35,6 +36,9 @@ ROWS_ALIKE: Final = 64
 TICKS_MOST: Final = 1e18
 """A time beyond it, in ns or samples, is none."""
 
+COLUMNS_MOST: Final = 64
+"""So many levels of a row are read in columns: no analyser has more."""
+
 _RATE: Final = re.compile(r"sample ?rate:? *([0-9.]+ *[kMG]?Hz)", re.IGNORECASE)
 _NAMES: Final = re.compile(r"; Channels \(\d+/\d+\): (.+)")
 _UNIT: Final = re.compile(r"[\[(]([^\])]+)[\])]")
@@ -50,6 +54,7 @@ _UNITS: Final = {
     for unit in units
 }
 _DATE: Final = re.compile(rb"(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d{1,9})?)(Z|[+-]\d\d:?\d\d)?,")
+_TIME: Final = re.compile(rb"-?([0-9]{1,15})(?:\.|(?![0-9.]))([0-9]{0,9})")
 _LEVELS: Final = re.compile(rb"[ \t]*[01xX]([ \t]*,[ \t]*[01xX])*[ \t]*")
 
 
@@ -208,7 +213,8 @@ class _LevelRows:
                     return self._numbered(len(values)), values.astype(np.float64)
         if self._is_dated:
             text = self._undated(text, block)
-        cells = self._cells(text, block)
+        plain = None if block.cut_off or not self._scale else self._plain_cells(text)
+        cells = self._cells(text, block) if plain is None else plain
         if not self._scale:
             return self._numbered(len(cells)), cells
         ticks = cells[:, 0] * (self._scale * self._per_second)
@@ -226,6 +232,25 @@ class _LevelRows:
     def _numbered(self, count: int) -> I64:
         self._row += count
         return np.arange(self._row - count, self._row)
+
+    def _plain_cells(self, text: bytes) -> F64 | None:
+        """Return the cells of rows that are as usual, None where they need a closer look."""
+        if self._count > COLUMNS_MOST:
+            return None
+        lines = TextLines(text)
+        pattern = re.compile(_TIME.pattern + rb",([01])" * self._count)
+        levels = range(3, 3 + self._count)
+        out = np.empty((len(lines), 1 + self._count))
+        try:
+            for some in likenesses(lines, pattern, (1, 2, *levels), ()):
+                out[some.rows, 0] = some.decimals(1, 2)
+                if some.one[0].startswith(b"-"):
+                    out[some.rows, 0] *= -1
+                for column, group in enumerate(levels, 1):
+                    out[some.rows, column] = some.number(group)
+        except UnlikeError:
+            return None
+        return out
 
     def _cells(self, text: bytes, block: LineBlock) -> F64:
         lines = text.replace(b"X", b"nan").replace(b"x", b"nan").decode("latin-1").split("\n")

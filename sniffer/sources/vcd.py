@@ -50,7 +50,7 @@ def _class(signs: bytes) -> Mask:
     return out
 
 
-_SPACE: Final = _class(b" \t\r\n\v\f")
+_SPACE: Final = bytes(_class(b" \t\r\n\v\f"))
 _BIT: Final = _class(b"01xXzZ")
 _LONG: Final = _class(b"bBrRsS")  # the wire's name is a word of its own
 
@@ -145,7 +145,7 @@ class _Changes:
 
     def _stretch(self, text: bytes, block: LineBlock) -> Stretch:
         data = np.frombuffer(text, np.uint8)
-        space = np.concatenate([[True], _SPACE[data]])
+        space = np.frombuffer(b"\1" + text.translate(_SPACE), bool)
         # a word begins behind a space and ends before one; the text ends in one
         borders = np.flatnonzero(space[1:] != space[:-1])
         begin, end = borders[::2], borders[1::2]
@@ -175,20 +175,27 @@ class _Changes:
         words = np.flatnonzero(is_time)
         size = end[words] - begin[words] - 1
         if len(words) and (size.max() > DIGITS or not size.min()):
-            wrong = begin[words[int(np.argmax((size > DIGITS) | (size == 0)))]]
-            raise self._damaged(data, int(wrong), block)
+            first = begin[words[int(np.argmax((size > DIGITS) | (size == 0)))]]
+            raise self._damaged(data, int(first), block)
         times = np.zeros(len(words), np.int64)
-        for width in np.unique(size).tolist():  # nearly all times have as many digits
+        # nearly all times have as many digits
+        is_one = len(size) > 0 and size.min() == size.max()
+        for width in size[:1].tolist() if is_one else np.unique(size).tolist():
             alike = np.flatnonzero(size == width)
-            digits = data[end[words[alike], None] - np.arange(width, 0, -1)] - np.uint8(ord("0"))
-            if (digits > 9).any():  # what is less than a 0 has wrapped
-                wrong = begin[words[alike]][(digits > 9).any(axis=1)][0]
-                raise self._damaged(data, int(wrong), block)
-            times[alike] = digits @ 10 ** np.arange(width - 1, -1, -1)
+            behind = end[words[alike]]
+            told, wrong = np.zeros(len(alike), np.int64), np.zeros(len(alike), bool)
+            for place in range(width, 0, -1):
+                digit = data[behind - place] - np.uint8(ord("0"))
+                wrong |= digit > 9  # what is less than a 0 has wrapped
+                told *= 10
+                told += digit
+            if wrong.any():
+                raise self._damaged(data, int(begin[words[alike]][wrong][0]), block)
+            times[alike] = told
         since = np.concatenate([[self._now], times])
         if (np.diff(since) < 0).any():
-            wrong = begin[words[int(np.argmax(np.diff(since) < 0))]]
-            raise self._damaged(data, int(wrong), block)
+            first = begin[words[int(np.argmax(np.diff(since) < 0))]]
+            raise self._damaged(data, int(first), block)
         self._now = int(since[-1])
         return since[np.cumsum(is_time)]
 
@@ -238,6 +245,8 @@ class _Changes:
 
 def _alternate(words: Mask) -> Mask:
     """Tell which of these words are values: of several in a row every other one is a name."""
+    if not (words[1:] & words[:-1]).any():
+        return words
     before = np.concatenate([[False], words[:-1]])
     run = np.maximum.accumulate(np.where(words & ~before, np.arange(len(words)), 0))
     return np.asarray(words & ((np.arange(len(words)) - run) % 2 == 0))
