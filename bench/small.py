@@ -189,6 +189,7 @@ def _until_shown(path: Path) -> float:
     pid, screen = pty.fork()
     if not pid:
         os.environ["TERM"] = "xterm-256color"
+        os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # as where it is installed
         os.execv(sys.executable, [sys.executable, "-m", "sniffer", "open", str(path)])
     said = b""
     until = time.monotonic() + PATIENCE_S

@@ -15,7 +15,7 @@ from sniffer.sources.packed import RATIO_MOST, SMALL
 from tests.commands import sniffer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from sniffer.ground.model import Chunk
 
@@ -69,7 +69,7 @@ def test_a_bomb_is_given_up_before_it_goes_off(pack: Callable[[bytes], bytes]) -
     assert RATIO_MOST * len(packed) < 2 * SMALL
     read: list[int] = []
 
-    def take(groups: Iterable[list[Chunk]]) -> None:
+    def take(groups: Iterable[Sequence[Chunk]]) -> None:
         read.extend(len(chunk.data) for group in groups for chunk in group)
 
     with pytest.raises(DamagedInputError, match="no capture does"):

@@ -66,7 +66,9 @@ def test_the_demo_tells_its_story_on_one_screen(tmp_path: Path) -> None:
         check=True,
     )
     assert done.stderr == ""
-    assert len(done.stdout.splitlines()) <= 40
+    lines = done.stdout.splitlines()
+    assert len(lines) <= 40
+    assert lines == [line.rstrip() for line in lines]
     assert "brownout, 100 % sure" in done.stdout
     assert "duplicate-id" in done.stdout
     made = {path.name for path in (tmp_path / "demo-out").iterdir()}

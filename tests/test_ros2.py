@@ -25,12 +25,14 @@ from sniffer.mcapfile.cdr import (
 )
 from sniffer.mcapfile.flight import Around, FlightRecorder, Happening
 from sniffer.mcapfile.joints import RosJoint
+from sniffer.mcapfile.recover import recover
 from sniffer.mcapfile.sink import McapSink
 from tests.commands import within
 from tests.recorder import Recorder, said_by, say_slowly
 from tests.recordings import START_NS, talk
 from tests.terminals import LINUX_ONLY, Terminal
 from tests.test_convert import CAPTURES, LOG, Capsys
+from tests.test_mcap_live import live
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -85,10 +87,10 @@ def test_definitions_are_those_of_ros(kind: Any) -> None:
     assert kind.definition.decode() == wanted
 
 
-def read_by_others(path: Path) -> dict[str, list[Any]]:
+def read_by_others(path: Path, *topics: str) -> dict[str, list[Any]]:
     """Return the messages as mcap-ros2-support reads them, by topic; rosbags writes the same."""
     reader = pytest.importorskip("mcap_ros2.reader", reason="mcap-ros2-support is not installed")
-    out: dict[str, list[Any]] = {"/joint_states": [], "/diagnostics": []}
+    out: dict[str, list[Any]] = {t: [] for t in topics or ("/joint_states", "/diagnostics")}
     for m in reader.read_ros2_messages(path, topics=[*out]):
         out[m.channel.topic].append(m.ros_msg)
     with path.open("rb") as stream:
@@ -260,6 +262,41 @@ def test_a_flight_recorder_writes_joint_states_too(tmp_path: Path) -> None:
     states = read_by_others(sink.files[0])["/joint_states"]
     assert len(states) > 20
     assert "bus0_servo1" in sink.remarks[0]
+
+
+def test_rerun_draws_the_position_of_each_servo_unasked_where_the_recording_has_plots(
+    tmp_path: Path, capsys: Capsys, headless_viewer: HeadlessViewer
+) -> None:
+    path = tmp_path / "run.mcap"
+    within(capsys, "convert", LOG, path, "--topics", "state,plots")
+    views = headless_viewer.show(path).views
+    assert headless_viewer.complaints() == []
+    topics = [f"/bus0/plots/servo_{servo}_position_mm" for servo in (1, 2, 3)]
+    assert sorted((view.view_class, view.origin) for view in views) == [
+        ("TimeSeries", topic) for topic in topics
+    ]
+    said = read_by_others(path, *topics)
+    for servo, topic in enumerate(topics, 1):
+        values = [value for _, value in positions(LOG, servo)]
+        assert [m.data[0] for m in said[topic]] == pytest.approx(values)
+        assert {len(m.data) for m in said[topic]} == {1}
+        assert not any(m.layout.dim for m in said[topic])
+
+
+def test_a_recording_with_plots_that_is_cut_is_made_whole_without_those_that_are_lost(
+    tmp_path: Path,
+) -> None:
+    path, cut = tmp_path / "run.mcap", tmp_path / "cut.mcap"
+    sink = live(path, talk("mightyzap", 2.0), flush_ns=0, topics=["state", "plots"])
+    data = path.read_bytes()
+    sink.close()
+    topic = "/bus0/plots/servo_1_position_mm"
+    whole = [m.data[0] for m in read_by_others(path, topic)[topic]]
+    cut.write_bytes(data[: len(data) * 3 // 4])
+    assert recover(cut, cut).derived
+    kept = [m.data[0] for m in read_by_others(cut, topic)[topic]]
+    assert 0 < len(kept) < len(whole)
+    assert kept == whole[: len(kept)]
 
 
 @pytest.mark.parametrize("options", [(), ("--ros2",)])

@@ -13,6 +13,7 @@ from sniffer.ground.model import SnifferError
 from sniffer.ground.naming import worded
 from sniffer.jobs.demo import STORY, record_damaged, summaries
 from sniffer.jobs.report import report
+from sniffer.sinks.consoles import unpadded
 
 OUT = Path("demo-out")
 
@@ -34,7 +35,8 @@ def demo() -> None:
         first = incident.causes[0]
         sure = f"{first.cause}, {100 * first.confidence:.0f} % sure. {incident.next}"
         story.add_row("-", f"{incident.story}\n{sure}")
-    console.print(story)
+    with unpadded(console):
+        console.print(story)
     console.print(
         f"\nwrote {recording} (the damaged captures as one recording), {plots} (its plots) and "
         f"{page}\n(all of the story, with its bytes and curves: open it in a browser)",
@@ -64,7 +66,8 @@ def _print_totals(console: Console) -> None:
             share = f"{100 * totals.bytes_in_frames / max(totals.bytes, 1):.2f} %"
             counts = totals.bytes, share, totals.kinds.total(), totals.severities.total()
             table.add_row(capture, totals.protocol, *map(str, counts))
-    console.print(table)
+    with unpadded(console):
+        console.print(table)
 
 
 if __name__ == "__main__":

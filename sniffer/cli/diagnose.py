@@ -74,14 +74,16 @@ def diagnose(
         if output_format == "json":
             click.echo(json.dumps(done.as_dict()))
             continue
-        from sniffer.sinks.consoles import console_for
+        from sniffer.sinks.consoles import console_for, unpadded
         from sniffer.sinks.story import print_incidents, print_weighing
 
         console = console_for(color=color)
         if len(captures) > 1:
             click.echo(f"{name_of(capture)}:")
-        if why is not None:
-            print_weighing(done.incidents, why, console)
-        else:
-            print_incidents(done.incidents, done.sentence, clock=done.has_clock, console=console)
+        with unpadded(console):
+            if why is not None:
+                print_weighing(done.incidents, why, console)
+            else:
+                clock = done.has_clock
+                print_incidents(done.incidents, done.sentence, clock=clock, console=console)
     return status

@@ -110,8 +110,8 @@ WORD_S: Final = 0.5
 @click.option(
     "--topics", callback=topics, metavar="TOPIC,...",
     help="Write only these beside the raw bytes: raw (nothing else), frames, transactions, state, "
-    "gaps, anomalies, log, stats, incidents, or flat, a topic for each quantity of a servo.  "
-    "[default: all but flat]",
+    "gaps, anomalies, log, stats, incidents; flat, a topic for each quantity of a servo; plots, "
+    "positions that `rerun FILE` draws by itself.  [default: all but flat and plots]",
 )  # fmt: skip
 @with_ros2
 @click.option("--durable", is_flag=True, help="Wait for the disk after each round, 50 ms.")

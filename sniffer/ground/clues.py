@@ -87,6 +87,13 @@ class Check(NamedTuple):
     address: int
 
 
+class _Registers(NamedTuple):
+    """What each model has for exactly some bytes, and the numbers by which it is named there."""
+
+    same: tuple[Register | None, ...]
+    numbers: tuple[tuple[int, ...], ...]
+
+
 class Clues:
     """Weighs packets by the tables of one protocol's models."""
 
@@ -94,6 +101,7 @@ class Clues:
         self._models = models
         self._checks: dict[tuple[int, int, bool], tuple[Check, ...]] = {}
         self._spans: dict[tuple[int, int, bool], Found | None] = {}
+        self._registers_at: dict[tuple[int, str], _Registers] = {}
 
     def of(self, address: int, data: bytes, *, written: bool) -> list[Found]:
         """Return the clues in ``data``, which a request writes or an answer returns."""
@@ -142,7 +150,7 @@ class Clues:
 
     def value(self, check: Check, raw: int, *, written: bool) -> Iterator[Clue]:
         """Yield what one number tells."""
-        same = [self._same(m, check) for m in self._models]
+        same, numbers = self._registers(check)
         states = [None if r is None else _accepts(r, raw) for r in same]
         if True in states and False in states:
             weight = _OUT_OF_RANGE_WRITTEN if written else _OUT_OF_RANGE_READ
@@ -151,7 +159,7 @@ class Clues:
             yield self._clue(RANGE, check, points)
         if written:
             return
-        named = [raw in self._numbers(m, check) for m in self._models]
+        named = [raw in of for of in numbers]
         if any(named):
             yield self._clue(NUMBER, check, [_TOLD * own for own in named])
             return
@@ -184,6 +192,16 @@ class Clues:
         r = table.at(address)
         return None if r is None else (r.address, r.width)
 
+    def _registers(self, check: Check) -> _Registers:
+        """Return what the models have at a check's bytes, cached: each value there asks for it."""
+        key = check.address, check.type
+        found = self._registers_at.get(key)
+        if found is None:
+            same = tuple(self._same(m, check) for m in self._models)
+            numbers = tuple(self._numbers(m, check) for m in self._models)
+            found = self._registers_at[key] = _Registers(same, numbers)
+        return found
+
     def _same(self, table: RegisterMap, check: Check) -> Register | None:
         """Return the register a table has for exactly these bytes."""
         r = table.at(check.address)
@@ -211,14 +229,14 @@ class Clues:
                 single = set(range(least, least + 256))
                 low, high = -(2**62), 2**62
             else:
-                same = [r for r in (self._same(m, check) for m in self._models) if r is not None]
+                same = [r for r in self._registers(check).same if r is not None]
                 bounds = [r.range for r in same if r.range is not None]
                 low = max((b[0] for b in bounds), default=-(2**62))
                 high = min((b[1] for b in bounds), default=2**62)
                 single = {x for b in bounds for x in (b[0] - 1, b[0], b[1], b[1] + 1)}
                 single |= {raw for r in same for raw in (*r.special, *r.values)}
                 single |= {r.default for r in same if r.default is not None}
-            single |= {raw for m in self._models for raw in self._numbers(m, check)}
+            single |= {raw for of in self._registers(check).numbers for raw in of}
             tells = {
                 raw for raw in single if any(True for _ in self.value(check, raw, written=written))
             }

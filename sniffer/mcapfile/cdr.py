@@ -46,6 +46,27 @@ float64[] effort
 {_HEADER}""".encode(),
 )
 
+NUMBERS: Final = MessageType(
+    "std_msgs/msg/Float64MultiArray",
+    "cdr",
+    "ros2msg",
+    f"""std_msgs/MultiArrayLayout layout
+float64[] data
+{_LINE}
+MSG: std_msgs/MultiArrayLayout
+std_msgs/MultiArrayDimension[] dim
+uint32 data_offset
+{_LINE}
+MSG: std_msgs/MultiArrayDimension
+string label
+uint32 size
+uint32 stride
+""".encode(),
+)
+
+ONE_NUMBER: Final = _HEAD + struct.pack("<III4x", 0, 0, 1)
+"""What stands before the number in an array of one: no dimensions, no offset, the count."""
+
 DIAGNOSTICS: Final = MessageType(
     "diagnostic_msgs/msg/DiagnosticArray",
     "cdr",

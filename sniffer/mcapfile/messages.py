@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import Anomaly as Found
     from sniffer.ground.model import Batch, Chunk
+    from sniffer.mcapfile.container import MessageType
     from sniffer.mcapfile.queue import Queue
     from sniffer.mcapfile.ros2 import RosWriter
     from sniffer.protocols.base import BusProtocol
@@ -79,7 +80,7 @@ class BusWriter:
         baud: int | None,
         start: int,
         queue: Queue,
-        open_channel: Callable[[str, type[Message], Mapping[str, str]], int],
+        open_channel: Callable[[str, type[Message] | MessageType, Mapping[str, str]], int],
         *,
         counted: bool = True,
         ros2: RosWriter | None = None,
@@ -354,7 +355,7 @@ class BusWriter:
         heads = self._heads(self._channel(topic, type(messages[0])), log, publish)
         self._queue.add(topic, Loose.of(messages, heads))
 
-    def _channel(self, topic: str, message: type[Message], **facts: str) -> int:
+    def _channel(self, topic: str, message: type[Message] | MessageType, **facts: str) -> int:
         """Return the channel of a topic, opened with its first message."""
         channel = self._channels.get(topic)
         if channel is None:

@@ -13,12 +13,14 @@ import numpy as np
 import numpy.typing as npt
 from mcap.opcode import Opcode
 
+from sniffer.mcapfile.cdr import ONE_NUMBER
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from google.protobuf.message import Message
 
-    from sniffer.ground.model import I64, Mask
+    from sniffer.ground.model import F64, I64, Mask
 
 U16 = npt.NDArray[np.uint16]
 Void = npt.NDArray[np.void]
@@ -28,6 +30,20 @@ RECORD: Final = struct.Struct("<BQHIQQ")
 
 HEAD: Final = struct.Struct("<BQ")
 """Head of any record: opcode, length."""
+
+_NUMBER: Final = np.dtype(
+    [
+        ("opcode", "u1"),
+        ("size", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log", "<u8"),
+        ("publish", "<u8"),
+        ("begin", f"V{len(ONE_NUMBER)}"),
+        ("value", "<f8"),
+    ]
+)
+"""A record whose message is an array of one number, as ROS 2 has it."""
 
 LOG_AT: Final = 15
 """Where the log time stands in a record: it is written last, when the order is known."""
@@ -69,6 +85,18 @@ class MessageRows:
 
     data: Void
     heads: Heads
+
+    @classmethod
+    def of_numbers(cls, values: F64, heads: Heads) -> MessageRows:
+        """Return records of arrays of ROS 2, one number each."""
+        rows = np.zeros(len(values), _NUMBER)
+        rows["opcode"] = Opcode.MESSAGE
+        rows["size"] = _NUMBER.itemsize - HEAD.size
+        rows["channel"], rows["sequence"] = heads.channel, heads.sequence
+        rows["publish"] = heads.publish
+        rows["begin"] = np.frombuffer(ONE_NUMBER, f"V{len(ONE_NUMBER)}")
+        rows["value"] = values
+        return cls(rows.view(f"V{_NUMBER.itemsize}"), heads)
 
     @property
     def widths(self) -> I64:

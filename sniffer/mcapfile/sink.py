@@ -359,7 +359,7 @@ class McapSink:
             self._encode(final=final)
             self._write_all(self._queue.lots(BULK), indexed=False)
             self._write_all(self._queue.lots((*SHOWN, FLAT)), indexed=True)
-            # what is left is of ROS 2: one topic of all buses, in the order of time
+            # what is left is in the words of ROS 2, of all buses in the order of time
             rows = self._queue.take(None, self._ros2_until)
             if rows is not None:
                 self._ros2_until = int(rows.log[-1])

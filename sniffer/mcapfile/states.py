@@ -1,7 +1,8 @@
 """What servos were made known to be: a message a frame, and a topic for each value alone.
 
 A state has a field for each quantity, absent where the frame does not carry it. Who plots an absent
-field as 0 needs a topic for each: those of ``FLAT`` hold a number a message, and nothing else.
+field as 0 needs a topic for each: those of ``FLAT`` hold a number a message, and nothing else. Of
+protobuf a viewer of Rerun plots nothing by itself: those of ``PLOTS`` hold positions alone for it.
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ import numpy as np
 
 from sniffer.ground.codes import OK
 from sniffer.ground.distinct import distinct
+from sniffer.mcapfile.cdr import NUMBERS
 from sniffer.mcapfile.encoder import Encoder
-from sniffer.mcapfile.fields import FIRST_VALUE, state_field
-from sniffer.mcapfile.rows import Heads
-from sniffer.messages import CHOICES, FLAT, TOPICS
+from sniffer.mcapfile.fields import FIRST_VALUE, quantity_of, state_field
+from sniffer.mcapfile.rows import Heads, MessageRows
+from sniffer.messages import CHOICES, FLAT, PLOTS, TOPICS
 from sniffer.messages.servo_state_pb2 import Quantity, ServoState
 
 if TYPE_CHECKING:
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from google.protobuf.message import Message
 
     from sniffer.ground.model import F64, I64, Batch, Mask
+    from sniffer.mcapfile.container import MessageType
     from sniffer.mcapfile.queue import Queue
     from sniffer.mcapfile.ros2 import RosWriter
     from sniffer.protocols.base import BusProtocol
@@ -33,7 +36,7 @@ if TYPE_CHECKING:
     class MessageChannels(Protocol):
         """Opens the channel of a topic of the bus, once, and returns its id."""
 
-        def __call__(self, topic: str, message: type[Message], **facts: str) -> int:
+        def __call__(self, topic: str, message: type[Message] | MessageType, **facts: str) -> int:
             """``facts`` are what the channel says of itself."""
             ...
 
@@ -91,6 +94,7 @@ class States:
         self._field_of = np.array([at[n] if n is not None else -1 for n in fields], np.int64)
         declared = {f.name for f in ServoState.DESCRIPTOR.fields if f.number >= FIRST_VALUE}
         self._is_declared = np.array([name in declared for name in self.names])
+        self._is_position = np.array([quantity_of(name) == "position" for name in self.names])
         self._states, self._quantities = Encoder(ServoState), Encoder(Quantity)
 
     def write(self, batch: Batch, log: I64, publish: I64) -> None:
@@ -99,7 +103,16 @@ class States:
         if self._queue.wants("state"):
             self._write_states(batch, told.take(self._is_declared[told.field]), log, publish)
         if self._queue.wants(FLAT):
-            self._write_flat(batch, told, log, publish)
+            timed = self._with_times(batch, told)
+            heads = self._alone(timed, log, publish, Quantity, "servo/{}/{}")
+            if len(timed.row):
+                rows = self._quantities.encode(heads, {"value": timed.value}, {})
+                self._queue.add(FLAT, *rows)
+        if self._queue.wants(PLOTS):
+            places = told.take(self._is_position[told.field])
+            heads = self._alone(places, log, publish, NUMBERS, f"{PLOTS}/servo_{{}}_{{}}")
+            if len(places.row):
+                self._queue.add(PLOTS, MessageRows.of_numbers(places.value, heads))
         if self._ros2 is not None:
             self._ros2.states(self._bus, self.names, told, log, publish)
 
@@ -148,22 +161,27 @@ class States:
         }
         self._queue.add("state", *self._states.encode(heads, numbers, optional))
 
-    def _write_flat(self, batch: Batch, told: KnownValues, log: I64, publish: I64) -> None:
-        told = self._with_times(batch, told)
+    def _alone(
+        self,
+        told: KnownValues,
+        log: I64,
+        publish: I64,
+        message: type[Message] | MessageType,
+        called: str,
+    ) -> Heads:
+        """Return the heads of a message for each value; ``called`` makes topics of id and field."""
         n = len(told.row)
-        if not n:
-            return
         width = len(self.names)
         channel, sequence = np.empty(n, np.uint16), np.empty(n, np.uint32)
         keys, place, _ = distinct((told.servo + 1) * width + told.field)
         for k, key in enumerate(keys.tolist()):
             which = np.flatnonzero(place == k)
             who = _who(key // width - 1)
-            topic = f"servo/{who}/{flat_name(self.names[key % width])}"
-            channel[which] = self._channel(topic, Quantity, servo_id=who)
+            topic = called.format(who, flat_name(self.names[key % width]))
+            channel[which] = self._channel(topic, message, servo_id=who)
             sequence[which] = self._count_up(int(channel[which[0]]), len(which))
-        heads = Heads(channel, sequence, log[told.row], publish[told.row], self._queue.ranks(n))
-        self._queue.add(FLAT, *self._quantities.encode(heads, {"value": told.value}, {}))
+        ranks = self._queue.ranks(n)
+        return Heads(channel, sequence, log[told.row], publish[told.row], ranks)
 
     def _with_times(self, batch: Batch, told: KnownValues) -> KnownValues:
         """Return values with the response times among them, which answers have that state none."""
@@ -189,6 +207,8 @@ def flat_name(field: str) -> str:
 def kind_of(topic: str) -> str:
     """Return the last part of a topic, or what single values of servos are."""
     before, _, last = topic.rpartition("/")
+    if before.endswith(f"/{PLOTS}"):
+        return PLOTS
     is_servos = before.rpartition("/")[0].endswith("/servo")
     return FLAT if is_servos and last not in TOPICS else last
 

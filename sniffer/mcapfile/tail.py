@@ -24,7 +24,7 @@ from sniffer.mcapfile.rows import RECORD
 from sniffer.mcapfile.sink import attached_tables, facts_of
 from sniffer.mcapfile.source import groups, session
 from sniffer.mcapfile.states import kind_of
-from sniffer.messages import BULK, BUS, FLAT, OFFSET, SHOWN, TOPICS
+from sniffer.messages import BULK, BUS, FLAT, OFFSET, PLOTS, SHOWN, TOPICS
 from sniffer.messages.recording_pb2 import Frame, Gap, Stats, Transaction
 from sniffer.messages.servo_state_pb2 import Quantity, ServoState
 
@@ -136,7 +136,7 @@ class _Rest:
         self._known = known
         self._passed = passed
         wanted = facts.get("topics", ",".join(TOPICS)).split(",")
-        self._queue = Queue([topic for topic in wanted if topic != "raw"])
+        self._queue = Queue([topic for topic in wanted if topic not in ("raw", PLOTS)])
         self._buses: dict[str, BusWriter] = {}
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:

@@ -56,5 +56,10 @@ TOPICS: Final = ("raw", *BULK, *SHOWN)
 FLAT: Final = "flat"
 """Topics ``servo/<id>/<quantity>_<unit>``, one for each value alone; only where asked for."""
 
-CHOICES: Final = (*TOPICS, FLAT)
+PLOTS: Final = "plots"
+"""Topics ``plots/servo_<id>_position_<unit>``: where a servo says it is, in a message of ROS 2 that
+Rerun draws unasked; only where asked for. Of all that it could draw it chooses eight by chance, so
+there is nothing else to choose from."""
+
+CHOICES: Final = (*TOPICS, FLAT, PLOTS)
 """What may be chosen."""

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-from typing import TYPE_CHECKING
+import re
+from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from typing import TextIO
+
+_PADDING: Final = re.compile(r" +((?:\x1b\[[\d;]*m)*) *$", re.MULTILINE)
 
 
 def console_for(
@@ -36,6 +41,14 @@ def console_for(
             color_system="standard",
         )
     return console
+
+
+@contextlib.contextmanager
+def unpadded(console: Console) -> Iterator[None]:
+    """Print without the blanks that fill what stands in columns up to their width."""
+    with console.capture() as printed:
+        yield
+    console.file.write(_PADDING.sub(r"\1", printed.get()))
 
 
 def room_in(console: Console) -> int | None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sniffer import __version__
 from sniffer.ground.model import NS, OutputError
-from sniffer.mcapfile.container import type_of
+from sniffer.mcapfile.container import MessageType, type_of
 from sniffer.mcapfile.levels import LEVELS
 from sniffer.mcapfile.messages import DERIVED, BusWriter
 from sniffer.mcapfile.queue import Queue
@@ -114,10 +114,12 @@ class FoxgloveSink:
             if channel.has_sinks():
                 channel.log(bytes(rows.data[start + RECORD.size : end]), log_time=log)
 
-    def _open(self, topic: str, message: type[Any], metadata: Mapping[str, str]) -> int:
+    def _open(
+        self, topic: str, message: type[Any] | MessageType, metadata: Mapping[str, str]
+    ) -> int:
         """Return the number of a topic, announced where it is new."""
         if topic not in self._ids:
-            kind = type_of(message)
+            kind = message if isinstance(message, MessageType) else type_of(message)
             schema = self._foxglove.Schema(
                 name=kind.name, encoding=kind.schema_encoding, data=kind.definition
             )
