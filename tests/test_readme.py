@@ -69,7 +69,7 @@ def test_the_demo_tells_its_story_on_one_screen(tmp_path: Path) -> None:
     lines = done.stdout.splitlines()
     assert len(lines) <= 40
     assert lines == [line.rstrip() for line in lines]
-    assert "brownout, 100 % sure" in done.stdout
+    assert "brownout, 99 % sure" in done.stdout
     assert "duplicate-id" in done.stdout
     made = {path.name for path in (tmp_path / "demo-out").iterdir()}
     assert made == {"demo.mcap", "demo.rrd", "demo.html"}

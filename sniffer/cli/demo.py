@@ -33,7 +33,7 @@ def demo() -> None:
     story = Table.grid(padding=(0, 1))
     for incident in found:
         first = incident.causes[0]
-        sure = f"{first.cause}, {100 * first.confidence:.0f} % sure. {incident.next}"
+        sure = f"{first.cause}, {first.percent} % sure. {incident.next}"
         story.add_row("-", f"{incident.story}\n{sure}")
     with unpadded(console):
         console.print(story)

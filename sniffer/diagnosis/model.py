@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 if TYPE_CHECKING:
     from sniffer.ground.model import Severity
@@ -46,6 +46,10 @@ class Finding:
         return dict(self.values).get(name, otherwise)
 
 
+PERCENT_MOST: Final = 99
+"""So sure people are told that a cause is, in percent, however much speaks for it."""
+
+
 class Reason(NamedTuple):
     """One line of the weighing: what a finding counts for a cause, and why."""
 
@@ -63,6 +67,11 @@ class Ranked:
     confidence: float
     why: str
     reasons: tuple[Reason, ...] = ()
+
+    @property
+    def percent(self) -> int:
+        """How sure it is as people are told, 99 at most: what is weighed is never certain."""
+        return min(round(100 * self.confidence), PERCENT_MOST)
 
 
 @dataclass(frozen=True, slots=True)

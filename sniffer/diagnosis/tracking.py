@@ -55,7 +55,7 @@ class IncidentChange:
     def __str__(self) -> str:
         i = self.incident
         who = f"incident {i.number} on {i.bus}"
-        sure = f"{i.cause} ({100 * i.causes[0].confidence:.0f} %)"
+        sure = f"{i.cause} ({i.causes[0].percent} %)"
         match self.stage:
             case Stage.OPENED:
                 return f"{who}: {sure}: {i.story}"

@@ -185,8 +185,8 @@ def _incident(content: Content, incident: Incident, shown: Sequence[Exhibit]) ->
     causes = [
         tag(
             "tr",
-            tag("td", f"{100 * c.confidence:.0f} %", cls="number"),
-            tag("td", tag("span", style=f"width:{100 * c.confidence:.0f}%"), cls="share"),
+            tag("td", f"{c.percent} %", cls="number"),
+            tag("td", tag("span", style=f"width:{c.percent}%"), cls="share"),
             tag("td", tag("b", c.cause)),
             tag("td", c.why),
         )

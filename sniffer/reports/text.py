@@ -96,7 +96,7 @@ def _incident(content: Content, incident: Incident) -> Iterator[str]:
     yield from ("", f"{told(incident.bus)}, {when}, {counted(incident.count, 'time')}", "")
     yield from (told(tale(incident)), "", f"Do next: {told(incident.next)}", "")
     yield from (
-        f"- {100 * c.confidence:.0f} % {told(c.cause)}: {told(c.why)}" for c in incident.causes[:3]
+        f"- {c.percent} % {told(c.cause)}: {told(c.why)}" for c in incident.causes[:3]
     )
     if incident.against:
         yield f"- {told(incident.against)}"

@@ -155,7 +155,7 @@ def _incidents(incidents: Sequence[Incident]) -> Table:
         table.add_row(
             Text(level, style=_COLOUR[level]),
             Text(_headline(incident)),
-            f"{100 * incident.causes[0].confidence:.0f}{GLUE}%",
+            f"{incident.causes[0].percent}{GLUE}%",
             explains or incident.findings[0].what,
         )
     return table

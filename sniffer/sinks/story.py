@@ -50,7 +50,7 @@ def _print(i: Incident, console: Console, *, clock: bool) -> None:
     head.append(f"  {i.story}", style="bold")
     console.print(head)
     for rank, cause in enumerate(i.causes):
-        sure = f"{100 * cause.confidence:.0f} %"
+        sure = f"{cause.percent} %"
         line = Text(f"{sure:>5} {cause.cause}")
         if not rank:
             line.append(f": {cause.why}")
@@ -93,7 +93,7 @@ def print_weighing(
         for reason in cause.reasons:
             table.add_row(f"{reason.weight:+.1f}", reason.finding, reason.reason)
         console.print()
-        console.print(Text(f"{cause.cause}: {100 * cause.confidence:.0f} %", style="bold"))
+        console.print(Text(f"{cause.cause}: {cause.percent} %", style="bold"))
         console.print(table)
 
 

@@ -15,7 +15,7 @@ from sniffer.decoding.summary import Summary
 from sniffer.diagnosis import Diagnosis
 from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE
 from sniffer.ground.model import NS, Anomaly, Batch, Chunk, Clock, Severity
-from sniffer.ground.wording import plain
+from sniffer.ground.wording import plain, short
 from sniffer.sinks.consoles import console_for, room_in
 from sniffer.sinks.report import print_summary, selected
 from sniffer.sinks.words import fit, took_in_words, values_in_words
@@ -238,7 +238,7 @@ class TextSink:
         row = [time, servo.rjust(3), kind, op, values, verdict]
         widths = [*NARROW[:4], self._room, NARROW[4]]
         if self._wide:
-            row.insert(1, plain(bus))
+            row.insert(1, short(plain(bus)))
             widths = [*WIDTHS[:5], self._room, WIDTHS[5]]
         if self._with_bytes:
             row.insert(6, raw.hex(" ").upper() if raw is not None else "bytes")

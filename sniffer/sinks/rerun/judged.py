@@ -48,7 +48,7 @@ class JudgedRerunSink(RerunSink):
         for one in self._diagnosis.incidents():
             servos = [s for s in one.servo_ids if not self._is_narrow or self.shows(one.bus, s)]
             if servos or not one.servo_ids:
-                sure = f"{one.causes[0].confidence:.0%}"
+                sure = f"{one.causes[0].percent}%"
                 told = f"incident {one.number}: {one.cause} ({sure}): {one.story}"
                 self.incident(one.bus, servos, LogLine(one.first_ns, one.severity, told))
         super().close()

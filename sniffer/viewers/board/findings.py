@@ -53,7 +53,7 @@ class FindingLines:
         """Say what is wrong, why and how often: dim once it is over."""
         i = one.incident
         ids = ",".join(map(str, i.servo_ids))
-        sure = f"{100 * i.causes[0].confidence:.0f} % "
+        sure = f"{i.causes[0].percent} % "
         told = _Words(
             ids if len(ids) <= 3 else "all",
             i.first_ns,
