@@ -324,7 +324,7 @@ def test_the_bytes_of_a_table_do_not_depend_on_how_its_records_come(
         for bus, protocol, batch in whole:
             tables.write(bus, protocol, batch)
         tables.close()
-        files.append({name: path.read_bytes() for name, path in tables.files().items()})
+        files.append({file.table: file.path.read_bytes() for file in tables.files})
     assert files[0] == files[1]
     assert pq.ParquetFile(tmp_path / "1" / "frames.parquet").num_row_groups > 5
 

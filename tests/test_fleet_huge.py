@@ -9,6 +9,8 @@ import sys
 import threading
 from typing import TYPE_CHECKING, Any, Final
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 import sniffer
@@ -97,6 +99,10 @@ def test_raw_bytes_in_parts_make_the_tables_of_the_whole_byte_for_byte(
     whole, split, joined = both_ways(tmp_path / "in", protocol, SMALL, monkeypatch)
     assert split == whole
     assert joined > 5
+    frames = sorted(name for name in whole if name.startswith("frames/"))
+    assert len(frames) > 5  # a file a stretch, read in the order of their names
+    table = pa.concat_tables(pq.read_table(tmp_path / "serial" / name) for name in frames)
+    assert table["offset"].to_pylist() == sorted(table["offset"].to_pylist())
 
 
 @pytest.mark.parametrize("ending", ["", "(1700000009.0) what is this\n"], ids=["whole", "damaged"])

@@ -67,13 +67,17 @@ ROUNDS: Final = 10
 """How often the list of captures is written again because another run has committed meanwhile."""
 
 
-def table_path(table: str, robot: str, date: str, capture: str, decoder: str) -> str:
+def table_path(
+    table: str, robot: str, date: str, capture: str, decoder: str, stretch: int | None = None
+) -> str:
     """Return where a capture's file of a table lies, below the root.
 
-    ``robot`` is encoded as in a URL, as readers of such folders expect it.
+    ``robot`` is encoded as in a URL, as readers of such folders expect it. ``stretch`` is the
+    number of the file where a capture has several, in the order of their names.
     """
     whose = urllib.parse.quote(robot, safe="")
-    return f"{table}/robot={whose}/date={date}/{capture}-{decoder}.parquet"
+    number = "" if stretch is None else f"-{stretch:05d}"
+    return f"{table}/robot={whose}/date={date}/{capture}-{decoder}{number}.parquet"
 
 
 def commit_path(fingerprint: str) -> str:

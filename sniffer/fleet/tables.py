@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.ipc
+import pyarrow.parquet as pq
 
 from sniffer.sinks.relations import RELATIONS
 from sniffer.sinks.tables import parquet_writer
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from sniffer.ground.model import Batch, Chunk
@@ -35,87 +35,118 @@ def columns_of(table: str) -> Any:
     return pa.schema([CAPTURE, *RELATIONS[table].schema])
 
 
+class TableFile(NamedTuple):
+    """A file of a capture's table; ``number`` is that of its stretch, None where it has all."""
+
+    table: str
+    number: int | None
+    path: Path
+
+
 class CaptureTables:
     """A sink that writes a capture's tables to ``folder``, a file each that has rows.
 
-    The same records in the same order give the same bytes, however they come in batches.
+    The same records in the same order give the same bytes, however they come in batches. Those of
+    a capture ``in_stretches`` are a file a stretch: so the processes that decode it together can
+    write them, each its own.
     """
 
-    def __init__(self, folder: Path, capture: str) -> None:
+    def __init__(self, folder: Path, capture: str, *, in_stretches: bool = False) -> None:
         self.folder = folder
-        self._grown = {name: _GrowingFile(folder / f"{name}.parquet", name, capture)
-                       for name in TABLES}  # fmt: skip
+        self.files: list[TableFile] = []
+        """The files that are finished; one without rows is none."""
+        self._rows = dict.fromkeys(TABLES, 0)
+        self._capture = capture
+        self._number = 0 if in_stretches else None
+        self._grown = self._begun()
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing: tables hold what was decoded."""
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Add the batch's rows."""
-        for name, grown in self._grown.items():
-            grown.add(RELATIONS[name].build(bus, protocol, batch))
+        _add(self._grown, bus, protocol, batch)
+
+    def turn(self) -> None:
+        """Finish the files of a stretch."""
+        if self._number is not None:
+            self.close()
+            self._number += 1
+            self._grown = self._begun()
 
     def pieces(self) -> CapturePieces:
-        """Return how a part of a capture is written elsewhere."""
-        return CapturePieces()
+        """Return how a stretch of a capture is written elsewhere."""
+        return CapturePieces(self._capture)
 
     def join(self, piece: Path, told: WrittenElsewhere) -> None:
-        """Add the rows that were written elsewhere."""
+        """Take the files of a stretch that were written elsewhere."""
         del told
-        for name, grown in self._grown.items():
-            with pa.memory_map(str(_piece(piece, name))) as file:
-                for rows in pa.ipc.open_stream(file):
-                    grown.add(pa.Table.from_batches([rows]))
+        self.turn()
+        for table in TABLES:
+            made = _piece(piece, table)
+            if made.exists():
+                path = made.replace(self._path(table))
+                self._finished(table, path, pq.read_metadata(path).num_rows)
 
     def close(self) -> None:
         """Write what is left and the files' ends."""
-        for grown in self._grown.values():
+        for table, grown in self._grown.items():
             grown.close()
+            if grown.rows:
+                self._finished(table, grown.path, grown.rows)
 
     def rows(self, table: str) -> int:
-        """Return how many rows a table has."""
-        return self._grown[table].rows
+        """Return how many rows the finished files of a table have."""
+        return self._rows[table]
 
-    def files(self) -> dict[str, Path]:
-        """Return the files by the names of their tables; a table without rows has none."""
-        return {name: grown.path for name, grown in self._grown.items() if grown.rows}
+    def _begun(self) -> dict[str, _GrowingFile]:
+        return {name: _GrowingFile(self._path(name), name, self._capture) for name in TABLES}
+
+    def _path(self, table: str) -> Path:
+        number = "" if self._number is None else f"-{self._number}"
+        return self.folder / f"{table}{number}.parquet"
+
+    def _finished(self, table: str, path: Path, rows: int) -> None:
+        self.files.append(TableFile(table, self._number, path))
+        self._rows[table] += rows
 
 
 @dataclass(frozen=True, slots=True)
 class CapturePieces:
-    """Parts of a capture as rows that are ready to be packed into its tables."""
+    """Stretches of a capture as the files of its tables."""
+
+    capture: str
 
     def open(self, path: Path) -> CapturePiece:
         """Return what writes one."""
-        return CapturePiece(path)
+        return CapturePiece(path, self.capture)
 
 
 class CapturePiece:
-    """Writes the rows of a part as Arrow streams, one a table, batch by batch.
+    """Writes the tables of a stretch, a file each that has rows.
 
     What the machine refuses is raised as it is: it is not the capture's fault.
     """
 
-    def __init__(self, path: Path) -> None:
-        packed = pa.ipc.IpcWriteOptions(compression="lz4", use_threads=False)
-        self._writers = {
-            name: pa.ipc.new_stream(_piece(path, name), RELATIONS[name].schema, options=packed)
-            for name in TABLES
-        }
+    def __init__(self, path: Path, capture: str) -> None:
+        self._grown = {name: _GrowingFile(_piece(path, name), name, capture) for name in TABLES}
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Add the batch's rows."""
-        for name, writer in self._writers.items():
-            rows = RELATIONS[name].build(bus, protocol, batch)
-            if len(rows):
-                writer.write_table(rows)
+        _add(self._grown, bus, protocol, batch)
 
     def close(self) -> None:
-        """Write the files' ends."""
-        for writer in self._writers.values():
-            writer.close()
+        """Write what is left and the files' ends."""
+        for grown in self._grown.values():
+            grown.close()
+
+
+def _add(grown: Mapping[str, _GrowingFile], bus: str, protocol: BusProtocol, batch: Batch) -> None:
+    for name, file in grown.items():
+        file.add(RELATIONS[name].build(bus, protocol, batch))
 
 
 def _piece(path: Path, table: str) -> Path:

@@ -119,15 +119,15 @@ def _blank(task: CaptureTask) -> CaptureRow:
 def _decoded(task: CaptureTask, store: Store, folder: Path, jobs: int) -> CaptureRow:
     row = _blank(task)
     try:
-        file = Store.of(task.uri).fetch("", folder)
-        with file.open("rb") as data:
+        source = Store.of(task.uri).fetch("", folder)
+        with source.open("rb") as data:
             sha256 = hashlib.file_digest(data, "sha256").hexdigest()
     except (FileNotFoundError, PermissionError) as error:
         return replace(row, error=f"{task.path}: cannot be read ({error.strerror})")
     row = replace(row, sha256=sha256, capture=sha256[:ID])
-    tables = CaptureTables(folder, row.capture)
+    tables = CaptureTables(folder, row.capture, in_stretches=task.is_huge)
     try:
-        heard = _heard(task, file, tables, jobs)
+        heard = _heard(task, source, tables, jobs)
     except (*_MACHINE, UndoneError, UndividedError, LostWorkerError):
         raise
     except Exception as error:
@@ -135,17 +135,17 @@ def _decoded(task: CaptureTask, store: Store, folder: Path, jobs: int) -> Captur
             raise error.__cause__ from None
         known = isinstance(error, SnifferError)
         told = worded(error) if known else f"{type(error).__name__}: {error}"
-        return replace(row, error=one_line(told.replace(str(file), task.path)))
+        return replace(row, error=one_line(told.replace(str(source), task.path)))
     if heard.is_mistaken:
         return replace(row, error=one_line(heard.damage))
     row = replace(_totalled(row, heard.summary, task.mtime_ns), status=OK)
     if heard.damage:
-        told = one_line(heard.damage.replace(str(file), task.path))
+        told = one_line(heard.damage.replace(str(source), task.path))
         row = replace(row, status=DAMAGED, error=told)
     files = []
-    for table, grown in tables.files().items():
-        path = table_path(table, row.robot, row.date, row.capture, row.decoder)
-        store.put(path, grown)
+    for table, stretch, file in tables.files:
+        path = table_path(table, row.robot, row.date, row.capture, row.decoder, stretch)
+        store.put(path, file)
         files.append(path)
     counts: dict[str, Any] = {table: tables.rows(table) for table in TABLES}
     return replace(row, files=tuple(files), **counts)

@@ -20,7 +20,7 @@ from sniffer.decoding.resuming import States, UnheardBusError
 from sniffer.jobs.crew import Crew, LostWorkerError
 from sniffer.jobs.part import CountTask, PartResult, PartTask, do_task, observed
 from sniffer.jobs.session import Patience, run_source
-from sniffer.sinks.pieces import WrittenElsewhere, join, pieces_of
+from sniffer.sinks.pieces import WrittenElsewhere, join, pieces_of, turn
 from sniffer.sources.stretches import Sizes, stretches_of
 from sniffer.sources.text import BLOCK
 
@@ -353,6 +353,12 @@ def decode_stretches(
             return
         for group in head:
             pipeline.feed(group)
+        try:
+            behind(pipeline)
+        finally:
+            turn(sinks)  # what is told at the end is of no stretch
+
+    def behind(pipeline: ResumablePipeline) -> None:
         rest: Iterable[FileStretch] = plan.in_turn(source.notes)
         if pipeline.is_settled and jobs > 1:
             parts = JoinedParts(
@@ -369,6 +375,7 @@ def decode_stretches(
             rest = [seam.own for seam in plan.parts[parts.joined :]]
             source.notes[:] = parts.notes
         for stretch in rest:
+            turn(sinks)
             stretch.due.update(pipeline.heard())
             for group in patience.groups(stretch):
                 pipeline.feed(group)

@@ -95,9 +95,7 @@ def _incident(content: Content, incident: Incident) -> Iterator[str]:
     yield f"## {sign} {incident.number}. {told(titled(incident))}"
     yield from ("", f"{told(incident.bus)}, {when}, {counted(incident.count, 'time')}", "")
     yield from (told(tale(incident)), "", f"Do next: {told(incident.next)}", "")
-    yield from (
-        f"- {c.percent} % {told(c.cause)}: {told(c.why)}" for c in incident.causes[:3]
-    )
+    yield from (f"- {c.percent} % {told(c.cause)}: {told(c.why)}" for c in incident.causes[:3])
     if incident.against:
         yield f"- {told(incident.against)}"
     yield from ("", "What was found:", "")

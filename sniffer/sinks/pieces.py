@@ -53,6 +53,22 @@ class Joining(Protocol):
         ...
 
 
+@runtime_checkable
+class Turning(Protocol):
+    """A sink that writes each stretch of a capture to a file of its own."""
+
+    def turn(self) -> None:
+        """Go on with the next file: a stretch is over, or the last one."""
+        ...
+
+
+def turn(sinks: Sequence[Sink]) -> None:
+    """Tell sinks that a stretch is over."""
+    for sink in sinks:
+        if isinstance(sink, Turning):
+            sink.turn()
+
+
 def pieces_of(sink: Sink) -> PieceMaker:
     """Return how a part of what a sink writes is written elsewhere."""
     return sink.pieces() if isinstance(sink, Joining) else BatchPieces()
