@@ -51,6 +51,16 @@ def test_no_capture_raises_anything_but_our_own_errors(data: st.DataObject) -> N
         said(bytes(broken))
 
 
+@pytest.mark.parametrize("name", ["\x01\0\0\0\0\0\x80", "äöüäöüäö", "~" * 8], ids=ascii)
+def test_a_wire_of_a_dump_may_have_any_name(name: str) -> None:
+    dump = vcd(LEVELS, RATE)
+    for code in ("latin-1", "utf-8"):
+        broken = dump.replace(b"wire 1 ! TX", b"wire 1 " + name.encode(code) + b" TX")
+        assert broken != dump
+        with contextlib.suppress(SnifferError):
+            said(broken)
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_a_damaged_archive_raises_nothing_but_our_own_errors(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)

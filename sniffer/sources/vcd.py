@@ -106,7 +106,7 @@ def _wires(header: str) -> dict[bytes, str]:
             scopes.append(match["scope"])
         elif match["up"]:
             del scopes[-1:]
-        elif len(match["id"]) <= ID_MOST:
+        elif len(match["id"]) <= ID_MOST and match["id"].isascii():  # others are no names
             short = match["id"].encode()
             plain.setdefault(short, match["name"])
             full.setdefault(short, ".".join((*scopes, match["name"])))
