@@ -70,7 +70,7 @@ def until_it_has(live: LiveView, is_so: Callable[[], Any]) -> None:
     """Wait as a recorder does on silent buses."""
 
     def look() -> Any:
-        live.idle(0)
+        live.keep_up()
         return is_so()
 
     until(look)
@@ -123,7 +123,7 @@ def fed(live: LiveView, chunks: Sequence[Chunk], step: int = 50, bus: str = "bus
     """Feed chunks as the recorder does, in steps, but without waiting between them."""
     for at in range(0, len(chunks), step):
         live.raw(bus, chunks[at : at + step])
-        live.idle(chunks[min(at + step, len(chunks)) - 1].t_ns or 0)
+        live.keep_up()
 
 
 @contextlib.contextmanager

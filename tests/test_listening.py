@@ -177,6 +177,31 @@ def test_what_was_said_before_it_is_stopped_can_be_drained_and_the_port_is_let_g
     open_port(line.path, AT_115200).close()
 
 
+class Crowded(TtyPort):
+    """A port whose kernel moves up late what does not fit in a read, and is slow besides."""
+
+    moved_up_at = 0.0
+
+    def read(self) -> bytes:
+        if time.monotonic() < self.moved_up_at:
+            return b""
+        data = super().read()
+        if data and not self.moved_up_at:
+            time.sleep(0.11)  # another program has the processor
+            self.moved_up_at = time.monotonic() + 0.01
+        return data
+
+
+def test_what_did_not_fit_in_a_read_when_the_end_is_asked_for_is_heard(line: Terminal) -> None:
+    port = Crowded(line.path, AT_115200)
+    said = b"abcdefgh" * 900
+    with Listening(port) as it:
+        line.say(said)
+        it.listener.stop()
+        assert it.heard() == said
+        assert it.listener.died is None
+
+
 def test_a_listener_that_looks_for_a_port_ends_at_once(tmp_path: Path) -> None:
     link = tmp_path / "adapter"
     with Terminal() as line:

@@ -29,9 +29,9 @@ CHUNKS = st.lists(
 def test_what_is_packed_comes_out_of_the_pipe_in_pieces_of_any_size(
     groups: list[tuple[list[Chunk], int]], size: int
 ) -> None:
-    data = b"".join(packed("left arm", chunks, missing, 7) for chunks, missing in groups)
+    data = b"".join(packed("left arm", chunks, missing) for chunks, missing in groups)
     unpacker, out = Unpacker(), list[Parcel]()
     for at in range(0, len(data), size):
         unpacker.feed(data[at : at + size])
         out += unpacker.parcels()
-    assert out == [Parcel("left arm", missing, chunks, 7) for chunks, missing in groups]
+    assert out == [Parcel("left arm", missing, chunks) for chunks, missing in groups]

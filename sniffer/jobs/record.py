@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from sniffer.decoding.summary import Summary
     from sniffer.jobs.files import Files, RecordingFiles
     from sniffer.selection.selection import Selection
-    from sniffer.tap.reader import Anchor
     from sniffer.tap.tap import PortSpec
     from sniffer.viewers.companion.parent import LiveView
 
@@ -247,7 +246,7 @@ def run_recording(
     if view is not None:
         view.hold(tapping.searches)
         pipeline.add(view)
-        beside.append(functools.partial(_idle, view, tapping.anchor))
+        beside.append(functools.partial(_keep_up, view))
     for note in tapping.notes:
         tell.talk(note)
     for warning in tapping.warnings:
@@ -355,8 +354,8 @@ def _all(acts: Sequence[Callable[[Recorder], None]], recorder: Recorder) -> None
         act(recorder)
 
 
-def _idle(view: LiveView, anchor: Anchor, recorder: Recorder) -> None:
-    view.idle(anchor.now())
+def _keep_up(view: LiveView, recorder: Recorder) -> None:
+    view.keep_up()
 
 
 def _deleted(file: RecordingFiles, tell: Teller, recorder: Recorder) -> None:

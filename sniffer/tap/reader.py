@@ -52,7 +52,15 @@ JOINED_MAX: Final = 1 << 20
 """Bytes that are taken as one read when they were waiting together."""
 
 REST_S: Final = 0.1
-"""How long is read after the end was asked for, where a line never falls silent."""
+"""How long is read after the end was asked for, where a line never falls silent: time that the
+thread works. A machine that has none for it takes nothing away."""
+
+REST_MAX_S: Final = 1.0
+"""How long that lasts at most by the clock, less than anybody waits for the thread."""
+
+MOVED_UP_S: Final = 0.02
+"""How long the kernel is given for what did not fit in what a read hands out (4 kB): a worker has
+to move that up, and may wait for a processor."""
 
 RETRY_S: Final = 0.25
 """How often a port that is away is looked for."""
@@ -190,7 +198,7 @@ class Listener:
                     self._take_back(line, port)
                 else:
                     self._stop.wait(RETRY_S)
-        self._read_rest(line)
+        self._read_rest([line])
 
     def _poll(self, lines: Sequence[_Line], number: int) -> None:
         """Read all ports that can be polled."""
@@ -236,8 +244,7 @@ class Listener:
                     window, reads, breathes = began, 0, reads >= BUSY
                 if breathes:
                     time.sleep(BREATH_NS / NS)
-        for line in lines:
-            self._read_rest(line)
+        self._read_rest(lines)
 
     def _look_for(self, line: _Line, gone: Port) -> None:
         """Close a port that went away, open it as soon as it is back, hand it to its reader."""
@@ -252,11 +259,16 @@ class Listener:
             self._found.append((line, port))
             os.write(self._wakes, b".")
 
-    def _read_rest(self, line: _Line) -> None:
+    def _read_rest(self, lines: Sequence[_Line]) -> None:
         """Read what came before the end and was not read, but not what comes for ever."""
-        until = time.monotonic() + REST_S
-        while line.port is not None and time.monotonic() < until and self._read(line):
-            pass
+        worked, now = time.thread_time() + REST_S, time.monotonic() + REST_MAX_S
+        for is_last in (False, True):
+            for line in lines:
+                while line.port is not None and self._read(line):
+                    if time.thread_time() > worked or time.monotonic() > now:
+                        break
+            if not is_last:
+                time.sleep(MOVED_UP_S)
 
     def _read(
         self,

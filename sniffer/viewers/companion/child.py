@@ -176,11 +176,13 @@ class Watcher:
                 self._flush()  # a viewer that is none may take its time to show it
 
     def _show(self, parcels: Iterable[Parcel]) -> None:
-        """Decode all parcels, those of a bus in one pass, and wait until the viewer has them."""
+        """Decode all parcels, those of a bus in one pass, and wait until the viewer has them.
+
+        That a bus fell silent, the recorder tells by a mark. Time alone says nothing here: bytes
+        of a while ago may be on their way still.
+        """
         waiting: dict[str, list[Chunk]] = {}
-        now_ns = 0
-        for bus, missing, chunks, now, words, baud in parcels:
-            now_ns = now or now_ns
+        for bus, missing, chunks, words, baud in parcels:
             if baud:
                 latency_ns = self._setup.options.latencies.get(bus, 0)
                 self._pipeline.tune(bus, Rate(baud, 0, latency_ns))
@@ -194,8 +196,6 @@ class Watcher:
             if chunks:
                 waiting.setdefault(bus, []).extend(chunks)
         self._decode(waiting)
-        if now_ns:
-            self._pipeline.idle(now_ns)
         self._flush()
 
     def _decode(self, waiting: dict[str, list[Chunk]]) -> None:

@@ -88,13 +88,12 @@ class IncidentWord(NamedTuple):
 class Parcel(NamedTuple):
     """Chunks of one bus, ``missing`` bytes behind those before.
 
-    Or only what time it is, words about the bus, or its rate, before its first chunk.
+    Or only words about the bus, or its rate, before its first chunk.
     """
 
     bus: str
     missing: int
     chunks: Sequence[Chunk]
-    now_ns: int = 0
     words: Sequence[IncidentWord] = ()
     baud: int = 0
 
@@ -103,7 +102,6 @@ def packed(
     bus: str,
     chunks: Sequence[Chunk],
     missing: int = 0,
-    now_ns: int = 0,
     words: Sequence[IncidentWord] = (),
     baud: int = 0,
 ) -> bytes:
@@ -115,7 +113,7 @@ def packed(
         [c.direction for c in chunks],
         [c.marks for c in chunks],
     )
-    body = pickle.dumps((bus, missing, now_ns, columns, list(map(tuple, words)), baud))
+    body = pickle.dumps((bus, missing, columns, list(map(tuple, words)), baud))
     return _SIZE.pack(len(body)) + body
 
 
@@ -154,9 +152,9 @@ class Unpacker:
 
 def _unpacked(body: bytes) -> Parcel:
     # from the process that started this one
-    bus, missing, now_ns, columns, words, baud = pickle.loads(body)
+    bus, missing, columns, words, baud = pickle.loads(body)
     chunks = [
         Chunk(data, t_ns, clock, bus, direction, marks)
         for data, t_ns, clock, direction, marks in zip(*columns, strict=True)
     ]
-    return Parcel(bus, missing, chunks, now_ns, tuple(IncidentWord(*word) for word in words), baud)
+    return Parcel(bus, missing, chunks, tuple(IncidentWord(*word) for word in words), baud)

@@ -167,13 +167,10 @@ class LiveView:
             word = IncidentWord(i.last_ns, i.severity, i.servo_ids, str(change))
             self._backlog += packed(i.bus, (), words=[word])
 
-    def idle(self, now_ns: int) -> None:
-        """Send what waits, and how late it is, also where nothing is said on the buses.
-
-        ``now_ns`` is on the clock of the chunks.
-        """
+    def keep_up(self) -> None:
+        """Send what waits, and hear what the other process says, also on silent buses."""
         if self._is_alive and time.monotonic() - self._sent_s >= GROUP_S:
-            self._send(0 if self._backlog else now_ns)
+            self._send()
 
     def close(self) -> None:
         """Send what is left; leave an open window to itself, and kill what hangs."""
@@ -199,7 +196,7 @@ class LiveView:
             self._process.wait()
         self._is_alive = False
 
-    def _send(self, now_ns: int = 0) -> None:
+    def _send(self) -> None:
         """Put what waits into parcels; where there is no room, leave it out."""
         self._sent_s, self._size = time.monotonic(), 0
         groups, self._groups = self._groups, {}
@@ -213,8 +210,6 @@ class LiveView:
             else:
                 self._backlog += packed(bus, chunks, self._missing.pop(bus, 0))
                 self._has_sent = True
-        if now_ns:
-            self._backlog += packed("", (), now_ns=now_ns)
         self._pump()
         self._listen()
 
