@@ -136,7 +136,7 @@ def viewers() -> list[Wait]:
             for chunk in chunks:
                 with calls.times():
                     live.raw("bus0", [chunk])
-                    live.idle(chunk.t_ns or 0)
+                    live.keep_up()
         with end.times():
             live.close()
     what = "a viewer that takes nothing"

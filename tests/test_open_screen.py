@@ -251,6 +251,7 @@ def test_it_begins_at_a_place_as_soon_as_that_was_read(tmp_path: Path) -> None:
         assert glass.app._start == ""
 
     async def nowhere(glass: Glass) -> None:
+        await glass.until(lambda: not glass.app._start)
         assert "@anomaly:99999: " in glass.text(glass.app.status)
         assert "line 1 of" in glass.text(glass.app.top)
 
