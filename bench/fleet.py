@@ -66,9 +66,19 @@ def main() -> None:
     """Measure, and write FLEET.md; a quick run is printed."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help="small amounts, printed")
-    is_quick = parser.parse_args().quick
-    page = "\n".join(_page(QUICK if is_quick else Amounts())) + "\n"
-    if is_quick:
+    parser.add_argument("--captures", type=int, help="how many captures of 5 MB")
+    parser.add_argument("--huge", type=int, metavar="MB", help="how large a huge capture is")
+    parser.add_argument("--rounds", type=int, help="how often each is measured")
+    told = parser.parse_args()
+    amounts = QUICK if told.quick else Amounts()
+    amounts = replace(
+        amounts,
+        captures=told.captures or amounts.captures,
+        huge=told.huge * 1_000_000 if told.huge else amounts.huge,
+        rounds=told.rounds or amounts.rounds,
+    )
+    page = "\n".join(_page(amounts)) + "\n"
+    if told.quick:
         sys.stdout.write(page)
     else:
         FLEET.write_text(page, encoding="utf-8")

@@ -55,7 +55,8 @@ from sniffer.sinks import RECORDING
 @click.option(
     "--topics", callback=topics_of, metavar="TOPIC,...",
     help="What an .mcap has beside the raw bytes, as in `sniffer record`; flat: a topic for each "
-    "quantity of a servo, for plots that take what was not said for 0.",
+    "quantity of a servo, for plots that take what was not said for 0; plots, positions that "
+    "`rerun FILE` draws by itself.",
 )  # fmt: skip
 @with_ros2
 @click.option(
