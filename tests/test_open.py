@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pytest
@@ -298,3 +298,24 @@ def test_where_nobody_can_look_that_is_told_in_a_line(
 ) -> None:
     ran = command("open", *arguments)
     assert (ran.status, ran.complaint) == (2, told)
+
+
+def test_a_place_that_is_not_there_yet_is_none_though_the_capture_grows_meanwhile(
+    index: CaptureIndex,
+) -> None:
+    whole = index.lines
+
+    class Growing:
+        """Each look at its lines finds more of them."""
+
+        has_clock = True
+        looks = 0
+
+        @property
+        def lines(self) -> np.ndarray[Any, Any]:
+            self.looks += 1
+            return whole[: 100 * self.looks]
+
+    later = int(whole["t"][500] - whole["t"][0]) / 1e9
+    with pytest.raises(InputError, match="100 lines so far"):
+        line_of(f"{later:.6f}s", Growing())  # type: ignore[arg-type]

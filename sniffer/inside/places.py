@@ -31,13 +31,13 @@ def line_of(text: str, index: CaptureIndex, bus: int = 0) -> int:
     if not len(lines):
         raise InputError("there is nothing yet")
     if found := re.fullmatch(r"#(\d+)", text):
-        return _within(int(found[1]) - 1, index, text)
+        return _within(int(found[1]) - 1, len(lines), text)
     byte = re.fullmatch(r"@(\d+)", text)
     place = place_in(f"@byte:{byte[1]}" if byte else text.removeprefix("+"))
     if place.kind == FOUND:
         return _sought(place, index, bus)
     t_ns = place.at(int(lines["t"][0]) if index.has_clock else None)
-    return _within(int(np.searchsorted(lines["t"], t_ns, "left")), index, text)
+    return _within(int(np.searchsorted(lines["t"], t_ns, "left")), len(lines), text)
 
 
 def _sought(place: CapturePlace, index: CaptureIndex, bus: int) -> int:
@@ -73,9 +73,10 @@ def _at_byte(offset: int, index: CaptureIndex, bus: int) -> int:
     return int(mine[k])
 
 
-def _within(line: int, index: CaptureIndex, text: str) -> int:
-    if not 0 <= line < len(index.lines):
-        raise InputError(f"{text} is behind the end: there are {len(index.lines)} lines so far")
+def _within(line: int, count: int, text: str) -> int:
+    # of the lines that were searched: meanwhile there may be more
+    if not 0 <= line < count:
+        raise InputError(f"{text} is behind the end: there are {count} lines so far")
     return line
 
 
