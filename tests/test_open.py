@@ -314,7 +314,8 @@ def test_a_place_that_is_not_there_yet_is_none_though_the_capture_grows_meanwhil
         @property
         def lines(self) -> np.ndarray[Any, Any]:
             self.looks += 1
-            return whole[: 100 * self.looks]
+            there: np.ndarray[Any, Any] = whole[: 100 * self.looks]
+            return there
 
     later = int(whole["t"][500] - whole["t"][0]) / 1e9
     with pytest.raises(InputError, match="100 lines so far"):
