@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import os
 import zlib
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple, cast
 
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
@@ -28,7 +29,7 @@ from mcap.records import (
 
 from sniffer.ground.files import occupied, writing
 from sniffer.ground.model import OutputError
-from sniffer.mcapfile.index import MAGIC, ChunkNote, FileSummary, as_bytes
+from sniffer.mcapfile.index import MAGIC, FileSummary, as_bytes
 from sniffer.mcapfile.packing import ChunkContents, Packer, ready
 
 if TYPE_CHECKING:
@@ -205,22 +206,9 @@ class Container:
         """Append chunks; where that fails, what stands behind is not written either."""
         try:
             for c in chunks:
-                start = self.size
+                note = replace(c.note, start=self.size)
                 self._put(c.data)
-                self._summary.add(
-                    ChunkNote(
-                        start,
-                        c.length,
-                        c.first,
-                        c.last,
-                        c.compression,
-                        c.packed,
-                        c.size,
-                        c.ids,
-                        c.counts,
-                        c.indexed,
-                    )
-                )
+                self._summary.add(note)
         except BaseException:
             self._packer.drop()
             raise

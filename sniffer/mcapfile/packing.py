@@ -16,6 +16,8 @@ import numpy as np
 import zstandard
 from mcap.opcode import Opcode
 
+from sniffer.mcapfile.index import ChunkNote
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from concurrent.futures import Future
@@ -48,18 +50,10 @@ class ChunkContents(NamedTuple):
 
 
 class ReadyChunk(NamedTuple):
-    """A chunk as it is written, and what the summary says of it."""
+    """A chunk as it is written, and what the summary says of it, as if it stood at 0."""
 
     data: bytes
-    length: int
-    first: int
-    last: int
-    compression: str
-    packed: int
-    size: int
-    ids: U16
-    counts: I64
-    indexed: bool
+    note: ChunkNote
 
 
 def ready(compression: str, packed: bytes, crc: int, contents: ChunkContents) -> ReadyChunk:
@@ -78,18 +72,8 @@ def ready(compression: str, packed: bytes, crc: int, contents: ChunkContents) ->
     if indexed:
         parts += _message_indexes(ids, counts, times, channel, at)
     length = len(head) + len(packed)
-    return ReadyChunk(
-        b"".join(parts),
-        length,
-        first,
-        last,
-        compression,
-        len(packed),
-        len(data),
-        ids,
-        counts,
-        indexed,
-    )
+    told = compression, len(packed), len(data), ids, counts, indexed
+    return ReadyChunk(b"".join(parts), ChunkNote(0, length, first, last, *told))
 
 
 class Packer:
