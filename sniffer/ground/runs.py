@@ -120,6 +120,21 @@ def joined(parts: Sequence[Sequence[Chunk]]) -> Sequence[Chunk]:
     )
 
 
+def bytes_of(chunks: Sequence[Chunk]) -> bytes:
+    """Return the bytes of chunks."""
+    return chunks.data if isinstance(chunks, ChunkRun) else b"".join([c.data for c in chunks])
+
+
+def has_marks(chunks: Sequence[Chunk]) -> bool:
+    """Tell whether anything is remarked of chunks."""
+    return bool(chunks.marks) if isinstance(chunks, ChunkRun) else any(c.marks for c in chunks)
+
+
+def with_bytes(chunks: Sequence[Chunk]) -> Sequence[Chunk]:
+    """Return the chunks that hold any; those of a run do."""
+    return chunks if isinstance(chunks, ChunkRun) else tuple(c for c in chunks if c.data)
+
+
 def by_bus(group: Iterable[Chunk]) -> Mapping[str, Sequence[Chunk]]:
     """Return the chunks of each bus; a run is of one."""
     if isinstance(group, ChunkRun):
