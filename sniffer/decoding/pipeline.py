@@ -18,6 +18,7 @@ from sniffer.decoding.detect import (
     detect,
     latest,
 )
+from sniffer.decoding.first import FirstBytes
 from sniffer.decoding.mixed import decoder_of, leading, parts_of
 from sniffer.decoding.options import AUTO, Options
 from sniffer.decoding.pacing import Pace, pace
@@ -97,7 +98,7 @@ class Pipeline:
         self._found: dict[str, Detection] = {}
         self._waiting: dict[str, list[Chunk]] = {}
         self._look_at: dict[str, int] = {}
-        self._first: dict[str, list[Chunk]] = {}
+        self.first = FirstBytes()
         self._begin: dict[str, int] = dict(starts or {})
         self._late = {bus: Late(size) for bus, size in options.begins.items() if size}
         self._tuned: dict[str, int] = {}
@@ -252,7 +253,7 @@ class Pipeline:
     def mistaken(self) -> list[Mistake]:
         """Return the buses whose named protocol explains little, though another one does."""
         out = []
-        for bus, chunks in self._first.items():
+        for bus, chunks in self.first.kept.items():
             totals = self.summary.buses.get(bus)
             if totals is None or totals.bytes_in_frames > CLEAR * totals.bytes:
                 continue
@@ -341,7 +342,7 @@ class Pipeline:
             self._on_detection(bus, found)
             named = found.protocol
         else:
-            self._first[bus] = []
+            self.first.want(bus)
         o = self._options
         protocols, first = o.all_spoken(named), self._ahead.pop(bus, chunks)
         self.paces[bus] = pace(
@@ -379,16 +380,10 @@ class Pipeline:
         )
 
     def _decode(self, bus: str, chunks: Sequence[Chunk]) -> None:
-        self.keep_first(bus, chunks)
+        self.first.keep(bus, chunks)
         decoder = self._decoders[bus]
         told = decoder.feed(chunks) if isinstance(chunks, ChunkRun) else decoder.feed(*chunks)
         self._deliver(bus, parts_of(decoder, told))
-
-    def keep_first(self, bus: str, chunks: Sequence[Chunk]) -> None:
-        """Keep the first bytes of a bus whose protocol was named: do they speak another one?"""
-        first = self._first.get(bus)
-        if first is not None and sum(len(c.data) for c in first) < ENOUGH:
-            first += chunks
 
     def _deliver(self, bus: str, parts: Sequence[Part]) -> None:
         if not any(b.data or b.remarks or b.anomalies for _, b in parts):

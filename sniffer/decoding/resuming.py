@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sniffer.decoding.detect import ENOUGH
 from sniffer.decoding.mixed import decoder_of
 from sniffer.decoding.options import AUTO
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.decoding.totals import add_totals
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from sniffer.decoding.decoder import Decoder
     from sniffer.decoding.mixed import MixedDecoder
@@ -86,16 +85,6 @@ class ResumablePipeline(Pipeline):
             self.paces[bus] = plans[bus].pace
             self._decoders[bus] = plans[bus].decoder(self._options, state=state)
 
-    def unsure(self) -> frozenset[str]:
-        """Return the buses of whose first bytes more is needed: do they speak what was named?"""
-        return frozenset(
-            bus for bus, first in self._first.items() if sum(len(c.data) for c in first) < ENOUGH
-        )
-
-    def first(self) -> dict[str, list[Chunk]]:
-        """Return the first bytes that were kept of buses."""
-        return self._first
-
     def take(self, told: Summary, what: Callable[[Sink], None]) -> None:
         """Take what was decoded elsewhere, behind all that was decoded here; ``what`` writes it."""
         add_totals(self.summary, told)
@@ -140,7 +129,3 @@ class PartPipeline(ResumablePipeline):
                 self._options, base=self._bases[bus], state=state.elsewhere()
             )
         super().decode(bus, chunks)
-
-    def keep_first_of(self, buses: Iterable[str]) -> None:
-        """Keep the first bytes of these buses from here on."""
-        self._first = {bus: [] for bus in buses}

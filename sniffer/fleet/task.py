@@ -8,7 +8,6 @@ is the same each time, and it counts when the commit is there.
 from __future__ import annotations
 
 import datetime
-import functools
 import hashlib
 import json
 import time
@@ -35,14 +34,14 @@ from sniffer.ground.naming import worded
 from sniffer.ground.wording import one_line
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.crew import LostWorkerError
-from sniffer.jobs.parts import decode_stretches
-from sniffer.jobs.session import Ending, run_source
+from sniffer.jobs.parts import decode_in_parts
+from sniffer.jobs.session import Ending
 from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
 from sniffer.sources.stretches import stretches_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from sniffer.decoding.options import Options
@@ -170,21 +169,16 @@ def _heard(task: CaptureTask, file: Path, tables: CaptureTables, jobs: int) -> _
     with open_source(file, input_format, wiring=options.wired) as opened:
         told_options: Options = options.with_facts(opened.facts(), opened.tables)
         plan = stretches_of(opened, task.sizes, jobs) if task.is_huge else ""
-        decode: Callable[..., tuple[Summary, Ending]] = run_source
-        if not isinstance(plan, str):
-            decode = functools.partial(
-                decode_stretches,
-                plan=plan,
-                jobs=jobs,
-                folder=tables.folder,
-                first=task.sizes.first,
-            )
-        elif jobs > 1:
+        if isinstance(plan, str) and jobs > 1:
             raise UndividedError(plan)
-        summary, ending = decode(
+        summary, ending = decode_in_parts(
             opened,
-            options=told_options,
-            sinks=[tables],
+            told_options,
+            [tables],
+            jobs=jobs,
+            plan=plan,
+            sizes=task.sizes,
+            folder=tables.folder,
             name=opened.name,
             tell=Teller(told.append, quiet=True),
             on_break=damage.append,

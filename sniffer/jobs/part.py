@@ -6,6 +6,7 @@ import contextlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sniffer.decoding.first import FirstBytes
 from sniffer.decoding.resuming import BusPlan, PartPipeline, States
 from sniffer.decoding.slicing import Narrowing
 from sniffer.decoding.summary import Summary
@@ -92,7 +93,7 @@ def decode_part(task: PartTask) -> PartResult:
     own.due.update(pipeline.heard())
     before = pipeline.states()
     pipeline.summary = Summary()
-    pipeline.keep_first_of(task.unsure)
+    pipeline.first = FirstBytes(task.unsure)
     damage = None
     with contextlib.ExitStack() as stack:
         for pieces, path in task.pieces:
@@ -105,4 +106,4 @@ def decode_part(task: PartTask) -> PartResult:
             damage = error
     if pipeline.failure is not None:
         raise pipeline.failure
-    return PartResult(before, pipeline.states(), pipeline.summary, pipeline.first(), damage)
+    return PartResult(before, pipeline.states(), pipeline.summary, pipeline.first.kept, damage)

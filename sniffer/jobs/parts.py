@@ -11,6 +11,7 @@ is asked.
 from __future__ import annotations
 
 import contextlib
+import functools
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +23,6 @@ from sniffer.jobs.part import CountTask, PartResult, PartTask, do_task, observed
 from sniffer.jobs.session import Patience, run_source
 from sniffer.sinks.pieces import WrittenElsewhere, join, pieces_of, turn
 from sniffer.sources.stretches import Sizes, stretches_of
-from sniffer.sources.text import BLOCK
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -87,7 +87,7 @@ class JoinedParts:
         self._patience = patience
         self._plans = pipeline.plans()
         self._known = self._guess = pipeline.states()
-        self._unsure = pipeline.unsure()
+        self._unsure = pipeline.first.wanted
         self._done: dict[int, PartResult] = {}
         self._again: list[PartTask] = []
         self._failed: set[int] = set()
@@ -240,7 +240,7 @@ class JoinedParts:
         told = WrittenElsewhere(found.totals, self._pipeline.given)
         paths = {id(sink): folder / _piece(number, nth) for nth, sink in enumerate(self._sinks)}
         for bus, chunks in found.first.items():
-            self._pipeline.keep_first(bus, chunks)
+            self._pipeline.first.keep(bus, chunks)
         self._pipeline.take(found.totals, lambda sink: join(sink, paths[id(sink)], told))
         for file in folder.glob(_piece(number, "*", "*")):
             file.unlink()
@@ -262,92 +262,54 @@ def decode_in_parts(
     asked: Extract | None = None,
     folder: Path | None = None,
     sizes: Sizes | None = None,
+    plan: Stretches | str | None = None,
+    on_break: Callable[[str], None] = lambda why: None,
 ) -> tuple[Summary, Ending]:
-    """Decode everything into the sinks by several processes; else as ``run_source``.
+    """Decode everything into the sinks, stretch by stretch; else as ``run_source``.
 
-    Where the input cannot be read in parts, one process decodes it, and that is told.
+    Sinks that are ``Joining`` have their parts written by the processes. The pipeline is given the
+    same groups whoever decodes them: batches are the same, too, and what depends on where they end.
+    Where the input cannot be read in parts, one process decodes it as a whole, and that is told.
 
     Args:
         source: what is decoded.
         options: how.
         sinks: the outputs, of one process: this one writes them.
-        jobs: how many processes decode.
+        jobs: how many processes decode; one: this one.
         name: what the source is called.
         tell: takes what should be told.
         patience: takes interruptions.
         asked: which rows are shown; it may be no part of a capture.
         folder: where parts wait for their turn; where temporary files are, if None.
         sizes: of the parts, in bytes.
-
-    Raises:
-        SnifferError: part of a capture is asked for, or a process was killed again and again.
-    """
-    sizes = sizes or Sizes()
-    plan = stretches_of(source, sizes, jobs)
-    if isinstance(plan, str):
-        if plan:
-            tell.talk(f"decoded by one process: {plan}")
-        return run_source(
-            source, options, sinks, name=name, tell=tell, patience=patience, asked=asked
-        )
-    return decode_stretches(
-        source,
-        plan,
-        options,
-        sinks,
-        jobs=jobs,
-        name=name,
-        tell=tell,
-        patience=patience,
-        asked=asked,
-        folder=folder,
-        first=sizes.first,
-    )
-
-
-def decode_stretches(
-    source: Source,
-    plan: Stretches,
-    options: Options,
-    sinks: Sequence[Sink],
-    *,
-    jobs: int,
-    name: str,
-    tell: Teller,
-    patience: Patience | None = None,
-    asked: Extract | None = None,
-    folder: Path | None = None,
-    first: int = BLOCK,
-    on_break: Callable[[str], None] = lambda why: None,
-) -> tuple[Summary, Ending]:
-    """Decode everything into the sinks, stretch by stretch, by one process or by several.
-
-    Sinks that are ``Joining`` have their parts written by the processes. The pipeline is given the
-    same groups whoever decodes them: batches are the same, too, and what depends on where they end.
-
-    Args:
-        source: what is decoded.
-        plan: its stretches.
-        options: how it is decoded.
-        sinks: the outputs, of one process: this one writes them.
-        jobs: how many processes decode.
-        name: what the source is called.
-        tell: takes what should be told.
-        patience: takes interruptions.
-        asked: which rows are shown; it may be no part of a capture.
-        folder: where parts wait for their turn; where temporary files are, if None.
-        first: bytes that the first group must have; else the source is read as it is.
+        plan: the stretches, or why there are none, where that is known (``stretches_of``).
         on_break: is told why an input was not read to its end.
 
     Raises:
         SnifferError: part of a capture is asked for, or a process was killed again and again.
     """
-    patience = patience or Patience()
+    sizes, patience = sizes or Sizes(), patience or Patience()
+    stretches = stretches_of(source, sizes, jobs) if plan is None else plan
+    run = functools.partial(
+        run_source,
+        source,
+        options,
+        sinks,
+        name=name,
+        tell=tell,
+        patience=patience,
+        asked=asked,
+        on_break=on_break,
+    )
+    if isinstance(stretches, str):
+        if stretches:
+            tell.talk(f"decoded by one process: {stretches}")
+        return run()
     selection = None if asked is None else asked.selection
 
     def feed(pipeline: ResumablePipeline) -> None:
-        head = list(patience.groups(plan.head))
-        if not head or sum(len(chunk.data) for chunk in head[0]) < first:
+        head = list(patience.groups(stretches.head))
+        if not head or sum(len(chunk.data) for chunk in head[0]) < sizes.first:
             for group in patience.groups(source):
                 pipeline.feed(group)
             return
@@ -359,10 +321,10 @@ def decode_stretches(
             turn(sinks)  # what is told at the end is of no stretch
 
     def behind(pipeline: ResumablePipeline) -> None:
-        rest: Iterable[FileStretch] = plan.in_turn(source.notes)
+        rest: Iterable[FileStretch] = stretches.in_turn(source.notes)
         if pipeline.is_settled and jobs > 1:
             parts = JoinedParts(
-                *(pipeline, sinks, plan, options),
+                *(pipeline, sinks, stretches, options),
                 selection=selection,
                 jobs=jobs,
                 patience=patience,
@@ -372,7 +334,7 @@ def decode_stretches(
                 contextlib.suppress(UnheardBusError),  # one process goes on from there
             ):
                 parts.run(Path(room))
-            rest = [seam.own for seam in plan.parts[parts.joined :]]
+            rest = [seam.own for seam in stretches.parts[parts.joined :]]
             source.notes[:] = parts.notes
         for stretch in rest:
             turn(sinks)
@@ -380,14 +342,4 @@ def decode_stretches(
             for group in patience.groups(stretch):
                 pipeline.feed(group)
 
-    return run_source(
-        source,
-        options,
-        sinks,
-        name=name,
-        tell=tell,
-        patience=patience,
-        asked=asked,
-        on_break=on_break,
-        feed=feed,
-    )
+    return run(feed=feed)
