@@ -36,8 +36,8 @@ from tests.fleets import (
     is_running,
     serial,
 )
+from tests.parted import Inline, recorded
 from tests.plugin import visible
-from tests.test_parts import Inline, recorded
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import pickle
 from typing import TYPE_CHECKING, Any, Final
 
 import pyarrow.parquet as pq
@@ -17,7 +16,6 @@ from sniffer.ground.timing import byte_time_ns
 from sniffer.jobs import parts
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.crew import Crew, LostWorkerError
-from sniffer.jobs.crew import TaskEnd as Became
 from sniffer.jobs.session import Ending, Patience, run_source
 from sniffer.jobs.telling import Teller
 from sniffer.mcapfile.sink import McapSink
@@ -30,14 +28,14 @@ from sniffer.sinks.text import TextSink
 from sniffer.sources import open_source
 from sniffer.sources.stretches import Sizes
 from tests.commands import within
+from tests.parted import Inline, recorded
 from tests.streams import chunked, stream
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
     from pathlib import Path
 
     from sniffer.decoding.sink import Sink
-    from sniffer.ground.model import Chunk
 
 EVERY = pytest.mark.parametrize("name", PROTOCOLS)
 SMALL: Final = Sizes(head=300, least=40, most=200, warm=100, block=1, first=0)
@@ -47,39 +45,6 @@ QUIET: Final = Teller(lambda line: None, quiet=True)
 
 
 Lines = dict[tuple[str, str], list[str]]
-
-
-class Inline:
-    """A crew of one that works here: what it is given and returns is pickled all the same."""
-
-    def __init__(
-        self, count: int, do: Callable[[Any], Any], *, preload: Sequence[str] = ()
-    ) -> None:
-        self._do = do
-        self._became: list[Became] = []
-        del count, preload
-
-    @property
-    def has_room(self) -> bool:
-        return not self._became
-
-    def give(self, task: Any) -> None:
-        try:
-            done = pickle.loads(pickle.dumps(self._do(pickle.loads(pickle.dumps(task)))))
-            self._became.append(Became(task, done, None))
-        except Exception as error:
-            self._became.append(Became(task, None, error))
-
-    def wait(self, seconds: float) -> list[Became]:
-        del seconds
-        became, self._became = self._became, []
-        return became
-
-    def __enter__(self) -> Inline:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Do nothing."""
 
 
 def both_ways(
@@ -154,16 +119,6 @@ def test_raw_bytes_in_parts_give_the_lines_of_the_whole_whatever_they_are(
     path.write_bytes(raw)
     whole, split = both_ways(path, Options(protocol=name), sizes)
     assert split == whole
-
-
-def recorded(path: Path, chunks: Sequence[Chunk], each: int = 1) -> Path:
-    """Write a recording that has a chunk of its own for every few chunks."""
-    sink = McapSink(path, {"tool": "servo-sniffer test"})
-    for i in range(0, len(chunks), each):
-        sink.raw("bus0", chunks[i : i + each])
-        sink.flush()
-    sink.close()
-    return path
 
 
 @EVERY

@@ -51,8 +51,7 @@ class _Group:
         self._chunks.append(chunk)
         self._size += len(chunk.data)
         self._count += 1
-        is_large = self._size >= self._most or self._count >= self._most_chunks
-        return is_large or (self._is_slow and time.monotonic() > self._due)
+        return self.is_full()
 
     def fill(self, run: ChunkRun) -> ChunkRun:
         """Take as much of a run as there is room for; return the rest."""
