@@ -152,7 +152,8 @@ def test_captures_are_shared_where_the_others_would_wait_for_who_has_them() -> N
     assert of(8, 1000, 1000, 1000) == 3
     assert of(2, 1000, 1000) == of(2, *[1000] * 10) == of(4, *[1000] * 40) == 0
     assert of(2, 1000, *[10] * 200) == 0  # the other one has enough to do
-    assert of(2, 80) == of(8, 34) == of(1, 1000) == of(2) == 0  # it would not gain anything
+    assert of(2, 80) == of(8, 40) == 1
+    assert of(2, 60) == of(8, 34) == of(1, 1000) == of(2) == 0  # it would not gain anything
     there = CaptureTask("s3://logs/x.bin", 1 << 30, 0, "", "", "", "", "")
     assert shared([(there,)], 2) == 0
     assert shared([(there, there)], 2) == 0

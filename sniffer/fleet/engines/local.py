@@ -130,9 +130,8 @@ def shared(batches: Sequence[Batch], workers: int) -> int:
     """Return how many of the first captures, the biggest, all workers had better decode together.
 
     It is reckoned in bytes how long all of it takes, for each number of them. Together they take a
-    share each, a quarter more of it for handing rows over, and the time of two parts in which
-    processes begin, or only the last part is not done. The others go to whoever is free, the
-    biggest first.
+    share each, and the time of two parts at most in which processes begin, or only the last part
+    is not done. The others go to whoever is free, the biggest first.
     """
     sizes = [sum(task.size for task in batch) for batch in batches]
     most = 0
@@ -143,7 +142,7 @@ def shared(batches: Sequence[Batch], workers: int) -> int:
     took = 0
     best = _apart(sizes, workers), 0
     for nth, size in enumerate(sizes[:most], 1):
-        took += 5 * size // (4 * workers) + 2 * batches[nth - 1][0].sizes.least
+        took += size // workers + 2 * batches[nth - 1][0].sizes.least
         best = min(best, (took + _apart(sizes[nth:], workers), nth))
     return best[1]
 
