@@ -1,7 +1,7 @@
 """An MCAP file written a chunk at a time from ready-made message records.
 
 The mcap library supplies every record but the messages; its own writer takes one call a message,
-which costs ten times what is done here. Nothing is buffered: a chunk that was written is in the
+which costs eight times what is done here. Nothing is buffered: a chunk that was written is in the
 file, or, where chunks are packed beside what makes them, after ``settle``. A chunk holds the
 schemas and channels that are new in it, before its messages.
 """
