@@ -72,6 +72,8 @@ class BusWriter:
         counted: whether messages are numbered in each channel. It packs worse by an eighth, and
             nothing that reads recordings asks for it: a live one leaves it out.
         ros2: writes what ROS 2 understands of it, None: nobody does.
+        published: the publish time, in ns, that the frames of each bus have reached; kept up to
+            date here, and shared by the files of one recording.
     """
 
     def __init__(
@@ -84,6 +86,7 @@ class BusWriter:
         *,
         counted: bool = True,
         ros2: RosWriter | None = None,
+        published: dict[str, int] | None = None,
     ) -> None:
         self.name = name
         self.protocol: BusProtocol | None = None
@@ -104,7 +107,7 @@ class BusWriter:
         self._channels: dict[str, int] = {}
         self._sequences: dict[int, int] = {}
         self._times: dict[int, tuple[int, int]] = {}
-        self._published = 0
+        self._published = {} if published is None else published
         self._arrivals = Arrivals(start)
         self._begin = self._offset = start
         self._seconds = Seconds()
@@ -161,6 +164,7 @@ class BusWriter:
                 self._open,
                 counted=self._counted,
                 ros2=self._ros2,
+                published=self._published,
             )
             writer._root, writer._arrivals = root, copy.deepcopy(self._arrivals)
             self._beside[protocol.name] = writer
@@ -209,8 +213,9 @@ class BusWriter:
         log = self._arrivals.of(end, frames.t_end)
         log = np.maximum.accumulate(np.maximum(log, self.decoded))
         if len(frames):
-            publish = np.maximum.accumulate(np.maximum(frames.t_end, self._published))
-            self._published = int(publish[-1])
+            reached = self._published.get(self._root, 0)
+            publish = np.maximum.accumulate(np.maximum(frames.t_end, reached))
+            self._published[self._root] = int(publish[-1])
             self._write_frames(batch, log, publish)
             self._write_transactions(batch, log, publish)
             assert self._states is not None, "a batch comes with its protocol"

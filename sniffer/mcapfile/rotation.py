@@ -136,6 +136,7 @@ class RotatingMcap:
         self._began: int | None = None
         self._failure: str | None = None
         self._open = OpenIncidents()
+        self._published: dict[str, int] = {}
         self._old: McapSink | None = None
         self._ending: Iterator[None] = iter(())
         numbered = rotate_bytes is not None or rotate_ns is not None
@@ -335,6 +336,7 @@ class RotatingMcap:
                 topics=self._topics,
                 starts=starts,
                 joints=self._joints,
+                published=self._published,
             )
             empty = sink.size
             for bus, placed in undecided.items():

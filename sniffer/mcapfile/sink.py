@@ -103,6 +103,8 @@ class McapSink:
         joints: what ROS 2 understands is written, too; for these joints, or, where empty, for all
             servos whose position has a physical unit. Files of one recording share what is known
             of their joints.
+        published: the publish time, in ns, that the frames of each bus have reached; kept up to
+            date here. Files of one recording share it: the next one does not go back.
 
     Raises:
         OutputError: the file cannot be written; what it holds so far stays readable.
@@ -120,6 +122,7 @@ class McapSink:
         topics: Collection[str] | None = None,
         starts: Mapping[str, int] | None = None,
         joints: Sequence[RosJoint] | JointPlaces | None = None,
+        published: dict[str, int] | None = None,
     ) -> None:
         begin = {f"{OFFSET}.{bus}": str(at) for bus, at in (starts or {}).items()}
         if topics is not None:
@@ -130,6 +133,7 @@ class McapSink:
         self._starts = dict(starts or {})
         self._queue = Queue(topics if topics is None else {"raw", *topics})
         self._raw = RawEncoder()
+        self._published = {} if published is None else published
         self._buses: dict[str, BusWriter] = {}
         self._attached: set[str] = set()
         self._failure: str | None = None
@@ -290,6 +294,7 @@ class McapSink:
                 self._file.channel,
                 counted=not self._live,
                 ros2=self._ros2,
+                published=self._published,
             )
         return writer
 
