@@ -17,6 +17,7 @@ from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import OBSERVED
 from sniffer.ground.patterns import later
 from sniffer.ground.wording import and_, counted, plain, short
+from sniffer.sinks.consoles import NARROWEST
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -55,6 +56,7 @@ def selected(summary: Summary) -> str:
 
 def print_summary(summary: Summary, console: Console, incidents: Sequence[Incident] = ()) -> None:
     """Print the totals of every bus; anomalies that incidents explain are told with these."""
+    console.width = max(console.width, NARROWEST)
     with console.capture() as printed:
         for nth, (name, bus) in enumerate(summary.buses.items()):
             if nth:
