@@ -161,6 +161,15 @@ def test_what_cannot_be_asked_is_told_in_one_line(
     assert complaint in ran.err.splitlines()[-1]
 
 
+def test_a_selection_that_shows_nothing_says_what_is_not_in_the_capture(capsys: Capsys) -> None:
+    ran = within(capsys, "decode", CAPTURE, "--op", "stor_data", "--bus", "arm")
+    last = " ".join(ran.out.split())
+    assert "; op 'stor_data' is not in it: did you mean store_data?" in last
+    assert last.endswith("; bus 'arm' is not in it: one of bus0")
+    ran = within(capsys, "decode", CAPTURE, "--op", "execution", "--servo", "99")
+    assert "is not in it" not in ran.out
+
+
 def test_a_time_of_day_needs_a_clock(capsys: Capsys) -> None:
     hex_dump = CAPTURE.with_name("mightyzap_manual.hex")
     ran = within(capsys, "decode", hex_dump, "--from", "22:55")
