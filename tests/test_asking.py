@@ -107,11 +107,16 @@ def test_a_place_is_a_time_in_any_form(place: str, at_ns: int | None, capsys: Ca
 
 def test_a_place_is_where_something_was_found(whole: list[dict[str, Any]], capsys: Capsys) -> None:
     anomalies = [row for row in whole if row["type"] == "anomaly"]
-    error = next(row for row in anomalies if row["severity"] == "error")
+    errors = [row for row in anomalies if row["severity"] == "error"]
+    error = errors[0]
+    silent = [row for row in anomalies if row["code"] == "no-response"]
     for place, row in (
         ("@first-error", error),
         (f"@{error['code']}", error),
+        ("@error:5", errors[4]),
+        ("@no-response:3", silent[2]),
         ("@anomaly:7", anomalies[6]),
+        ("@byte:bus0:12175", next(r for r in whole if r.get("offset") == 12173)),
         ("@byte:12175", next(r for r in whole if r.get("offset") == 12173)),
     ):
         asked = told(capsys, "--from", place, "--around", "200ms")[-1]["selection"]
@@ -134,6 +139,11 @@ def test_a_place_is_where_something_was_found(whole: list[dict[str, Any]], capsy
         (["--from", "@first-eror"], "did you mean first-error?"),
         (["--from", "@anomaly:700"], "@anomaly:700: the capture has 69 anomalies"),
         (["--from", "@byte:99999"], "no record of the capture has this byte"),
+        (["--from", "@byte:arm:5"], "no record of bus arm has this byte"),
+        (["--from", "@no-response:10"], "@no-response:10: the capture has 9 of them"),
+        (["--from", "@no-response:x"], "write which of them is meant, as in @no-response:7"),
+        (["--servo", "3..5"], "'3..5' is no servo id: write ids as 3,5 or 3-6"),
+        (["--servo", "3-"], "'3-' is no servo id: write ids as 3,5 or 3-6"),
         (["--from", "25:00"], "is no place in a capture: write it like 10, 10min, 20:35:20.5"),
         (["--from", "2026-13-01"], "there is no such day or time"),
         (["--to", "1", "--from", "3"], "--to must lie behind --from"),
@@ -149,6 +159,15 @@ def test_what_cannot_be_asked_is_told_in_one_line(
     ran = within(capsys, "decode", CAPTURE, *options)
     assert (ran.status, ran.out) == (2, "")
     assert complaint in ran.err.splitlines()[-1]
+
+
+def test_a_selection_that_shows_nothing_says_what_is_not_in_the_capture(capsys: Capsys) -> None:
+    ran = within(capsys, "decode", CAPTURE, "--op", "stor_data", "--bus", "arm")
+    last = " ".join(ran.out.split())
+    assert "; op 'stor_data' is not in it: did you mean store_data?" in last
+    assert last.endswith("; bus 'arm' is not in it: one of bus0")
+    ran = within(capsys, "decode", CAPTURE, "--op", "execution", "--servo", "99")
+    assert "is not in it" not in ran.out
 
 
 def test_a_time_of_day_needs_a_clock(capsys: Capsys) -> None:

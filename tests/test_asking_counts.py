@@ -135,7 +135,15 @@ def test_a_table_has_the_selected_rows_and_one_that_can_have_none_is_told(
     assert rows
     assert {name.partition(".")[0] for name in head[2:]} == {"3"}
     ran = within(capsys, "convert", DAMAGED, tmp_path / "x.csv", "--op", "store_data")
-    assert f"{tmp_path / 'x.csv'} has no rows: samples have no op" in ran.err
+    assert f"{tmp_path / 'x.csv'} has no rows: samples have no op; ask for `value IS" in ran.err
+    told = ["--op", "store_data", "--where", "value IS NOT NULL"]
+    ran = within(capsys, "convert", DAMAGED, tmp_path / "y.csv", *told)
+    assert "has no rows" not in ran.err
+    registers = {
+        row["register"] for row in csv.DictReader((tmp_path / "y.csv").read_text().splitlines())
+    }
+    assert "moving_speed" in registers
+    assert "present_position" not in registers
 
 
 def test_a_recording_of_frames_alone_would_be_a_lie(tmp_path: Path, capsys: Capsys) -> None:

@@ -113,6 +113,7 @@ def test_a_frame_of_every_protocol_can_be_explained(capsys: Capsys) -> None:
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
+        ([__file__], f"{__file__} is a file: name a byte of it, as in {__file__}@12175"),
         (["zz"], "'zz': not hex digits; write bytes as FF FF FF 01 02 F1 0B"),
         (["FFF"], "'FFF': an odd number of hex digits"),
         ([""], "no bytes to explain"),

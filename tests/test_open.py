@@ -155,6 +155,8 @@ def test_a_filter_line_is_completed_by_what_was_met(
         ("@first-error", 81),
         ("22:55:06.365", 81),
         ("@no-response", 81),
+        ("@no-response:1", 81),
+        ("@byte:bus0:1052", 81),
         ("@anomaly:1", 81),
         ("0", 1),
         ("+0ms", 1),
@@ -173,6 +175,8 @@ def test_a_place_may_be_a_time_a_byte_or_a_line(place: str, line: int, index: Ca
         ("over there", "is no place in a capture: write it like 10"),
         ("@anomaly:99999", "anomalies were found so far"),
         ("@clock-step", "none was found so far"),
+        ("@no-response:99", "9 were found so far"),
+        ("@byte:arm:7", "there is no bus arm, only bus0"),
     ],
 )
 def test_a_place_that_is_not_there_is_told(place: str, told: str, index: CaptureIndex) -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import pytest
+from textual.events import Key
 from textual.widgets import Static
 
 from sniffer.decoding.options import Options
@@ -201,6 +202,11 @@ def test_the_mouse_the_size_the_help_and_a_place_that_is_none(tmp_path: Path) ->
         await glass.press("x")
         assert len(app.screen_stack) == 1
         assert not app.view.exchanges
+        await glass.press("question_mark")
+        for _ in range(3):  # typed faster than they are read
+            app.screen.post_message(Key("x", "x"))
+        await glass.until(lambda: len(app.screen_stack) == 1)
+        await glass.press("t")
 
     look(CLEAN, steps, marks=tmp_path / "run.log")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from sniffer.decoding.fields import tidy
 from sniffer.sinks.relations import RELATIONS
 from tests.commands import Ran, within
 from tests.golden import CAPTURES
+from tests.terminals import LINUX_ONLY
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -90,6 +92,7 @@ def test_a_question_is_answered_as_a_table_for_people(query: Asking) -> None:
     assert done.out.splitlines()[1].split()[0] == "load_data"
     assert query.says("SELECT NULL AS a, 0.5 AS b").out == "a    b\n   0.5\n"
     assert query.says("SELECT 1 AS a WHERE false").out == "a\n"
+    assert query.says("show tables").out.split() == ["name", *sorted(RELATIONS)]
 
 
 def test_a_table_is_csv_where_that_is_asked_for(query: Asking) -> None:
@@ -98,6 +101,24 @@ def test_a_table_is_csv_where_that_is_asked_for(query: Asking) -> None:
     assert [row["code"] for row in rows] == [
         row["code"] for row in query.rows("SELECT code FROM anomalies")
     ]
+
+
+def test_what_should_be_sql_may_be_a_file_by_mistake(query: Asking) -> None:
+    done = query.says(str(ONE), "SELECT 1")
+    assert (done.status, done.complaint) == (
+        2,
+        f"'{ONE}' is a file: the SQL comes first, then the files",
+    )
+
+
+@LINUX_ONLY
+def test_a_file_may_be_called_anything(query: Asking, tmp_path: Path) -> None:
+    odd = tmp_path / os.fsdecode(b"a\xff\n.hex")
+    odd.write_text("FFFFFF0002F10C", encoding="ascii")
+    other = tmp_path / "b.hex"
+    other.write_text("FFFFFF0002F10C", encoding="ascii")
+    rows = query.rows("SELECT DISTINCT file FROM frames ORDER BY file DESC", odd, other)
+    assert rows[1] == {"file": str(tmp_path / "a\\udcff\n.hex")}
 
 
 def test_several_files_are_one_table_that_tells_them_apart(query: Asking) -> None:

@@ -116,6 +116,23 @@ def test_a_whole_recording_gets_nothing_more(tmp_path: Path) -> None:
     assert derived(whole) == before
 
 
+def test_a_bus_may_be_called_like_a_topic(tmp_path: Path) -> None:
+    whole = tmp_path / "whole.mcap"
+    facts = {"tool": "test", "protocol.plots": "lss"}
+    sink = McapSink(whole, facts, live=True, flush_ns=0, topics=["frames"])
+    decoder, said = Decoder("lss"), talk("lss", 1.5, 2, bus="plots")
+    for half in (said[: len(said) // 2], said[len(said) // 2 :]):
+        sink.raw("plots", half)
+        sink.write("plots", decoder.protocol, decoder.feed(*half))
+        sink.flush()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole.read_bytes())
+    sink.write("plots", decoder.protocol, decoder.close())
+    sink.close()
+    recover(cut, cut)
+    assert derived(cut) == derived(whole), "none is missing, and none there twice"
+
+
 @LINUX_ONLY
 def test_killed_in_full_flight_its_records_are_whole_after_recover(tmp_path: Path) -> None:
     def ready(victim: Victim) -> bool:

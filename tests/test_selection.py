@@ -10,14 +10,14 @@ from typing import Any, Final
 import duckdb
 import pyarrow as pa
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import sniffer
 from sniffer.decoding.rows import Row, as_dict, rows
 from sniffer.ground.model import InputError
 from sniffer.ground.naming import worded
-from sniffer.selection.columns import IS_TEXT, REALS, TABLES, VALUES
+from sniffer.selection.columns import IS_TEXT, LENT, REALS, TABLES, VALUES
 from sniffer.selection.selection import Selection
 
 CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
@@ -61,8 +61,13 @@ class Told:
             told |= next(more[table]) if table in more else {}
             tables[table].append({name: told[name] for name in (*TABLES[table], "n")})
         self.base = duckdb.connect()
+        said = {(frame["bus"], frame["offset"]): frame for frame in tables["frames"]}
+        for sample in tables["samples"]:
+            frame = said[sample["bus"], sample["offset"]]
+            sample |= {name: frame[name] for name in LENT}
         for table, found in tables.items():
-            types = [(name, _type(name)) for name in TABLES[table]]
+            lent = LENT if table == "samples" else ()
+            types = [(name, _type(name)) for name in (*TABLES[table], *lent)]
             schema = pa.schema([*types, ("n", pa.int64())])
             self.base.register(table, pa.Table.from_pylist(found, schema))
 
@@ -150,11 +155,16 @@ def expressions(columns: list[str]) -> st.SearchStrategy[str]:
     )
 
 
-ANY: Final = st.one_of(*(expressions(sorted(columns)) for columns in TABLES.values()))
+ANY: Final = st.one_of(
+    *(expressions(sorted(columns)) for columns in TABLES.values()),
+    expressions(["kind", "op", "address", "status", "register", "value", "role", "servo_id"]),
+)
 
 
 @settings(max_examples=150, deadline=None)
 @given(name=st.sampled_from(DAMAGED), text=ANY)
+@example(DAMAGED[0], "register = 'moving_speed' AND kind = 'request' AND op <> 'send_data'")
+@example(DAMAGED[0], "value > 500 AND address BETWEEN 120 AND 140 AND status IS NULL")
 def test_an_expression_selects_the_rows_that_sql_selects(name: str, text: str) -> None:
     selection = Selection.parse(text)
     capture = told(name)

@@ -261,6 +261,23 @@ def test_a_period_and_its_jitter_are_known_to_the_stamps() -> None:
     assert 0.45 * MS <= low <= 0.5 * MS <= high <= 0.55 * MS
 
 
+def test_the_slowest_answer_is_the_one_that_sql_finds(stats: Counting) -> None:
+    pytest.importorskip("duckdb")
+    capture = CAPTURES / "mightyzap_damaged.log"
+    found = sniffer.query(
+        "SELECT servo_id, op, max_by((response_time_ns, t_ns, response_offset), "
+        "response_time_ns - uncertainty_ns) FROM transactions WHERE outcome = 'ok' AND "
+        "response_time_ns > uncertainty_ns GROUP BY ALL",
+        [capture],
+    )
+    told = {
+        (c["servo_id"], c["op"]): tuple(c["slowest"][k] for k in ("value", "t_ns", "offset"))
+        for c in stats.bus(capture)["commands"]
+        if c["slowest"]
+    }
+    assert told == {(servo, op): tuple(slowest) for servo, op, slowest in found}
+
+
 def test_no_response_time_is_a_point_that_the_stamps_do_not_carry(stats: Counting) -> None:
     bus = stats.bus(CAPTURES / "mightyzap_damaged.log", "--latency", "16")
     worst = max(c["response_time_ns"]["p50"][1] for c in bus["commands"] if c["response_time_ns"])
@@ -334,7 +351,7 @@ def test_a_table_has_a_row_a_figure_and_all_figures_of_the_json(stats: Counting)
     }
 
 
-@pytest.mark.parametrize("width", [80, 140])
+@pytest.mark.parametrize("width", [40, 80, 140])
 @pytest.mark.parametrize("capture", DAMAGED, ids=lambda p: p.name)
 def test_the_text_keeps_within_the_terminal_and_cuts_no_word(
     stats: Counting, capture: Path, width: int, monkeypatch: pytest.MonkeyPatch
@@ -343,7 +360,7 @@ def test_the_text_keeps_within_the_terminal_and_cuts_no_word(
     done = stats.says(capture, "--all")
     assert done.status == 0
     lines = done.out.splitlines()
-    assert max(map(len, lines)) <= width
+    assert max(map(len, lines)) <= max(width, 66), "below that no number is cut off"
     assert "…" not in done.out
     headings = [line for line in lines if line.startswith(" ") and not line.startswith("  ")]
     assert any("traffic" in line for line in headings)

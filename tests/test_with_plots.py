@@ -85,7 +85,8 @@ def test_each_quantity_of_a_servo_is_a_topic_that_plots_what_was_said_and_nothin
 
 def test_states_plot_false_zeros_which_single_values_do_not(tmp_path: Path, capsys: Capsys) -> None:
     out = tmp_path / "both.mcap"
-    within(capsys, "convert", LOG, out, "--topics", "state,flat")
+    within(capsys, "convert", LOG, out, "--topics", "+flat")
+    assert session(out)["topics"].split(",") == [*TOPICS, FLAT]
     series = plotted(out)
     state = [v for _, v in series["/bus0/servo/1/state/position_mm"]]
     alone = [v for _, v in series["/bus0/servo/1/position_mm/value"]]
@@ -127,4 +128,6 @@ def test_topics_are_about_recordings(tmp_path: Path, capsys: Capsys) -> None:
     assert (done.status, done.complaint) == (2, "--topics is about a recording: name an .mcap")
     done = within(capsys, "convert", LOG, tmp_path / "x.mcap", "--topics", "flatt")
     assert (done.status, "did you mean flat?" in done.complaint) == (2, True)
+    done = within(capsys, "convert", LOG, tmp_path / "x.mcap", "--topics", "raw,+flat")
+    assert (done.status, "or before none" in done.complaint) == (2, True)
     assert not any(tmp_path.iterdir())

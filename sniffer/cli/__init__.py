@@ -213,12 +213,19 @@ def _with_help(error: click.ClickException) -> str:
     return f"{told.rstrip('.')}: see `{ctx.command_path if ctx else 'sniffer'} --help`"
 
 
+_FILES: Final = ("csv", "parquet", "mcap", "rrd", "log", "bin", "hex")
+"""What many look for among the forms of text: the suffixes of files."""
+
+
 def _meant(error: click.BadParameter) -> str:
     """Return the question whether another of an option's words was meant, or nothing."""
     words = getattr(error.param.type if error.param else None, "choices", ())
     given = re.match(r"'([^']*)' is not one of", error.message)
     if not given or not words:
         return ""
+    suffix = {"candump": "log"}.get(given[1], given[1])
+    if error.ctx and error.ctx.command.name == "decode" and suffix in _FILES:
+        return f"; files are made by `sniffer convert FILE x.{suffix}`"
     return nearly(given[1], map(str, words))
 
 

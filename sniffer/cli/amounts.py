@@ -16,7 +16,7 @@ from sniffer.ground.amounts import size_in, time_in
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS
 from sniffer.ground.wording import offered
-from sniffer.messages import CHOICES
+from sniffer.messages import CHOICES, TOPICS
 from sniffer.protocols import PROTOCOLS, is_file, protocol_named
 from sniffer.tap.tap import PortSpec
 
@@ -142,14 +142,20 @@ def port_specs(
 def topics(
     context: click.Context, parameter: click.Parameter, given: str | None
 ) -> tuple[str, ...] | None:
-    """Read which topics a recording is to have."""
+    """Read which topics a recording is to have; ``+plots`` adds to the usual ones."""
     if given is None:
         return None
-    names = tuple(name.strip() for name in given.split(","))
+    written = [name.strip() for name in given.split(",")]
+    names = [name.removeprefix("+") for name in written]
     for name in names:
         if name not in CHOICES:
             raise click.BadParameter(f"{name!r} is no topic: {offered(name, CHOICES)}")
-    return names
+    added = [name.startswith("+") for name in written]
+    if any(added) and not all(added):
+        raise click.BadParameter(
+            f"{given!r}: write a + before each, to add them to the usual ones, or before none"
+        )
+    return tuple(dict.fromkeys([*TOPICS, *names])) if any(added) else tuple(names)
 
 
 def _real(port: str) -> str:

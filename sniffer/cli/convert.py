@@ -56,7 +56,7 @@ from sniffer.sinks import RECORDING
     "--topics", callback=topics_of, metavar="TOPIC,...",
     help="What an .mcap has beside the raw bytes, as in `sniffer record`; flat: a topic for each "
     "quantity of a servo, for plots that take what was not said for 0; plots, positions that "
-    "`rerun FILE` draws by itself.",
+    "`rerun FILE` draws by itself. +plots adds to the usual ones, plots is all there is.",
 )  # fmt: skip
 @with_ros2
 @click.option(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import textwrap
 from typing import Final
@@ -12,7 +13,9 @@ from sniffer.cli.options import ProtocolName, examples
 from sniffer.cli.servos import with_registers
 from sniffer.cli.streams import width_of_terminal
 from sniffer.decoding.options import AUTO, Options
+from sniffer.ground.model import InputError
 from sniffer.ground.registers import RegisterMap
+from sniffer.ground.wording import plain
 from sniffer.jobs.explain import explain_bytes, read_hex
 
 _NAME: Final = re.compile(r"[a-z][a-z0-9-]{3,}")
@@ -70,8 +73,12 @@ def explain(
             click.echo(line)
         return 0 if held else 1
     if len(hex_bytes) == 1 and _is_name(hex_bytes[0]):
-        return _tell_meaning(hex_bytes[0].lower())
-    data = read_hex(" ".join(hex_bytes))
+        return _tell_meaning(hex_bytes[0])
+    try:
+        data = read_hex(" ".join(hex_bytes))
+    except InputError:
+        _refuse_file(" ".join(hex_bytes))
+        raise
     before = read_hex(after) if after else b""
     held, lines = explain_bytes(data, before, protocol=protocol, model=model, tables=tables)
     for line in lines:
@@ -79,16 +86,30 @@ def explain(
     return 0 if held else 1
 
 
+def _refuse_file(text: str) -> None:
+    """Refuse a file, of which some byte has to be named.
+
+    Raises:
+        UsageError: it is one.
+    """
+    if os.path.isfile(text):  # noqa: PTH113 - Path's refuses what is too long for a name
+        raise click.UsageError(
+            f"{plain(text)} is a file: name a byte of it, as in {plain(text)}@12175"
+        )
+
+
 def _is_name(text: str) -> bool:
     """Return whether this names something: it is a word, and no hex digits."""
     return bool(_NAME.fullmatch(text.lower())) and not re.fullmatch(r"(0x)?[0-9a-f]+", text.lower())
 
 
-def _tell_meaning(name: str) -> int:
+def _tell_meaning(text: str) -> int:
+    name = text.lower()
     from sniffer.jobs.meanings import PAGES, known_names, meanings
 
     found = meanings(name)
     if not found:
+        _refuse_file(text)
         import difflib
 
         pages = f"see {', '.join(PAGES.values())}"

@@ -6,6 +6,7 @@ import csv
 import itertools
 import json
 import math
+import os
 import sys
 from collections.abc import Iterator
 from typing import Any, Final
@@ -65,12 +66,14 @@ def query(
     """Answer one SELECT over the records of FILE, in DuckDB's SQL.
 
     The tables are frames, transactions, samples, anomalies and gaps; `DESCRIBE samples` lists the
-    columns of one. With several files each has a column `file`; with --together they are one. A
-    query sees the tables and nothing else: no files, no network. It needs DuckDB: pip install
-    'servo-sniffer[query]'.
+    columns of one, `SHOW ALL TABLES` those of all. With several files each has a column `file`;
+    with --together they are one. A query sees the tables and nothing else: no files, no network.
+    It needs DuckDB: pip install 'servo-sniffer[query]'.
 
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is asked).
     """
+    if os.path.isfile(sql):  # noqa: PTH113 - Path's refuses what is too long for a name
+        raise click.UsageError(f"{sql!r} is a file: the SQL comes first, then the files")
     with patient() as patience:
         answer = ask(
             sql,

@@ -111,7 +111,8 @@ WORD_S: Final = 0.5
     "--topics", callback=topics, metavar="TOPIC,...",
     help="Write only these beside the raw bytes: raw (nothing else), frames, transactions, state, "
     "gaps, anomalies, log, stats, incidents; flat, a topic for each quantity of a servo; plots, "
-    "positions that `rerun FILE` draws by itself.  [default: all but flat and plots]",
+    "positions that `rerun FILE` draws by itself. +plots: beside the usual ones.  "
+    "[default: all but flat and plots]",
 )  # fmt: skip
 @with_ros2
 @click.option("--durable", is_flag=True, help="Wait for the disk after each round, 50 ms.")

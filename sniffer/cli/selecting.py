@@ -34,6 +34,8 @@ def _ids(
     kind: Any = Whole(0, IDS - 1)
     for word in _listed(context, parameter, given):
         first, dash, last = word.partition("-")
+        if not first.isdecimal() or (dash and not last.isdecimal()):
+            raise click.BadParameter(f"{word!r} is no servo id: write ids as 3,5 or 3-6")
         low = kind.convert(first, parameter, context)
         high = kind.convert(last, parameter, context) if dash else low
         if high < low:
@@ -81,7 +83,8 @@ _FROM = click.option(
     callback=_place,
     metavar="PLACE",
     help="Begin there: 10 (seconds), 10min, 20:35:20.5, an ISO time, @first-error, "
-    "@no-response (the first), @anomaly:7, @byte:12175.",
+    "@no-response (the first), @no-response:3, @anomaly:7, @byte:12175 (of several buses "
+    "@byte:arm:12175).",
 )
 _AROUND = click.option(
     "--around",

@@ -113,8 +113,12 @@ def _faults(
     "--port",
     "device",
     metavar="DEV",
-    help="Play on a serial port that is there: it is sent on its bus, and servos may move.",
+    help="Play on a port that is there: a pseudo-terminal, or with --yes-transmit a serial port.",
 )
+@click.option(
+    "--yes-transmit", "transmit", is_flag=True,
+    help="With --port: play on a serial port, too: it is sent on its bus, and servos may move.",
+)  # fmt: skip
 def simulate(
     protocol: str | None,
     like: str | None,
@@ -134,6 +138,7 @@ def simulate(
     tap: bool | None,
     tap_link: Path | None,
     device: str | None,
+    transmit: bool,
 ) -> None:
     """Play a PROTOCOL's bus in real time: a controller and servos that move, or those of --like.
 
@@ -176,6 +181,7 @@ def simulate(
         played = play(
             scenario,
             port=device,
+            transmit=transmit,
             truth=truth,
             overwrite=force,
             link=link,

@@ -106,11 +106,16 @@ class HelpPage(ModalScreen[None]):
         """Close; the key does nothing else."""
         event.stop()
         event.prevent_default()
-        self.dismiss()
+        self._close()
 
     def on_click(self) -> None:
         """Close."""
-        self.dismiss()
+        self._close()
+
+    def _close(self) -> None:
+        """Close, once: keys that came together with the one that did it are for nobody."""
+        if self.is_current:
+            self.dismiss()
 
 
 def exits_on_signals(leave: Callable[[], None]) -> None:

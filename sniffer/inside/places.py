@@ -42,17 +42,21 @@ def line_of(text: str, index: CaptureIndex, bus: int = 0) -> int:
 
 def _sought(place: CapturePlace, index: CaptureIndex, bus: int) -> int:
     if place.sought == "byte":
-        return _at_byte(place.number, index, bus)
+        if place.bus and place.bus not in index.buses:
+            told = f"there is no bus {place.bus}, only {', '.join(index.buses)}"
+            raise InputError(f"{place.text}: {told}")
+        return _at_byte(place.number, index, index.buses.index(place.bus) if place.bus else bus)
     found = index.found
     if place.sought == "anomaly":
         if place.number > len(found):
             raise InputError(f"{place.text}: {len(found)} anomalies were found so far")
         return _line_of(found[place.number - 1], index)
     named = [n for n, code in enumerate(CODES) if place.sought in (code, SEVERITY[n].name.lower())]
-    mine = np.isin(found["code"], named)
-    if not mine.any():
-        raise InputError(f"{place.text}: none was found so far")
-    return _line_of(found[int(mine.argmax())], index)
+    mine = np.flatnonzero(np.isin(found["code"], named))
+    if len(mine) < place.number:
+        there = f"{len(mine)} were" if len(mine) else "none was"
+        raise InputError(f"{place.text}: {there} found so far")
+    return _line_of(found[int(mine[place.number - 1])], index)
 
 
 def _line_of(one: np.void, index: CaptureIndex) -> int:

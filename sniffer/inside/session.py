@@ -65,7 +65,7 @@ def look_inside(
             # loaded while the file is read: it takes as long as the first page
             from sniffer.inside.app import LookingGlass
 
-            LookingGlass(
+            glass = LookingGlass(
                 reading,
                 name=path.name,
                 marks=path,
@@ -73,7 +73,8 @@ def look_inside(
                 recorder=recorder,
                 wanted="" if selection is None else selection.text,
                 start=start,
-            ).run()
+            )
+            glass.run()
         finally:
             sys.setswitchinterval(before)
             reading.stop()
@@ -82,6 +83,8 @@ def look_inside(
                 recorder.stop()  # it writes the end of the file, before which nothing can be added
             with contextlib.suppress(OutputError):  # then they stay beside it
                 into_recording(path)
+    if glass.return_code:  # its trace is on the terminal
+        raise RuntimeError("the screen broke off")
     if reading.failure is not None and not len(reading.index.lines):
         raise reading.failure
     return reading

@@ -127,12 +127,14 @@ def _words(place: CapturePlace) -> str:
 
 
 class _Finder:
-    """A sink that looks for places; the first one of each is meant, in the order of the output."""
+    """A sink that looks for places, and counts anomalies in the order of the output."""
 
     def __init__(self, places: Sequence[CapturePlace]) -> None:
         self._places = tuple(dict.fromkeys(places))
         self._times: dict[CapturePlace, int] = {}
         self._anomalies = 0
+        self._met = dict.fromkeys(self._places, 0)
+        """How many anomalies of the kind that a place names were there so far."""
 
     @property
     def is_done(self) -> bool:
@@ -153,10 +155,13 @@ class _Finder:
 
     def _missing(self, place: CapturePlace) -> str:
         if place.sought == "byte":
-            return "no record of the capture has this byte"
+            return (
+                f"no record of {f'bus {place.bus}' if place.bus else 'the capture'} has this byte"
+            )
         if place.sought == "anomaly":
             return f"the capture has {self._anomalies} anomalies"
-        return "there is none in the capture"
+        there = self._met[place]
+        return f"the capture has {there} of them" if there else "there is none in the capture"
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -166,20 +171,22 @@ class _Finder:
         found = Anomalies.of(batch.anomalies)
         for place in self._places:
             if place not in self._times:
-                t_ns = self._in(place, batch, found)
+                t_ns = self._in(place, bus, batch, found)
                 if t_ns is not None:
                     self._times[place] = t_ns
         self._anomalies += len(found)
 
-    def _in(self, place: CapturePlace, batch: Batch, found: Anomalies) -> int | None:
+    def _in(self, place: CapturePlace, bus: str, batch: Batch, found: Anomalies) -> int | None:
         if place.sought == "byte":
-            return time_at(batch, place.number)
+            return time_at(batch, place.number) if place.bus in ("", bus) else None
         if place.sought == "anomaly":
             nth = place.number - 1 - self._anomalies
             return int(found.t_ns[nth]) if nth < len(found) else None
         for nth, code in enumerate(found.code.tolist()):
             if place.sought in (CODES[code], SEVERITY[code].name.lower()):
-                return int(found.t_ns[nth])
+                self._met[place] += 1
+                if self._met[place] == place.number:
+                    return int(found.t_ns[nth])
         return None
 
     def close(self) -> None:

@@ -102,7 +102,7 @@ def convert(
     tell = tell or Teller(lambda line: None, quiet=True)
     if selection is not None and (lacking := selection.missing_in("samples")):
         for path in (path for path in outputs if path.suffix.lower() in TABLES):
-            tell.talk(f"{path} has no rows: samples have no {and_(list(lacking))}")
+            tell.talk(_without_rows(path, lacking))
     inputs = [source] if isinstance(source, str | Path) else [*source]
     again = anonymise or (asked is not None and asked.seeks)
     if len(inputs) > 1:
@@ -189,6 +189,16 @@ def convert_opened(
                 for line in sink.remarks:
                     tell.talk(line)
     return Converted(summary, ending, gone(outputs, tell, wide=wide is not None))
+
+
+def _without_rows(path: Path, lacking: Sequence[str]) -> str:
+    """Return that a table of values has no rows, and how it gets those of the selected frames."""
+    from sniffer.selection.columns import LENT
+
+    told = f"{path} has no rows: samples have no {and_(list(lacking))}"
+    if not LENT.keys() >= set(lacking):
+        return told
+    return f"{told}; ask for `value IS NOT NULL`, too, to have what these frames state"
 
 
 def _selected(raw: Sequence[RawFile], outputs: Sequence[Path], tell: Teller) -> list[Sink]:

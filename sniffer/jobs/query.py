@@ -40,6 +40,9 @@ _LOCKED: Final[Mapping[str, str | bool | int | float | list[str]]] = {
 }
 """What keeps a query away from everything but the tables."""
 
+_SHOW: Final = re.compile(r"\s*SHOW\b", re.IGNORECASE)
+"""What asks which tables there are, and names none."""
+
 _NO_TABLE: Final = re.compile(r"Table with name (\S+) does not exist")
 
 
@@ -107,12 +110,14 @@ def query(
         if len(statements) != 1 or not kinds <= {"SELECT", "EXPLAIN"}:
             raise InputError("a query is one SELECT: nothing can be written, set or attached")
         named = {name.lower() for name in connection.get_table_names(sql)}
+    if _SHOW.match(sql):
+        named |= RELATIONS.keys()
     endings = [Ending.DONE]
     heard, summaries = [], []
     for source in sources:
         sink = RelationSink(
             [name for name in RELATIONS if name in named],
-            file=name_of(source) if len(sources) > 1 else None,
+            file=_told_name(source) if len(sources) > 1 else None,
         )
         done = hear_part(
             source,
@@ -137,6 +142,11 @@ def query(
         columns = tuple(column[0] for column in result.description)
     worst = max(endings, key=lambda ending: ending.value)
     return Answer(columns, worst, tuple(summaries), result)
+
+
+def _told_name(source: str | Path | Sequence[str | Path]) -> str:
+    """Return what a capture is called as UTF-8 has it: a file's name may be any bytes."""
+    return name_of(source).encode("utf-8", "backslashreplace").decode()
 
 
 @contextlib.contextmanager

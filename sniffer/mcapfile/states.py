@@ -207,7 +207,7 @@ def flat_name(field: str) -> str:
 def kind_of(topic: str) -> str:
     """Return the last part of a topic, or what single values of servos are."""
     before, _, last = topic.rpartition("/")
-    if before.endswith(f"/{PLOTS}"):
+    if before.endswith(f"/{PLOTS}") and last not in TOPICS:  # a bus may have that name
         return PLOTS
     is_servos = before.rpartition("/")[0].endswith("/servo")
     return FLAT if is_servos and last not in TOPICS else last

@@ -110,11 +110,11 @@ class Tail:
         return known
 
     def _read(self, channel: int, data: bytes) -> Any:
-        message = DERIVED[kind_of(self._file.topics()[channel])]
+        kind = kind_of(self._file.topics()[channel])
         try:
-            return message.FromString(data)
+            return _message(kind, data)
         except DecodeError:
-            return message()
+            return DERIVED[kind]()
 
 
 class _Rest:
@@ -136,7 +136,7 @@ class _Rest:
         self._known = known
         self._passed = passed
         wanted = facts.get("topics", ",".join(TOPICS)).split(",")
-        self._queue = Queue([topic for topic in wanted if topic not in ("raw", PLOTS)])
+        self._queue = Queue([topic for topic in wanted if topic != "raw"])
         self._buses: dict[str, BusWriter] = {}
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
@@ -191,7 +191,7 @@ class _Rest:
     def _flush(self, *, final: bool) -> None:
         for bus in self._buses.values():
             bus.encode(final=final)
-        for topics, indexed in ((BULK, False), ((*SHOWN, FLAT), True)):
+        for topics, indexed in ((BULK, False), ((*SHOWN, FLAT, PLOTS), True)):
             rows = self._queue.lots(topics)
             rows = None if rows is None else rows.only(self._missing(rows))
             if rows is not None:
@@ -201,12 +201,12 @@ class _Rest:
 
     def _missing(self, rows: Sorted) -> Mask:
         topics = self._file.topics()
-        kinds = {c: DERIVED[kind_of(topic)] for c, topic in topics.items() if _derived(topic)}
+        kinds = {c: kind_of(topic) for c, topic in topics.items() if _derived(topic)}
         done = {c: self._passed.get(c, (-1, -1)) for c in kinds}
         out = np.ones(len(rows.log), bool)
         columns = (c.tolist() for c in (rows.channel, rows.log, rows.start, rows.end))
         for i, (channel, log, start, end) in enumerate(zip(*columns, strict=True)):
-            message = kinds[channel].FromString(rows.data[start + RECORD.size : end])
+            message = _message(kinds[channel], rows.data[start + RECORD.size : end])
             offset, until = done[channel]
             is_there = _key(message, rows.data, start) in self._known.get(channel, ())
             place = _place(message)
@@ -215,7 +215,13 @@ class _Rest:
 
 
 def _derived(topic: str) -> bool:
-    return kind_of(topic) in DERIVED
+    kind = kind_of(topic)
+    return kind in DERIVED or kind == PLOTS
+
+
+def _message(kind: str, data: bytes | memoryview) -> Any:
+    """Return what a message says; one of ROS 2 says its bytes."""
+    return bytes(data) if kind == PLOTS else DERIVED[kind].FromString(data)
 
 
 def _of(topic: str, bus: str) -> bool:
@@ -247,4 +253,7 @@ def _key(message: Any, records: bytes | memoryview, start: int) -> Hashable:
         case Quantity(value=value):
             *_, publish = RECORD.unpack_from(records, start)
             return (publish, value)
+        case bytes():
+            *_, publish = RECORD.unpack_from(records, start)
+            return (publish, message)
     return bytes(message.SerializeToString(deterministic=True))

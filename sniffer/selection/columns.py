@@ -221,6 +221,11 @@ def _spread(rows: Rows) -> Any:
     return np.where(t.response_time_ns < 0, -1, t.uncertainty_ns)
 
 
+def _said_op(rows: Rows) -> Names:
+    ops = rows.batch.frames.op[rows.batch.values.row]
+    return Names(lambda test: test.ops(rows.protocol, ops))
+
+
 def _details(rows: Rows) -> Names:
     return Names(lambda test: np.array([test.holds(a.detail) for a in rows.batch.anomalies], bool))
 
@@ -306,6 +311,17 @@ TABLES: Final[Mapping[str, Mapping[str, ColumnKind]]] = MappingProxyType(
 Of a gap's reason, a frame's kind and the like all names are known; a command's or a register's are
 those of the protocol. A name means the same in every table that has it.
 """
+
+LENT: Final[Mapping[str, ColumnKind]] = MappingProxyType(
+    {
+        "kind": _coded(KINDS, lambda r: r.batch.frames.kind[r.batch.values.row]),
+        "op": ColumnKind(True, _said_op),
+        "address": _known(lambda r: r.batch.frames.address[r.batch.values.row]),
+        "status": _known(lambda r: r.batch.frames.status[r.batch.values.row]),
+    }
+)
+"""Columns that samples have of the frames which state them, where an expression names columns of
+both: what was written to a register is ``register = 'goal_position' AND kind = 'request'``."""
 
 IS_TEXT: Final[Mapping[str, bool]] = MappingProxyType(
     {name: kind.is_text for columns in TABLES.values() for name, kind in columns.items()}

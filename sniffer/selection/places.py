@@ -43,8 +43,8 @@ or none before it was looked for."""
 class CapturePlace:
     """A place in a capture; ``text`` is how it was written, ``kind`` what ``ns`` counts from.
 
-    What is to be looked for is ``sought``: ``byte``, ``anomaly``, a severity or a code; the first
-    two with a ``number``.
+    What is to be looked for is ``sought``: ``byte`` (of ``bus``, if one is named), ``anomaly``, a
+    severity or a code; ``number`` is that of the byte, or which of them is meant, from 1.
     """
 
     text: str
@@ -52,6 +52,7 @@ class CapturePlace:
     ns: int = 0
     sought: str = ""
     number: int = 0
+    bus: str = ""
 
     def at(self, first_ns: int | None) -> int:
         """Return the time that is meant; ``first_ns`` is when the capture begins, None: no clock.
@@ -104,19 +105,28 @@ def place_in(text: str) -> CapturePlace:
 
 def _sought(text: str) -> CapturePlace:
     word, colon, number = text[1:].partition(":")
-    if word in ("byte", "anomaly"):
-        least = word == "anomaly"
-        if not re.fullmatch("[0-9]{1,17}", number) or not least <= int(number) < OFFSET_END:
-            raise InputError(f"{_cut(text)}: write the number of a {word}, as in @{word}:7")
-        return CapturePlace(text, FOUND, sought=word, number=int(number))
-    severity = word.removeprefix("first-")
+    if word == "byte":
+        bus, _, number = number.rpartition(":")
+        return CapturePlace(text, FOUND, sought=word, number=_number(text, word, number), bus=bus)
     known = [f"first-{level}" for level in SEVERITIES]
-    if colon or not (word in VALUES["code"] or (severity in SEVERITIES and word in known)):
-        names = ["byte:12175", "anomaly:7", *known]
-        close = near(word, [*known, *VALUES["code"]])
-        hint = close if close.startswith("did") else f"one of @{', @'.join(names)} or @CODE"
-        raise InputError(f"{_cut(text)}: there is no such place: {hint}")
-    return CapturePlace(text, FOUND, sought=severity if word in known else word)
+    if word in known and not colon:
+        return CapturePlace(text, FOUND, sought=word.removeprefix("first-"), number=1)
+    if word == "anomaly" or word in VALUES["code"] or (colon and word in SEVERITIES):
+        nth = _number(text, word, number, 1) if colon or word == "anomaly" else 1
+        return CapturePlace(text, FOUND, sought=word, number=nth)
+    names = ["byte:12175", "anomaly:7", *known]
+    close = near(word, [*known, *VALUES["code"]])
+    hint = close if close.startswith("did") else f"one of @{', @'.join(names)}, @CODE or @CODE:3"
+    raise InputError(f"{_cut(text)}: there is no such place: {hint}")
+
+
+def _number(text: str, word: str, number: str, least: int = 0) -> int:
+    if not re.fullmatch("[0-9]{1,17}", number) or not least <= int(number) < OFFSET_END:
+        told = (
+            f"the number of a {word}" if word in ("byte", "anomaly") else "which of them is meant"
+        )
+        raise InputError(f"{_cut(text)}: write {told}, as in @{word}:7")
+    return int(number)
 
 
 def _moment(text: str, match: re.Match[str]) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 from sniffer.ground.limits import IDS
 from sniffer.ground.model import InputError
 from sniffer.ground.wording import Sentence, and_, spelled
-from sniffer.selection.columns import TABLES, VALUES, Rows
+from sniffer.selection.columns import LENT, TABLES, VALUES, Rows
 from sniffer.selection.expression import Expression, near, read
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ SHORTHANDS: Final = {
 class Selection:
     """Which rows are shown: those of the tables that have all columns of an expression.
 
+    Where none has, samples have some of the frames that state them, too (``columns.LENT``).
+
     ``text`` is the expression, valid SQL; ``tables`` are the tables it speaks of, names of
     ``columns.TABLES``. Rows of other tables are not shown.
     """
@@ -40,6 +42,8 @@ class Selection:
         named = set(expression.columns)
         self.text = expression.text
         self.tables = tuple(name for name, columns in TABLES.items() if named <= columns.keys())
+        if not self.tables and named <= TABLES["samples"].keys() | LENT.keys():
+            self.tables = ("samples",)
         self._expression = expression
         if not self.tables:
             raise InputError(Sentence("{where}: {why}", why=_apart(expression.columns)))
@@ -49,6 +53,8 @@ class Selection:
 
     def missing_in(self, table: str) -> tuple[str, ...]:
         """Return the columns of the expression that a table does not have."""
+        if table in self.tables:
+            return ()
         return tuple(name for name in self._expression.columns if name not in TABLES[table])
 
     @classmethod
@@ -112,7 +118,7 @@ class Selection:
         n = rows.count(table)
         if not n or table not in self.tables:
             return np.zeros(n, bool)
-        taken = TABLES[table]
+        taken = {**LENT, **TABLES[table]} if table == "samples" else TABLES[table]
         known: dict[str, Numbers | Names] = {}
 
         def ask(name: str) -> Numbers | Names:

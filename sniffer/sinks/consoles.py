@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from typing import TextIO
 
+NARROWEST: Final = 66
+"""Columns that tables of figures have at least: a line that a terminal breaks can be read, a number
+that is cut off is a wrong one."""
+
 _PADDING: Final = re.compile(r" +((?:\x1b\[[\d;]*m)*) *$", re.MULTILINE)
 
 

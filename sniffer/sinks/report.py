@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from typing import TYPE_CHECKING, Final
 
@@ -17,9 +18,10 @@ from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import OBSERVED
 from sniffer.ground.patterns import later
 from sniffer.ground.wording import and_, counted, plain, short
+from sniffer.sinks.consoles import NARROWEST
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from rich.console import Console
 
@@ -50,11 +52,27 @@ def selected(summary: Summary) -> str:
     totals = summary.as_dict()
     counts = [f"{summary.shown[table]} of {totals[table]} {table}" for table in told["tables"]]
     of = f"; {part}" if part else ""
+    if not any(summary.shown[table] for table in told["tables"]):
+        of += "".join(f"; {line}" for line in _unheard(summary, told["where"]))
     return plain(f"selection, {told['where']}: {', '.join(counts)}{of}")
+
+
+def _unheard(summary: Summary, where: str) -> Iterator[str]:
+    """Yield what is named in a selection that shows nothing, and is not in the capture."""
+    from sniffer.selection.expression import near
+
+    ops = {op for b in summary.buses.values() for each in (b, *b.parts.values())
+           for _, op, _ in each.by_command}  # fmt: skip
+    for column, known in (("op", ops), ("bus", set(summary.buses))):
+        listed = re.search(rf"\b{column} (?:= |IN \()((?:'[^']*'(?:, )?)+)", where)
+        for name in re.findall(r"'([^']*)'", listed[1]) if listed else ():
+            if name not in known and known:
+                yield f"{column} {name[:40]!r} is not in it: {near(name, sorted(known))}"
 
 
 def print_summary(summary: Summary, console: Console, incidents: Sequence[Incident] = ()) -> None:
     """Print the totals of every bus; anomalies that incidents explain are told with these."""
+    console.width = max(console.width, NARROWEST)
     with console.capture() as printed:
         for nth, (name, bus) in enumerate(summary.buses.items()):
             if nth:

@@ -13,7 +13,7 @@ from sniffer.decoding.summary import Bounds
 from sniffer.ground.model import NS
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
-from sniffer.sinks.consoles import console_for, room_in
+from sniffer.sinks.consoles import NARROWEST, console_for, room_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -50,8 +50,8 @@ def print_stats(
     those that are left out, behind how many they are.
     """
     console = console or console_for()
-    if room_in(console) is None:
-        console.width = WIDE  # nobody's window: nothing is folded
+    room = room_in(console)  # None: nobody's window, nothing is folded
+    console.width = WIDE if room is None else max(room, NARROWEST)
     with console.capture() as printed:
         for nth, bus in enumerate(figures["buses"]):
             if nth:
@@ -79,7 +79,7 @@ def _print_bus(
             _traffic(bus, many=many),
         ),
         ("answers that are missing, worst first", _missing(bus, many=many)),
-        ("response times in ms, slowest first", _replies(bus, many=many)),
+        ("response times in ms, slowest first", _replies(bus, first, console.width, many=many)),
         ("following error (goal less position), greatest first", _errors(bus, first)),
         ("goal steps, slowest to settle first", _steps(bus)),
         ("values", _values(bus, first)),
@@ -198,15 +198,21 @@ def _missing(bus: Mapping[str, Any], *, many: bool) -> _Tabulated | None:
     return table
 
 
-def _replies(bus: Mapping[str, Any], *, many: bool) -> _Tabulated | None:
+def _replies(bus: Mapping[str, Any], first: int, width: int, *, many: bool) -> _Tabulated | None:
     timed = [c for c in bus["commands"] if c["response_time_ns"]]
     if not timed:
         return None
     names = ("min", "p50", "p95", "p99", "max")
     table = _Tabulated("servo", "command", "answers", *names, left=("command",))
+    places = ("at s", "at byte") if width >= ROOMY else ("at s",)
+    for column in places if any(c["slowest"] for c in timed) else ():
+        table.add_column(column)
     for c in sorted(timed, key=lambda c: [-c["response_time_ns"][n][1] for n in reversed(names)]):
-        q = c["response_time_ns"]
-        table.add_row(_who(c, many=many), c["op"], str(q["count"]), *(_ms(q, n) for n in names))
+        q, worst = c["response_time_ns"], c["slowest"]
+        row = [_who(c, many=many), c["op"], str(q["count"]), *(_ms(q, n) for n in names)]
+        if worst:
+            row += [_seconds(worst["t_ns"], first, bus), str(worst["offset"])][: len(places)]
+        table.add_row(*row)
     return table
 
 

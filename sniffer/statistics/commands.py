@@ -47,17 +47,28 @@ def wilson(k: int, n: int) -> tuple[float, float]:
     return (max(0.0, middle - half) if k else 0.0), (min(1.0, middle + half) if k < n else 1.0)
 
 
+class Slowest(NamedTuple):
+    """An answer: how long it took at least, about how long, when it ended, and where it begins."""
+
+    least_ns: int
+    ns: int
+    t_ns: int
+    offset: int
+
+
 @dataclass(slots=True)
 class Durations:
     """Durations of one command of one servo, in ns, each known within bounds.
 
     ``period``: from a request to the next like it; ``jitter``: between two such periods that follow
-    each other, without sign; ``reply``: response times.
+    each other, without sign; ``reply``: response times; ``slowest``: the answer that took longest
+    for sure, None where no time is told from none.
     """
 
     period: Quantiles = field(default_factory=Quantiles)
     jitter: Quantiles = field(default_factory=Quantiles)
     reply: Quantiles = field(default_factory=Quantiles)
+    slowest: Slowest | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +172,21 @@ class CommandBook:
         known = (t.outcome == OK) & (t.response_time_ns >= 0)
         took, spread = t.response_time_ns[known], t.uncertainty_ns[known]
         self._time("reply", key[known], took, spread)
+        self._find_slowest(batch, key[known], t.response[known], took, took - spread)
+
+    def _find_slowest(self, batch: Batch, key: I64, answer: I64, took: I64, least: I64) -> None:
+        """Keep of each command the answer that took longest for sure; of equal ones the first."""
+        for pair in distinct(key[least > 0])[0].tolist():
+            times = self._times.get(pair)
+            if times is None:
+                continue
+            i = int(np.where(key == pair, least, 0).argmax())
+            if times.slowest is None or int(least[i]) > times.slowest.least_ns:
+                row = int(answer[i])
+                end, start = batch.frames.t_end[row], batch.frames.start[row]
+                times.slowest = Slowest(
+                    int(least[i]), int(took[i]), int(end), batch.base + int(start)
+                )
 
     def _follow(self, batch: Batch, rows: I64) -> None:
         """Measure from each request to the one before that is like it."""

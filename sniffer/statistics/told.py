@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.summary import Quantiles
     from sniffer.statistics.collector import LaneFigures
-    from sniffer.statistics.commands import CommandFigures
+    from sniffer.statistics.commands import CommandFigures, Slowest
     from sniffer.statistics.exceeding import ExceedingFigures
     from sniffer.statistics.figures import Extreme, ServoFigures
     from sniffer.statistics.goalsteps import StepFigures
@@ -110,6 +110,7 @@ def _command(
         "period_ns": quantiles(times.period),
         "jitter_ns": quantiles(times.jitter),
         "response_time_ns": quantiles(times.reply),
+        "slowest": _slowest(times.slowest),
         "asked": c.asked,
         "ok": c.ok,
         "missing": c.missing,
@@ -119,6 +120,12 @@ def _command(
         "unasked": c.unasked,
         "retries": c.retries,
     }
+
+
+def _slowest(answer: Slowest | None) -> dict[str, Any] | None:
+    if answer is None:
+        return None
+    return {"value": answer.ns, "t_ns": answer.t_ns, "offset": answer.offset}
 
 
 def quantiles(q: Quantiles, per: int = 1) -> dict[str, Any] | None:

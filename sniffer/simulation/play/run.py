@@ -39,6 +39,7 @@ def play(
     scenario: Scenario,
     *,
     port: str | None = None,
+    transmit: bool = False,
     truth: Path | None = None,
     overwrite: bool = False,
     link: Path | None = None,
@@ -53,7 +54,8 @@ def play(
 
     Args:
         scenario: what is played.
-        port: a serial port that is there; a new pseudo-terminal where None.
+        port: a port that is there; a new pseudo-terminal where None.
+        transmit: it may be a serial port, and its servos may move.
         truth: a file for what really happened, as JSON lines.
         overwrite: it may be there already.
         link: a symbolic link that leads to the bus meanwhile.
@@ -63,16 +65,16 @@ def play(
         ready: takes the names of the bus and of the tap, once they can be opened.
 
     Raises:
-        OutputError: a port, a link or the file cannot be had.
+        OutputError: a port, a link or the file cannot be had, or the port is a serial port and
+            ``transmit`` was not said.
         SnifferError: things that do not go together were asked for.
     """
-    _check(scenario, port, link, tap=tap, tap_link=tap_link)
+    _check(scenario, port, link, transmit=transmit, tap=tap, tap_link=tap_link)
     if truth is not None and not overwrite:
         refuse_occupied([truth])
     baud = scenario.line_baud
     with contextlib.ExitStack() as stack:
-        # a bus is simulated to be sent: who names a port wants it to speak
-        first = stack.enter_context(opened_port(port, baud, link, transmit=True))
+        first = stack.enter_context(opened_port(port, baud, link, transmit=transmit))
         second = None
         if scenario.respond and tap is not False:
             second = stack.enter_context(opened_port(None, baud, tap_link, transmit=False))
@@ -99,6 +101,7 @@ def _check(
     port: str | None,
     link: Path | None,
     *,
+    transmit: bool,
     tap: bool | None,
     tap_link: Path | None,
 ) -> None:
@@ -106,6 +109,10 @@ def _check(
         raise SnifferError(Sentence("a tap repeats a talk: it needs {respond}"))
     if tap is False and tap_link is not None:
         raise SnifferError(Sentence("{tap_link} needs the tap: leave {tap:False} out"))
+    if transmit and port is None:
+        raise SnifferError(
+            Sentence("{transmit:True} goes with {port}: a new pseudo-terminal sends nothing")
+        )
     if port is not None and link is not None:
         raise SnifferError(Sentence("{port} has a name already: {link} is for a new one"))
 
