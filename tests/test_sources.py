@@ -45,6 +45,9 @@ from tests.inputs import (
         "# a comment with ff 00\n// another\nff 00 # and one behind\n\n0a\n",
         "ff\tff\r\n".replace("\tff", "\t00") + "0a",
         "  ff;00;\n\n 0a ",
+        "FF:00:0A\n",
+        "ff-00-\r\n0a",
+        "<FF><00>\n<0A>",
     ],
 )
 def test_hex_is_read_in_every_spelling(text: str) -> None:
@@ -90,7 +93,13 @@ def test_garbage_in_the_first_lines_is_the_wrong_format() -> None:
 
 def test_an_endless_line_streams() -> None:
     data = random.Random(2).randbytes(500_000)
-    for text in (data.hex(), data.hex(" "), "0x" + data.hex(","), "\\x" + data.hex("|")):
+    for text in (
+        data.hex(),
+        data.hex(" "),
+        "0x" + data.hex(","),
+        "\\x" + data.hex("|"),
+        data.hex(":"),
+    ):
         assert read(text.replace(",", ",0x").replace("|", "\\x").encode()) == data
 
 
@@ -120,6 +129,7 @@ def test_decimal_is_read_when_told_or_where_nothing_else_fits() -> None:
         (b"1,200\n2,180\n3,170", "or hex"),  # a table
         (b"1 4 2", "odd number"),  # numbers, or hex without zeros in front
         (b"256 255 1", "odd number"),
+        (b"255 1 4\n0007 100", "odd number"),  # no byte has four digits
     ],
 )
 def test_decimal_is_never_guessed(text: bytes, format_or_refusal: str) -> None:
@@ -332,6 +342,21 @@ def test_the_stored_sample_is_refused_by_name(name: str) -> None:
         (b"[0.000001 0.000001] FF FF 01 > ..\n", "`--hex-output` alone"),
         (b"  vcan0  1F0   [8]  80 4A 0F 00 00 00 00 00\n", "candump -L"),
         (b"\x1b[1;32m00000000: \x1b[0m4141  AA\n", "colours"),
+        ("00000000: faaf 0100 1e02\n".encode("utf-16-le"), "UTF-8"),
+        ("00000000: faaf 0100 1e02\n".encode("utf-16-be"), "UTF-8"),
+        (b"11111111 00000001\n00000100\n", "write the bytes in hex"),
+        (b"FF FF 01\n12:30:59\nFF 00\n", "'12:30:59' is not hex"),  # it may be a time
+        (b"26-11-20\nFF 00\n", "'26-11-20' is not hex"),
+        (b"libsigrok 0.5.2\nAcquisition with 1/1 channels\n", "-o wave.sr"),
+        (b";Rate: 1000000\n;Channels: 1\n", "VCD"),
+        (b'1795215306.001562 write(3, "\\xff\\xff", 2) = 2\n', "socat -x"),
+        (b'[pid  77] read(3, "\\377", 1) = 1\n', "socat -x"),
+        (b"2026-11-20 22:55:06.001 FF FF 01 04\n", "(seconds.fraction) bus0 #HEX"),
+        (b"[22:55:06.001] ff-ff-01-04\n", "(seconds.fraction) bus0 #HEX"),
+        (b"1795215306.001562, FF FF 01 04\n", "(seconds.fraction) bus0 #HEX"),
+        (b"P10:55:06.001A FF FF 01\n", "(seconds.fraction) bus0 #HEX"),
+        (b"TX: FF FF 01 04\n", "(seconds.fraction) bus0 #HEX"),
+        (b"-> FF FF 01 04\n", "(seconds.fraction) bus0 #HEX"),
         (b"hello world\n", "say `input_format='bin'`"),
         (b'{"some": "json"}\n', "say `input_format='bin'`"),
         (b"# only\n# comments\n", "say `input_format='bin'`"),
