@@ -88,6 +88,9 @@ FORMS: Final[Mapping[str, Callable[[Path], bytes]]] = {
     "vcd": lambda path: vcd(LEVELS, RATE),
     "vcd of us": lambda path: vcd(LEVELS, RATE, scale="1 us"),
     "csv": lambda path: saleae_csv(LEVELS, RATE),
+    "csv of a spreadsheet": lambda path: saleae_csv(LEVELS, RATE).translate(
+        bytes.maketrans(b",.", b";,")
+    ),
 }
 
 
