@@ -16,6 +16,8 @@ from hypothesis import strategies as st
 from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import Chunk, Clock, Direction, SnifferError
 from sniffer.sources import SOURCES, open_source
+from sniffer.sources.candump import CandumpLog
+from sniffer.sources.text import LineBlock
 from tests.inputs import (
     BUS,
     PAYLOADS,
@@ -204,6 +206,24 @@ def test_log_lines_keep_time_direction_and_bus_and_not_the_id() -> None:
 def test_a_time_is_exact_to_the_nanosecond(t_ns: int) -> None:
     text = f"({t_ns // 10**9}.{t_ns % 10**9:09d}) bus0 RX#00\n"
     assert chunks(text.encode())[0].t_ns == t_ns
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 10**12), st.binary(max_size=3)), min_size=1, max_size=6),
+    st.lists(st.sampled_from(["b #", "b TX#", "b RX#"]), min_size=1, max_size=3),
+    st.sampled_from(["", "c RX#", "b rx#", "b 123#"]),
+    st.sampled_from([3, 6, 9]),
+)
+def test_lines_read_together_say_what_each_says_alone(
+    said: list[tuple[int, bytes]], heads: list[str], odd: str, places: int
+) -> None:
+    lines = [
+        f"({t_ns // 10**9}.{f'{t_ns % 10**9:09d}'[:places]}) {head}{data.hex()}"
+        for (t_ns, data), head in zip(said, itertools.cycle([*heads, odd or heads[0]]))
+    ]
+    text = "\n".join(lines).encode()
+    alone = [*CandumpLog().chunks(LineBlock(text, 1, 0, cut_off=False))]
+    assert chunks(text + b"\n", "candump") == alone
 
 
 def test_a_log_that_breaks_off_is_read_as_far_as_it_goes() -> None:
