@@ -80,7 +80,12 @@ def test_stamps_of_a_pcapng_are_in_the_unit_that_its_interface_says(
         USER0, (NAME, b"arm"), (RESOLUTION, resolution), (OFFSET, since), order=order
     )
     data += packet((seconds - 1000) * unit, ASK, order=order)
-    assert chunks(data) == [Chunk(ASK, T0, Clock.FILE, "arm")]
+    tick = 10**9 // unit
+    if unit > 10**5:
+        assert chunks(data) == [Chunk(ASK, T0, Clock.FILE, "arm")]
+    else:  # at some time until the clock shows the next one
+        mark = Mark(MarkKind.COARSE, 0, len(ASK), tick)
+        assert chunks(data) == [Chunk(ASK, T0 + tick - 1, Clock.FILE, "arm", marks=(mark,))]
 
 
 def test_a_user_link_type_is_bytes_whose_flags_tell_the_wire() -> None:
@@ -122,7 +127,14 @@ def test_bytes_that_were_not_captured_are_marked_lost() -> None:
 
 
 @pytest.mark.parametrize(
-    ("event", "kind"), [(7, MarkKind.FRAMING), (8, MarkKind.PARITY), (9, MarkKind.BREAK)]
+    ("event", "kind"),
+    [
+        (5, MarkKind.OVERRUN),
+        (7, MarkKind.FRAMING),
+        (8, MarkKind.PARITY),
+        (9, MarkKind.BREAK),
+        (10, MarkKind.OVERRUN),
+    ],
 )
 def test_an_error_event_is_a_mark_on_the_byte_before_it(event: int, kind: MarkKind) -> None:
     told_ = chunks(pcap([PAIR[0], (LATER, rtac(LATER, event))], RTAC))

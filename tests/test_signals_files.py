@@ -14,6 +14,7 @@ import pytest
 from sniffer.ground.model import NS, Direction, InputError
 from sniffer.ground.wiring import Wiring
 from sniffer.sources import open_source
+from sniffer.sources.digits import PAD, numbers
 from tests.commands import sniffer, within
 from tests.waves import (
     Wire,
@@ -87,6 +88,9 @@ FORMS: Final[Mapping[str, Callable[[Path], bytes]]] = {
     "vcd": lambda path: vcd(LEVELS, RATE),
     "vcd of us": lambda path: vcd(LEVELS, RATE, scale="1 us"),
     "csv": lambda path: saleae_csv(LEVELS, RATE),
+    "csv of a spreadsheet": lambda path: saleae_csv(LEVELS, RATE).translate(
+        bytes.maketrans(b",.", b";,")
+    ),
 }
 
 
@@ -104,6 +108,62 @@ def test_both_wires_are_read_with_the_times_of_their_edges(form: str, tmp_path: 
         begin_ns = (told[bus][0].t_ns or 0) - 10 * NS // BAUD
         assert 0 <= begin_ns - wire.starts[0] * NS <= NS / RATE + 1
     assert said(data) == BOTH
+
+
+def _dump(*changes: str) -> bytes:
+    """Return a dump of one wire with what is in the parts, and the changes of ``TX``."""
+    text = vcd({"TX": LEVELS["TX"]}, RATE).decode()
+    for old, new in zip(changes[::2], changes[1::2], strict=True):
+        assert old in text, old
+        text = text.replace(old, new)
+    return text.encode()
+
+
+DIALECTS: Final = {
+    "no first value": ("#0\n$dumpvars\nbxxxxxxxx zz\n1!\n$end\n", ""),
+    "a first value at once": ("$dumpvars\nbxxxxxxxx zz\n1!\n$end", "1!"),
+    "first values long after zero": ("#0\n$dumpvars", "#99\n$dumpvars"),
+    "first value unknown": ("$dumpvars\nbxxxxxxxx zz\n1!", "$dumpvars\nbxxxxxxxx zz\nx!"),
+    "high is floating": ("\n1!", "\nz!"),
+    "written like a bus": ("\n1!", "\nb1 !", "\n0!", "\nb0 !"),
+    "all of a time on one line": ("\n1!", " 1!", "\n0!", "  0!"),
+    "a name for the short name": (
+        " ! ",
+        " uart_tx_line ",
+        "1!",
+        "1uart_tx_line",
+        "0!",
+        "0uart_tx_line",
+    ),
+    "an escaped name": ("! TX", "! \\TX "),
+    "a time cut off at the end": ("b1010 zz\n", ""),
+}
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_dumps_of_other_writers_hold_the_same_bytes(dialect: str) -> None:
+    dump = _dump(*DIALECTS[dialect])
+    if "cut off" in dialect:
+        dump += dump[dump.rindex(b"#") :][:4]  # it goes back, for digits are missing
+    assert said(dump) == {"TX": BOTH["TX"]}
+
+
+def test_numbers_are_those_of_their_digits_and_other_signs_are_told() -> None:
+    told = [
+        "7",
+        "00000000",
+        "123456789",
+        "999999999999999999",
+        "1234567812345678",
+        "12",
+        "x1",
+        "1:",
+    ]
+    text = (" " * PAD + "#".join(told) + " ").encode()
+    size = np.array([*map(len, told)])
+    found, wrong = numbers(np.frombuffer(text, np.uint8), PAD + np.cumsum(size + 1) - 1, size)
+    assert found[:6].tolist() == [*map(int, told[:6])]
+    assert wrong.tolist() == [False] * 6 + [True] * 2
 
 
 @pytest.mark.parametrize("version", [0, 1])

@@ -30,7 +30,7 @@ def test_what_is_cut_off_is_read_so_far_and_told(
     for size in (len(whole) - 9, len(whole) // 2, 60, 31):
         path.write_bytes(whole[:size])
         ran = within(capsys, "decode", path, "--summary")
-        assert ran.status in (0, 2, 3)
+        assert ran.status in ((0, 2) if form.startswith(("csv", "vcd")) else (0, 2, 3))
         assert "Traceback" not in ran.err
         if size > 60 and form.startswith(("sr", "dsl", "saleae")):
             assert "cut off" in ran.err

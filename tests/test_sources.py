@@ -16,6 +16,8 @@ from hypothesis import strategies as st
 from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import Chunk, Clock, Direction, SnifferError
 from sniffer.sources import SOURCES, open_source
+from sniffer.sources.candump import CandumpLog
+from sniffer.sources.text import LineBlock
 from tests.inputs import (
     BUS,
     PAYLOADS,
@@ -45,6 +47,9 @@ from tests.inputs import (
         "# a comment with ff 00\n// another\nff 00 # and one behind\n\n0a\n",
         "ff\tff\r\n".replace("\tff", "\t00") + "0a",
         "  ff;00;\n\n 0a ",
+        "FF:00:0A\n",
+        "ff-00-\r\n0a",
+        "<FF><00>\n<0A>",
     ],
 )
 def test_hex_is_read_in_every_spelling(text: str) -> None:
@@ -90,7 +95,13 @@ def test_garbage_in_the_first_lines_is_the_wrong_format() -> None:
 
 def test_an_endless_line_streams() -> None:
     data = random.Random(2).randbytes(500_000)
-    for text in (data.hex(), data.hex(" "), "0x" + data.hex(","), "\\x" + data.hex("|")):
+    for text in (
+        data.hex(),
+        data.hex(" "),
+        "0x" + data.hex(","),
+        "\\x" + data.hex("|"),
+        data.hex(":"),
+    ):
         assert read(text.replace(",", ",0x").replace("|", "\\x").encode()) == data
 
 
@@ -120,6 +131,7 @@ def test_decimal_is_read_when_told_or_where_nothing_else_fits() -> None:
         (b"1,200\n2,180\n3,170", "or hex"),  # a table
         (b"1 4 2", "odd number"),  # numbers, or hex without zeros in front
         (b"256 255 1", "odd number"),
+        (b"255 1 4\n0007 100", "odd number"),  # no byte has four digits
     ],
 )
 def test_decimal_is_never_guessed(text: bytes, format_or_refusal: str) -> None:
@@ -194,6 +206,24 @@ def test_log_lines_keep_time_direction_and_bus_and_not_the_id() -> None:
 def test_a_time_is_exact_to_the_nanosecond(t_ns: int) -> None:
     text = f"({t_ns // 10**9}.{t_ns % 10**9:09d}) bus0 RX#00\n"
     assert chunks(text.encode())[0].t_ns == t_ns
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 10**12), st.binary(max_size=3)), min_size=1, max_size=6),
+    st.lists(st.sampled_from(["b #", "b TX#", "b RX#"]), min_size=1, max_size=3),
+    st.sampled_from(["", "c RX#", "b rx#", "b 123#"]),
+    st.sampled_from([3, 6, 9]),
+)
+def test_lines_read_together_say_what_each_says_alone(
+    said: list[tuple[int, bytes]], heads: list[str], odd: str, places: int
+) -> None:
+    lines = [
+        f"({t_ns // 10**9}.{f'{t_ns % 10**9:09d}'[:places]}) {head}{data.hex()}"
+        for (t_ns, data), head in zip(said, itertools.cycle([*heads, odd or heads[0]]))
+    ]
+    text = "\n".join(lines).encode()
+    alone = [*CandumpLog().chunks(LineBlock(text, 1, 0, cut_off=False))]
+    assert chunks(text + b"\n", "candump") == alone
 
 
 def test_a_log_that_breaks_off_is_read_as_far_as_it_goes() -> None:
@@ -332,6 +362,21 @@ def test_the_stored_sample_is_refused_by_name(name: str) -> None:
         (b"[0.000001 0.000001] FF FF 01 > ..\n", "`--hex-output` alone"),
         (b"  vcan0  1F0   [8]  80 4A 0F 00 00 00 00 00\n", "candump -L"),
         (b"\x1b[1;32m00000000: \x1b[0m4141  AA\n", "colours"),
+        ("00000000: faaf 0100 1e02\n".encode("utf-16-le"), "UTF-8"),
+        ("00000000: faaf 0100 1e02\n".encode("utf-16-be"), "UTF-8"),
+        (b"11111111 00000001\n00000100\n", "write the bytes in hex"),
+        (b"FF FF 01\n12:30:59\nFF 00\n", "'12:30:59' is not hex"),  # it may be a time
+        (b"26-11-20\nFF 00\n", "'26-11-20' is not hex"),
+        (b"libsigrok 0.5.2\nAcquisition with 1/1 channels\n", "-o wave.sr"),
+        (b";Rate: 1000000\n;Channels: 1\n", "VCD"),
+        (b'1795215306.001562 write(3, "\\xff\\xff", 2) = 2\n', "socat -x"),
+        (b'[pid  77] read(3, "\\377", 1) = 1\n', "socat -x"),
+        (b"2026-11-20 22:55:06.001 FF FF 01 04\n", "(seconds.fraction) bus0 #HEX"),
+        (b"[22:55:06.001] ff-ff-01-04\n", "(seconds.fraction) bus0 #HEX"),
+        (b"1795215306.001562, FF FF 01 04\n", "(seconds.fraction) bus0 #HEX"),
+        (b"P10:55:06.001A FF FF 01\n", "(seconds.fraction) bus0 #HEX"),
+        (b"TX: FF FF 01 04\n", "(seconds.fraction) bus0 #HEX"),
+        (b"-> FF FF 01 04\n", "(seconds.fraction) bus0 #HEX"),
         (b"hello world\n", "say `input_format='bin'`"),
         (b'{"some": "json"}\n', "say `input_format='bin'`"),
         (b"# only\n# comments\n", "say `input_format='bin'`"),

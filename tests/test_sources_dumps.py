@@ -114,6 +114,7 @@ def test_the_radix_of_od_is_found_although_the_dump_begins_with_repeats(radix: s
         (["od", "-Ax", "-x"], "od -tx1"),
         (["od", "-td1"], "od -tx1"),
         (["od", "-tu1"], "od -tx1"),
+        (["od", "-Ax", "-tu1"], "od -tx1"),
         (["od", "-tx1c"], "od -tx1"),
         (["od", "-Ax", "-tx1", "-tx2"], "od -tx1"),
         (["xxd", "-e"], "little-endian"),

@@ -38,6 +38,9 @@ _WIRES: Final = {
     RtacEvent.RX_START: Direction.RX,
     RtacEvent.RX_END: Direction.RX,
 }
+_FINE: Final = 100_000
+"""Ticks a second: a clock that has fewer says within which time a packet came, not when."""
+
 _FLAGGED: Final = {OUTBOUND: Direction.TX, INBOUND: Direction.RX}
 _EVENTS: Final = {event.value: event for event in RtacEvent}
 
@@ -63,7 +66,9 @@ class SerialLine:
         face, data = packet.face, packet.data
         if face.link != RTAC_SERIAL:
             wire = _FLAGGED.get(packet.flags & 3, Direction.UNKNOWN)
-            yield from self._alone(packet, data, wire, packet.t_ns)
+            coarse = NS // face.unit if face.unit < _FINE else 0
+            t_ns = None if packet.t_ns is None else packet.t_ns + max(coarse - 1, 0)
+            yield from self._alone(packet, data, wire, t_ns, coarse=coarse)
             return
         if len(data) < HEAD.size:
             if packet.lost:
@@ -74,6 +79,8 @@ class SerialLine:
         if RtacFooter.of(foot) is not None:
             yield from self._ours(packet, payload, event)
             return
+        if event == RtacEvent.DATA_LOST:
+            event = RtacEvent.OVERFLOW  # whoever lost them, they were on the line
         began = seconds * NS + micros * 1000
         t_ns = self._end(packet, began, len(payload), event)
         yield from self._alone(packet, payload, _WIRES.get(event, Direction.UNKNOWN), t_ns, event)
@@ -134,9 +141,13 @@ class SerialLine:
         wire: Direction,
         t_ns: int | None,
         event: RtacEvent = RtacEvent.STATUS_CHANGE,
+        *,
+        coarse: int = 0,
     ) -> Iterator[Chunk]:
-        """Yield a packet as a chunk of its own."""
+        """Yield a packet as a chunk of its own; ``coarse``: what its clock shows at once, in ns."""
         marks = []
+        if coarse and data:
+            marks.append(Mark(MarkKind.COARSE, 0, len(data), coarse))
         if event in MARKS:
             # an error without bytes is about the byte before it
             before = 0 if data or not self._heard else 1

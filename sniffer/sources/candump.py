@@ -10,10 +10,22 @@ import re
 from collections import Counter
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import NS, Chunk, Clock, Direction
 from sniffer.ground.patterns import later
-from sniffer.sources.text import CUT_OFF, DamagedLine, LineBlock, Opened, TextLog, quoted, read_log
+from sniffer.ground.runs import ChunkRun
+from sniffer.sources.text import (
+    CUT_OFF,
+    PAUSE,
+    DamagedLine,
+    LineBlock,
+    Opened,
+    TextLog,
+    arriving,
+    quoted,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,6 +47,9 @@ _DIRECTIONS: Final = {
 }
 _ERROR_FRAME: Final = 0x2000_0000  # CAN_ERR_FLAG of linux/can.h: its bytes were on no wire
 
+_WIRES: Final = {b"": 0, b"TX": 1, b"RX": 2}
+_NANO: Final = 9  # digits of a fraction that are kept
+
 _Row = tuple[bytes, bytes, bytes, bytes, bytes, bytes, bytes, bytes]
 
 
@@ -51,9 +66,40 @@ class CandumpLog(TextLog):
         self.errors = 0
         self.cut_off = False
 
+    def parts(self, block: LineBlock) -> Iterator[Chunk | ChunkRun]:
+        """Yield one chunk a line, all of them together where the lines are as usual."""
+        rows: list[_Row] = _LINE.findall(block.text)
+        run = self._run(rows) if len(rows) == block.text.count(b"\n") + 1 else None
+        if run is None:
+            yield from self._chunks(rows, block)
+        else:
+            yield run
+
     def chunks(self, block: LineBlock) -> Iterator[Chunk]:
         """Yield one chunk a line."""
-        rows: list[_Row] = _LINE.findall(block.text)
+        return self._chunks(_LINE.findall(block.text), block)
+
+    def _run(self, rows: list[_Row]) -> ChunkRun | None:
+        """Return rows of one bus with bytes, times alike and no ids; None: look closer."""
+        seconds, fractions, buses, labels, _, digits, _, flags = zip(*rows, strict=True)
+        places = len(fractions[0])
+        if len({*buses}) > 1 or any({*flags}) or places > _NANO:
+            return None
+        if not _WIRES.keys() >= {*labels} or {*map(len, fractions)} != {places}:
+            return None
+        if not places or not all(seconds) or not all(digits):
+            return None
+        whole = np.array([*map(int, seconds)], np.int64)
+        if whole.max() >= TIME_END_NS // NS:
+            return None
+        t_ns = whole * NS + np.array([*map(int, fractions)], np.int64) * 10 ** (_NANO - places)
+        ends = np.cumsum([*map(len, digits)]) // 2
+        ways = np.array([_WIRES[label] for label in labels], np.uint8)
+        data = bytes.fromhex(b"".join(digits).decode("ascii"))
+        name = buses[0].decode("utf-8", "replace")
+        return ChunkRun(data, ends, t_ns, ways, Clock.FILE, name)
+
+    def _chunks(self, rows: list[_Row], block: LineBlock) -> Iterator[Chunk]:
         # one match a line, or the lines need a closer look
         if len(rows) == block.text.count(b"\n") + 1:
             for number, row in enumerate(rows, block.number):
@@ -120,6 +166,14 @@ class CandumpLog(TextLog):
             yield CUT_OFF
 
 
-def read_candump(opened: Opened) -> Iterator[Chunk]:
+def read_candump(opened: Opened) -> Iterator[Chunk | ChunkRun]:
     """Yield one chunk a line; its time is that of the line, on the file's clock."""
-    return read_log(opened, CandumpLog())
+    log = CandumpLog()
+    try:
+        for block in arriving(opened.stream):
+            if block is None:
+                yield PAUSE
+            else:
+                yield from log.parts(block)
+    finally:
+        opened.notes.extend(log.notes())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from sniffer.ground.patterns import later
+from sniffer.sources.locales import with_points
 from sniffer.sources.saleae_binary import MAGIC
 
 LABELS: Final = {
@@ -43,7 +44,7 @@ def logic_form(head: bytes, suffix: str) -> str:
         return "vcd"
     if _SIGROK_CSV.match(head):
         return "logic-csv"
-    table = _SALEAE_CSV.match(head)
+    table = _SALEAE_CSV.match(with_points(head))
     if table is not None and table[1].count(b",") == table[2].count(b","):
         return "logic-csv"
     return ""

@@ -6,6 +6,7 @@ lines are looked at one by one, and tokens only to say where the mistake is.
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.patterns import later
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import Chunk
 
+_PLACES: Final = 3  # of a byte in decimal
 _DIGITS: Final = b"0123456789abcdefABCDEF"
 # what may stand between bytes, besides blanks: lists, C arrays, string quotes around \x escapes
 _MARKS: Final = bytes.maketrans(b",;{}[]()\"'\r", b" " * 11)
@@ -25,6 +27,15 @@ _ODD: Final = later(rb"(?:0[xX]|\\x|[0-9A-Fa-f])+")
 _STRANGE: Final = later(rb"[^0-9A-Fa-fxX\\]|$")
 _SINGLE: Final = later(rb"\b0[xX]([0-9A-Fa-f])\b")
 # "static const uint8_t data[] = {", the length that xxd -i writes behind the array, the b of b""
+# a line of nothing but FF:FF:01, FF-FF-01 or <FF><FF><01>; elsewhere, and where it
+# could be 12:30:00 or 26-11-20, they are of times and dates
+_PAIRED: Final = later(
+    rb"^[ \t]*(?:(?!\d\d[:-]\d\d(?:[:-]\d\d)?[ \t\r]*$)"
+    rb"[0-9A-Fa-f]{2}([:-])(?:[0-9A-Fa-f]{2}\1)*(?:[0-9A-Fa-f]{2})?"
+    rb"|(?:<[0-9A-Fa-f]{2}>[ \t]*)+)[ \t\r]*$",
+    re.MULTILINE,
+)
+_BETWEEN: Final = bytes.maketrans(b":-<>", b"    ")
 _ASIDE: Final = later(
     rb"(?:^|(?<=\s))(?:#|//).*$"
     rb"|/\*.{,200}?\*/"
@@ -50,8 +61,9 @@ class BadLineError(ValueError):
 def part_line(held: bytes) -> int:
     """Return where an endless line may be parted without parting a byte, 0 for nowhere yet."""
     end = max(held.rfind(mark) for mark in (b" ", b"\t", b",", b";", b"\r", b"\\"))
-    if end > 0:
-        return end
+    paired = max(held.rfind(mark) for mark in (b":", b"-", b">")) + 1
+    if max(end, paired) > 0:
+        return max(end, paired)
     # packed hex has no marks at all: an even number of digits is whole bytes
     return len(held) - (len(held) - len(held.rstrip(_DIGITS))) % 2
 
@@ -63,6 +75,8 @@ def bare(line: bytes) -> bytes:
 
 def _spaced(text: bytes) -> bytes:
     """Return hex text with every mark and prefix turned into blanks."""
+    if b":" in text or b"-" in text or b"<" in text:
+        text = _PAIRED.sub(lambda match: match[0].translate(_BETWEEN), text)
     text = text.translate(_MARKS)
     for prefix in (b"0x", b"0X", b"\\x"):
         text = text.replace(prefix, b" ")
@@ -112,6 +126,8 @@ def decimal_block(text: bytes) -> bytes:
     words = text.translate(_MARKS).split()
     if words and not b"".join(words).isdigit():  # int() would also take signs and underscores
         raise ValueError
+    if max(map(len, words), default=0) > _PLACES:  # an offset
+        raise ValueError
     return bytes(map(int, words))
 
 
@@ -119,7 +135,7 @@ def decimal_line(line: bytes) -> bytes:
     """Return the bytes that one line of decimal numbers states; raises :class:`Mistake`."""
     text = bare(line)
     for token in _TOKEN.finditer(text):
-        if not token[0].isdigit() or len(token[0]) > 9 or int(token[0]) > 255:
+        if not token[0].isdigit() or len(token[0]) > _PLACES or int(token[0]) > 255:
             why = f"{quoted(token[0])} is not a decimal number from 0 to 255"
             raise BadLineError(token.start(), why)
     return decimal_block(text)

@@ -41,7 +41,7 @@ _LSS: Final = later(rb"#\d{1,3}[A-Za-z]+[-\w.*]*|\*\d{0,3}[A-Za-z]+[-\w.]*")
 _COLOUR: Final = later(rb"\x1b\[[0-9;]*m")
 _LIST: Final = later(rb"[{\[(]")
 _LISTED: Final = later(rb"[0-9]+")
-_BETWEEN: Final = b" ,;{}[]()\"'xX\\"
+_BETWEEN: Final = b" ,;:<>{}[]()\"'xX\\-"
 _OD_OF_NOTHING: Final = b"0000000"
 _MOSTLY: Final = 0.6  # share of hex tokens that makes the rest of a line a mistake in hex
 _FEW_DIGITS: Final = 8  # so short a text of hex digits may as well be raw bytes
@@ -78,6 +78,7 @@ def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
         return "bin"
     refuse_log(lines[:FIRST_LINES])
     refuse_words(lines)
+    _refuse_bits(lines[:FIRST_LINES])
     if decimal or (suffix not in RAW_SUFFIXES and _is_decimal_only(lines)):
         return "decimal"
     if _is_plain_hex(lines, suffix in RAW_SUFFIXES):
@@ -202,6 +203,13 @@ def _shown(data: bytes) -> bytes:
 def _refuse_colours(lines: list[bytes]) -> None:
     if _COLOUR.search(lines[0]) and _strong([_COLOUR.sub(b"", line) for line in lines]):
         raise refused("a dump with terminal colours", "dump it without them: `xxd -R never`")
+
+
+def _refuse_bits(lines: list[bytes]) -> None:
+    """Raise InputError where all there is are groups of eight digits 0 and 1."""
+    words = b" ".join(lines).split()
+    if len(words) > 1 and all(len(word) == 8 and not word.strip(b"01") for word in words):
+        raise refused("a list of bits", "write the bytes in hex")
 
 
 def _is_plain_hex(lines: list[bytes], raw: bool) -> bool:

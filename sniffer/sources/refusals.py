@@ -47,6 +47,20 @@ _MAGICS: Final = (
     (b"BZh", "a bzip2 file", "unpack it: `bzip2 -dc FILE | sniffer decode -`"),
 )
 
+_SESSION: Final = "save the session: `sigrok-cli -i FILE -o wave.sr`"
+_SOME: Final = rb"(?:.*[^0-9A-Za-z])?(?:0x|\\x)?[0-9A-Fa-f]{2}[ ,:-]{1,2}(?:0x)?[0-9A-Fa-f]{2}\b"
+"""Bytes in hex further on in the line."""
+
+_STAMPED: Final = (
+    rb"[\[(P]?(?:\d{4}[-/.]\d\d[-/.]\d\d|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d\d:\d\d:\d\d(?![:0-9])"
+    rb"|\d+\.\d{3,9}(?= *[,;\])]? ))"
+)
+_WAY: Final = (
+    rb"(?:[\[(]?\b(?:[TtRr][Xx]|READ|WRITE|[Ii][Nn]|[Oo][Uu][Tt]|[RW])\b|<?-+>?|<+|>+)[\]):]* "
+)
+_TRACED: Final = (
+    rb"(?:\[pid +\d+\] |\d+ +)?(?:\d[\d:.]* )?(?:open(?:at)?|read|write|ioctl|poll|p?select6?)\("
+)
 _DATE: Final = rb"\d{4}[-/]\d\d[-/]\d\d[ T]\d\d:\d\d:\d\d"
 _LOGS: Final = tuple(
     _Kind(later(pattern), what, instead)
@@ -61,6 +75,11 @@ _LOGS: Final = tuple(
         (_DATE + rb"\.\d+ \| [A-Z] \|", "a port sniffer log", _LINES),
         (rb"[IO] " + _DATE, "text2pcap input", _LINES),
         (rb"date [A-Z][a-z]{2} ", "a Vector ASC log", "log it with `candump -L` instead"),
+        (rb"libsigrok \d", "sigrok's output as text", _SESSION),
+        (rb"; ?Rate: ?\d+", "a capture of the OLS client", "export it from there as VCD"),
+        (_TRACED, "a trace of system calls", "log with `socat -x` between program and port"),
+        (_STAMPED + _SOME, "a log whose times are of an unknown kind", _LINES),
+        (_WAY + _SOME, "a log whose directions are of an unknown kind", _LINES),
         (rb"timestamp,arbitration_id,", "a python-can CSV log", "log to a .log file instead"),
         (
             rb" *(?:\([\d.]+\) +)?\S+ +(?:[TR]X [-BE ]{3} +)?[0-9A-F]{3,8} +\[\d+\]",
@@ -69,6 +88,9 @@ _LOGS: Final = tuple(
         ),
     )
 )
+_NARROW: Final = "save it as UTF-8 or ASCII (PowerShell: `| Out-File -Encoding ascii FILE`)"
+_WIDE: Final = 32  # bytes without a mark, of which every other one is none and the rest text
+_TEXT: Final = frozenset(b"\t\r\n" + bytes(range(32, 127)))
 _WORD_LINE: Final = later(rb"([0-9A-Fa-f]{6,8})((?: +[0-9A-Fa-f]+)+) *$")
 _UNDER: Final = later(rb" {6,}\S")  # od's second type stands under the first
 _SEVEN: Final = later(rb"[0-9A-Fa-f]{7} ")
@@ -95,8 +117,10 @@ def refuse_utf16(head: bytes) -> None:
     """Raise InputError where ``head`` is UTF-16 text; FF FE alone may be servo traffic."""
     for mark, high in ((b"\xff\xfe", head[3::2]), (b"\xfe\xff", head[2::2])):
         if head.startswith(mark) and len(high) > 1 and high.count(0) >= 0.9 * len(high):
-            instead = "save it as UTF-8 or ASCII (PowerShell: `| Out-File -Encoding ascii FILE`)"
-            raise refused("UTF-16 text", instead)
+            raise refused("UTF-16 text", _NARROW)
+    for high, low in ((head[1:_WIDE:2], head[:_WIDE:2]), (head[:_WIDE:2], head[1:_WIDE:2])):
+        if len(low) == _WIDE // 2 and not any(high) and all(c in _TEXT for c in low):
+            raise refused("UTF-16 text", _NARROW)
 
 
 def refuse_log(lines: list[bytes]) -> None:
@@ -121,13 +145,15 @@ def refuse_words(lines: list[bytes]) -> None:
 def _steps(rows: list[re.Match[bytes]]) -> bool:
     """Tell whether the first token of both rows counts the words of the first."""
     words = rows[0][2].split()
-    if len(words[0]) == 2 or len({len(word) for word in words}) != 1:
+    sizes = {len(word) for word in words}
+    if sizes == {2}:
         return False
+    counted = (1, 2, 4, 8) if len(sizes) == 1 else (1,)  # decimal ones have one to three digits
     for radix in (8, 10, 16):
         try:
             step = int(rows[1][1], radix) - int(rows[0][1], radix)
         except ValueError:
             continue
-        if step in {size * len(words) for size in (1, 2, 4, 8)}:
+        if step in {size * len(words) for size in counted}:
             return True
     return False

@@ -24,6 +24,7 @@ from sniffer.ground.patterns import later
 from sniffer.ground.runs import ChunkRun
 from sniffer.signals.rates import STANDARD, snapped
 from sniffer.sources.alike import TextLines, UnlikeError, likenesses
+from sniffer.sources.locales import blocks_with_points
 from sniffer.sources.text import (
     CUT_OFF,
     PAUSE,
@@ -323,7 +324,7 @@ def read_saleae(opened: Opened) -> Iterator[Chunk | ChunkRun]:
     """Yield one chunk a byte: its time is that of its end, the names in a table are buses."""
     table: _Logic1 | _Logic2 | None = None
     try:
-        for block in arriving(opened.stream):
+        for block in blocks_with_points(arriving(opened.stream)):
             if block is None:
                 yield PAUSE
                 continue

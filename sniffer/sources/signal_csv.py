@@ -17,8 +17,9 @@ from sniffer.ground.limits import is_time
 from sniffer.ground.model import NS, InputError
 from sniffer.signals.stretch import LogicInput, Stretch
 from sniffer.sources.alike import TextLines, UnlikeError, likenesses
+from sniffer.sources.locales import blocks_with_points
 from sniffer.sources.sigrok import rate_in, unlike
-from sniffer.sources.text import DamagedLine, LineBlock, blocks, cells_of, quoted
+from sniffer.sources.text import DamagedLine, LineBlock, arriving, cells_of, quoted
 from sniffer.sources.walltime import zone_ns
 
 if TYPE_CHECKING:
@@ -78,7 +79,8 @@ def read_signal_csv(opened: Opened) -> LogicInput:
     Raises:
         InputError: it does not say what is in it.
     """
-    text = blocks(opened.stream)
+    given = blocks_with_points(arriving(opened.stream))
+    text = (block for block in given if block is not None)
     head = _head(text)
     line = head.first.text[:200].lstrip()
     dated = _DATE.match(line) if head.scale else None
@@ -256,7 +258,7 @@ class _LevelRows:
         lines = text.replace(b"X", b"nan").replace(b"x", b"nan").decode("latin-1").split("\n")
         count = self._count + bool(self._scale)
         try:
-            if block.cut_off and lines[-1].count(",") != count - 1:
+            if block.cut_off and not _is_row(lines[-1], count):
                 lines.pop()  # half a row
             found = np.loadtxt(lines, delimiter=",", ndmin=2, comments=None) if lines else None
         except ValueError:

@@ -13,6 +13,7 @@ from sniffer.sources import (
     socat,
     spy,
 )
+from sniffer.sources.locales import with_points
 from sniffer.sources.refusals import refused
 from sniffer.sources.text import FIRST_LINES
 
@@ -26,8 +27,9 @@ def tool_log(lines: list[bytes]) -> str:
         return "spy"
     if _is_jpnevulator(lines[:FIRST_LINES]):
         return "jpnevulator"
-    if saleae.TABLE_1.match(lines[0]) or saleae.TABLE_2.match(lines[0]):
-        if not saleae.is_hexadecimal(lines[: FIRST_LINES + 1]):
+    table = with_points(b"\n".join(lines[: FIRST_LINES + 1])).split(b"\n")
+    if saleae.TABLE_1.match(table[0]) or saleae.TABLE_2.match(table[0]):
+        if not saleae.is_hexadecimal(table):
             raise refused("a Saleae table in this radix", saleae.HEXADECIMAL)
         return "saleae"
     if docklight.is_docklight(lines[:FIRST_LINES]):

@@ -16,23 +16,25 @@ import numpy as np
 
 from sniffer.ground.model import InputError
 from sniffer.signals.stretch import EdgesByWire, LogicInput, Stretch
+from sniffer.sources.digits import DIGITS, PAD, numbers
 from sniffer.sources.sigrok import rate_in, unlike
 from sniffer.sources.text import DamagedLine, LineBlock, blocks, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    import numpy.typing as npt
+
     from sniffer.ground.model import I64, U8, Mask
     from sniffer.sources.text import Opened
+
+    U64 = npt.NDArray[np.uint64]
 
 HEADER_MOST: Final = 4 << 20
 """Bytes of declarations: those of a large chip have some 100 000 lines."""
 
-DIGITS: Final = 18
-"""Digits of a time: more are beyond 64 bits."""
-
-ID_MOST: Final = 8
-"""Signs of a wire's short name that are told apart: four are enough for 78 million wires."""
+ID_MOST: Final = 64
+"""Signs of a wire's short name: four are enough for 78 million wires, but some write the name."""
 
 _UNITS: Final = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0, "ps": 1e-3, "fs": 1e-6}
 _SCALE: Final = re.compile(r"\$timescale\s+([0-9]{1,9})\s*([munpf]?s)\s+\$end")
@@ -42,17 +44,23 @@ _DECLARED: Final = re.compile(
     r"|\$var\s+\S+\s+1\s+(?P<id>\S+)\s+(?P<name>\S+)(?:\s*\[[^\]]*\])?\s+\$end"
 )
 _COMMENT: Final = re.compile(rb"\$comment\b.*?\$end", re.DOTALL)
+_TORN: Final = re.compile(
+    rb"(?:^|\s)#[0-9]*$"
+)  # a time at the very end: some digits may be missing
+_BLANKS: Final = b" " * PAD
+_INITIAL: Final = b"$dump"  # vars, all, on: what stands in it is no change
+_EXACT: Final = 8  # signs of a short name that 64 bits hold
+_MIXER: Final = 0x9E37_79B9_7F4A_7C15  # of longer ones: an odd number, so that no sign is lost
 
 
-def _class(signs: bytes) -> Mask:
-    out = np.zeros(256, bool)
-    out[list(signs)] = True
-    return out
+def _is_bit(first: U8) -> Mask:
+    """Tell which words may be a level and a name: 0, 1, x, X, z, Z."""
+    return np.asarray((first | 0x01 == ord("1")) | (first | 0x22 == ord("z")))
 
 
-_SPACE: Final = bytes(_class(b" \t\r\n\v\f"))
-_BIT: Final = _class(b"01xXzZ")
-_LONG: Final = _class(b"bBrRsS")  # the wire's name is a word of its own
+def _is_long(first: U8) -> Mask:
+    """Tell which words are values whose wire is a word of its own: b, B, r, R, s, S."""
+    return np.asarray((first | 0x30 == ord("r")) | (first | 0x20 == ord("s")))
 
 
 def read_vcd(opened: Opened) -> LogicInput:
@@ -103,28 +111,41 @@ def _wires(header: str) -> dict[bytes, str]:
     full: dict[bytes, str] = {}
     for match in _DECLARED.finditer(header):
         if match["scope"]:
-            scopes.append(match["scope"])
+            scopes.append(_plain(match["scope"]))
         elif match["up"]:
             del scopes[-1:]
         elif len(match["id"]) <= ID_MOST and match["id"].isascii():  # others are no names
             short = match["id"].encode()
-            plain.setdefault(short, match["name"])
-            full.setdefault(short, ".".join((*scopes, match["name"])))
+            plain.setdefault(short, _plain(match["name"]))
+            full.setdefault(short, ".".join((*scopes, _plain(match["name"]))))
     count = Counter(plain.values())
     chosen = [plain[i] if count[plain[i]] == 1 else full[i] for i in plain]
     return dict(zip(plain, unlike(chosen), strict=True))
+
+
+def _plain(name: str) -> str:
+    """Return a name without the stroke that begins one with odd signs."""
+    return name[1:] if name.startswith("\\") and len(name) > 1 else name
 
 
 class _Changes:
     """The changes of some wires, block by block."""
 
     def __init__(self, short: list[bytes]) -> None:
-        codes = np.array([int.from_bytes(name, "big") for name in short], np.uint64)
+        ends = np.cumsum([len(name) for name in short])
+        signs = np.frombuffer(b"".join(short), np.uint8)
+        codes = _codes(signs, np.concatenate([[0], ends[:-1]]), ends)
         self._order = np.argsort(codes)
         self._codes = codes[self._order]
+        # most have one sign: a table tells whose it is
+        self._single = np.full(256, -1)
+        for row, name in enumerate(short):
+            if len(name) == 1:
+                self._single[name[0]] = row
         self._levels = np.ones(len(short), np.int64)  # a wire idles high until somebody says more
         self._is_known = np.zeros(len(short), bool)
         self._now = 0
+        self._begun = 0  # when the first values were told: what is said later is a change
 
     def stretches(self, first: LineBlock, text: Iterator[LineBlock]) -> Iterator[Stretch]:
         """Yield what the blocks say.
@@ -134,7 +155,8 @@ class _Changes:
         """
         held = b""
         for block in itertools.chain((first,), text):
-            data, held = held + block.text + b"\n", b""
+            said = _TORN.sub(b"", block.text) if block.cut_off else block.text
+            data, held = held + said + b"\n", b""
             if b"$comment" in data:
                 data = _COMMENT.sub(b" ", data)
                 data, begun, rest = data.partition(b"$comment")
@@ -144,23 +166,23 @@ class _Changes:
             yield self._stretch(data, block)
 
     def _stretch(self, text: bytes, block: LineBlock) -> Stretch:
-        data = np.frombuffer(text, np.uint8)
-        space = np.frombuffer(b"\1" + text.translate(_SPACE), bool)
-        # a word begins behind a space and ends before one; the text ends in one
-        borders = np.flatnonzero(space[1:] != space[:-1])
-        begin, end = borders[::2], borders[1::2]
+        data = np.frombuffer(_BLANKS + text, np.uint8)
+        begin, end = _words(data)
         first = data[begin]
-        is_time = first == ord("#")
-        long = _LONG[first]
-        long = _alternate(long) if long.any() else long
-        named = np.concatenate([[False], long[:-1]])  # the word behind is a name, whatever it is
-        is_time &= ~named
+        is_time, bits, long = first == ord("#"), _is_bit(first), _is_long(first)
+        if long.any():
+            long = _alternate(long)
+            named = np.concatenate([[False], long[:-1]])  # the word behind is a name, whatever
+            is_time &= ~named
+            bits &= ~named
         at = self._times(data, begin, end, is_time, block)
-        bits = _BIT[first] & ~named & (end - begin > 1)
+        if not self._is_known.all():
+            self._begin(text, begin, at)
+        bits &= end - begin > 1
         words = np.flatnonzero(bits)
         row = self._rows(data, begin[words] + 1, end[words])
         value = first[words]
-        vector = np.flatnonzero(long[:-1] & (end[:-1] - begin[:-1] == 2)) if len(begin) else words
+        vector = np.flatnonzero(long[:-1] & (end[:-1] - begin[:-1] == 2))
         if len(vector):  # a wire of one bit may be written like a bus
             row = np.concatenate([row, self._rows(data, begin[vector + 1], end[vector + 1])])
             value = np.concatenate([value, data[begin[vector] + 1]])
@@ -168,7 +190,15 @@ class _Changes:
             order = np.argsort(words, kind="stable")
             row, value, words = row[order], value[order], words[order]
         keep = row >= 0
-        return self._changed(row[keep], (value[keep] != ord("0")).astype(np.int64), at[words[keep]])
+        if not keep.all():
+            row, value, words = row[keep], value[keep], words[keep]
+        return self._changed(row, (value != ord("0")).astype(np.int64), at[words])
+
+    def _begin(self, text: bytes, begin: I64, at: I64) -> None:
+        """Find out when the first values are told, if this text tells it."""
+        place = text.find(_INITIAL)
+        if place >= 0 and not self._is_known.any():
+            self._begun = int(at[np.searchsorted(begin, PAD + place, "right") - 1])
 
     def _times(self, data: U8, begin: I64, end: I64, is_time: Mask, block: LineBlock) -> I64:
         """Return the time that holds at each word."""
@@ -177,27 +207,15 @@ class _Changes:
         if len(words) and (size.max() > DIGITS or not size.min()):
             first = begin[words[int(np.argmax((size > DIGITS) | (size == 0)))]]
             raise self._damaged(data, int(first), block)
-        times = np.zeros(len(words), np.int64)
-        # nearly all times have as many digits
-        is_one = len(size) > 0 and size.min() == size.max()
-        for width in size[:1].tolist() if is_one else np.unique(size).tolist():
-            alike = np.flatnonzero(size == width)
-            behind = end[words[alike]]
-            told, wrong = np.zeros(len(alike), np.int64), np.zeros(len(alike), bool)
-            for place in range(width, 0, -1):
-                digit = data[behind - place] - np.uint8(ord("0"))
-                wrong |= digit > 9  # what is less than a 0 has wrapped
-                told *= 10
-                told += digit
-            if wrong.any():
-                raise self._damaged(data, int(begin[words[alike]][wrong][0]), block)
-            times[alike] = told
+        times, wrong = numbers(data, end[words], size)
+        if wrong.any():
+            raise self._damaged(data, int(begin[words][wrong][0]), block)
         since = np.concatenate([[self._now], times])
         if (np.diff(since) < 0).any():
             first = begin[words[int(np.argmax(np.diff(since) < 0))]]
             raise self._damaged(data, int(first), block)
         self._now = int(since[-1])
-        return since[np.cumsum(is_time)]
+        return np.repeat(since, np.diff(words, prepend=0, append=len(is_time)))
 
     def _damaged(self, data: U8, at: int, block: LineBlock) -> DamagedLine:
         line = block.number + int(np.count_nonzero(data[:at] == ord("\n")))
@@ -207,10 +225,9 @@ class _Changes:
     def _rows(self, data: U8, begin: I64, end: I64) -> I64:
         """Return whose short names these are; -1: of no wire that is looked at."""
         size = end - begin
-        code = np.zeros(len(begin), np.uint64)
-        for place in range(min(int(size.max()) if len(size) else 0, ID_MOST)):
-            there = size > place
-            code[there] = code[there] << np.uint64(8) | data[begin[there] + place]
+        if len(size) and size.max() == 1:
+            return np.asarray(self._single[data[begin]])
+        code = _codes(data, begin, end)
         nth = np.minimum(np.searchsorted(self._codes, code), len(self._codes) - 1)
         known = (self._codes[nth] == code) & (size <= ID_MOST)
         return np.where(known, self._order[nth], -1)
@@ -218,29 +235,56 @@ class _Changes:
     def _changed(self, row: I64, value: I64, at: I64) -> Stretch:
         """Return the edges by wire: of what is said, what is new.
 
-        What is said of three wires, and what becomes of it by wire (``levels`` are 1 1 1 and none
-        of them known, so that the first value of each is no edge):
+        What is said of three wires, and what becomes of it by wire (``levels`` are 1 1 1, none of
+        them is known, and time 5 is when the first values are told, so that these are no edges):
 
             row     0  2  0  2  0      sorted   0  0  0  2  2
             value   1  0  0  0  1      said     1  0  1  0  0
             at      5  5  7  8  9      before   1  1  0  0  0
                                        new         7  9            edges of wire 0
         """
-        order = np.argsort(row, kind="stable")
-        wires, said, at = row[order], value[order], at[order]
+        if (row[1:] < row[:-1]).any():
+            order = np.argsort(
+                row.astype(np.int16) if len(self._levels) < 1 << 15 else row, kind="stable"
+            )
+            row, value, at = row[order], value[order], at[order]
         levels = self._levels.copy()
-        begins = np.flatnonzero(np.diff(wires, prepend=-1))
-        first = wires[begins]
-        fresh = first[~self._is_known[first]]
-        levels[fresh] = said[begins][~self._is_known[first]]  # the first value is no change
+        begins = np.flatnonzero(np.diff(row, prepend=-1))
+        first = row[begins]
+        is_initial = ~self._is_known[first] & (at[begins] <= self._begun)
+        levels[first[is_initial]] = value[begins[is_initial]]
         self._is_known[first] = True
-        before = np.roll(said, 1)
+        before = np.empty_like(value)
+        before[1:] = value[:-1]
         before[begins] = levels[first]
         self._levels = levels.copy()
-        self._levels[first] = said[np.append(begins[1:], len(said))[: len(first)] - 1]
-        new = said != before
-        edges = EdgesByWire(wires[new], at[new], len(levels))
+        self._levels[first] = value[np.append(begins[1:], len(value))[: len(first)] - 1]
+        new = np.flatnonzero(value != before)
+        edges = EdgesByWire(row[new], at[new], len(levels))
         return Stretch(levels.tolist(), edges, self._now, edges.active.tolist())
+
+
+def _words(data: U8) -> tuple[I64, I64]:
+    """Return where words begin and end; the text begins with blanks and ends with one."""
+    space = data[PAD - 1 :] <= ord(" ")
+    if not (space[1:] & space[:-1]).any():  # nearly always there is one blank between two words
+        blank = np.flatnonzero(space)
+        blank += PAD - 1
+        return blank[:-1] + 1, blank[1:]
+    borders = np.flatnonzero(space[1:] != space[:-1])
+    borders += PAD
+    return borders[::2], borders[1::2]
+
+
+def _codes(signs: U8, begin: I64, end: I64) -> U64:
+    """Return a number for each of these names: another one for another name, as good as always."""
+    size = end - begin
+    code = np.zeros(len(begin), np.uint64)
+    for place in range(min(int(size.max()) if len(size) else 0, ID_MOST)):
+        there = size > place
+        factor = 1 << 8 if place < _EXACT else _MIXER
+        code[there] = code[there] * factor + signs[begin[there] + place]
+    return code
 
 
 def _alternate(words: Mask) -> Mask:
