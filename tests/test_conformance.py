@@ -10,7 +10,7 @@ import pytest
 
 from sniffer.protocols import PROTOCOLS
 from sniffer.testing import Requirement, checks
-from tests.streams.members import NAMES, example
+from tests.streams.members import ALL, example
 
 if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
@@ -27,7 +27,7 @@ def talk_of(name: str) -> Talk:
 
 def protocols() -> dict[str, BusProtocol]:
     """Return what is built in, and the examples that have a talk."""
-    shown = {n: example(n).PROTOCOL for n in NAMES if (TALKS / f"{n}.py").is_file()}
+    shown = {n: example(n).PROTOCOL for n in ALL if (TALKS / f"{n}.py").is_file()}
     return {**PROTOCOLS, **shown}
 
 

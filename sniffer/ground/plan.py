@@ -101,7 +101,9 @@ def plan_of(grammar: Any) -> Plan:
                 walk(con.subcon, name)
             case _:
                 raise TypeError(
-                    f"no plan for {con!r}: give the protocol a block scanner of its own"
+                    f"no plan for {con!r}: a packet is Const, fields of Byte or Int16ul, one "
+                    "Bytes(length by this), then a Checksum; any other wants a block scanner of "
+                    "its own"
                 )
 
     walk(grammar)

@@ -18,8 +18,9 @@ from sniffer.ground.framing import frame_by_plan
 from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL, Frames
 from sniffer.ground.plan import plan_of
 from sniffer.protocols.packets.declare import LISTED
+from sniffer.protocols.packets.form import check_form, shapes_of
 from sniffer.protocols.packets.listed import Bytes, asked_by, column, listed, whole
-from sniffer.protocols.packets.walk import ROOM, shape_of
+from sniffer.protocols.packets.walk import ROOM
 
 if TYPE_CHECKING:
     from sniffer.ground.framing import Block
@@ -35,12 +36,13 @@ class FamilyColumns:
 
     def __init__(self, family: PacketFamily) -> None:
         self.family = family
+        check_form(family)
         self.plan = plan = plan_of(family.packet)
         self.id_at, self.code_at = plan.at["servo_id"], plan.at["code"]
         self.length_name = next(k for k in plan.at if k not in ("servo_id", "code"))
         most = dict.fromkeys(plan.at, family.most)
         self.longest = int(plan.tail_at + plan.tail(most) + plan.sum_width)
-        self.shapes = {code: shape_of(k.params) for code, k in family.commands.items()}
+        self.shapes = shapes_of(family)
         self.width = self._one_place("address", 0)[1]
         self.length_at, self.length_width = self._one_place("length", self.width)
         self._id_register = family.effective("servo_id")
@@ -52,9 +54,11 @@ class FamilyColumns:
         self._option, self._bits, self._new, self._answer = np.zeros((4, 256), np.int64)
         self._target, self._step_data = np.zeros((2, 256), np.int64)
         self._fixed = np.zeros(256, np.int64)
+        self._at = np.full(256, -1, np.int64)
         self.lists, self.together = np.zeros((2, 256), bool)
         for code in self.shapes:
             self._enter(code)
+        self._tells_at = bool(self._at.max() >= 0)
         self._silent = np.isin(codes, family.silent)
         self._anyone = np.where(np.isin(codes, family.anyone), ANY_ID, NO_ALT)
         self._answers = codes == (-1 if family.answers is None else family.answers)
@@ -72,7 +76,8 @@ class FamilyColumns:
         """Lay what is known of a command into the tables."""
         command, shape = self.family.commands[code], self.shapes[code]
         what = KNOWN | FITS | ADDRESSED * ("address" in shape.at)
-        what |= READS * shape.reads | WRITES * shape.writes | TARGETS * (shape.targets is not None)
+        brings = shape.writes or (command.at >= 0 and shape.least > 0)
+        what |= READS * shape.reads | WRITES * brings | TARGETS * (shape.targets is not None)
         what |= RENUMBERS * (command.new_id is not None)
         what |= CHECKED * bool(shape.checks or shape.constants)
         self._what[code] = KNOWN
@@ -81,7 +86,7 @@ class FamilyColumns:
         self._effect[code], self._answer[code] = command.effect, command.answer
         self._option[code] = shape.at.get("option", (0, 1))[0]
         self._bits[code], self._new[code] = command.new_id or (0, 0)
-        self._fixed[code] = shape.fixed
+        self._fixed[code], self._at[code] = shape.fixed, command.at
         self.together[code] = command.together
         if shape.targets is not None:
             self.lists[code] = not shape.targets.data
@@ -139,7 +144,11 @@ class FamilyColumns:
         if seen & TARGETS and length is not None:
             self._whole_targets(body, what, code, length)
         silent, answers = self._silent[who], self._answers[by]
-        request = self._certain[by] | (silent & ~answers)
+        if family.echoes:
+            answers = (self._answer[by] > 0) & (count == self._answer[by])
+            request = ~answers
+        else:
+            request = self._certain[by] | (silent & ~answers)
         either = ~request & (what & KNOWN > 0) & ~answers
         might = np.zeros(0, np.int64)
         if either.any():
@@ -159,6 +168,8 @@ class FamilyColumns:
         address = np.where(held, column(data, params, self.width or 1), -1)
         lists = (what & FITS > 0) & self.lists[by]
         brings_none = (what & READS > 0) | lists
+        if self._tells_at:
+            address = np.where(what & FITS > 0, np.maximum(address, self._at[by]), address)
         status = np.where(request, np.int16(-1), code)  # a plain -1 would wrap to 255
         if self._error_width:
             told = ~request & (count > 0)
@@ -171,6 +182,9 @@ class FamilyColumns:
             np.copyto(token, length, where=what & READS > 0)
         if self._answer.any():
             token += np.where(what & FITS, self._answer[by], 0)
+        if family.echoes:
+            status = np.full(len(start), -1, np.int16)
+            token |= np.where(token > 0, by << 8, 0)  # what it answers, the code says
         # an error needs no data: a response of an error byte alone answers any read
         token[(status > 0) & (data_length == 0)] = -1
         reply = np.where(request & ~silent, self._reply[by], np.uint8(NEVER))
@@ -253,7 +267,8 @@ class FamilyColumns:
             at = self._id_register - address[rows]
             covers = (at >= 0) & (at < length[rows]) & (alt[rows] == NO_ALT)
             hit, at = rows[covers], at[covers]
-            alt[hit] = body.data[body.params[hit] + self.width + at]
+            held = np.where(what[hit] & ADDRESSED, self.width, 0)
+            alt[hit] = body.data[body.params[hit] + held + at]
 
     def _either_way(
         self, block: Block, spans: Spans, servo_id: U8, code: U8, body: Bytes, what: U8,

@@ -45,7 +45,8 @@ class Command:
     defaults). ``new_id``: (bits, id), the id that the servo has afterwards where one of these bits
     of ``option`` is set; bits 0: always. ``answer`` counts the data bytes of its answer where no
     ``length`` asks for them. ``together``: one packet answers for all targets, each with error, id,
-    data and, but for the last, a checksum.
+    data and, but for the last, a checksum. ``at``: the address of the registers that its parameters
+    are, or its answer, where no packet names one.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Command:
     to_all: int = NEVER
     answer: int = 0
     together: bool = False
+    at: int = -1
 
 
 class Stuffing(Protocol):
@@ -81,7 +83,9 @@ class PacketFamily:
     codes from ``certain`` on are commands, and any other is one where it fits as one (``begins``:
     where it begins as one), unless the request before it awaits just that many bytes; the same
     bytes once more are the same request. ``doubt``: a response with data that fits as a command
-    as well is marked (UNUSUAL), and states no values.
+    as well is marked (UNUSUAL), and states no values. ``echoes``: an answer has the code of its
+    request, and has as many bytes as ``answer`` says, which its request has not: that tells them
+    apart. All of these bytes are ``data``.
 
     ``silent`` are ids that all servos obey and none answers, ``anyone`` those that each answers
     under its own. ``refusals`` are the bits of the error that say that it was not done, ``alerts``
@@ -104,6 +108,7 @@ class PacketFamily:
     certain: int = 256
     begins: bool = False
     doubt: bool = False
+    echoes: bool = False
     most: int = 255
     silent: tuple[int, ...] = ()
     anyone: tuple[int, ...] = ()
@@ -113,8 +118,18 @@ class PacketFamily:
     stuffing: Stuffing | None = None
 
     def __post_init__(self) -> None:
-        """Number the registers of all models through."""
+        """Number the registers of all models through.
+
+        Raises:
+            TypeError: a request could be taken for its answer.
+        """
         object.__setattr__(self, "models", numbered(self.models))
+        for command in self.commands.values() if self.echoes else ():
+            if command.answer and parsed(command.params, bytes(command.answer)) is not None:
+                raise TypeError(
+                    f"{self.name}: {command.name} may have {command.answer} parameters, as its "
+                    "answer has: with echoes=True their count must tell request from answer"
+                )
 
     @property
     def everyone(self) -> tuple[int, ...]:

@@ -85,6 +85,9 @@ class Slow:
         out.kind, out.op, out.reply = RESPONSE, -1, NEVER
         if before is not None:
             out.asked = before if before.kind == REQUEST else before.asked
+        if self.family.echoes:
+            out.token = code << 8 | len(params)
+            return
         feedback = parsed(self.family.feedback, bytes([code]) + params)
         if feedback is None:
             out.flags |= MALFORMED
@@ -118,6 +121,8 @@ class Slow:
         alone = out.alt_id == NO_ALT
         out.flags |= command.effect
         out.token = command.answer
+        if family.echoes and command.answer:
+            out.token |= out.op << 8
         if "address" in fields:
             width = field_named(command.params, "address").sizeof()
             out.address = fields.address
@@ -127,13 +132,16 @@ class Slow:
                 out.token, out.data = LISTED, b""
         elif "length" in fields and "data" not in fields:
             out.token, out.data = fields.length, b""
-        elif "address" in fields and "data" in fields:
+        brought = params if command.at >= 0 else fields.get("data", b"")
+        if command.at >= 0:
+            out.address = command.at
+        if out.address >= 0 and brought and "length" not in fields and "targets" not in fields:
             at = family.effective("feedback") - out.address
             if family.effective("feedback") >= 0 and out.reply == IF_ALL:
-                out.reply = OPTIONAL if 0 <= at < len(fields.data) else out.reply
+                out.reply = OPTIONAL if 0 <= at < len(brought) else out.reply
             at = family.effective("servo_id") - out.address
-            if family.effective("servo_id") >= 0 and alone and 0 <= at < len(fields.data):
-                out.alt_id = fields.data[at]
+            if family.effective("servo_id") >= 0 and alone and 0 <= at < len(brought):
+                out.alt_id = brought[at]
         if command.new_id is not None and alone:
             bits, servo_id = command.new_id
             if not bits or number_in(command.params, "option", params) & bits:
@@ -143,6 +151,9 @@ class Slow:
         self, packet: Any, params: bytes, fields: Any, raw: bytes, before: SlowFrame | None
     ) -> bool:
         family = self.family
+        if family.echoes:
+            asks = family.commands.get(packet.code)
+            return asks is None or not asks.answer or len(params) != asks.answer
         if family.answers is not None:
             return bool(packet.code != family.answers)
         if packet.servo_id in family.silent or packet.code >= family.certain:

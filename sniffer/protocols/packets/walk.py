@@ -103,7 +103,11 @@ class _Walk:
             case _ if con is c.GreedyBytes and name == "data" and not self.inside:
                 self.data = True
             case _:
-                raise TypeError(f"no columns for {name} {con!r}")
+                raise TypeError(
+                    f"no columns for {name} {con!r}: fields are Byte or Int16ul (signs are a "
+                    "matter of the register table), Enum or FlagsEnum of these, Const of bytes; at "
+                    "the end data / GreedyBytes or targets / GreedyRange"
+                )
 
     def _check(self, con: Any) -> None:
         """Keep what columns can be asked, and remember that there must be some data or targets."""

@@ -64,8 +64,10 @@ class Words:
         """Return address, length, option, or the error."""
         data = raw[row.data_start : row.data_start + row.data_length]
         if row.kind != REQUEST:
-            names = list(self.status_names(max(row.status, 0)))
-            out: dict[str, Any] = {"error": {"number": row.status, "names": names}}
+            out: dict[str, Any] = {}
+            if not self.family.echoes:
+                names = list(self.status_names(max(row.status, 0)))
+                out["error"] = {"number": row.status, "names": names}
             if data and row.address < 0:
                 out["data"] = self._plain(raw, data).hex()
             return out
@@ -110,7 +112,9 @@ class Words:
             if name == "code":
                 asked = row.kind == REQUEST
                 words = self.op_name(row.op if asked else -1)
-                if not asked and self.family.answers is None:
+                if self.family.echoes:
+                    words = self.op_name(leaf.value)
+                elif not asked and self.family.answers is None:
                     words = ", ".join(self.status_names(leaf.value)) or "none"
                 label = self.family.words[not asked]
                 out.append(FieldSpan(leaf.offset, 1, label, f"{leaf.value:02X} {words}"))
