@@ -9,18 +9,19 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pytest
+from construct import Byte, Bytes, GreedyRange, Struct, Terminated, this
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.mixed import MixedDecoder, parts_of
 from sniffer.decoding.rows import as_dict, rows_of
-from sniffer.ground.model import Clock, Direction
+from sniffer.ground.model import Chunk, Clock, Direction
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.mightyzap.grammar import FAMILY
-from sniffer.protocols.packets import Member
+from sniffer.protocols.packets import NEVER, Command, Member
 from sniffer.sinks import pieced
 from sniffer.sinks.lines import lines
 from sniffer.sinks.pieced import LineTexts
@@ -28,12 +29,13 @@ from sniffer.sources import open_source
 from tests.streams import chunked, stream
 from tests.streams.members import NAMES, example
 from tests.streams.members import stream as example_stream
+from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.decoding.sink import Part
-    from sniffer.ground.model import Batch, Chunk
+    from sniffer.ground.model import Batch
 
 CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
 
@@ -148,3 +150,14 @@ def test_what_is_kept_of_lines_is_forgotten_and_made_anew(
     hold(Decoder(name), [c for group in open_source(path) for c in group][:150], seed=1)
     pieces = LineTexts.of(PROTOCOLS[name])
     assert sum(len(head.before) for head in pieces.heads.known.values()) < 5000
+
+
+def test_a_write_of_no_bytes_to_several_states_whom_it_names() -> None:
+    one = Struct("servo_id" / Byte, "data" / Bytes(this._.length))
+    several = Struct("address" / Byte, "length" / Byte, "targets" / GreedyRange(one), Terminated)
+    commands = {**FAMILY.commands, 0x73: Command("symmetric_store", several, NEVER)}
+    decoder = Decoder(Member(replace(FAMILY, commands=commands)))
+    for names in ([1, 2], [3, 4]):
+        data = packet(0xFE, 0x73, bytes([0x86, 0, *names]))
+        said, *_ = lines("bus0", [(decoder.protocol, decoder.feed(Chunk(data)))]).splitlines()
+        assert json.loads(said)["fields"]["servo_ids"] == names
