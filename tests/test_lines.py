@@ -22,7 +22,7 @@ from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.mightyzap.grammar import FAMILY
 from sniffer.protocols.packets import NEVER, Command, Member
-from sniffer.sinks import pieced
+from sniffer.sinks import kept, pieced
 from sniffer.sinks.lines import lines
 from sniffer.sinks.pieced import LineTexts
 from sniffer.sources import open_source
@@ -143,7 +143,7 @@ def test_the_lines_of_two_protocols_on_one_wire_are_their_rows(
 def test_what_is_kept_of_lines_is_forgotten_and_made_anew(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pieced, "MOST", 5000)
+    monkeypatch.setattr(kept, "MOST", 5000)
     monkeypatch.setattr(pieced, "SHAPES_MOST", 3)
     monkeypatch.setattr(LineTexts, "_of", {})
     (path,) = CAPTURES.glob(f"{name}_damaged.*")

@@ -23,6 +23,7 @@ from sniffer.decoding.rows import (
     shown,
 )
 from sniffer.protocols.base import telling_bytes
+from sniffer.sinks.kept import packed
 from sniffer.sinks.pieced import BARE, FRAME, SAMPLE, TRANSACTION, LineTexts, cut, encode
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def _frames(bus: str, pieces: LineTexts, batch: Batch, values: Sequence[str]) ->
     if not len(rows):
         return OF_FRAMES, np.empty(0, np.int64), []
     telling = telling_bytes(pieces.protocol, f, np.frombuffer(batch.data, np.uint8))
-    packed, size = _packed(batch, telling)
+    columns_of, size = packed(batch, telling)
     registers = (v.register.astype(np.int32) << 2 | v.part).tobytes()
     columns = (f.start, f.end, f.start + telling, f.t_end, f.t_start, f.uncertainty)
     each = zip(*(c[rows].tolist() for c in columns), strict=True)
@@ -78,7 +79,7 @@ def _frames(bus: str, pieces: LineTexts, batch: Batch, values: Sequence[str]) ->
     out: list[str] = []
     for i, (start, end, until, t_ns, t_start_ns, spread) in zip(rows, each, strict=True):
         a, b = edges[i], edges[i + 1]
-        key = packed[i * size : i * size + size], data[start:until], registers[4 * a : 4 * b]
+        key = columns_of[i * size : i * size + size], data[start:until], registers[4 * a : 4 * b]
         head = known.get(key) or pieces.head(key, batch, i, range(a, b))
         before, behind, end_of_line, form = head
         if form > BARE:
@@ -93,21 +94,6 @@ def _frames(bus: str, pieces: LineTexts, batch: Batch, values: Sequence[str]) ->
             f"{of_spread}{spread if spread >= 0 else 'null'}{end_of_line}"
         )
     return OF_FRAMES, f.start[rows] + base, out
-
-
-def _packed(batch: Batch, telling: I64) -> tuple[bytes, int]:
-    """Return the columns that the head of a frame depends on, row by row, and a row's bytes."""
-    f, v = batch.frames, batch.values
-    others = np.zeros(len(f), np.uint8)
-    others[v.row[v.servo_id != f.servo_id[v.row]]] = 1
-    small = f.kind.astype(np.int64)
-    for code in (f.flags, f.direction << 4 | int(batch.clock) << 1 | others):
-        small = small << 8 | code
-    for number in (f.status, f.servo_id):
-        small = small << 16 | number.astype(np.int64) & 0xFFFF
-    wide = (f.op, f.address, f.data_start - f.start, f.data_length, f.length << 32 | telling)
-    packed = np.stack([small, *wide], axis=1)
-    return packed.tobytes(), packed.shape[1] * packed.itemsize
 
 
 def _samples(bus: str, pieces: LineTexts, batch: Batch, values: list[str]) -> Placed:

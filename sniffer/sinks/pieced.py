@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from sniffer.decoding.fields import frame_fields, tidy, value_entry, value_name,
 from sniffer.decoding.rows import SampleRow, TransactionRow, as_dict, frame_row
 from sniffer.ground.codes import OUTCOMES, PARTS, PROVENANCES, ROLES, WHOLE
 from sniffer.protocols.base import view
+from sniffer.sinks.kept import Kept, OfProtocol
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Sequence
@@ -25,16 +26,8 @@ if TYPE_CHECKING:
     from sniffer.ground.registers import Register
     from sniffer.protocols.base import BusProtocol
 
-T = TypeVar("T")
-
-MOST: Final = 1 << 23
-"""Characters of one kind of piece that are kept, about: then all are forgotten."""
-
 SHAPES_MOST: Final = 1 << 12
 """Forms of a frame's or a transaction's line that are kept."""
-
-PROTOCOLS_MOST: Final = 32
-"""Protocols whose pieces are kept: more than there are in one program."""
 
 FRAME: Final = ("t_ns", "offset", "length", "hex", "fields", "t_start_ns", "uncertainty_ns")
 SAMPLE: Final = ("t_ns", "servo_id", "raw", "value", "name", "offset")
@@ -99,45 +92,16 @@ class _ValueKind(NamedTuple):
     unit: str
 
 
-class Kept(Generic[T]):
-    """LineTexts by what they depend on; not for ever."""
-
-    def __init__(self) -> None:
-        self.known: dict[Hashable, T] = {}
-        self._room = MOST
-
-    def keep(self, key: Hashable, told: T, size: int) -> T:
-        """Keep what has about so many characters."""
-        self._room -= size
-        if self._room < 0:
-            self.known.clear()
-            self._room = MOST - size
-        self.known[key] = told
-        return told
-
-
-class LineTexts:
-    """The pieces of a protocol; ``of`` keeps them from one batch to the next."""
-
-    _of: Final[dict[int, LineTexts]] = {}
+class LineTexts(OfProtocol):
+    """The pieces of a protocol."""
 
     def __init__(self, protocol: BusProtocol) -> None:
-        self.protocol = protocol
+        super().__init__(protocol)
         self.heads: Kept[Head] = Kept()
         self._values: Kept[ValueText] = Kept()
         self._kinds: dict[int, _ValueKind] = {}
         self._shapes: dict[tuple[Hashable, ...], list[str]] = {}
         self._transactions: dict[tuple[int, int, int], list[str]] = {}
-
-    @classmethod
-    def of(cls, protocol: BusProtocol) -> LineTexts:
-        """Return the pieces of a protocol."""
-        found = cls._of.get(id(protocol))
-        if found is None or found.protocol is not protocol:
-            if len(cls._of) >= PROTOCOLS_MOST:
-                cls._of.clear()
-            found = cls._of[id(protocol)] = cls(protocol)
-        return found
 
     def values(self, v: Samples) -> list[ValueText]:
         """Return how each value reads."""
@@ -169,7 +133,7 @@ class LineTexts:
             entry = f'{{"raw":{raw}{in_units}}}'
         _, of_raw, of_value, of_name, behind = of.sample
         told = ValueText(f"{of_raw}{raw}{of_value}{number}{of_name}{name}{behind}", of.name + entry)
-        return self._values.keep(key, told, len(told.sample) + len(told.field) + 400)
+        return self._values.keep(key, told, len(told.sample) + len(told.field))
 
     def _kind(self, v: Samples, k: int) -> _ValueKind:
         register, part = self.protocol.registers[int(v.register[k])], int(v.part[k])
@@ -232,7 +196,7 @@ class LineTexts:
                 self._shapes.clear()
             pieces = self._shapes[shape] = cut(frame_row(batch, protocol, "", i, {}), FRAME)
         told = Head(f'"{pieces[4]}{{' + own * (form != SLOWLY), "}" + pieces[5], pieces[7], form)
-        return self.heads.keep(key, told, sum(map(len, told[:3])) + int(f.length[i]) + 400)
+        return self.heads.keep(key, told, sum(map(len, told[:3])) + len(raw))
 
     def inner(self, head: Head, batch: Batch, i: int, values: range, told: Sequence[str]) -> str:
         """Return the fields of frame ``i`` behind the protocol's; they are not just joined."""
