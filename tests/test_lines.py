@@ -1,4 +1,7 @@
-"""JSON lines made of pieces are, byte for byte, the rows of the library one by one as JSON."""
+"""JSON lines made of pieces are, byte for byte, the rows of the library one by one as JSON.
+
+So it is with the words of the table: those of many frames at once are those of each.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.fields import value_ranges
 from sniffer.decoding.mixed import MixedDecoder, parts_of
 from sniffer.decoding.rows import as_dict, rows_of
 from sniffer.ground.model import Chunk, Clock, Direction
@@ -25,6 +29,7 @@ from sniffer.protocols.packets import NEVER, Command, Member
 from sniffer.sinks import kept, pieced
 from sniffer.sinks.lines import lines
 from sniffer.sinks.pieced import LineTexts
+from sniffer.sinks.words import FrameWords, values_in_words
 from sniffer.sources import open_source
 from tests.streams import chunked, stream
 from tests.streams.members import NAMES, example
@@ -108,13 +113,20 @@ def some_of(batch: Batch, seed: int) -> Batch:
 
 
 def hold(decoder: Decoder | MixedDecoder, chunks: Sequence[Chunk], seed: int) -> None:
-    """Compare the lines of each pass, and of a selection of them."""
+    """Compare the lines of each pass, and of a selection of them; and its frames in words."""
     passes = [decoder.feed(c) for c in chunks]
     for told in [*passes, decoder.close()]:
         parts = parts_of(decoder, told)
         some = [(protocol, some_of(batch, seed)) for protocol, batch in parts]
         for these in (parts, some):
             assert lines("bus ü", these) == one_by_one("bus ü", these)
+        for protocol, batch in parts:
+            edges = value_ranges(batch.values, len(batch.frames))
+            rows = range(len(batch.frames))
+            each = [
+                values_in_words(protocol, batch, i, range(edges[i], edges[i + 1])) for i in rows
+            ]
+            assert list(FrameWords.of(protocol).told(batch, rows)) == each
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -148,8 +160,8 @@ def test_what_is_kept_of_lines_is_forgotten_and_made_anew(
     monkeypatch.setattr(LineTexts, "_of", {})
     (path,) = CAPTURES.glob(f"{name}_damaged.*")
     hold(Decoder(name), [c for group in open_source(path) for c in group][:150], seed=1)
-    pieces = LineTexts.of(PROTOCOLS[name])
-    assert sum(len(head.before) for head in pieces.heads.known.values()) < 5000
+    texts = LineTexts.of(PROTOCOLS[name])
+    assert sum(len(head.before) for head in texts.heads.known.values()) < 5000
 
 
 def test_a_write_of_no_bytes_to_several_states_whom_it_names() -> None:
