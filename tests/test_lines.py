@@ -87,7 +87,7 @@ KNOWN: Final[dict[str, tuple[Any, st.SearchStrategy[bytes]]]] = {
     "odd": (odd(), stream("mightyzap")),
 }
 
-PAIRS: Final = [("lss", "mightyzap"), ("mightyzap", "wck"), ("dynamixel1", "mightyzap")]
+PAIRS: Final = [("mightyzap", "wck"), ("dynamixel1", "mightyzap")]
 
 
 def one_by_one(bus: str, parts: Sequence[Part]) -> str:

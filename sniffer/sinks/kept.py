@@ -7,32 +7,44 @@ from typing import TYPE_CHECKING, Final, Generic, Self, TypeVar
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable
+    from collections.abc import Callable, Hashable
 
     from sniffer.ground.model import I64, Batch
     from sniffer.protocols.base import BusProtocol
 
 T = TypeVar("T")
 
-MOST: Final = 1 << 23
-"""Characters of one kind of text that are kept, about: then all are forgotten."""
+MOST: Final = 3 << 22
+"""Characters of one kind of text that are kept, about, and as many of those known before."""
 
 PROTOCOLS_MOST: Final = 32
 """Protocols whose texts are kept: more than there are in one program."""
 
 
 class Kept(Generic[T]):
-    """Texts by what they depend on; not for ever."""
+    """Texts by what they depend on; those that are not asked for are forgotten in time.
 
-    def __init__(self) -> None:
+    Who asks looks at ``known`` first, which stays the same object, then calls ``again``. ``weigh``
+    tells how many characters something has, about.
+    """
+
+    def __init__(self, weigh: Callable[[T], int]) -> None:
+        self._weigh = weigh
         self.known: dict[Hashable, T] = {}
+        self._before: dict[Hashable, T] = {}
         self._room = MOST
 
-    def keep(self, key: Hashable, told: T, size: int) -> T:
-        """Keep what has about so many characters, and what it is found by."""
-        size += OVERHEAD
+    def again(self, key: Hashable) -> T | None:
+        """Return what was known before the last time that room was made, and know it again."""
+        found = self._before.pop(key, None)
+        return None if found is None else self.keep(key, found)
+
+    def keep(self, key: Hashable, told: T) -> T:
+        """Keep something."""
+        size = self._weigh(told) + OVERHEAD
         self._room -= size
         if self._room < 0:
+            self._before = self.known.copy()
             self.known.clear()
             self._room = MOST - size
         self.known[key] = told

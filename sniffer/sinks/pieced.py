@@ -97,8 +97,8 @@ class LineTexts(OfProtocol):
 
     def __init__(self, protocol: BusProtocol) -> None:
         super().__init__(protocol)
-        self.heads: Kept[Head] = Kept()
-        self._values: Kept[ValueText] = Kept()
+        self.heads: Kept[Head] = Kept(lambda head: len(head.before))
+        self._values: Kept[ValueText] = Kept(lambda told: len(told.sample) + len(told.field))
         self._kinds: dict[int, _ValueKind] = {}
         self._shapes: dict[tuple[Hashable, ...], list[str]] = {}
         self._transactions: dict[tuple[int, int, int], list[str]] = {}
@@ -117,6 +117,9 @@ class LineTexts(OfProtocol):
         ]
 
     def _value(self, key: tuple[int, int, int], v: Samples, k: int) -> ValueText:
+        found = self._values.again(key)
+        if found is not None:
+            return found
         kind, raw, _ = key
         of = self._kinds.get(kind)
         if of is None:
@@ -133,7 +136,7 @@ class LineTexts(OfProtocol):
             entry = f'{{"raw":{raw}{in_units}}}'
         _, of_raw, of_value, of_name, behind = of.sample
         told = ValueText(f"{of_raw}{raw}{of_value}{number}{of_name}{name}{behind}", of.name + entry)
-        return self._values.keep(key, told, len(told.sample) + len(told.field))
+        return self._values.keep(key, told)
 
     def _kind(self, v: Samples, k: int) -> _ValueKind:
         register, part = self.protocol.registers[int(v.register[k])], int(v.part[k])
@@ -164,6 +167,9 @@ class LineTexts(OfProtocol):
 
     def head(self, key: Hashable, batch: Batch, i: int, values: range) -> Head:
         """Return the head of frame ``i``, and keep it for those that have its key."""
+        found = self.heads.again(key)
+        if found is not None:
+            return found
         f, v, protocol = batch.frames, batch.values, self.protocol
         start = int(f.start[i])
         numbers = v.register[values.start : values.stop].tolist()
@@ -194,9 +200,11 @@ class LineTexts(OfProtocol):
         if pieces is None:
             if len(self._shapes) >= SHAPES_MOST:
                 self._shapes.clear()
-            pieces = self._shapes[shape] = cut(frame_row(batch, protocol, "", i, {}), FRAME)
-        told = Head(f'"{pieces[4]}{{' + own * (form != SLOWLY), "}" + pieces[5], pieces[7], form)
-        return self.heads.keep(key, told, sum(map(len, told[:3])) + len(raw))
+            cuts = cut(frame_row(batch, protocol, "", i, {}), FRAME)
+            pieces = self._shapes[shape] = [f'"{cuts[4]}{{', "}" + cuts[5], cuts[7]]
+        before, behind, end = pieces
+        told = Head(before + own * (form != SLOWLY), behind, end, form)
+        return self.heads.keep(key, told)
 
     def inner(self, head: Head, batch: Batch, i: int, values: range, told: Sequence[str]) -> str:
         """Return the fields of frame ``i`` behind the protocol's; they are not just joined."""

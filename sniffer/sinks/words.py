@@ -92,8 +92,8 @@ class FrameWords(OfProtocol):
 
     def __init__(self, protocol: BusProtocol) -> None:
         super().__init__(protocol)
-        self._values: Kept[str] = Kept()
-        self._frames: Kept[str] = Kept()
+        self._values: Kept[str] = Kept(len)
+        self._frames: Kept[str] = Kept(len)
 
     def told(self, batch: Batch, rows: Sequence[int]) -> Iterator[str]:
         """Yield what some of the frames state."""
@@ -114,10 +114,10 @@ class FrameWords(OfProtocol):
                 yield values[a] if b - a == 1 else ", ".join(values[a:b])
             else:
                 key = columns[i * size : i * size + size], batch.data[start:end]
-                found = self._frames.known.get(key)
+                found = self._frames.known.get(key) or self._frames.again(key)
                 if found is None:
                     words = values_in_words(protocol, batch, i, range(a, b))
-                    found = self._frames.keep(key, words, len(words) + end - start)
+                    found = self._frames.keep(key, words)
                 yield found
 
     def _each(self, v: Samples) -> list[str]:
@@ -128,13 +128,13 @@ class FrameWords(OfProtocol):
         keys = list(zip(kind.tolist(), v.raw.tolist(), bits.tolist(), strict=True))
         out = []
         for k, (found, key) in enumerate(zip(map(known.get, keys), keys, strict=True)):
-            if found is None:
+            words = found or self._values.again(key)
+            if words is None:
                 register = self.protocol.registers[key[0] >> 8]
                 text = _value(register, key[1], float(v.value[k]), key[0] & 0xFF)
                 words = f"{_short_name(register)} {text}"
-                out.append(self._values.keep(key, words, len(words)))
-            else:
-                out.append(found)
+                self._values.keep(key, words)
+            out.append(words)
         return out
 
 
