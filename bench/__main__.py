@@ -199,7 +199,7 @@ def file_rows(lines: list[str]) -> None:
         f"| none (core) | {core:.2f} | 1.0 |",
     ]
     with tempfile.TemporaryDirectory() as folder:
-        for suffix in (".parquet", ".mcap", ".rrd"):
+        for suffix in (".parquet", ".mcap", ".rrd", ".jsonl"):
             path = Path(folder) / f"out{suffix}"
             took, _ = timed(to_file, data, path, rounds=3)
             lines.append(f"| {suffix} | {took:.2f} | {took / core:.1f} |")

@@ -33,6 +33,16 @@ def value_entry(register: Register, raw: int, value: float, part: int) -> dict[s
     return out
 
 
+def value_name(register: Register, part: int) -> str:
+    """Return what ``fields`` call a register, or the part of it that a frame carries."""
+    return register.name if part == WHOLE else f"{register.name} ({PARTS[part]})"
+
+
+def value_width(register: Register, part: int) -> int:
+    """Return how many of a frame's bytes a value takes."""
+    return register.width if part == WHOLE else 1
+
+
 def frame_fields(batch: Batch, protocol: BusProtocol, i: int, values: range) -> dict[str, Any]:
     """Return every value that frame ``i`` states; ``values`` are its rows in the batch's."""
     f, v = batch.frames, batch.values
@@ -44,9 +54,9 @@ def frame_fields(batch: Batch, protocol: BusProtocol, i: int, values: range) -> 
     for k in values:
         register = protocol.registers[int(v.register[k])]
         part = int(v.part[k])
-        name = register.name if part == WHOLE else f"{register.name} ({PARTS[part]})"
+        name = value_name(register, part)
         entry = value_entry(register, int(v.raw[k]), float(v.value[k]), part)
-        covered += register.width if part == WHOLE else 1
+        covered += value_width(register, part)
         if int(v.servo_id[k]) == row.servo_id:
             out[name] = entry
         else:

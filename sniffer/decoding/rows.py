@@ -27,7 +27,7 @@ from sniffer.ground.model import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from sniffer.protocols.base import BusProtocol
 
@@ -39,6 +39,10 @@ FLAGS: Final[Mapping[int, str]] = {
     UNUSUAL: "unusual",
     ECHO: "echo",
 }
+
+
+OF_FRAMES, OF_SAMPLES, OF_TRANSACTIONS, OF_ANOMALIES = range(4)
+"""The order of what stands at one place of the stream; gaps stand where frames do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +142,12 @@ class AnomalyRow:
 
 Row = FrameRow | GapRow | TransactionRow | SampleRow | AnomalyRow
 
+_KEYS: Final[Mapping[str, tuple[str, ...]]] = {
+    kind.type: tuple(f.name for f in dataclasses.fields(kind))
+    for kind in (FrameRow, GapRow, TransactionRow, SampleRow, AnomalyRow)
+}
+"""Asking a dataclass for its fields takes longer than reading them."""
+
 
 def as_dict(row: Row) -> dict[str, Any]:
     """Return a row as the JSON lines have it: ``type`` first, keys in order.
@@ -145,15 +155,17 @@ def as_dict(row: Row) -> dict[str, Any]:
     Rows other than frames tell their protocol where two share the wire, and only there.
     """
     out: dict[str, Any] = {"type": row.type}
-    for f in dataclasses.fields(row):
-        value = getattr(row, f.name)
-        if value is not None or f.name != "protocol":
-            out[f.name] = value
+    for name in _KEYS[row.type]:
+        value = getattr(row, name)
+        if value is not None or name != "protocol":
+            out[name] = value
     return out
 
 
-def frame_row(batch: Batch, protocol: BusProtocol, bus: str, i: int, values: range) -> FrameRow:
-    """Return frame ``i`` of a batch."""
+def frame_row(
+    batch: Batch, protocol: BusProtocol, bus: str, i: int, fields: dict[str, Any]
+) -> FrameRow:
+    """Return frame ``i`` of a batch; ``fields`` are what it states."""
     f = batch.frames
     start, length = int(f.start[i]), int(f.length[i])
     raw = batch.data[start : start + length]
@@ -170,7 +182,7 @@ def frame_row(batch: Batch, protocol: BusProtocol, bus: str, i: int, values: ran
         servo_id=servo if servo >= 0 else None,
         op=protocol.op_name(int(f.op[i])),
         checksum="ok" if protocol.checksum_of(raw) else "none",
-        fields=frame_fields(batch, protocol, i, values),
+        fields=fields,
         flags=tuple(name for bit, name in FLAGS.items() if flags & bit) if flags else (),
         t_start_ns=int(f.t_start[i]),
         uncertainty_ns=uncertainty if uncertainty >= 0 else None,
@@ -203,7 +215,7 @@ def _samples(batch: Batch, protocol: BusProtocol, bus: str) -> Iterator[tuple[in
                 r.names(raw) if part == WHOLE else None,
                 PARTS[part] or None,
                 start,
-                _beside(protocol, batch),
+                beside(protocol, batch),
             ),
         )
 
@@ -238,12 +250,12 @@ def _transactions(
                 OUTCOMES[outcome],
                 took if took >= 0 else None,
                 spread if took >= 0 and spread >= 0 else None,
-                _beside(protocol, batch),
+                beside(protocol, batch),
             ),
         )
 
 
-def _beside(protocol: BusProtocol, batch: Batch) -> str | None:
+def beside(protocol: BusProtocol, batch: Batch) -> str | None:
     """Return the protocol's name where another one is on the wire."""
     return protocol.name if batch.is_shared else None
 
@@ -285,24 +297,33 @@ def rows_of(parts: Iterable[tuple[BusProtocol, Batch]], bus: str = "bus0") -> It
 def _found(batch: Batch, protocol: BusProtocol, bus: str) -> Iterator[tuple[int, int, Row]]:
     """Yield rows, each with its place in the stream and among those of the same place."""
     edges = value_ranges(batch.values, len(batch.frames))
-    clock, beside = Clock(batch.clock).name.lower(), _beside(protocol, batch)
     starts = (batch.frames.start + batch.base).tolist()
-    for i in _shown(batch, "frames", len(starts)):
-        yield starts[i], 0, frame_row(batch, protocol, bus, i, range(edges[i], edges[i + 1]))
-    for g in (batch.gaps[i] for i in _shown(batch, "gaps", len(batch.gaps))):
+    for i in shown(batch, "frames", len(starts)):
+        fields = frame_fields(batch, protocol, i, range(edges[i], edges[i + 1]))
+        yield starts[i], OF_FRAMES, frame_row(batch, protocol, bus, i, fields)
+    yield from ((at, OF_SAMPLES, s) for at, s in _samples(batch, protocol, bus))
+    yield from ((at, OF_TRANSACTIONS, t) for at, t in _transactions(batch, protocol, bus))
+    yield from rare_rows(batch, protocol, bus)
+
+
+def rare_rows(
+    batch: Batch, protocol: BusProtocol, bus: str
+) -> Iterator[tuple[int, int, GapRow | AnomalyRow]]:
+    """Yield gaps and anomalies, each with its place, as above."""
+    clock, named = Clock(batch.clock).name.lower(), beside(protocol, batch)
+    for g in (batch.gaps[i] for i in shown(batch, "gaps", len(batch.gaps))):
         raw = batch.data[g.start : g.start + g.length].hex()
         at = batch.base + g.start
         detail = dict(g.detail)
-        yield at, 0, GapRow(bus, g.t_ns, at, g.length, raw, g.reason, detail, clock, beside)
-    yield from ((at, 1, s) for at, s in _samples(batch, protocol, bus))
-    yield from ((at, 2, t) for at, t in _transactions(batch, protocol, bus))
-    for a in (batch.anomalies[i] for i in _shown(batch, "anomalies", len(batch.anomalies))):
-        yield a.known_at, 3, anomaly_row(a, bus, beside)
+        row = GapRow(bus, g.t_ns, at, g.length, raw, g.reason, detail, clock, named)
+        yield at, OF_FRAMES, row
+    for a in (batch.anomalies[i] for i in shown(batch, "anomalies", len(batch.anomalies))):
+        yield a.known_at, OF_ANOMALIES, anomaly_row(a, bus, named)
 
 
-def _shown(batch: Batch, table: str, count: int) -> Iterable[int]:
+def shown(batch: Batch, table: str, count: int) -> Sequence[int]:
     """Return the rows of a table that are shown."""
     if batch.chosen is None:
         return range(count)
-    rows: list[int] = np.flatnonzero(batch.chosen(table)).tolist()
-    return rows
+    chosen: list[int] = np.flatnonzero(batch.chosen(table)).tolist()
+    return chosen

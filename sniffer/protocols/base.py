@@ -344,6 +344,21 @@ def reply_delay_ns(protocol: Framing, register: Register, raw: int) -> int | Non
     return int(raw * register.scale * 1000)
 
 
+def telling_bytes(protocol: Framing, frames: Frames, data: U8) -> I64:
+    """Return how many of its first bytes tell what is presented of each frame.
+
+    That is ``fields``, and whether ``checksum_of`` gives one: two frames of the same columns whose
+    first bytes are alike so far, and whose values are read as the same registers, have both alike.
+    ``data`` is what the frames stand in. A protocol may say it as ``telling_bytes``; of one that
+    does not, all bytes of a frame tell. Who writes many frames asks, to make the same but once.
+    """
+    told = getattr(protocol, "telling_bytes", None)
+    if told is None:
+        return frames.length
+    known: I64 = np.minimum(told(frames, data), frames.length)
+    return known
+
+
 def no_clues(frame: SlowFrame) -> list[Clue]:
     """Return nothing: registers have addresses here, and ``slow_parts`` tells them."""
     del frame

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from sniffer.decoding.rows import as_dict, rows_of
 from sniffer.decoding.summary import Summary
 from sniffer.decoding.totals import add_totals
 from sniffer.ground.files import open_text, writing
+from sniffer.sinks.lines import lines
+from sniffer.sinks.pieced import encode
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -22,12 +22,6 @@ if TYPE_CHECKING:
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
     from sniffer.sinks.pieces import WrittenElsewhere
-
-_encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
-
-
-def _lines(bus: str, parts: Sequence[Part]) -> str:
-    return "".join(f"{_encode(as_dict(row))}\n" for row in rows_of(parts, bus))
 
 
 class JsonlSink:
@@ -54,7 +48,7 @@ class JsonlSink:
         self._summary.narrow(told)
         if "where" in told:
             with self._guard():
-                self._file.write(_encode({"type": "selection", **told}) + "\n")
+                self._file.write(encode({"type": "selection", **told}) + "\n")
 
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Write the batch's records."""
@@ -65,7 +59,7 @@ class JsonlSink:
         for protocol, batch in parts:
             self._summary.add(bus, protocol, batch)
         with self._guard():
-            self._file.write(_lines(bus, parts))
+            self._file.write(lines(bus, parts))
 
     def pieces(self) -> LinePieces:
         """Return how a part of a capture is written elsewhere."""
@@ -74,15 +68,15 @@ class JsonlSink:
     def join(self, piece: Path, told: WrittenElsewhere) -> None:
         """Write what was written elsewhere."""
         add_totals(self._summary, told.totals)
-        with piece.open(encoding="utf-8", newline="") as lines, self._guard():
-            shutil.copyfileobj(lines, self._file, 1 << 20)
+        with piece.open(encoding="utf-8", newline="") as told_there, self._guard():
+            shutil.copyfileobj(told_there, self._file, 1 << 20)
 
     def close(self) -> None:
         """Write the summary."""
         with self._guard():
             try:
                 if self._summary.buses:
-                    self._file.write(_encode(self._summary.as_dict()) + "\n")
+                    self._file.write(encode(self._summary.as_dict()) + "\n")
                 self._file.flush()
             finally:
                 if self._path is not None:
@@ -118,7 +112,7 @@ class LinePiece:
     def write_together(self, bus: str, parts: Sequence[Part]) -> None:
         """Write what several protocols said in one pass, in wire order."""
         with writing(self._path):
-            self._file.write(_lines(bus, parts))
+            self._file.write(lines(bus, parts))
 
     def close(self) -> None:
         """Finish the file."""

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TextIO
 import numpy as np
 from rich.style import Style
 
-from sniffer.decoding.fields import value_ranges
 from sniffer.decoding.narrowing import meant
 from sniffer.decoding.summary import Summary
 from sniffer.diagnosis import Diagnosis
@@ -18,7 +17,7 @@ from sniffer.ground.model import NS, Anomaly, Batch, Chunk, Clock, Severity
 from sniffer.ground.wording import plain, short
 from sniffer.sinks.consoles import console_for, room_in
 from sniffer.sinks.report import print_summary, selected
-from sniffer.sinks.words import fit, took_in_words, values_in_words
+from sniffer.sinks.words import FrameWords, fit, took_in_words
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -95,13 +94,22 @@ class TextSink:
         self._times = times
         self._first_ns: int | None = None
         self._last_ns: dict[str, int] = {}
+        self._second = -1, ""
+        """The second that was told last, in words."""
         self._summary = Summary()
         self._diagnosis = Diagnosis()
         self._wide = self._width >= WIDE
         self._room = max(self._width - sum(n + 1 for n in (WIDTHS if self._wide else NARROW)), 12)
         self._with_bytes = self._wide and self._room > VALUES + BYTES
+        self._widths = [*NARROW[:4], self._room, NARROW[4]]
+        if self._wide:
+            self._widths = [*WIDTHS[:5], self._room, WIDTHS[5]]
+        if self._with_bytes:
+            self._widths[5:6] = [VALUES, self._room - VALUES - 1]
         self._headed = False
         self._bus: str | None = None
+        self._shown: dict[str, str] = {}
+        """Buses as lines name them."""
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -135,11 +143,26 @@ class TextSink:
         self._stream.write("\n".join(self._laid_out(line, bus) for line in lines) + "\n")
 
     def _lines(self, protocol: BusProtocol, batch: Batch) -> Iterator[_Laid]:
+        f = batch.frames
         verdicts = _verdicts(batch)
-        edges = value_ranges(batch.values, len(batch.frames))
         rows = np.flatnonzero(meant(batch)).tolist()
-        for i in rows:
-            yield self._frame(protocol, batch, i, edges, verdicts[i])
+        words = FrameWords.of(protocol).told(batch, rows)
+        whose = f"{protocol.name}: " * batch.is_shared
+        ops: dict[int, str] = {}
+        columns = (c[rows].tolist() for c in (f.start, f.end, f.t_end, f.kind, f.servo_id, f.op))
+        for i, told, start, end, t_ns, kind, servo, op in zip(rows, words, *columns, strict=True):
+            response = kind == RESPONSE
+            command = ops.get(op) or ops.setdefault(op, protocol.op_name(op))
+            word, style = verdicts[i]
+            cells = (
+                str(servo) if servo >= 0 else "-",
+                "<" if response else ">",
+                command,
+                whose + told,
+                word,
+            )
+            style = style or ("response" if response else "request")
+            yield _Laid(start, t_ns, batch.clock, style, cells, batch.data[start:end])
         for g, is_shown in zip(
             batch.gaps, batch.shows("gaps", len(batch.gaps)).tolist(), strict=True
         ):
@@ -163,31 +186,6 @@ class TextSink:
             told = selected(self._summary)
             self._stream.write(textwrap.fill(told, self._width, subsequent_indent="  ") + "\n")
         self._stream.flush()
-
-    def _frame(
-        self,
-        protocol: BusProtocol,
-        batch: Batch,
-        i: int,
-        edges: list[int],
-        verdict: tuple[str, str],
-    ) -> _Laid:
-        f = batch.frames
-        values = range(edges[i], edges[i + 1])
-        response = int(f.kind[i]) == RESPONSE
-        servo = int(f.servo_id[i])
-        word, style = verdict
-        cells = (
-            str(servo) if servo >= 0 else "-",
-            "<" if response else ">",
-            protocol.op_name(int(f.op[i])),
-            f"{protocol.name}: " * batch.is_shared + values_in_words(protocol, batch, i, values),
-            word,
-        )
-        start = int(f.start[i])
-        raw = batch.data[start : start + int(f.length[i])]
-        style = style or ("response" if response else "request")
-        return _Laid(start, int(f.t_end[i]), batch.clock, style, cells, raw)
 
     def _gap(
         self, batch: Batch, start: int, t_ns: int, reason: str, raw: bytes, detail: Any
@@ -230,21 +228,20 @@ class TextSink:
             return f"{passed / NS:.{digits}f}".rjust(9 + digits)
         if line.clock == Clock.NONE:
             return f"{t_ns / NS:.6f}".rjust(9 + digits)
-        moment = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC)
-        return f"{moment:%H:%M:%S}.{t_ns % NS // 10 ** (9 - digits):0{digits}d}"
+        if t_ns // NS != self._second[0]:
+            moment = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC)
+            self._second = t_ns // NS, f"{moment:%H:%M:%S}"
+        return f"{self._second[1]}.{t_ns % NS // 10 ** (9 - digits):0{digits}d}"
 
     def _line(self, cells: Sequence[str], *, bus: str, raw: bytes | None = None) -> str:
         time, servo, kind, op, values, verdict = cells
         row = [time, servo.rjust(3), kind, op, values, verdict]
-        widths = [*NARROW[:4], self._room, NARROW[4]]
         if self._wide:
-            row.insert(1, short(plain(bus)))
-            widths = [*WIDTHS[:5], self._room, WIDTHS[5]]
+            row.insert(1, self._shown.get(bus) or self._shown.setdefault(bus, short(plain(bus))))
         if self._with_bytes:
             row.insert(6, raw.hex(" ").upper() if raw is not None else "bytes")
-            widths[5:6] = [VALUES, self._room - VALUES - 1]
         lay = fit if self._is_cut else str.ljust
-        return " ".join(map(lay, row, widths)).rstrip()
+        return " ".join(map(lay, row, self._widths)).rstrip()
 
     def _paint(self, style: str, text: str) -> str:
         if not self._color:

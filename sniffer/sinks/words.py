@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from sniffer.decoding.fields import frame_fields
+import numpy as np
+
+from sniffer.decoding.fields import frame_fields, value_ranges
 from sniffer.ground.codes import WHOLE
 from sniffer.ground.model import NS
 from sniffer.ground.wording import plain
+from sniffer.sinks.kept import Kept, OfProtocol, packed
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import Batch
+    from collections.abc import Iterator, Sequence
+
+    from sniffer.ground.model import Batch, Samples
     from sniffer.ground.registers import Register
     from sniffer.protocols.base import BusProtocol
 
@@ -39,6 +44,18 @@ def fit(text: str, width: int) -> str:
     return text[: width - 1] + "…"
 
 
+def _value(register: Register, raw: int, value: float, part: int) -> str:
+    return short_value(register, raw, value) if part == WHOLE else f"raw {raw} (part)"
+
+
+def _short_name(register: Register) -> str:
+    return register.name.removeprefix("present_")
+
+
+def _errors(protocol: BusProtocol, status: int) -> str:
+    return "+".join(protocol.status_names(status)).replace("_", " ")
+
+
 def values_in_words(protocol: BusProtocol, batch: Batch, i: int, values: range) -> str:
     """Return what frame ``i`` states in a line; ``values`` are its rows in the batch's."""
     f, v = batch.frames, batch.values
@@ -49,11 +66,9 @@ def values_in_words(protocol: BusProtocol, batch: Batch, i: int, values: range) 
         number = int(v.register[k])
         register = protocol.registers[number]
         who = int(v.servo_id[k])
-        text = short_value(register, int(v.raw[k]), float(v.value[k]))
-        if int(v.part[k]) != WHOLE:
-            text = f"raw {int(v.raw[k])} (part)"
+        text = _value(register, int(v.raw[k]), float(v.value[k]), int(v.part[k]))
         if who == own or who < 0:
-            mine.append(f"{register.name.removeprefix('present_')} {text}")
+            mine.append(f"{_short_name(register)} {text}")
         else:
             others.setdefault(number, []).append(f"{who}: {text}")
     told = mine
@@ -62,7 +77,7 @@ def values_in_words(protocol: BusProtocol, batch: Batch, i: int, values: range) 
         told += [f"{protocol.registers[number].name} {first}", *rest]
     status = int(f.status[i])
     if status > 0:
-        told.insert(0, "+".join(protocol.status_names(status)).replace("_", " "))
+        told.insert(0, _errors(protocol, status))
     if not told:
         op = protocol.op_name(int(f.op[i]))
         fields = frame_fields(batch, protocol, i, values)
@@ -70,6 +85,57 @@ def values_in_words(protocol: BusProtocol, batch: Batch, i: int, values: range) 
             fields = {k: x for k, x in fields.items() if k != "value"}
         told = [text for k, x in fields.items() if (text := _plainly(k, x, op, own))]
     return ", ".join(told)
+
+
+class FrameWords(OfProtocol):
+    """What frames of a protocol state, in words, batch by batch: as ``values_in_words`` says it."""
+
+    def __init__(self, protocol: BusProtocol) -> None:
+        super().__init__(protocol)
+        self._values: Kept[str] = Kept(len)
+        self._frames: Kept[str] = Kept(len)
+
+    def told(self, batch: Batch, rows: Sequence[int]) -> Iterator[str]:
+        """Yield what some of the frames state."""
+        f, v, protocol = batch.frames, batch.values, self.protocol
+        edges, values = value_ranges(v, len(f)), self._each(v)
+        columns, size = packed(batch, f.length)
+        own = v.servo_id == f.servo_id[v.row]
+        plain = np.ones(len(f), bool)
+        plain[v.row[~own & (v.servo_id >= 0)]] = False
+        asked = (c[rows].tolist() for c in (f.start, f.end, f.status, plain))
+        for i, start, end, status, is_plain in zip(rows, *asked, strict=True):
+            a, b = edges[i], edges[i + 1]
+            if not is_plain:
+                yield values_in_words(protocol, batch, i, range(a, b))
+            elif status > 0:
+                yield ", ".join([_errors(protocol, status), *values[a:b]])
+            elif a < b:
+                yield values[a] if b - a == 1 else ", ".join(values[a:b])
+            else:
+                key = columns[i * size : i * size + size], batch.data[start:end]
+                found = self._frames.known.get(key) or self._frames.again(key)
+                if found is None:
+                    words = values_in_words(protocol, batch, i, range(a, b))
+                    found = self._frames.keep(key, words)
+                yield found
+
+    def _each(self, v: Samples) -> list[str]:
+        """Return each value with the name of its register."""
+        known = self._values.known
+        kind = v.register.astype(np.int64) << 8 | v.part
+        bits = np.ascontiguousarray(v.value).view(np.int64)  # not a number equals nothing
+        keys = list(zip(kind.tolist(), v.raw.tolist(), bits.tolist(), strict=True))
+        out = []
+        for k, (found, key) in enumerate(zip(map(known.get, keys), keys, strict=True)):
+            words = found or self._values.again(key)
+            if words is None:
+                register = self.protocol.registers[key[0] >> 8]
+                text = _value(register, key[1], float(v.value[k]), key[0] & 0xFF)
+                words = f"{_short_name(register)} {text}"
+                self._values.keep(key, words)
+            out.append(words)
+        return out
 
 
 def took_in_words(ns: int, spread: int, word: str) -> str:

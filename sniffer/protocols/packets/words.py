@@ -13,11 +13,12 @@ from sniffer.ground.registers import bit_names
 from sniffer.protocols.base import FieldSpan
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.packets.declare import bare, field_named, flag_bits, named, numbers
+from sniffer.protocols.packets.listed import column
 from sniffer.protocols.packets.survey import survey
 
 if TYPE_CHECKING:
     from sniffer.ground.checksums import Sum
-    from sniffer.ground.model import I64
+    from sniffer.ground.model import I64, U8, Frames
     from sniffer.protocols.base import FrameView
     from sniffer.protocols.dissection import Leaf
     from sniffer.protocols.explaining import Runs, Torn
@@ -37,6 +38,16 @@ class Words:
         self._least = int(np.flatnonzero(tail >= 0)[0])
         # a packet's bytes by its length field
         self._total: I64 = tail + self.plan.tail_at + self.plan.sum_width
+        self._length_at, self._length_width = columns.length_at, columns.length_width
+        # a stuffed byte stands behind another one, so twice the bytes hold the fields in any case
+        wire = 1 if family.stuffing is None else 2
+        self._telling = np.full(256, np.iinfo(np.int64).max)
+        self._several = np.zeros(256, bool)
+        for code, shape in columns.shapes.items():
+            self._several[code] = shape.targets is not None and shape.targets.data
+            alike = self._several[code] and "length" in shape.at
+            if shape.writes or alike:
+                self._telling[code] = self.plan.tail_at + wire * shape.fixed
 
     def op_name(self, op: int) -> str:
         """Return the command's name; a code no manual has is ``unknown_<hex>``."""
@@ -90,6 +101,22 @@ class Words:
             elif name == "servo_id" and not brings:
                 servos.append(leaf.value)
         return {**out, "servo_ids": servos} if servos else out
+
+    def telling_bytes(self, frames: Frames, data: U8) -> I64:
+        """Return the bytes before those of registers: what these are, ``fields`` does not look at.
+
+        Of a response all is told by its columns, unless nobody knows what its data is.
+        """
+        f = frames
+        asked = (f.kind == REQUEST) & (f.flags & MALFORMED == 0) & (f.op >= 0) & (f.op < 256)
+        out = np.where(asked, self._telling[f.op & 255], f.length)
+        several = np.flatnonzero(asked & self._several[f.op & 255])
+        if len(several):  # none brings any data where the length says so: then it lists servos
+            at = np.minimum(f.start[several] + self.plan.tail_at + self._length_at, len(data) - 1)
+            size = column(data, at, self._length_width)
+            out[several[size == 0]] = f.length[several[size == 0]]
+        registers = (f.kind != REQUEST) & ((f.address >= 0) | (f.data_length <= 0))
+        return np.asarray(np.where(registers, 0, out))
 
     def _leading(self, op: int, params: bytes) -> list[tuple[str, Any]]:
         """Return the one-byte fields that a command's parameters begin with, as far as they go.

@@ -37,7 +37,7 @@ from sniffer.protocols.shapes import Addressed
 
 if TYPE_CHECKING:
     from sniffer.ground.checksums import Sum
-    from sniffer.ground.model import I16, I64, Frames, Gap, Mask
+    from sniffer.ground.model import I16, I64, U8, Frames, Gap, Mask
     from sniffer.ground.registers import RegisterMap
     from sniffer.protocols.base import FrameView
     from sniffer.protocols.dissection import Leaf
@@ -136,6 +136,13 @@ class Rs30x:
         if asked and row.address < 0 and body.data:
             out["data"] = body.data.hex()
         return out
+
+    def telling_bytes(self, frames: Frames, data: U8) -> I64:
+        """Return the head of a packet: data that is of registers ``fields`` does not look at."""
+        del data
+        f = frames
+        head = (f.length > 1) & ((f.address >= 0) | (f.kind != REQUEST))
+        return np.where(head, PLAN.tail_at, f.length)
 
     def explain(self, run: bytes, start: int, *, awaited: bool = False) -> list[Gap]:
         """Look for headers: what follows one is a damaged or a truncated packet, the rest noise."""

@@ -1,0 +1,154 @@
+"""JSON lines of whole batches.
+
+They say what ``decoding.rows`` says, byte for byte. There each record is an object, and its line is
+made anew; here lines are pieces of text (``pieced``) with numbers between them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sniffer.decoding.fields import value_ranges
+from sniffer.decoding.rows import (
+    OF_FRAMES,
+    OF_SAMPLES,
+    OF_TRANSACTIONS,
+    TransactionRow,
+    as_dict,
+    beside,
+    frame_row,
+    rare_rows,
+    shown,
+)
+from sniffer.protocols.base import telling_bytes
+from sniffer.sinks.kept import packed
+from sniffer.sinks.pieced import BARE, FRAME, SAMPLE, TRANSACTION, LineTexts, cut, encode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from sniffer.decoding.sink import Part
+    from sniffer.ground.model import I64, Batch
+
+    Placed = tuple[int, I64, list[str]]
+    """What the lines are of (``OF_FRAMES`` ...), the place of each in the stream, and they."""
+
+
+def lines(bus: str, parts: Sequence[Part]) -> str:
+    """Return what several protocols said in one pass as JSON lines, in wire order."""
+    places: list[I64] = [np.empty(0, np.int64)]
+    texts: list[str] = []
+    for protocol, batch in parts:
+        for kind, at, told in _found(bus, LineTexts.of(protocol), batch):
+            places.append(at * 4 + kind)
+            texts += told
+    order = np.argsort(np.concatenate(places), kind="stable")
+    return "".join(map(texts.__getitem__, order.tolist()))
+
+
+def _found(bus: str, pieces: LineTexts, batch: Batch) -> Iterator[Placed]:
+    """Yield a batch's lines kind by kind."""
+    told = pieces.values(batch.values)
+    yield _frames(bus, pieces, batch, [value.field for value in told])
+    yield _samples(bus, pieces, batch, [value.sample for value in told])
+    yield _transactions(bus, pieces, batch)
+    rare = list(rare_rows(batch, pieces.protocol, bus))
+    for kind in {kind for _, kind, _ in rare}:
+        mine = [(at, row) for at, of, row in rare if of == kind]
+        at = np.array([at for at, _ in mine], np.int64)
+        yield kind, at, [encode(as_dict(row)) + "\n" for _, row in mine]
+
+
+def _frames(bus: str, pieces: LineTexts, batch: Batch, values: Sequence[str]) -> Placed:
+    f, v, base = batch.frames, batch.values, batch.base
+    rows = shown(batch, "frames", len(f))
+    if not len(rows):
+        return OF_FRAMES, np.empty(0, np.int64), []
+    telling = telling_bytes(pieces.protocol, f, np.frombuffer(batch.data, np.uint8))
+    columns_of, size = packed(batch, telling)
+    registers = (v.register.astype(np.int32) << 2 | v.part).tobytes()
+    columns = (f.start, f.end, f.start + telling, f.t_end, f.t_start, f.uncertainty)
+    each = zip(*(c[rows].tolist() for c in columns), strict=True)
+    edges = value_ranges(v, len(f))
+    known, data, hexed = pieces.heads.known, batch.data, batch.data.hex()
+    first, of_offset, of_length, of_hex, _, _, of_spread, _ = cut(
+        frame_row(batch, pieces.protocol, bus, 0, {}), FRAME
+    )
+    out: list[str] = []
+    for i, (start, end, until, t_ns, t_start_ns, spread) in zip(rows, each, strict=True):
+        a, b = edges[i], edges[i + 1]
+        key = columns_of[i * size : i * size + size], data[start:until], registers[4 * a : 4 * b]
+        head = known.get(key) or pieces.head(key, batch, i, range(a, b))
+        before, behind, end_of_line, form = head
+        if form > BARE:
+            inner = pieces.inner(head, batch, i, range(a, b), values)
+        else:
+            inner = "" if a == b else values[a] if b - a == 1 else "".join(values[a:b])
+            if form == BARE:
+                inner = inner[1:]
+        out.append(
+            f"{first}{t_ns}{of_offset}{base + start}{of_length}{end - start}"
+            f'{of_hex}"{hexed[2 * start : 2 * end]}{before}{inner}{behind}{t_start_ns}'
+            f"{of_spread}{spread if spread >= 0 else 'null'}{end_of_line}"
+        )
+    return OF_FRAMES, f.start[rows] + base, out
+
+
+def _samples(bus: str, pieces: LineTexts, batch: Batch, values: list[str]) -> Placed:
+    """Return the samples; those that one frame states of a servo are one text."""
+    v = batch.values
+    is_told = v.accepted if batch.chosen is None else batch.chosen("samples")
+    rows = np.flatnonzero(is_told)
+    if not len(rows):
+        return OF_SAMPLES, rows, []
+    if len(rows) < len(v):
+        values = [values[k] for k in rows.tolist()]
+    row, times, who = v.row[rows], v.t_ns[rows], v.servo_id[rows]
+    anew = (row[1:] != row[:-1]) | (times[1:] != times[:-1]) | (who[1:] != who[:-1])
+    begins = np.concatenate([[0], np.flatnonzero(anew) + 1])
+    places = batch.frames.start[row[begins]] + batch.base
+    named = beside(pieces.protocol, batch)
+    first, of_servo, *_, end = cut(pieces.sample(bus, named, v, int(rows[0])), SAMPLE)
+    out = []
+    columns = (begins, np.append(begins[1:], len(rows)), places, times[begins], who[begins])
+    for a, b, at, t_ns, servo in zip(*(c.tolist() for c in columns), strict=True):
+        begin = f"{first}{t_ns}{of_servo}{servo if servo >= 0 else 'null'}"
+        behind = f"{at}{end}"
+        if b - a == 1:
+            out.append(f"{begin}{values[a]}{behind}")
+        else:
+            out.append(begin + (behind + begin).join(values[a:b]) + behind)
+    return OF_SAMPLES, places, out
+
+
+def _transactions(bus: str, pieces: LineTexts, batch: Batch) -> Placed:
+    f, t, base = batch.frames, batch.transactions, batch.base
+    if batch.chosen is not None:
+        t = t.take(batch.chosen("transactions"))
+    if not len(t):
+        return OF_TRANSACTIONS, np.empty(0, np.int64), []
+    is_asked, is_answered = t.request != -1, t.response >= 0
+    frames, rows = batch.asking(np.where(is_asked, t.request, t.response))
+    told = np.where(is_answered, t.response, t.request)
+    who = frames.servo_id[rows]
+    who = np.where(who >= 0, who, f.servo_id[told])
+    asked = np.where(is_asked, frames.start[rows] + base, -1)
+    answered = np.where(is_answered, f.start[t.response] + base, -1)
+    took = t.response_time_ns
+    spread = np.where(took >= 0, t.uncertainty_ns, -1)
+    named = beside(pieces.protocol, batch)
+    row = TransactionRow(bus, None, None, None, "", "", None, None, named)
+    first, *_, end = cut(row, TRANSACTION)
+    columns = (who, frames.op[rows], t.outcome, asked, answered, took, spread)
+    out = []
+    for servo, op, outcome, at, behind, ns, more in zip(
+        *(c.tolist() for c in columns), strict=True
+    ):
+        _, of_answer, of_time, of_spread, _ = pieces.transaction(servo, op, outcome)
+        out.append(
+            f"{first}{at if at >= 0 else 'null'}{of_answer}{behind if behind >= 0 else 'null'}"
+            f"{of_time}{ns if ns >= 0 else 'null'}{of_spread}{more if more >= 0 else 'null'}{end}"
+        )
+    return OF_TRANSACTIONS, f.start[told] + base, out
