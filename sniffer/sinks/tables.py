@@ -6,10 +6,12 @@ that no Python object stands for a row.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, BinaryIO, Final
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -124,28 +126,46 @@ def frames_table(bus: str, protocol: BusProtocol, batch: Batch) -> Any:
 Builder = Callable[[str, BusProtocol, Batch], Any]
 
 
-def parquet_writer(file: BinaryIO, schema: Any) -> Any:
-    """Return what writes tables with these columns to a Parquet file, a row group each."""
+ZSTD: Final[Mapping[str, Any]] = MappingProxyType({"compression": "zstd", "compression_level": 1})
+
+FEW: Final = 1 << 14
+"""Rows up to which a file is packed by Snappy: so few zstd sets up for longer than it packs, 40 us
+for each of some 60 pages."""
+
+MOST: Final = 1 << 18
+"""Rows of a row group: some 20 MB in memory. DuckDB gives a thread no less than 122,880."""
+
+_PAGES: Final[Mapping[str, int]] = MappingProxyType(
+    # later pyarrow begins a page every 20,000 rows unless told otherwise, and zstd anew with it
+    {"max_rows_per_page": MOST}
+    if "max_rows_per_page" in inspect.signature(pyarrow.parquet.ParquetWriter).parameters
+    else {}
+)
+
+
+def parquet_writer(file: Any, schema: Any, rows: int = MOST) -> Any:
+    """Return what writes tables with these columns to a Parquet file, a row group each.
+
+    ``rows`` is how many the first one has.
+    """
     names = [f.name for f in schema if f.type == NAME]
     # Offsets and times grow by small steps: their differences pack to nothing.
     steps = [f.name for f in schema if f.type in (pa.int32(), pa.int64())]
     return pyarrow.parquet.ParquetWriter(
         file,
         schema,
-        compression="zstd",
-        compression_level=1,
+        **({"compression": "snappy"} if rows <= FEW else ZSTD),
         use_dictionary=names,
         column_encoding=dict.fromkeys(steps, "DELTA_BINARY_PACKED"),
         # The least and greatest name of a group would take a third of the time, and tell nobody
         # anything: each stands in nearly every group.
         write_statistics=[f.name for f in schema if f.type != NAME],
+        **_PAGES,
     )
 
 
 class _Table:
     """One growing file; rows are gathered into groups before they are written."""
-
-    ROWS = 1 << 18
 
     def __init__(self, path: Path, schema: Any, build: Builder) -> None:
         self._path = path
@@ -171,7 +191,7 @@ class _Table:
     def take(self, table: Any) -> None:
         self._parts.append(_in_text(table, self._schema) if table.schema != self._schema else table)
         self._rows += len(table)
-        if self._rows >= self.ROWS:
+        if self._rows >= MOST:
             self._flush()
 
     def _flush(self) -> None:
