@@ -128,9 +128,12 @@ class MixedDecoder(Remembering):
 
     def feed(self, *chunks: Chunk | ChunkRun | bytes | bytearray | memoryview) -> tuple[Batch, ...]:
         """Decode chunks, as ``Decoder.feed`` does."""
-        told = chunks_of(chunks)
-        some = [part.take(told) for part in self._parts]
-        return self._decode(final=False) if some[0] else self._nothing()
+        return self._decode(final=False) if self.take(chunks_of(chunks)) else self._nothing()
+
+    def take(self, told: Sequence[Chunk]) -> bool:
+        """Take chunks in, as ``Decoder.take`` does."""
+        some = [part.take(told) for part in self._parts]  # all of them take them
+        return some[0]
 
     def idle(self, now_ns: int) -> tuple[Batch, ...]:
         """Declare what the clock says: nothing is waited for once all are silent."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any, Final
 
 from sniffer.ground.model import SnifferError
@@ -124,7 +124,7 @@ class CaptureRow:
 
     def as_json(self) -> str:
         """Return it as a commit holds it."""
-        return json.dumps(asdict(self), sort_keys=True)
+        return json.dumps({name: getattr(self, name) for name in self.__slots__}, sort_keys=True)
 
     @classmethod
     def from_json(cls, text: str) -> CaptureRow:

@@ -83,8 +83,11 @@ class Store:
         """
         if self.is_local:
             target = Path(self.root, path)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            file.replace(target)
+            try:
+                file.replace(target)
+            except FileNotFoundError:  # the first one of its folder
+                target.parent.mkdir(parents=True, exist_ok=True)
+                file.replace(target)
             return
         send_object(self._place._replace(path=self._at(path)), file)
 
@@ -195,6 +198,14 @@ class Store:
             yield at
         finally:
             shutil.rmtree(at, ignore_errors=True)
+
+    def empty(self, folder: Path) -> None:
+        """Remove what is in a folder that ``staging`` gave: it can be used again."""
+        for entry in list(os.scandir(folder)):
+            if entry.is_dir(follow_symlinks=False):
+                shutil.rmtree(entry.path, ignore_errors=True)
+            else:
+                Path(entry.path).unlink(missing_ok=True)
 
     def _own_folder(self) -> Path:
         name = f"{platform.node()}-{os.getpid()}-"

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from sniffer.sinks.dictionaries import NAME, always, constant
 from sniffer.sinks.relations import RELATIONS
-from sniffer.sinks.tables import parquet_writer
+from sniffer.sinks.tables import MOST, parquet_writer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,10 +23,7 @@ if TYPE_CHECKING:
 TABLES: Final = ("samples", "frames", "transactions", "anomalies")
 """The tables of a data set, names of ``RELATIONS``."""
 
-ROWS: Final = 1 << 18
-"""Rows of a row group: some 20 MB in memory; DuckDB gives a thread no less than 122,880."""
-
-CAPTURE: Final = pa.field("capture", pa.dictionary(pa.int32(), pa.string()))
+CAPTURE: Final = always("capture", NAME)
 """The first column of every table: the id of the capture that a row is of."""
 
 
@@ -172,8 +169,8 @@ class _GrowingFile:
         self._held.append(rows)
         self._waiting += len(rows)
         self.rows += len(rows)
-        while self._waiting >= ROWS:
-            self._write(ROWS)
+        while self._waiting >= MOST:
+            self._write(MOST)
 
     def close(self) -> None:
         """Write what is left, and the end of the file."""
@@ -188,13 +185,14 @@ class _GrowingFile:
     def _write(self, count: int) -> None:
         if self._writer is None:
             self._file = self.path.open("wb")
-            self._writer = parquet_writer(self._file, self._schema)
-        held = pa.concat_tables(self._held)
+            self._writer = parquet_writer(self._file, self._schema, count)
+        held = self._held[0] if len(self._held) == 1 else pa.concat_tables(self._held)
         group = held.slice(0, count)
-        self._held = [held.slice(count)]
+        self._held = [held.slice(count)] if count < len(held) else []
         self._waiting -= count
-        named = pa.DictionaryArray.from_arrays(
-            pa.array(np.zeros(count, np.int32)), pa.array([self._capture])
+        if group.num_columns and group.column(0).num_chunks > 1:
+            group = group.unify_dictionaries().combine_chunks()
+        capture = constant(self._capture, count)
+        self._writer.write_table(
+            pa.Table.from_arrays([capture, *group.columns], schema=self._schema)
         )
-        whole = group.add_column(0, CAPTURE, named).unify_dictionaries()
-        self._writer.write_table(whole.combine_chunks())

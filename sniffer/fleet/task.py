@@ -8,6 +8,7 @@ is the same each time, and it counts when the commit is there.
 from __future__ import annotations
 
 import datetime
+import functools
 import hashlib
 import json
 import time
@@ -35,13 +36,13 @@ from sniffer.ground.wording import one_line
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.crew import LostWorkerError
 from sniffer.jobs.parts import decode_in_parts
-from sniffer.jobs.session import Ending
+from sniffer.jobs.session import Ending, run_source
 from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
 from sniffer.sources.stretches import stretches_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from sniffer.decoding.options import Options
@@ -69,26 +70,37 @@ def decode_capture(task: CaptureTask, jobs: int = 1) -> CaptureRow:
         UndoneError: the machine could not (disk, memory, network): nothing is committed.
         KeyboardInterrupt: it was interrupted: nothing is committed.
     """
-    began = time.monotonic()
-    try:
-        store = Store.of(task.dataset)
-        with store.staging() as folder:
-            row = _decoded(task, store, folder, jobs)
-            row = replace(row, seconds=round(time.monotonic() - began, 3))
-            commit(store, row, folder)
-    except _MACHINE as error:
-        raise _undone(task, error) from error
+    (row,) = _committed([task], jobs)
     return row
 
 
 def decode_batch(tasks: Sequence[CaptureTask]) -> list[CaptureRow]:
-    """Decode captures one after the other.
+    """Decode captures of one data set one after the other.
 
     Raises:
         UndoneError: one of them was not done; those before it are.
         KeyboardInterrupt: it was interrupted.
     """
-    return [decode_capture(task) for task in tasks]
+    return _committed(tasks)
+
+
+def _committed(tasks: Sequence[CaptureTask], jobs: int = 1) -> list[CaptureRow]:
+    """Decode captures and commit each, from one folder: to make one takes as long as a file."""
+    out: list[CaptureRow] = []
+    task = tasks[0]
+    try:
+        store = Store.of(task.dataset)
+        with store.staging() as folder:
+            for task in tasks:
+                began = time.monotonic()
+                row = _decoded(task, store, folder, jobs)
+                row = replace(row, seconds=round(time.monotonic() - began, 3))
+                commit(store, row, folder)
+                store.empty(folder)
+                out.append(row)
+    except _MACHINE as error:
+        raise _undone(task, error) from error
+    return out
 
 
 def commit_crashed(task: CaptureTask, why: str) -> CaptureRow:
@@ -171,14 +183,15 @@ def _heard(task: CaptureTask, file: Path, tables: CaptureTables, jobs: int) -> _
         plan = stretches_of(opened, task.sizes, jobs) if task.is_huge else ""
         if isinstance(plan, str) and jobs > 1:
             raise UndividedError(plan)
-        summary, ending = decode_in_parts(
+        run: Callable[..., tuple[Summary, Ending]] = functools.partial(run_source, lags=True)
+        if not isinstance(plan, str):
+            run = functools.partial(
+                decode_in_parts, jobs=jobs, plan=plan, sizes=task.sizes, folder=tables.folder
+            )
+        summary, ending = run(
             opened,
             told_options,
             [tables],
-            jobs=jobs,
-            plan=plan,
-            sizes=task.sizes,
-            folder=tables.folder,
             name=opened.name,
             tell=Teller(told.append, quiet=True),
             on_break=damage.append,

@@ -7,6 +7,7 @@ import enum
 from typing import TYPE_CHECKING
 
 from sniffer.decoding.detect import UndecidedError
+from sniffer.decoding.lagging import LaggingPipeline
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.decoding.resuming import ResumablePipeline
 from sniffer.ground.model import DamagedInputError, InputError
@@ -119,6 +120,7 @@ def run_source(
     on_break: Callable[[str], None] = lambda why: None,
     asked: Extract | None = None,
     feed: Callable[[ResumablePipeline], None] | None = None,
+    lags: bool = False,
 ) -> tuple[Summary, Ending]:
     """Decode everything into the sinks; return the totals, and how it ended.
 
@@ -126,7 +128,8 @@ def run_source(
     ``groups`` are the source's own where None, else what somebody made of them; then ``ahead`` are
     its first chunks, by which times are judged. A recording may break off: whoever records can be
     killed. ``on_break`` is told why an input was not read to its end. ``asked`` is what of it is
-    shown. ``feed`` has a pipeline decode all of the source, in its own way.
+    shown. ``feed`` has a pipeline decode all of the source, in its own way. Where it
+    ``lags`` the last group is decoded with the end: for sinks that do not show what came in a pass.
 
     Raises:
         InputError: there is nothing in it, or its protocol cannot be told.
@@ -141,7 +144,8 @@ def run_source(
         for remark in told.remarks:
             tell.talk(f"{bus}: {remark}")
 
-    kind = Pipeline if feed is None else ResumablePipeline
+    kind: type[Pipeline] = LaggingPipeline if lags else Pipeline
+    kind = kind if feed is None else ResumablePipeline
     pipeline = kind(options, sinks, on_detection=tell.found, on_pace=timed, ahead=ahead)
     part = None
     if asked is not None:
