@@ -31,10 +31,11 @@ from sniffer.sinks.lines import lines
 from sniffer.sinks.pieced import LineTexts
 from sniffer.sinks.words import FrameWords, values_in_words
 from sniffer.sources import open_source
-from tests.streams import chunked, stream
+from tests.streams import chunked, damaged, stream
 from tests.streams.members import NAMES, example
 from tests.streams.members import stream as example_stream
 from tests.streams.mightyzap import packet
+from tests.talks.lx16a import TALK
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -80,9 +81,18 @@ def odd() -> Any:
     return Member(replace(FAMILY, models=(RegisterMap.from_text(text, "odd.toml"),)))
 
 
+@st.composite
+def echoed(draw: st.DrawFn) -> bytes:
+    """Draw talk of servos whose answers have the code of their request, some of it damaged."""
+    each = [one.request + b"".join(one.replies or ()) for one in TALK.exchanges]
+    said = draw(st.lists(st.sampled_from(each), max_size=12).map(b"".join))
+    return draw(damaged(said))
+
+
 KNOWN: Final[dict[str, tuple[Any, st.SearchStrategy[bytes]]]] = {
     **{name: (protocol, stream(name)) for name, protocol in PROTOCOLS.items()},
     **{name: (example(name).PROTOCOL, example_stream(name)) for name in NAMES},
+    "lx16a": (example("lx16a").PROTOCOL, echoed()),
     "untold": (Untold(PROTOCOLS["mightyzap"]), stream("mightyzap")),
     "odd": (odd(), stream("mightyzap")),
 }
