@@ -295,6 +295,16 @@ def test_a_second_answer_that_comes_when_the_next_servo_was_asked_is_not_the_nex
     assert verdicts(told.incidents()) == [("duplicate-id", (33,))]
 
 
+def test_a_clock_that_is_off_is_known_where_there_is_one_servo_alone() -> None:
+    """No peer's answers are sound beside it, and the bits it misreads are those of late edges."""
+    it = replace(robot_of("rs30x", ids=(4,)), seconds=6)
+    clock = DriftingClock(4, lambda _: 0.057, 0.4, 0.2)
+    rows = tapped(talked(it, 5, bench_of(it, 5, troubles=[clock])))
+    heard = HOSTS["exact"](Scenario("line", "rs30x", (), it.baud, lambda _: rows), rows, 5)
+    told = verdicts(diagnosed(heard.chunks, "rs30x", baud=it.baud).incidents())
+    assert told == [("clock-drift", (4,))]
+
+
 def test_of_a_sound_line_nothing_is_told() -> None:
     assert not of("none") & ALL
 
