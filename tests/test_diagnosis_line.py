@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import random
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
@@ -40,7 +41,7 @@ from sniffer.diagnosis.rules import (
     outages,
 )
 from tests.conversations import Conversation, robot
-from tests.diagnosed import codes, diagnosed
+from tests.diagnosed import codes, diagnosed, verdicts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from bench.diagnosis.bodies import Path
     from bench.diagnosis.line import Pattern, Trouble
     from bench.diagnosis.scenario import Heard
+    from sniffer.diagnosis import Diagnosis
 
     Goals = Callable[[random.Random], Path]
 
@@ -91,6 +93,16 @@ def twins(
     first, last = bench.delays[bench.bodies[2]]
     bench.delays[bench.shadows[2]] = (first + shift_ns, last + shift_ns)
     return found(tapped(talked(it, seed, bench)), protocol, baud)
+
+
+def of_twins(who: int, shift_ns: int, seed: int, it: Plan) -> Diagnosis:
+    """Diagnose a robot in motion in which two share an id, one later than the other."""
+    bench = bench_of(it, seed, twins=(who,), clash=Clash.AND)
+    first, last = bench.delays[bench.bodies[who]]
+    bench.delays[bench.shadows[who]] = (first + shift_ns, last + shift_ns)
+    rows = tapped(talked(it, seed, bench))
+    heard = HOSTS["exact"](Scenario("line", it.protocol, (), it.baud, lambda _: rows), rows, seed)
+    return diagnosed(heard.chunks, it.protocol, baud=it.baud)
 
 
 def two_masters() -> set[str]:
@@ -267,6 +279,30 @@ def test_answers_that_lie_over_each_other_begin_as_requests_do_and_are_none() ->
     told = twins(90_000, "mightyzap", Clash.AND, baud=400_000)
     assert "answers-always-torn" in told
     assert "request-in-answer" not in told
+
+
+def test_a_clock_that_tears_answers_misses_their_stop_bits() -> None:
+    """Two of one id that lie over each other make a few line errors, in their answers only."""
+    it = robot_of(ids=(1, 2), baud=57600, gap_ns=(1_000_000, 5_000_000), reads="turn", rate_hz=20)
+    told = of_twins(1, 604_748, 5, replace(it, seconds=5))
+    assert "last-bits" not in codes(told)
+    assert verdicts(told.incidents()) == [("duplicate-id", (1,))]
+
+
+def test_a_second_answer_that_comes_when_the_next_servo_was_asked_is_not_the_next_ones() -> None:
+    it = robot_of("rs30x", ids=(16, 33, 46, 70), reads="turn", rate_hz=100)
+    told = of_twins(33, 2_340_383, 9100, replace(it, seconds=8))
+    assert verdicts(told.incidents()) == [("duplicate-id", (33,))]
+
+
+def test_a_clock_that_is_off_is_known_where_there_is_one_servo_alone() -> None:
+    """No peer's answers are sound beside it, and the bits it misreads are those of late edges."""
+    it = replace(robot_of("rs30x", ids=(4,)), seconds=6)
+    clock = DriftingClock(4, lambda _: 0.057, 0.4, 0.2)
+    rows = tapped(talked(it, 5, bench_of(it, 5, troubles=[clock])))
+    heard = HOSTS["exact"](Scenario("line", "rs30x", (), it.baud, lambda _: rows), rows, 5)
+    told = verdicts(diagnosed(heard.chunks, "rs30x", baud=it.baud).incidents())
+    assert told == [("clock-drift", (4,))]
 
 
 def test_of_a_sound_line_nothing_is_told() -> None:

@@ -67,7 +67,7 @@ class Wck(Dialect):
             return -1
         if request[1] & 0x1F == self.EVERYONE and request[1] >> 5 < 5:
             whole = len(request) == 4 + request[2]
-            return None if whole and reduce(xor, request[3:-1]) & 0x7F == request[-1] else -1
+            return None if whole and reduce(xor, request[3:-1], 0) & 0x7F == request[-1] else -1
         if reduce(xor, request[1:-1]) & 0x7F != request[-1]:
             return -1
         if request[1] & self.SET == self.SET:

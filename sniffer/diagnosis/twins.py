@@ -70,7 +70,8 @@ class Twin:
     ``whole``: second answers that are whole; ``torn``: torn answers before a whole one; ``stray``:
     stray bytes behind its exchanges and nobody else's; ``foreign``: torn bytes that begin like its
     answers where the next servo's is due; ``crossed``: torn requests behind its exchanges and
-    hardly any others; ``mixed``: torn answers that are two of its own, with how.
+    hardly any others; ``mixed``: torn answers that are two of its own, with how; ``before``: servos
+    before whose answers its second ones come, so that theirs look like second ones.
     """
 
     servo_id: int
@@ -82,6 +83,7 @@ class Twin:
     crossed: list[Damage] = field(default_factory=list)
     mixed: list[tuple[Damage, Mix]] = field(default_factory=list)
     tried: int = 0
+    before: set[int] = field(default_factory=set)
 
     @property
     def twice(self) -> int:
@@ -130,6 +132,7 @@ def twins(case: Case) -> Mapping[int, Twin]:
             twin.whole, twin.times = whole, events.t_ns.tolist()
         else:  # they come a steady time behind the request to another one
             whose = found[other]
+            whose.before.add(servo)
             whose.stray += [
                 d for d in case.damages if d.turn in (AT_TURN, IN_IDLE) and d.earlier_id == other
             ]

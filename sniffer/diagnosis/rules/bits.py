@@ -51,7 +51,7 @@ FINDINGS: Final = (
         "last-bits",
         "line",
         "Of this servo's bytes the last bits are read wrong, or their stop bits are missed, and nobody else's.",
-        "Misread bits of one servo are bits 5 to 7 of their bytes, of twelve and more all bits 4 to 7, or line errors stand in its answers only.",
+        "Misread bits of one servo are bits 5 to 7 of their bytes, of twelve and more all bits 4 to 7, or line errors stand in its answers only, and in a third of the torn ones.",
     ),
     FindingCode(
         "clock-off",
@@ -87,6 +87,9 @@ LONG_ROW: Final = 12
 
 OFTEN: Final = 0.05
 """Part of a servo's answers that must have a line error: noise hits one now and then."""
+
+STOPS: Final = 0.3
+"""Line errors a torn answer must have: with fewer the stop bits were where they should be."""
 
 OTHERS: Final = 0.75
 """Part of a servo's packets with line errors that may hold another's answer as well."""
@@ -196,6 +199,8 @@ def last_bits(case: Case) -> Iterator[Finding]:
         rest = max(case.ledger.frames - answered[servo], 1)
         alone = mine >= OFTEN * answered[servo] and mine >= LEAST
         alone = alone and mine / max(answered[servo], 1) >= APART * (others + 1) / rest
+        # the stop bit is the last one: a clock that tears answers misses it in nearly all of them
+        alone = alone and mine >= STOPS * case.total("damaged", servo)
         bitwise = len(flips) >= SAME and late >= PURE * max(len(flips), ending)
         chance = at_least(late, len(flips), 0.375) if bitwise else 1.0
         if not bitwise and half == len(flips) >= max(LONG_ROW, PURE * second):

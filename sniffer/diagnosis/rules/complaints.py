@@ -184,7 +184,13 @@ def chatty(case: Case) -> Iterator[Finding]:
         since, until = int(told.t_ns.min()), int(told.t_ns.max())
         within = (answers["t_last"] >= since) & (answers["t_first"] <= until)
         ok = int(answers["ok"][within & (answers["servo_id"] == servo)].sum())
-        more = n + sum(since <= d.t_ns <= until and _is_behind(d, servo) for d in case.damages)
+        twin = case.twins.get(servo)
+        # a second answer may come so late that another one is being asked by then
+        late = {d.at for d in twin.stray} if twin is not None else set()
+        more = n + sum(
+            since <= d.t_ns <= until and (d.at in late or _is_behind(d, servo))
+            for d in case.damages
+        )
         if more < SELDOM * ok:
             yield Finding(
                 "unasked-now-and-then",

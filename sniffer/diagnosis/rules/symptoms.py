@@ -24,6 +24,10 @@ SILENT: Final = frozenset(
 )
 """Codes that tell nothing of a fault."""
 
+SECOND: Final = "duplicate-response"
+"""Where two servos share an id, and the second answers when the next servo was asked already, this is
+said of the next one's answer: the fault is not that one's."""
+
 PLENTY: Final = 20
 """So many of one kind are beyond doubt; one alone has half the weight."""
 
@@ -31,6 +35,7 @@ PLENTY: Final = 20
 def symptoms(case: Case) -> Iterator[Finding]:
     """Return what the decoder reported, by code and servo."""
     alarms = case.alarms
+    of_whom = {s: servo for servo, twin in case.twins.items() for s in twin.before}
     key = alarms["code"] * 512 + alarms["servo_id"] + 1
     for one in np.unique(key).tolist():
         rows = np.flatnonzero(key == one)
@@ -41,6 +46,9 @@ def symptoms(case: Case) -> Iterator[Finding]:
         spans = episodes(alarms["t_first"][rows], alarms["t_last"][rows])
         who = None if servo < 0 else servo
         of = "" if who is None else f" of servo {who}"
+        whose = of_whom.get(servo) if code == SECOND else None
+        if whose is not None:
+            who, of = whose, f" in exchanges with servo {servo}"
         known = CATALOGUE[code]
         yield Finding(
             code,
