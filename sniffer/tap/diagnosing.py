@@ -36,7 +36,7 @@ EVERY_S: Final = 0.5
 
 UNSEEN_S: Final = 2.0
 """The same where nobody looks at incidents before they are in the file: of eight busy buses that
-takes a quarter to a third less."""
+takes a fifth less."""
 
 JUDGED: Final = 2
 """How many times as long it is until a bus is judged again, at least."""
