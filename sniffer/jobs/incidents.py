@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sniffer.tap.diagnosing import Diagnosing
+from sniffer.tap.diagnosing import EVERY_S, UNSEEN_S, Diagnosing
 
 if TYPE_CHECKING:
     from sniffer.jobs.files import RecordingFiles
@@ -26,6 +26,7 @@ class LiveIncidents:
         board: shows those that are open.
         view: shows them in Rerun.
         watch: looks out for causes that somebody waits for.
+        is_followed: whether somebody looks at them before they are in the file.
     """
 
     def __init__(
@@ -37,8 +38,9 @@ class LiveIncidents:
         board: Board | None = None,
         view: LiveView | None = None,
         watch: Watch | None = None,
+        is_followed: bool = True,
     ) -> None:
-        self.sink = Diagnosing(anchor.now)
+        self.sink = Diagnosing(anchor.now, EVERY_S if is_followed else UNSEEN_S)
         self._file = file
         self._tell = tell
         self._board = board

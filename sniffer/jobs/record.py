@@ -235,7 +235,15 @@ def run_recording(
     live: LiveIncidents | None = None
     if diagnoses or board is not None or view is not None or reactions is not None:
         watch = None if reactions is None else reactions.watch
-        live = LiveIncidents(tapping.anchor, file, tell, board=board, view=view, watch=watch)
+        live = LiveIncidents(
+            tapping.anchor,
+            file,
+            tell,
+            board=board,
+            view=view,
+            watch=watch,
+            is_followed=bool(is_followed) or view is not None,
+        )
         pipeline.add(live.sink)
         beside.append(live.look)
     if reactions is not None:
