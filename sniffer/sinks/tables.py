@@ -7,7 +7,6 @@ that no Python object stands for a row.
 from __future__ import annotations
 
 import inspect
-import io
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -26,7 +25,6 @@ from sniffer.ground.files import beside, open_binary, writing
 from sniffer.ground.model import Batch, Chunk, OutputError
 from sniffer.protocols.base import BusProtocol
 from sniffer.sinks.dictionaries import NAME, RegisterNames, absent, always, constant, named
-from sniffer.sinks.rowgroups import RowGroups, footer_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -145,12 +143,10 @@ _PAGES: Final[Mapping[str, int]] = MappingProxyType(
 )
 
 
-def parquet_writer(
-    file: Any, schema: Any, rows: int = MOST, *, told: list[Any] | None = None
-) -> Any:
+def parquet_writer(file: Any, schema: Any, rows: int = MOST) -> Any:
     """Return what writes tables with these columns to a Parquet file, a row group each.
 
-    ``file`` is open; ``rows`` is how many the first group has; ``told`` takes what the footer says.
+    ``rows`` is how many the first one has.
     """
     names = [f.name for f in schema if f.type == NAME]
     # Offsets and times grow by small steps: their differences pack to nothing.
@@ -164,7 +160,6 @@ def parquet_writer(
         # The least and greatest name of a group would take a third of the time, and tell nobody
         # anything: each stands in nearly every group.
         write_statistics=[f.name for f in schema if f.type != NAME],
-        metadata_collector=told,
         **_PAGES,
     )
 
@@ -178,8 +173,6 @@ class _Table:
         self._parts: list[Any] = []
         self._rows = 0
         self._schema = schema
-        self.joins = False
-        """Whether it takes rows that are packed already."""
         self._file = open_binary(path)
         with writing(path):
             if path.suffix.lower() == ".csv":
@@ -187,10 +180,7 @@ class _Table:
                 self._schema = plain
                 self._writer = pyarrow.csv.CSVWriter(self._file, plain)
             else:
-                self._told = list[Any]()
-                self._writer = parquet_writer(self._file, schema, told=self._told)
-                self.joins = self._file.seekable()
-        self._joined: RowGroups | None = None
+                self._writer = parquet_writer(self._file, schema)
         # The writer packs outside the interpreter's lock: decoding goes on meanwhile.
         self._packer = ThreadPoolExecutor(1, thread_name_prefix="tables")
         self._packing: Future[None] | None = None
@@ -203,19 +193,6 @@ class _Table:
         self._rows += len(table)
         if self._rows >= MOST:
             self._flush()
-
-    def append(self, piece: Path) -> None:
-        """Add a Parquet file with these columns behind all that came before, as it is packed."""
-        self._flush()
-        self._wait()
-        with writing(self._path), piece.open("rb") as packed:
-            if self._joined is None:  # what this has begun is one of the files, footer and all
-                self._writer.close()
-                footer = io.BytesIO()
-                self._told[0].write_metadata_file(footer)
-                self._joined = RowGroups(self._file)
-                self._joined.tell(footer_of(footer))
-            self._joined.append(packed)
 
     def _flush(self) -> None:
         """Hand the rows over; one group at most is under way, and its failure is told here."""
@@ -231,14 +208,7 @@ class _Table:
                 packing.result()
 
     def _pack(self, parts: list[Any]) -> None:
-        rows = pa.concat_tables(parts).unify_dictionaries()
-        if self._joined is None:
-            self._writer.write_table(rows)
-            return
-        packed = io.BytesIO()
-        with parquet_writer(packed, self._schema, len(rows)) as writer:
-            writer.write_table(rows)
-        self._joined.append(packed)
+        self._writer.write_table(pa.concat_tables(parts).unify_dictionaries())
 
     def close(self) -> None:
         with writing(self._path), self._file, self._packer:
@@ -246,7 +216,7 @@ class _Table:
                 self._flush()
                 self._wait()
             finally:
-                (self._joined or self._writer).close()
+                self._writer.close()
 
 
 def _in_text(table: Any, schema: Any) -> Any:
@@ -292,17 +262,14 @@ class TableSink:
             self._samples.write(bus, protocol, batch)
             self._frames.write(bus, protocol, batch)
 
-    def pieces(self) -> TablePieces | PackedPieces:
+    def pieces(self) -> TablePieces:
         """Return how a part of a capture is written elsewhere."""
-        return PackedPieces() if self._samples.joins and self._frames.joins else TablePieces()
+        return TablePieces()
 
     def join(self, piece: Path, told: WrittenElsewhere) -> None:
         """Add the rows that were written elsewhere."""
         del told
         for path, table in ((piece, self._samples), (beside(piece), self._frames)):
-            if isinstance(self.pieces(), PackedPieces):
-                table.append(path)
-                continue
             with pyarrow.memory_map(str(path)) as file:
                 for rows in pa.ipc.open_stream(file):
                     table.take(pa.Table.from_batches([rows]))
@@ -313,15 +280,6 @@ class TableSink:
             self._samples.close()
         finally:
             self._frames.close()
-
-
-@dataclass(frozen=True, slots=True)
-class PackedPieces:
-    """Parts of a capture as Parquet files, whose row groups are joined as they are."""
-
-    def open(self, path: Path) -> TableSink:
-        """Return what writes one."""
-        return TableSink(path)
 
 
 @dataclass(frozen=True, slots=True)
