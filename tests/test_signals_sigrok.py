@@ -101,6 +101,8 @@ FORMS: Final = {
     "csv:dedup=true:time=true": "changes.csv",
     "csv:time=true:label=off": "headless.csv",
     "csv:time=true:label=channel": "named.csv",
+    "csv:trigger=true": "triggered.csv",
+    "csv:time=true:trigger=true": "timed.csv",
 }
 
 
@@ -123,5 +125,10 @@ def test_a_session_that_sigrok_made_of_samples_is_read(tmp_path: Path) -> None:
     raw = tmp_path / "wave.raw"
     raw.write_bytes(sampled(spoken(DATA, BAUD), RATE).tobytes())
     path = tmp_path / "wave.sr"
-    sigrok("-i", raw, "-I", f"binary:numchannels=1:samplerate={RATE}", "-o", path)
+    given = ("-i", raw, "-I", f"binary:numchannels=1:samplerate={RATE}")
+    sigrok(*given, "-o", path)
     assert by_us(path) == DATA
+    table = tmp_path / "wave.csv"  # the rate is not in its comments: it is learned on the way
+    sigrok(*given, "-O", "csv", "-o", table)
+    assert b"META samplerate" in table.read_bytes()
+    assert by_us(table) == DATA

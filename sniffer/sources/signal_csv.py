@@ -41,7 +41,10 @@ COLUMNS_MOST: Final = 64
 """So many levels of a row are read in columns: no analyser has more."""
 
 _RATE: Final = re.compile(r"sample ?rate:? *([0-9.]+ *[kMG]?Hz)", re.IGNORECASE)
+_META: Final = re.compile(r"META samplerate: ([0-9]{1,15})")
+"""What sigrok writes among the lines of a device that learns its rate only then."""
 _NAMES: Final = re.compile(r"; Channels \(\d+/\d+\): (.+)")
+_TRIGGER: Final = "Trigger"
 _UNIT: Final = re.compile(r"[\[(]([^\])]+)[\])]")
 _UNITS: Final = {
     unit: scale
@@ -117,6 +120,8 @@ def _head(text: Iterator[LineBlock]) -> _Head:
                 rate = rate_in(match[1])
             if match := _NAMES.match(shown):
                 names = [name.strip() for name in match[1].split(",")]
+        elif match := _META.fullmatch(shown):
+            rate = rate_in(match[1])
         elif _has_levels(line):
             assert block is not None
             rest = b"\n".join(lines[nth:])
@@ -137,6 +142,8 @@ def _named(
 ) -> tuple[list[str], float]:
     """Return the names of the channels, and the unit of time, 0 where there is no column of it."""
     count = line.count(b",") + 1
+    if names and columns[-1:] == [_TRIGGER]:  # sigrok's, behind its channels
+        names = [*names, _TRIGGER]
     head = columns[0].lower() if columns else ""
     unit = _UNIT.search(head)
     scale = _UNITS.get(unit[1] if unit else head, 0.0)
@@ -146,7 +153,7 @@ def _named(
     if is_timed and not scale:
         raise InputError("the table does not say the unit of its times")
     found = columns[1:] if is_timed else columns
-    if len(found) != count - is_timed or all(name == "logic" for name in found):
+    if len(found) != count - is_timed or all(name in ("logic", _TRIGGER) for name in found):
         found = names if len(names) == count - is_timed else [""] * (count - is_timed)
     return unlike([name or f"D{nth}" for nth, name in enumerate(found)]), scale
 
