@@ -118,7 +118,7 @@ def test_a_file_may_be_called_anything(query: Asking, tmp_path: Path) -> None:
     other = tmp_path / "b.hex"
     other.write_text("FFFFFF0002F10C", encoding="ascii")
     rows = query.rows("SELECT DISTINCT file FROM frames ORDER BY file DESC", odd, other)
-    assert rows[1] == {"file": str(tmp_path / "a\\udcff\n.hex")}
+    assert rows[1] == {"file": str(tmp_path / "a\\xff\n.hex")}
 
 
 def test_several_files_are_one_table_that_tells_them_apart(query: Asking) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Any, Final
 
 from sniffer.ground.model import SnifferError
+from sniffer.ground.wording import as_text
 from sniffer.sources.stretches import Sizes
 
 OK: Final = "ok"
@@ -78,11 +79,6 @@ class CaptureTask:
     def path(self) -> str:
         """Where it lies, as a text that tables can hold: names of files may be none."""
         return as_text(self.uri)
-
-
-def as_text(name: str) -> str:
-    """Return the name of a file as UTF-8; bytes of it that are none are written as escapes."""
-    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 @dataclass(frozen=True, slots=True)

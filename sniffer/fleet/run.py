@@ -19,11 +19,10 @@ from sniffer.fleet.rows import (
     CaptureTask,
     UndoneError,
     WorkerDiedError,
-    as_text,
 )
 from sniffer.ground.model import InputError, OutputError, SnifferError
 from sniffer.ground.needs import need_pyarrow
-from sniffer.ground.wording import Sentence, counted
+from sniffer.ground.wording import Sentence, as_text, counted
 from sniffer.jobs.telling import Teller
 
 if TYPE_CHECKING:

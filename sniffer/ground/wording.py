@@ -23,6 +23,11 @@ def plain(text: str) -> str:
     return text if text.isprintable() else ascii(text)[1:-1]
 
 
+def as_text(name: str) -> str:
+    """Return the name of a file as UTF-8; bytes of it that are none are written as escapes."""
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
 def short(text: str) -> str:
     """Return a text whose endless words are cut in the middle."""
     return _LONG.sub(lambda word: f"{word[0][: WORD - 60]}…{word[0][-59:]}", text)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.model import InputError
 from sniffer.ground.needs import need_duckdb, need_pyarrow
+from sniffer.ground.wording import as_text
 from sniffer.jobs.session import Ending
 from sniffer.jobs.through import hear_part
 from sniffer.sources.several import name_of
@@ -117,7 +118,7 @@ def query(
     for source in sources:
         sink = RelationSink(
             [name for name in RELATIONS if name in named],
-            file=_told_name(source) if len(sources) > 1 else None,
+            file=as_text(name_of(source)) if len(sources) > 1 else None,
         )
         done = hear_part(
             source,
@@ -142,11 +143,6 @@ def query(
         columns = tuple(column[0] for column in result.description)
     worst = max(endings, key=lambda ending: ending.value)
     return Answer(columns, worst, tuple(summaries), result)
-
-
-def _told_name(source: str | Path | Sequence[str | Path]) -> str:
-    """Return what a capture is called as UTF-8 has it: a file's name may be any bytes."""
-    return name_of(source).encode("utf-8", "backslashreplace").decode()
 
 
 @contextlib.contextmanager
