@@ -18,13 +18,12 @@ from sniffer.ground.patterns import later
 from sniffer.ground.runs import ChunkRun
 from sniffer.sources.text import (
     CUT_OFF,
-    PAUSE,
     DamagedLine,
     LineBlock,
     Opened,
     TextLog,
-    arriving,
     quoted,
+    read_blocks,
 )
 
 if TYPE_CHECKING:
@@ -169,11 +168,4 @@ class CandumpLog(TextLog):
 def read_candump(opened: Opened) -> Iterator[Chunk | ChunkRun]:
     """Yield one chunk a line; its time is that of the line, on the file's clock."""
     log = CandumpLog()
-    try:
-        for block in arriving(opened.stream):
-            if block is None:
-                yield PAUSE
-            else:
-                yield from log.parts(block)
-    finally:
-        opened.notes.extend(log.notes())
+    return read_blocks(opened, log, log.parts)

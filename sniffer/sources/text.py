@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Final, Protocol, TypeVar, runtime_checkable
 
 from sniffer.ground.model import Chunk, DamagedInputError
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from sniffer.ground.files import Stream
+
+T = TypeVar("T")
 
 BLOCK: Final = 1 << 18
 """Text or raw bytes read at a time, in bytes."""
@@ -207,12 +209,19 @@ class TextLog(Protocol):
 
 def read_log(opened: Opened, log: TextLog) -> Iterator[Chunk]:
     """Yield the chunks of a log; those before damage, too, and the notes however it ends."""
+    return read_blocks(opened, log, log.chunks)
+
+
+def read_blocks(
+    opened: Opened, log: TextLog, taken: Callable[[LineBlock], Iterator[T]]
+) -> Iterator[Chunk | T]:
+    """Do that with what is made of each block by ``taken``, runs of chunks for instance."""
     try:
         for block in arriving(opened.stream):
             if block is None:
                 yield PAUSE
             else:
-                yield from log.chunks(block)
+                yield from taken(block)
         yield from log.rest()
     except DamagedInputError:
         yield from log.rest()
