@@ -30,13 +30,13 @@ import numpy as np
 from mcap.records import Attachment
 
 from sniffer import __version__
-from sniffer.decoding.names import joined
 from sniffer.decoding.options import names_in
 from sniffer.ground.limits import BAUDS, number_in
 from sniffer.ground.model import NS, OutputError
 from sniffer.ground.registers import schema_path
 from sniffer.ground.wording import Sentence
 from sniffer.mcapfile.container import Container
+from sniffer.mcapfile.facts import attached_tables, facts_of
 from sniffer.mcapfile.incidents import message_of
 from sniffer.mcapfile.layout import ATTACHED, layout
 from sniffer.mcapfile.messages import BusWriter
@@ -54,10 +54,8 @@ from sniffer.messages import (
     OFFSET,
     SESSION,
     SHOWN,
-    TABLES,
     TOOL,
 )
-from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -380,24 +378,6 @@ class McapSink:
     def _write_all(self, rows: Sorted | None, *, indexed: bool) -> None:
         for piece in () if rows is None else rows.pieces():
             self._file.write(piece, indexed=indexed)
-
-
-def facts_of(
-    bus: str, protocols: Sequence[BusProtocol], session: Mapping[str, str]
-) -> dict[str, str]:
-    """Return what a recording says of a bus."""
-    baud = session.get(f"baud.{bus}", session.get("baud", str(protocols[0].baud)))
-    told = {"bus": bus, "protocol": joined(protocols), "baud": baud}
-    if plugins := [p for p in map(PROTOCOLS.origin, (p.name for p in protocols)) if p]:
-        told["plugin"] = ", ".join(plugins)
-    return told
-
-
-def attached_tables(protocols: Sequence[BusProtocol]) -> Iterator[tuple[str, bytes]]:
-    """Yield the register tables of protocols as they are attached: name and contents."""
-    for table in (table for protocol in protocols for table in protocol.models):
-        if table.text:
-            yield f"{TABLES}{table.model}.toml", table.text.encode()
 
 
 def _told(text: str) -> str:

@@ -18,10 +18,10 @@ from mcap.records import Attachment
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.limits import BAUDS, OFFSET_END, number_in
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
+from sniffer.mcapfile.facts import attached_tables, facts_of
 from sniffer.mcapfile.messages import DERIVED, BusWriter
 from sniffer.mcapfile.queue import Queue
 from sniffer.mcapfile.rows import RECORD
-from sniffer.mcapfile.sink import attached_tables, facts_of
 from sniffer.mcapfile.source import groups, session
 from sniffer.mcapfile.states import kind_of
 from sniffer.messages import BULK, BUS, FLAT, OFFSET, PLOTS, SHOWN, TOPICS
