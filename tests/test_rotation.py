@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-import sniffer
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.model import NS, Chunk, Clock, Mark, MarkKind, OutputError
 from sniffer.jobs.compare import compare
 from sniffer.mcapfile.ends import End, ends
 from sniffer.mcapfile.recover import recover
-from sniffer.mcapfile.ros2 import JOINTS
 from sniffer.mcapfile.rotation import RotatingMcap
 from sniffer.mcapfile.source import chunks, session
 from sniffer.protocols import PROTOCOLS
@@ -23,7 +21,6 @@ from sniffer.sources import open_source
 from tests.recorder import Collected
 from tests.recordings import START_NS, heads, messages, talk
 from tests.test_mcap import RERUN, rerun
-from tests.test_ros2 import read_by_others, stamped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -187,28 +184,6 @@ def test_the_files_joined_are_the_recording_in_one_file(
             assert sum(s.bytes for s in found[topic]) == sum(s.bytes for s in wanted[topic])
         elif name != "raw":
             assert found[topic] == wanted[topic], topic
-
-
-def test_stamps_of_joints_do_not_go_back_where_a_file_begins(
-    traffic: list[list[Chunk]], tmp_path: Path
-) -> None:
-    """Bytes that were read late, and all at once, are timed back over those before them."""
-    late = []
-    for number, group in enumerate(traffic):
-        read = START_NS + number * ROUND_NS // 9
-        said = {bus: b"".join(c.data for c in group if c.bus == bus) for bus in BUSES}
-        late.append([Chunk(data, read, Clock.READ, bus) for bus, data in said.items() if data])
-    file = record(tmp_path / "run.mcap", late, ask, joints=())
-    assert len(file.files) >= 3
-    again = tmp_path / "again.mcap"
-    sniffer.convert(file.files, [again], contents=sniffer.Contents(None, []))
-    states = {path: read_by_others(path, JOINTS)[JOINTS] for path in (*file.files, again)}
-    found = [one for path in file.files for one in states[path]]
-    assert len(found) > 40
-    assert sorted(map(repr, found)) == sorted(map(repr, states[again]))
-    for name in {state.name[0] for state in found}:
-        times = [time for time, _ in stamped(found, name)]
-        assert times == sorted(times), name
 
 
 @pytest.mark.parametrize("how", LIMITS)

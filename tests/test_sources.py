@@ -13,11 +13,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import Chunk, Clock, Direction, SnifferError
 from sniffer.sources import SOURCES, open_source
-from sniffer.sources.candump import CandumpLog
-from sniffer.sources.text import LineBlock
 from tests.inputs import (
     BUS,
     PAYLOADS,
@@ -184,66 +181,7 @@ def test_the_suffix_breaks_the_tie_of_a_few_digits_only(tmp_path: Path) -> None:
         assert read(tmp_path / name) == data
 
 
-# --- logs with times --------------------------------------------------------------------------
-
-
-def test_log_lines_keep_time_direction_and_bus_and_not_the_id() -> None:
-    text = (
-        b"(1795215306.000100) bus0 RX#FAAF\n(1795215306.123456789) bus1 TX#01\r\n"
-        b"(1795215307) can0 123#02\n(1795215307.5) can0 00000343##1AABB T\n\n"
-        b"(1795215308.1) can0 123#R\n(1795215308.2) can0 20000080#00\nbus0 #fd"
-    )
-    assert chunks(text) == [
-        Chunk(b"\xfa\xaf", 1795215306_000100000, Clock.FILE, "bus0", Direction.RX),
-        Chunk(b"\x01", 1795215306_123456789, Clock.FILE, "bus1", Direction.TX),
-        Chunk(b"\x02", 1795215307_000000000, Clock.FILE, "can0"),
-        Chunk(b"\xaa\xbb", 1795215307_500000000, Clock.FILE, "can0", Direction.TX),
-        Chunk(b"\xfd"),
-    ]
-
-
-@given(st.integers(0, TIME_END_NS - 1))
-def test_a_time_is_exact_to_the_nanosecond(t_ns: int) -> None:
-    text = f"({t_ns // 10**9}.{t_ns % 10**9:09d}) bus0 RX#00\n"
-    assert chunks(text.encode())[0].t_ns == t_ns
-
-
-@given(
-    st.lists(st.tuples(st.integers(0, 10**12), st.binary(max_size=3)), min_size=1, max_size=6),
-    st.lists(st.sampled_from(["b #", "b TX#", "b RX#"]), min_size=1, max_size=3),
-    st.sampled_from(["", "c RX#", "b rx#", "b 123#"]),
-    st.sampled_from([3, 6, 9]),
-)
-def test_lines_read_together_say_what_each_says_alone(
-    said: list[tuple[int, bytes]], heads: list[str], odd: str, places: int
-) -> None:
-    lines = [
-        f"({t_ns // 10**9}.{f'{t_ns % 10**9:09d}'[:places]}) {head}{data.hex()}"
-        for (t_ns, data), head in zip(said, itertools.cycle([*heads, odd or heads[0]]))
-    ]
-    text = "\n".join(lines).encode()
-    alone = [*CandumpLog().chunks(LineBlock(text, 1, 0, cut_off=False))]
-    assert chunks(text + b"\n", "candump") == alone
-
-
-def test_a_log_that_breaks_off_is_read_as_far_as_it_goes() -> None:
-    text = b"(1.5) bus0 RX#FAAF01\n(2.5) bus0 TX#FAAF01"
-    for cut in range(1, 20):
-        assert b"\xfa\xaf\x01\xfa\xaf\x01".startswith(read(text[:-cut], "candump"))
-    damaged = b"(1.5) bus0 RX#FA\n" * 20 + b"(1.5) bus0 RX:FA\n"
-    assert until_damage(damaged)[0] == b"\xfa" * 20
-
-
-def test_the_first_group_is_small_where_somebody_waits_for_it_and_nothing_else_changes() -> None:
-    lines = "".join(f"(1732142106.{k:06d}) bus0 RX#FF{k % 256:02X}00\n" for k in range(3000))
-    slow, hasty = (open_source(lines.encode(), "candump") for _ in range(2))
-    hasty.hasten(600, 1000)
-    whole, parts = list(slow), list(hasty)
-    assert [len(group) for group in whole] == [3000]
-    assert [len(group) for group in parts] == [200, 2800]
-    assert [chunk for group in parts for chunk in group] == whole[0]
-    hasty.hasten(1 << 20, 70)
-    assert len(next(iter(hasty))) == 70
+# --- our own lines ----------------------------------------------------------------------------
 
 
 def test_own_json_lines_are_the_bus_again() -> None:
