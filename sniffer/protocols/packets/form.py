@@ -5,7 +5,7 @@ What is amiss here would otherwise be told later, and by something else.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NoReturn
 
 import construct as c
 
@@ -28,7 +28,7 @@ def check_form(family: PacketFamily) -> None:
     checksum = own.get("checksum")
     if not isinstance(checksum, c.Checksum):
         _refuse(family, 'packet needs "checksum" / Checksum(...) behind its body')
-    elif not hasattr(checksum.hashfunc, "good"):
+    if not hasattr(checksum.hashfunc, "good"):
         _refuse(
             family,
             "the checksum needs a form for columns, too: take one of sniffer.ground.checksums, "
@@ -62,5 +62,5 @@ def shapes_of(family: PacketFamily) -> dict[int, Shape]:
     return out
 
 
-def _refuse(family: PacketFamily, why: str) -> Any:
+def _refuse(family: PacketFamily, why: str) -> NoReturn:
     raise TypeError(f"{family.name}: {why}")
