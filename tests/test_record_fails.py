@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import signal
 import time
 from typing import TYPE_CHECKING
@@ -46,7 +47,7 @@ def assert_usable(path: Path, said: bytes, tmp_path: Path) -> None:
     assert decoded.status == 0
     assert conserved(decoded.out) == kept
     again = sniffer("replay", path, "--redecode")  # of the last bytes no frame was recorded
-    assert " frames the same" in again.out
+    assert re.search(r"[1-9]\d* frames,? the same", again.out)  # all of them, or all but a few
     assert again.status == 0 or " 0 read otherwise, 0 only in the recording, " in again.out
     whole = tmp_path / "whole.mcap"
     recover(path, whole)
