@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import time
 from functools import partial
@@ -106,7 +107,9 @@ def test_a_recording_ends_when_nothing_is_said_any_more(tmp_path: Path, line: Pa
             time.sleep(0.2)
         ran = run.ended()
     assert ran.status == 0
-    assert "sniffer: stopped: no byte for 4.0 s" in ran.err
+    told = re.search(r"sniffer: stopped: no byte for (\d+\.\d) s", ran.err)
+    assert told is not None
+    assert float(told[1]) >= 4  # it says how long it was, which is what this machine made of it
     assert (TALK * 4).startswith(raw(run.path).get("bus0", b""))
     times = [chunk.t_ns or 0 for chunk in chunks(run.path)]
     last = max(t for t, chunk in zip(times, chunks(run.path), strict=True) if chunk.data)

@@ -108,7 +108,7 @@ def _capture(told: argparse.Namespace) -> int:
     from sniffer.pcapfile.sink import PcapngSink
     from sniffer.tap.recorder import Wishes
     from sniffer.tap.tap import PortSpec
-    from sniffer.wireshark.fifo import Fifo
+    from sniffer.wireshark.fifo import opened
 
     port = told.path or told.port
     if not port:
@@ -128,7 +128,7 @@ def _capture(told: argparse.Namespace) -> int:
         def hung_up() -> None:
             wishes.stop = wishes.stop or "Wireshark"
 
-        with io.BufferedWriter(Fifo(Path(told.fifo), hung_up)) as fifo:
+        with io.BufferedWriter(opened(Path(told.fifo), hung_up)) as fifo:
             wishes.is_heard = "://" not in port
             sink = PcapngSink(fifo, session_facts(port, options))
             sink.begin()

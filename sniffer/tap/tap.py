@@ -109,13 +109,16 @@ class Tap:
         """Return what the counters add to the marks: the bytes since they were last read.
 
         A driver counts an error before its bytes can be read, so a mark may come after its count:
-        both are added up since the port was opened.
+        both are added up since the port was opened. Where no byte was read since they were last
+        counted, the bytes of an error are still to come, and bring its mark with them.
         """
         risen = now.since(before)
         region = self._since
         counted = risen.frame + risen.parity + risen.brk
         self._counts += counted
-        new = min(counted, max(0, self._counts - self._marked - self._unmarked))
+        is_to_come = not region and bool(self.port.marks_errors)
+        new = 0 if is_to_come else self._counts - self._marked - self._unmarked
+        new = min(counted, max(0, new))
         self._unmarked += new
         self._add_up()
         known = counted - new

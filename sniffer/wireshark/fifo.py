@@ -18,16 +18,12 @@ class Fifo(io.RawIOBase):
     """A stream that tells once that nobody reads it any more, and takes no offence at that.
 
     Args:
-        path: the pipe; opening it waits for its reader.
+        pipe: the pipe, open.
         hung_up: called when the reader has gone: that is how a capture ends.
-
-    Raises:
-        OutputError: it cannot be opened.
     """
 
-    def __init__(self, path: Path, hung_up: Callable[[], None]) -> None:
-        with writing(path):
-            self._pipe = path.open("wb", buffering=0)
+    def __init__(self, pipe: io.FileIO, hung_up: Callable[[], None]) -> None:
+        self._pipe = pipe
         self._hung_up = hung_up
         self._is_heard = True
 
@@ -51,3 +47,14 @@ class Fifo(io.RawIOBase):
         """Close the pipe: its reader comes to the end."""
         self._pipe.close()
         super().close()
+
+
+def opened(path: Path, hung_up: Callable[[], None]) -> Fifo:
+    """Return the pipe at ``path``; opening it waits for its reader.
+
+    Raises:
+        OutputError: it cannot be opened.
+    """
+    with writing(path):
+        pipe = path.open("wb", buffering=0)
+    return Fifo(pipe, hung_up)
