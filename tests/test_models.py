@@ -305,6 +305,16 @@ def test_a_new_id_takes_evidence_along() -> None:
     assert samples(half)[-1][:2] == (2, "goal_speed")
 
 
+def test_evidence_that_a_new_id_takes_along_is_told_where_the_id_is_given() -> None:
+    before = write(254, 0x15, 0, 2) + write(7, 0x80, 1) + ok(7, 0x20)
+    data = before + write(1, 0x03, 2) + ok(2)
+    note = next(note for note in notes(data) if note.servo_id == 2)
+    assert note.evidence == [[len(before), 9], [0, 10]]
+    found = [r for r in told(data) if r.type == "anomaly"]
+    known = [max(r.evidence)[0] for r in found]
+    assert known == sorted(known), "however the stream is cut, nothing is told before it is known"
+
+
 def test_an_id_given_to_all_is_that_of_the_servo_that_answers() -> None:
     data = write(0, 0x03, 9) + ok(1) + write(9, 0x88, 0, 1)
     assert samples(data, {1: FORCE})[-1][:2] == (9, "goal_speed")

@@ -65,10 +65,11 @@ class ModelRules(Remembering):
         else:
             other = _option(self._protocol, v.servo, names[rival])
             remedy = f"Decode again with {option}, or with {other} if it is that."
-        spans = dict.fromkeys(w.span for w in reversed(told.weighed))
         t_ns, here = self._place(batch, told.row)
+        # a servo that takes another id is told of there: its clues are older than that
+        spans = dict.fromkeys((here, *(w.span for w in reversed(told.weighed))))
         detail = f"{text}: {clues}" if clues else text
-        evidence = list(spans)[:SPANS] or [here]
+        evidence = list(spans)[:SPANS]
         return anomaly("model-evidence", t_ns, v.servo, detail, *evidence)._replace(remedy=remedy)
 
     @staticmethod
