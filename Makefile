@@ -16,12 +16,13 @@ PROTOC_TOOLS := grpcio-tools==1.64.* "setuptools<81"
 PROTOC_PYTHON ?= $(PYTHON)
 PROTOS := $(sort $(shell find schemas/messages -name '*.proto' 2>/dev/null))
 
-# What decodes, without a process or a port; and the part of it that is done in a minute.
-CORE := tests/plugins $(addprefix tests/test_, $(addsuffix .py, capture_edges conformance_kit cutting \
-	damage_columns detect diagnostics echo edges examples_protocols golden laws limits lss lss_models \
-	lss_values malformed matching mixed models models_laws pacing pipelined registers remarks rs30x \
-	rs30x_acks rs30x_values siblings staged_ids streaming times vectors wck wck_controller wck_gaps \
-	wck_values cli_text cli_jsonl))
+# What decodes, with few processes and ports; and the part of it that is done in a minute.
+CORE := tests/plugins $(addprefix tests/test_, $(addsuffix .py, alarms amounts asking batches \
+	capture_edges conformance_kit cut cutting damage_columns detect diagnostics echo edges \
+	examples_protocols golden laws limits lines lss lss_models lss_values malformed matching mixed \
+	mixed_wires models models_laws pacing parts pipelined plugins rates registers remarks rs30x \
+	rs30x_acks rs30x_values selection siblings sources_columns staged_ids state streaming times \
+	times_live toml vectors wck wck_controller wck_gaps wck_values cli_known cli_text cli_jsonl))
 QUICK := $(addprefix tests/test_, $(addsuffix .py, architecture detect golden lss matching registers \
 	rs30x staged_ids times vectors vectors_data wck))
 
