@@ -8,6 +8,7 @@ were on the wire by the best estimate.
 from __future__ import annotations
 
 import copy
+import functools
 import json
 import re
 from dataclasses import replace
@@ -18,6 +19,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from sniffer.decoding.joining import joined, runs
 from sniffer.decoding.sink import bus_of
+from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import I64, NS, Clock
 from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.encoder import Blob, Encoder
@@ -296,10 +298,8 @@ class BusWriter:
         )
 
     def _write_gaps(self, batch: Batch) -> None:
-        gaps = batch.gaps
-        start = np.array([g.start for g in gaps], np.int64)
-        length = np.array([g.length for g in gaps], np.int64)
-        times = np.array([g.t_ns for g in gaps], np.int64)
+        gaps = Gaps.of(batch.gaps)
+        start, length, times = gaps.start, gaps.length, gaps.t_ns
         messages = [
             Gap(
                 t_ns=g.t_ns,
@@ -395,5 +395,10 @@ def _who(anomaly: Found) -> str:
     if anomaly.servo_id is None:
         return ""
     who = f"servo {anomaly.servo_id}"
-    named = who in anomaly.detail and re.search(rf"\b{who}\b", anomaly.detail)
+    named = who in anomaly.detail and _word(who).search(anomaly.detail)
     return "" if named else f"{who}: "
+
+
+@functools.cache  # there are some 250 servos; ``re`` itself takes longer to find it than to search
+def _word(text: str) -> re.Pattern[str]:
+    return re.compile(rf"\b{text}\b")

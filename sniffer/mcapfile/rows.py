@@ -107,7 +107,7 @@ class MessageRows:
         """Return the rows that the mask selects."""
         return MessageRows(self.data[mask], self.heads.take(mask))
 
-    def place(self, out: bytearray, at: I64) -> None:
+    def place(self, out: memoryview, at: I64) -> None:
         """Write each record to its place in ``out``."""
         width = self.data.dtype.itemsize
         np.ndarray((len(out) - width + 1,), self.data.dtype, out, 0, (1,))[at] = self.data
@@ -145,7 +145,7 @@ class Loose:
         chosen = [d for d, is_chosen in zip(self.data, mask.tolist(), strict=True) if is_chosen]
         return Loose(chosen, self.heads.take(mask))
 
-    def place(self, out: bytearray, at: I64) -> None:
+    def place(self, out: memoryview, at: I64) -> None:
         """Write each record to its place in ``out``."""
         for data, a in zip(self.data, at.tolist(), strict=True):
             out[a : a + len(data)] = data
