@@ -105,6 +105,7 @@ class Decoder(Remembering):
         state: DecoderState | None = None,
     ) -> None:
         self.protocol = protocol_named(protocol)
+        self._surveyor = self.protocol if isinstance(self.protocol, Surveyor) else None
         known = [m.model for m in self.protocol.models]
         models = model_ids(models or {})
         for model in models.values():
@@ -385,8 +386,8 @@ class Decoder(Remembering):
             s, e = int(runs.start[i]), int(runs.end[i])
             return self.protocol.explain(data[s:e], s, awaited=bool(awaited[i]))
 
-        if isinstance(self.protocol, Surveyor) and not self._remarks.doubts:
-            found, kind = surveyed(self.protocol, block, runs)
+        if self._surveyor is not None and not self._remarks.doubts:
+            found, kind = surveyed(self._surveyor, block, runs)
             times = self._stamps.at(found.end + self._base)
             size = found.end - found.start
             return Gaps(found.start, size, kind, found.servo_id, times, found.run, explain)

@@ -77,7 +77,7 @@ class DoubledAnswers(Remembering):
         rows = np.flatnonzero((t.outcome == OK) & (t.response >= 0) & (t.request != -1))
         answers = t.response[rows]
         if len(rows) > 1 and (answers[1:] < answers[:-1]).any():
-            rows = rows[np.argsort(answers)]
+            rows = rows[np.argsort(answers, kind="stable")]  # nearly sorted: that is seen to
             answers = t.response[rows]
         who = f.servo_id[answers] & 255
         stray = found.rows("noise")

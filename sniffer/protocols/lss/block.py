@@ -157,7 +157,7 @@ def describe(block: Block, spans: Spans) -> Frames:
     ] |= MALFORMED
     flags[is_reply & p.lower] |= UNUSUAL
     flags[~is_reply & known & ~query & _unusual(p, entry)] |= UNUSUAL
-    return Frames.blank(len(start)).having(
+    return Frames.stating(
         start=start,
         length=end - start,
         kind=spans.kind,

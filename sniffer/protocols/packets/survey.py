@@ -28,7 +28,7 @@ def survey(runs: Runs, plan: Plan, size_name: str, least: int, total: I64) -> To
     who, size_at, width = plan.at["servo_id"], plan.at[size_name], plan.width[size_name]
     every = runs.find(plan.header)
     # an id is never a header's byte: of headers that overlap, the last one is it
-    at = every[~np.isin(every + 1, every)]
+    at = every[np.diff(every, append=-1) != 1]
     end = runs.end[runs.of(at)]
     behind = at + size_at + width
     size = sum(runs.byte(at + size_at + k) << 8 * k for k in range(width))
