@@ -173,7 +173,8 @@ class Scaling(Remembering):
             accepted=takes,
         )
         resets = [c for c in changes if c.what == RESET and c.value >= 0]
-        return Meaning(samples, _feedback(changes), weighed.told, misfits, resets)
+        feedback = _feedback(changes)
+        return Meaning(samples, feedback, weighed.told, misfits, resets, v.extremes)
 
     def models(self, frames: Frames | None = None) -> dict[int, tuple[str, int]]:
         """Return model and grounds of the servos in ``frames``, where it is not just assumed.
