@@ -145,11 +145,12 @@ class Scaling(Remembering):
         value: F64 = np.multiply(number, scale[register], dtype=np.float64)
         if present & SIGNED and self._turns_signs:
             value[mine] += 0.0  # a scale that turns the sign makes zero -0.0
-        takes = accepted[v.row]
+        takes = np.ones(len(v), bool) if accepted.all() else accepted[v.row]
         misfits: list[ScaleMisfit] = []
         if plain:
-            known = (origin == OBSERVED) & (traits & MODED > 0)
-            origin = np.where(known, np.uint8(ASSUMED), origin)
+            observed = origin == OBSERVED
+            if observed.any():
+                origin = np.where(observed & (traits & MODED > 0), np.uint8(ASSUMED), origin)
         elif changes or weighed.anew or present & MODED:
             moved = [c for c in changes if c.what != FEEDBACK]
             misfits = self._apply_modes(v, traits, takes, moved, weighed.anew, value, origin)

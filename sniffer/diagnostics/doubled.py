@@ -191,6 +191,8 @@ def _exchange(batch: Batch, row: int, number: int) -> _Exchange:
 def _ranks(key: I16) -> I64:
     """Return for each row how many rows with its key came before."""
     order = np.argsort(key, kind="stable")
+    alike = key[order]
+    begins = np.concatenate([[0], np.flatnonzero(alike[1:] != alike[:-1]) + 1])
     out = np.empty(len(key), np.int64)
-    out[order] = np.arange(len(key)) - np.searchsorted(key[order], key[order])
+    out[order] = np.arange(len(key)) - np.repeat(begins, np.diff(begins, append=len(key)))
     return out
