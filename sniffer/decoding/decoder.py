@@ -335,8 +335,7 @@ class Decoder(Remembering):
         self._barriers = [b for b in self._barriers if b >= self._base]
         if len(frames):
             waits = frames.kind[-1] == REQUEST and frames.reply[-1] != NEVER
-            end = int(frames.start[-1] + frames.length[-1])
-            self._asked_until = base + end if waits else -1
+            self._asked_until = base + int(frames.start[-1] + frames.length[-1]) if waits else -1
         self._stamps.forget(self._base)
         return batch
 
@@ -368,8 +367,7 @@ class Decoder(Remembering):
     def _gaps(self, data: bytes, frames: Frames, cut: int, block: Block) -> Sequence[Gap]:
         """Explain the bytes no frame claims, in pieces counted from where each run begins."""
         end = frames.end
-        edges_from = np.concatenate([[0], end])
-        edges_to = np.concatenate([frames.start, [cut]])
+        edges_from, edges_to = np.append(0, end), np.append(frames.start, cut)
         holes = np.flatnonzero(edges_to > edges_from)
         if not len(holes):
             return ()
