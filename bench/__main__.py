@@ -23,6 +23,7 @@ from bench.one_by_one import one_by_one
 from bench.results import NOTES, RESULTS, live
 from bench.small import small_rows
 from bench.streams import STREAMS, hostile
+from bench.tshark import tshark_rows
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.decoding.reference import Reference
@@ -287,6 +288,7 @@ def main() -> None:
     damage_rows(lines)
     hostile_rows(lines)
     file_rows(lines)
+    lines += tshark_rows()
     start_rows(lines)
     lines += small_rows()
     # what is measured on live recordings has programs of its own, and stays

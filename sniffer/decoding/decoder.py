@@ -105,6 +105,7 @@ class Decoder(Remembering):
         state: DecoderState | None = None,
     ) -> None:
         self.protocol = protocol_named(protocol)
+        self._surveyor = self.protocol if isinstance(self.protocol, Surveyor) else None
         known = [m.model for m in self.protocol.models]
         models = model_ids(models or {})
         for model in models.values():
@@ -334,7 +335,7 @@ class Decoder(Remembering):
         self._barriers = [b for b in self._barriers if b >= self._base]
         if len(frames):
             waits = frames.kind[-1] == REQUEST and frames.reply[-1] != NEVER
-            self._asked_until = base + int(frames.end[-1]) if waits else -1
+            self._asked_until = base + int(frames.start[-1] + frames.length[-1]) if waits else -1
         self._stamps.forget(self._base)
         return batch
 
@@ -359,21 +360,21 @@ class Decoder(Remembering):
         if row is not None:
             return int(frames.start[row]), row
         # An undecided gap is cut at whole pieces counted from its start, else chunking would show.
-        last = int(frames.end[-1]) if len(frames) else 0
+        last = int(frames.start[-1] + frames.length[-1]) if len(frames) else 0
         edge = max(last, int(block.barriers[-1]) if len(block.barriers) else 0)
         return edge + (decided - edge) // GAP_MAX * GAP_MAX, len(frames)
 
     def _gaps(self, data: bytes, frames: Frames, cut: int, block: Block) -> Sequence[Gap]:
         """Explain the bytes no frame claims, in pieces counted from where each run begins."""
-        edges_from = np.concatenate([[0], frames.end])
-        edges_to = np.concatenate([frames.start, [cut]])
+        end = frames.end
+        edges_from, edges_to = np.append(0, end), np.append(frames.start, cut)
         holes = np.flatnonzero(edges_to > edges_from)
         if not len(holes):
             return ()
         runs = holes_of(edges_from[holes], edges_to[holes], block)
         before = holes[holes > 0] - 1
         asks = (frames.kind[before] == REQUEST) & (frames.reply[before] != NEVER)
-        asked = frames.end[before[asks]]
+        asked = end[before[asks]]
         if not holes[0] and self._asked_until == self._base:
             asked = np.append(asked, 0)
         if self._barriers:
@@ -385,8 +386,8 @@ class Decoder(Remembering):
             s, e = int(runs.start[i]), int(runs.end[i])
             return self.protocol.explain(data[s:e], s, awaited=bool(awaited[i]))
 
-        if isinstance(self.protocol, Surveyor) and not self._remarks.doubts:
-            found, kind = surveyed(self.protocol, block, runs)
+        if self._surveyor is not None and not self._remarks.doubts:
+            found, kind = surveyed(self._surveyor, block, runs)
             times = self._stamps.at(found.end + self._base)
             size = found.end - found.start
             return Gaps(found.start, size, kind, found.servo_id, times, found.run, explain)

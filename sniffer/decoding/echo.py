@@ -125,7 +125,9 @@ class Echoes(Remembering):
         same = np.zeros(len(frames), bool)
         f = frames
         if len(f) > 1:
-            same[1:] = sends[1:] & sends[:-1] & (f.start[1:] == f.end[:-1])
+            np.logical_and(sends[1:], sends[:-1], out=same[1:])
+        if same.any():  # on a clean bus a servo speaks between two requests
+            same[1:] &= f.start[1:] == f.end[:-1]
             same[1:] &= (f.length[1:] == f.length[:-1]) & (f.op[1:] == f.op[:-1])
         rows = np.flatnonzero(same)
         if len(block.barriers):

@@ -175,7 +175,7 @@ class _Rows:
         if not len(left) or len(left) > len(f) // SPARSE:
             return left
         alone = (f.kind == REQUEST) & (f.reply != NEVER) & (f.reply != MANY)
-        alone[partner[partner >= 0]] = False
+        alone &= ~_asked(partner)
         asked = np.flatnonzero(alone)
         last = np.searchsorted(asked, left)
         many = np.minimum(last, DEPTH)
@@ -299,9 +299,8 @@ class _Rows:
         if (f.reply == MANY).any():
             left = self._of_all(left, asks, partner)
         q = left - 1
-        taken = np.zeros(len(f), bool)
-        taken[partner[partner >= 0]] = True
-        misfit = (q >= 0) & asks[q] & (f.reply[q] != MANY) & ~taken[q] & self.near(q, left)
+        misfit = (q >= 0) & asks[q] & (f.reply[q] != MANY) & ~_asked(partner)[q]
+        misfit &= self.near(q, left)
         partner[left[misfit]] = -2 - q[misfit]
 
     def _of_all(self, left: I64, asks: Mask, partner: I64) -> I64:
@@ -325,6 +324,18 @@ class _Rows:
             else:
                 rest.append(row)
         return np.array(rest, np.int64)
+
+
+def _asked(partner: I64) -> Mask:
+    """Tell which rows somebody answers.
+
+    What is no row is negative, down to -2 - n: it falls behind the rows, where it does no harm.
+    Picking out those that are would take thrice as long.
+    """
+    n = len(partner)
+    out = np.zeros(2 * n + 2, bool)
+    out[partner] = True
+    return out[:n]
 
 
 def _grouped(parts: Sequence[I64]) -> tuple[I64, Mask]:

@@ -158,7 +158,7 @@ def _in_turn(frames: Frames, torn: Mask, turn: I64, answered: I64, latest: I64, 
     alone = np.flatnonzero(some[turn] & (answered < 0) & (frames.reply != NEVER))
     start, end, n = frames.start, frames.end, len(turn)
     lasts = np.append(np.flatnonzero(np.diff(turn)), n - 1)
-    run = np.searchsorted(lasts, np.arange(n))
+    run = np.concatenate([[0], np.cumsum(turn[1:] != turn[:-1])])
     # The earliest answer to this request of the turn or one behind it: the minimum from the back,
     # which begins anew in each run because its numbers are a step lower than those behind it.
     none = int(end[-1]) + reach + 1

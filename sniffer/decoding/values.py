@@ -69,6 +69,9 @@ class Scaling(Remembering):
             | EVENT * self._changes.traits
         ).astype(np.uint8)
         self._one_scale = not (known.is_signed & known.is_moded).any()
+        bits = numbers(known.sign_bit[known.is_signed]).tolist()
+        self._sign_bit = bits[0] if len(bits) == 1 else None
+        self._turns_signs = bool((known.scale[known.is_signed] < 0).any())
 
     def decode(self, block: Block, paired: Paired, base: int = 0) -> Meaning:
         """Return every value the frames state, scaled; ``base`` is the block's offset.
@@ -130,19 +133,24 @@ class Scaling(Remembering):
         # instead.
         plain = bool(present & MODED) and not (changes or weighed.anew) and self._is_modeless()
         scale = self._known.unseen if plain else self._known.scale
-        value: F64 = np.multiply(v.raw, scale[register], dtype=np.float64)
+        number = v.raw
         if present & SIGNED:
-            mine = np.flatnonzero(traits & SIGNED)
-            raw, bit = v.raw[mine], self._known.sign_bit[register[mine]]
-            magnitude = raw & ((1 << bit) - 1)
-            signed = np.where(raw >> bit & 1, magnitude, -magnitude)
-            # a scale that turns the sign makes zero -0.0
-            value[mine] = signed * self._known.scale[register[mine]] + 0.0
-        takes = accepted[v.row]
+            mine = np.flatnonzero(traits & SIGNED > 0)
+            raw, bit = number[mine], self._sign_bit
+            if bit is None:
+                bit = self._known.sign_bit[register[mine]]
+            number = number.copy()
+            # the magnitude, negative where the bit is clear
+            number[mine] = (raw & ((1 << bit) - 1)) * ((raw >> bit & 1) * 2 - 1)
+        value: F64 = np.multiply(number, scale[register], dtype=np.float64)
+        if present & SIGNED and self._turns_signs:
+            value[mine] += 0.0  # a scale that turns the sign makes zero -0.0
+        takes = np.ones(len(v), bool) if accepted.all() else accepted[v.row]
         misfits: list[ScaleMisfit] = []
         if plain:
-            known = (origin == OBSERVED) & (traits & MODED > 0)
-            origin = np.where(known, np.uint8(ASSUMED), origin)
+            observed = origin == OBSERVED
+            if observed.any():
+                origin = np.where(observed & (traits & MODED > 0), np.uint8(ASSUMED), origin)
         elif changes or weighed.anew or present & MODED:
             moved = [c for c in changes if c.what != FEEDBACK]
             misfits = self._apply_modes(v, traits, takes, moved, weighed.anew, value, origin)
@@ -166,7 +174,8 @@ class Scaling(Remembering):
             accepted=takes,
         )
         resets = [c for c in changes if c.what == RESET and c.value >= 0]
-        return Meaning(samples, _feedback(changes), weighed.told, misfits, resets)
+        feedback = _feedback(changes)
+        return Meaning(samples, feedback, weighed.told, misfits, resets, v.extremes)
 
     def models(self, frames: Frames | None = None) -> dict[int, tuple[str, int]]:
         """Return model and grounds of the servos in ``frames``, where it is not just assumed.

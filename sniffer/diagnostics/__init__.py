@@ -70,7 +70,7 @@ class Diagnostics(Remembering):
     def judge(self, batch: Batch, meaning: Meaning | None = None) -> Batch:
         """Return the batch with its anomalies; ``meaning``: what was learned about the servos."""
         few = [
-            *self._device.judge(batch, () if meaning is None else meaning.resets),
+            *self._device.judge(batch, meaning),
             *(self._models.judge(batch, meaning) if meaning is not None else ()),
             *(self._wire.judge(batch) if self._wire is not None else ()),
             *self._alarms.judge(batch),

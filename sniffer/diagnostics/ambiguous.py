@@ -35,17 +35,16 @@ class Open:
 
 
 class _Answered(NamedTuple):
-    """Requests that were answered, in wire order, as rows of ``asking``, and their answers."""
+    """Requests that were answered, in wire order, as rows of ``asking``, and their answers.
+
+    ``start`` is where each begins, absolute.
+    """
 
     base: int
     asking: Frames
     asked: I64
+    start: I64
     answer: I64
-
-    @property
-    def start(self) -> I64:
-        """Where each begins, absolute."""
-        return self.asking.start[self.asked] + self.base
 
     def span(self, k: int) -> Span:
         """Return the span of one, absolute."""
@@ -100,9 +99,12 @@ class Ambiguity(Remembering):
         t = batch.transactions
         rows = np.flatnonzero((t.outcome == OK) & (t.request != -1))
         asking, at = batch.asking(t.request[rows])
-        order = np.argsort(asking.start[at], kind="stable")
+        start, answer = asking.start[at] + batch.base, t.response[rows]
+        if (start[1:] < start[:-1]).any():
+            order = np.argsort(start, kind="stable")
+            at, start, answer = at[order], start[order], answer[order]
         told: set[int] = set()
-        later = _Answered(batch.base, asking, at[order], t.response[rows][order])
+        later = _Answered(batch.base, asking, at, start, answer)
         pairs = self._in_a_row if self._protocol.ordered else self._alike
         for still, k in pairs(batch, missed, later, told):
             q, r = int(later.asked[k]), int(later.answer[k])

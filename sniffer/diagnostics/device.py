@@ -16,9 +16,9 @@ from sniffer.ground.memory import Remembering
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from sniffer.diagnostics.learned import Change
+    from sniffer.diagnostics.learned import Change, Meaning
     from sniffer.ground.model import Anomaly, Batch, Samples
-    from sniffer.protocols.base import BusProtocol
+    from sniffer.protocols.base import BusProtocol, Extremes
 
 STATUS_BITS: Final = 15
 """Status bytes have 8 bits; protocols may add bits of their own above them."""
@@ -56,16 +56,15 @@ class DeviceRules(Remembering):
         del at
         return {}
 
-    def judge(self, batch: Batch, resets: Sequence[Change] = ()) -> Iterator[Anomaly]:
-        """Report what began, what ended, and what a servo was told about the bus.
-
-        ``resets`` are those that gave an id.
-        """
-        yield from self._reset_ids(batch, resets)
+    def judge(self, batch: Batch, meaning: Meaning | None = None) -> Iterator[Anomaly]:
+        """Report what began, what ended, and what a servo was told about the bus."""
+        if meaning is not None:
+            yield from self._reset_ids(batch, meaning.resets)
         yield from self._status_bits(batch)
         v = batch.values
         if len(v):
-            yield from self._ranges(batch, v)
+            if self._any_outside or meaning is None or not self._is_within(meaning.extremes):
+                yield from self._ranges(batch, v)
             yield from self._alarm_values(batch, v)
             yield from self._bus_changes(batch, v)
 
@@ -101,6 +100,13 @@ class DeviceRules(Remembering):
                     code = device_code(name)
                     text = f"servo {who} reports {words} (status {int(status[i]):02X})"
                 yield anomaly(code, int(f.t_end[row]), who, text, at)
+
+    def _is_within(self, extremes: Mapping[int, Extremes] | None) -> bool:
+        """Tell whether no value can be out of range, as the extremes of none are."""
+        low, high = self._known.low, self._known.high
+        return extremes is not None and all(
+            low[k] <= least and most <= high[k] for k, (least, most) in extremes.items()
+        )
 
     def _ranges(self, batch: Batch, v: Samples) -> Iterator[Anomaly]:
         """Report what was written out of range each time, what was measured when it begins."""

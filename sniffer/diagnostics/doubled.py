@@ -77,7 +77,7 @@ class DoubledAnswers(Remembering):
         rows = np.flatnonzero((t.outcome == OK) & (t.response >= 0) & (t.request != -1))
         answers = t.response[rows]
         if len(rows) > 1 and (answers[1:] < answers[:-1]).any():
-            rows = rows[np.argsort(answers)]
+            rows = rows[np.argsort(answers, kind="stable")]  # nearly sorted: that is seen to
             answers = t.response[rows]
         who = f.servo_id[answers] & 255
         stray = found.rows("noise")
@@ -191,6 +191,8 @@ def _exchange(batch: Batch, row: int, number: int) -> _Exchange:
 def _ranks(key: I16) -> I64:
     """Return for each row how many rows with its key came before."""
     order = np.argsort(key, kind="stable")
+    alike = key[order]
+    begins = np.concatenate([[0], np.flatnonzero(alike[1:] != alike[:-1]) + 1])
     out = np.empty(len(key), np.int64)
-    out[order] = np.arange(len(key)) - np.searchsorted(key[order], key[order])
+    out[order] = np.arange(len(key)) - np.repeat(begins, np.diff(begins, append=len(key)))
     return out

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from sniffer.diagnostics.evidence import Verdict
     from sniffer.ground.clues import Clue
     from sniffer.ground.model import Samples
+    from sniffer.protocols.base import Extremes
 
 
 class Change(NamedTuple):
@@ -75,3 +76,5 @@ class Meaning:
     misfits: Sequence[ScaleMisfit]
     resets: Sequence[Change]
     """Resets that were obeyed and give an id."""
+    extremes: Mapping[int, Extremes] | None = None
+    """The least and the greatest raw number of each register in ``samples``; None: not known."""

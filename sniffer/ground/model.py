@@ -189,15 +189,29 @@ class Frames(Columns):
     @classmethod
     def blank(cls, n: int) -> Self:
         """Return ``n`` rows that name nobody, state nothing and expect no reply, at time zero."""
-        none = dict.fromkeys(("servo_id", "address", "status"), -1) | {"alt_id": NO_ALT}
         like = cls.empty()
-        kinds = ((name, getattr(like, name).dtype) for name in column_names(cls))
-        return cls(
-            *(
-                np.full(n, none[name], dtype) if name in none else np.zeros(n, dtype)
-                for name, dtype in kinds
+        return cls(*(_unstated(name, n, getattr(like, name).dtype) for name in column_names(cls)))
+
+    @classmethod
+    def stating(cls, **columns: npt.NDArray[Any]) -> Self:
+        """Return ``blank`` rows ``having`` these columns; nothing is laid out that they replace."""
+        n, like = len(columns["start"]), cls.empty()
+        out = []
+        for name in column_names(cls):
+            dtype = getattr(like, name).dtype
+            told = columns.pop(name, None)
+            out.append(
+                _unstated(name, n, dtype) if told is None else told.astype(dtype, copy=False)
             )
-        )
+        if columns:
+            raise TypeError(f"frames have no {', '.join(columns)}")
+        return cls(*out)
+
+
+def _unstated(name: str, n: int, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+    """Return a column of frames that say nothing of it."""
+    nothing = {"servo_id": -1, "address": -1, "status": -1, "alt_id": NO_ALT}.get(name, 0)
+    return np.full(n, nothing, dtype) if nothing else np.zeros(n, dtype)
 
 
 @dataclass(frozen=True, slots=True)

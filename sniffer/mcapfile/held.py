@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.ground.distinct import distinct
 from sniffer.ground.model import NS
 from sniffer.messages.recording_pb2 import Stats
 
@@ -71,7 +72,7 @@ class Seconds:
         """Count records of one kind, and their bytes."""
         if not len(times):
             return
-        seconds, which, counts = np.unique(times // NS, return_inverse=True, return_counts=True)
+        seconds, which, counts = distinct(times // NS)
         size = np.bincount(which, lengths) if lengths is not None else np.zeros(len(seconds))
         for second, n, b in zip(seconds.tolist(), counts.tolist(), size.tolist(), strict=True):
             row = self._open.setdefault(second, [0, 0, 0, 0])

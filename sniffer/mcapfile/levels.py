@@ -1,12 +1,17 @@
-"""How much something matters, as the messages of a recording have it."""
+"""How much something matters, and whom it concerns, as the messages of a recording have it."""
 
 from __future__ import annotations
 
-from typing import Final
+import functools
+import re
+from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.model import Severity
 from sniffer.messages.log_pb2 import Log
 from sniffer.messages.recording_pb2 import Anomaly
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import Anomaly as Found
 
 LEVELS: Final = {
     Severity.NOTE: Log.Level.INFO,
@@ -18,3 +23,17 @@ SEVERITIES: Final = {
     Severity.WARN: Anomaly.Severity.WARN,
     Severity.ERROR: Anomaly.Severity.ERROR,
 }
+
+
+def whose(anomaly: Found) -> str:
+    """Return the servo, unless the detail begins with it or names it."""
+    if anomaly.servo_id is None:
+        return ""
+    who = f"servo {anomaly.servo_id}"
+    named = who in anomaly.detail and _word(who).search(anomaly.detail)
+    return "" if named else f"{who}: "
+
+
+@functools.cache  # there are some 250 servos; ``re`` itself takes longer to find it than to search
+def _word(text: str) -> re.Pattern[str]:
+    return re.compile(rf"\b{text}\b")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import copy
 import json
-import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,11 +17,12 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from sniffer.decoding.joining import joined, runs
 from sniffer.decoding.sink import bus_of
+from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import I64, NS, Clock
 from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.encoder import Blob, Encoder
 from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds
-from sniffer.mcapfile.levels import LEVELS, SEVERITIES
+from sniffer.mcapfile.levels import LEVELS, SEVERITIES, whose
 from sniffer.mcapfile.raw import HeldChunks
 from sniffer.mcapfile.rows import U16, Heads, Loose
 from sniffer.mcapfile.states import States
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from google.protobuf.message import Message
 
-    from sniffer.ground.model import Anomaly as Found
     from sniffer.ground.model import Batch, Chunk
     from sniffer.mcapfile.container import MessageType
     from sniffer.mcapfile.queue import Queue
@@ -296,10 +295,8 @@ class BusWriter:
         )
 
     def _write_gaps(self, batch: Batch) -> None:
-        gaps = batch.gaps
-        start = np.array([g.start for g in gaps], np.int64)
-        length = np.array([g.length for g in gaps], np.int64)
-        times = np.array([g.t_ns for g in gaps], np.int64)
+        gaps = Gaps.of(batch.gaps)
+        start, length, times = gaps.start, gaps.length, gaps.t_ns
         messages = [
             Gap(
                 t_ns=g.t_ns,
@@ -337,7 +334,7 @@ class BusWriter:
             Log(
                 timestamp=Timestamp(seconds=a.t_ns // NS, nanos=a.t_ns % NS),
                 level=LEVELS[a.severity],
-                message=f"{_who(a)}{a.detail} [{a.code}]",
+                message=f"{whose(a)}{a.detail} [{a.code}]",
                 name=self.name,
             )
             for a in found
@@ -388,12 +385,3 @@ class BusWriter:
         first = self._sequences.get(channel, 0)
         self._sequences[channel] = first + n
         return np.arange(first, first + n).astype(np.uint32)
-
-
-def _who(anomaly: Found) -> str:
-    """Return the servo, unless the detail begins with it or names it."""
-    if anomaly.servo_id is None:
-        return ""
-    who = f"servo {anomaly.servo_id}"
-    named = who in anomaly.detail and re.search(rf"\b{who}\b", anomaly.detail)
-    return "" if named else f"{who}: "

@@ -109,7 +109,8 @@ class Queue:
         parts = [part for lot in lots for part in lot.parts]
         if until is not None:
             masks = [part.heads.log <= until for part in parts]
-            parts = [p.take(m) for p, m in zip(parts, masks, strict=True) if m.any()]
+            now = zip(parts, masks, strict=True)
+            parts = [p if mask.all() else p.take(mask) for p, mask in now if mask.any()]
         if not parts:
             return None
         log = np.concatenate([p.heads.log for p in parts])
@@ -156,11 +157,11 @@ def _laid(
     end = np.cumsum(widths)
     start = end - widths
     at = start[where]
-    out = bytearray(int(end[-1]))
+    out = np.empty(int(end[-1]), np.uint8).data  # not zeroed: every byte is written
     begin = 0
     for part in parts:
         n = len(part.data)
         part.place(out, at[begin : begin + n])
         begin += n
     np.ndarray((len(out) - LOG_AT - 7,), "<i8", out, LOG_AT, (1,))[start] = log
-    return Sorted(memoryview(out), log, channel, start, end)
+    return Sorted(out, log, channel, start, end)

@@ -107,7 +107,7 @@ class MessageRows:
         """Return the rows that the mask selects."""
         return MessageRows(self.data[mask], self.heads.take(mask))
 
-    def place(self, out: bytearray, at: I64) -> None:
+    def place(self, out: memoryview, at: I64) -> None:
         """Write each record to its place in ``out``."""
         width = self.data.dtype.itemsize
         np.ndarray((len(out) - width + 1,), self.data.dtype, out, 0, (1,))[at] = self.data
@@ -138,14 +138,14 @@ class Loose:
     @property
     def widths(self) -> I64:
         """Length of each record."""
-        return np.array([len(d) for d in self.data], np.int64)
+        return np.fromiter(map(len, self.data), np.int64, len(self.data))
 
     def take(self, mask: Mask) -> Loose:
         """Return the rows that the mask selects."""
         chosen = [d for d, is_chosen in zip(self.data, mask.tolist(), strict=True) if is_chosen]
         return Loose(chosen, self.heads.take(mask))
 
-    def place(self, out: bytearray, at: I64) -> None:
+    def place(self, out: memoryview, at: I64) -> None:
         """Write each record to its place in ``out``."""
         for data, a in zip(self.data, at.tolist(), strict=True):
             out[a : a + len(data)] = data

@@ -101,7 +101,8 @@ class States:
         """Queue what a batch made known; ``log`` and ``publish`` are the times of its frames."""
         told = self._told(batch)
         if self._queue.wants("state"):
-            self._write_states(batch, told.take(self._is_declared[told.field]), log, publish)
+            mine = self._is_declared[told.field]
+            self._write_states(batch, told if mine.all() else told.take(mine), log, publish)
         if self._queue.wants(FLAT):
             timed = self._with_times(batch, told)
             heads = self._alone(timed, log, publish, Quantity, "servo/{}/{}")
@@ -119,10 +120,9 @@ class States:
     def _told(self, batch: Batch) -> KnownValues:
         v = batch.values
         field = self._field_of[v.register.astype(np.intp)]
-        mine = np.flatnonzero(v.accepted & (field >= 0) & ~np.isnan(v.value))
-        return KnownValues(
-            v.row[mine], v.servo_id[mine].astype(np.int64), field[mine], v.value[mine]
-        )
+        known = KnownValues(v.row, v.servo_id.astype(np.int64), field, v.value)
+        mine = v.accepted & (field >= 0) & ~np.isnan(v.value)
+        return known if mine.all() else known.take(np.flatnonzero(mine))
 
     def _write_states(self, batch: Batch, told: KnownValues, log: I64, publish: I64) -> None:
         if not len(told.row):
@@ -130,8 +130,9 @@ class States:
         frames, t = batch.frames, batch.transactions
         new = np.ones(len(told.row), bool)
         new[1:] = (told.row[1:] != told.row[:-1]) | (told.servo[1:] != told.servo[:-1])
-        message = np.cumsum(new) - 1
-        row, servo = told.row[new], told.servo[new]
+        begins = np.flatnonzero(new)
+        message = np.repeat(np.arange(len(begins)), np.diff(begins, append=len(new)))
+        row, servo = told.row[begins], told.servo[begins]
         took = np.full(len(frames), -1)
         paired = t.outcome == OK
         took[t.response[paired]] = t.response_time_ns[paired]

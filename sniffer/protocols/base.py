@@ -112,12 +112,18 @@ class Sightings:
         return len(self.row)
 
 
+Extremes = tuple[int, int]
+"""The least and the greatest of some numbers."""
+
+
 @dataclass(frozen=True, slots=True)
 class Values:
     """Register values as they stand in the frames, sorted by ``row``; raw is not yet scaled.
 
     ``loose`` (None: nowhere) marks values that select a scale and stand in a span of bytes that
     the table does not name wholly. ``sightings`` (None: there are none) tell models apart.
+    ``extremes`` are the least and the greatest number of each register, in whole or in part; None:
+    nobody looked.
     """
 
     row: I64
@@ -127,6 +133,7 @@ class Values:
     part: U8
     loose: Mask | None = None
     sightings: Sightings | None = None
+    extremes: Mapping[int, Extremes] | None = None
 
     def __len__(self) -> int:
         return len(self.row)

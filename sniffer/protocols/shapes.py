@@ -20,8 +20,12 @@ if TYPE_CHECKING:
     from sniffer.ground.framing import Block
     from sniffer.ground.model import I16, I64, U8, Frames, Mask
     from sniffer.ground.registers import RegisterMap
-    from sniffer.protocols.base import State
+    from sniffer.protocols.base import Extremes, State
 
+
+MANY: Final = 1 << 13
+"""Values from which on their extremes are noted, register by register, while each is a column of
+its own: whether any is out of range costs a tenth then of asking every value for its range."""
 
 FEW_SHAPES: Final = 12
 """Shapes looked for one by one before the rest is sorted."""
@@ -75,6 +79,7 @@ def by_shape(
     register, raw = np.empty(total, np.int16), np.empty(total, np.int64)
     part = np.zeros(total, np.uint8)
     loose = np.zeros(total, bool) if any(e.loose for plan in plans for e in plan) else None
+    extremes: dict[int, Extremes] | None = {} if total >= MANY else None
     filled = [g for g, plan in zip(groups, plans, strict=True) if plan]
     alone = len(filled) == 1
     for group, plan in zip(groups, plans, strict=True):
@@ -83,7 +88,10 @@ def by_shape(
         for k, entry in enumerate(plan):
             # Where all values are of one shape of n, a register is every n-th of them.
             here = slice(k, None, len(plan)) if alone else out + k
-            raw[here] = read[entry.at, entry.type] = _column(data, entry.type, at + entry.at)
+            column = _column(data, entry.type, at + entry.at)
+            raw[here] = read[entry.at, entry.type] = column
+            if extremes is not None:
+                _widen(extremes, entry.register, column)
             register[here] = entry.register
             if entry.part != WHOLE:
                 part[here] = entry.part
@@ -92,7 +100,14 @@ def by_shape(
         if look is not None:
             look(int(keys[group[0]]), group, read)
     servo: I16 = np.repeat(parts.servo_id, per_part)
-    return Values(np.repeat(parts.row, per_part), servo, register, raw, part, loose)
+    row = np.repeat(parts.row, per_part)
+    return Values(row, servo, register, raw, part, loose, extremes=extremes)
+
+
+def _widen(extremes: dict[int, Extremes], register: int, column: I64) -> None:
+    low, high = int(column.min()), int(column.max())
+    known = extremes.get(register, (low, high))
+    extremes[register] = min(low, known[0]), max(high, known[1])
 
 
 def _column(data: U8, kind: str, at: I64) -> I64:

@@ -59,7 +59,6 @@ if TYPE_CHECKING:
     from sniffer.ground.clues import Clue
     from sniffer.ground.framing import Block
 
-_IS_EDGE: Final = np.isin(np.arange(256), [HASH, STAR, CR])
 _NUMBER: Final = later(rb"-?[0-9]{1,%d}" % NUMBER_DIGITS)
 _MODIFIER: Final = later(rb"([A-Za-z]+)([0-9]+)")
 _LONG: Final = 27 ** (WORD_LETTERS - 1)  # the least packed word that has all letters
@@ -90,10 +89,10 @@ def frame(block: Block) -> tuple[Spans, int]:
     # lines never overlap and need no greedy walk. From the last edge on, 33, a line may still be
     # whole, and nothing before it may: that is ``decided``. A regular expression finds the same
     # lines, one Python object each.
-    edges = np.flatnonzero(_IS_EDGE[data])
+    edges = np.flatnonzero((data == HASH) | (data == STAR) | (data == CR))
     kind = data[edges]
-    line = (kind[:-1] != CR) & (kind[1:] == CR)
-    start, end = edges[:-1][line], edges[1:][line] + 1
+    line = np.flatnonzero((kind[:-1] != CR) & (kind[1:] == CR))
+    start, end = edges[line], edges[line + 1] + 1
     fits = (end - start <= LONGEST) & (end <= block.limit(start))
     if not fits.all():
         start, end = start[fits], end[fits]
@@ -157,7 +156,7 @@ def describe(block: Block, spans: Spans) -> Frames:
     ] |= MALFORMED
     flags[is_reply & p.lower] |= UNUSUAL
     flags[~is_reply & known & ~query & _unusual(p, entry)] |= UNUSUAL
-    return Frames.blank(len(start)).having(
+    return Frames.stating(
         start=start,
         length=end - start,
         kind=spans.kind,

@@ -43,7 +43,7 @@ class Lookup:
     def find(self, keys: I64) -> U8:
         """Return the entry of each packed word, 0 for words the table does not have."""
         slot = (keys.view(np.uint64) * self._factor) >> self._shift
-        return np.where(self._key[slot] == keys, self._entry[slot], np.uint8(0))
+        return np.asarray(self._entry[slot] * (self._key[slot] == keys))
 
 
 _ALL: Final = (None, *WORDS.values())

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from construct import Container
 
-from sniffer.ground.codes import IF_ALL, MANY, NEVER, OPTIONAL, REQUEST, RESPONSE
+from sniffer.ground.codes import IF_ALL, MANY, NEVER, OPTIONAL
 from sniffer.ground.distinct import numbers
 from sniffer.ground.framing import frame_by_plan
 from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL, Frames
@@ -160,7 +160,7 @@ class FamilyColumns:
         asked = request.view(np.uint8)
         known = what & asked  # bit KNOWN is 1
         what = what * asked
-        flags = np.where(what & FITS, self._effect[by], np.uint8(0))
+        flags = self._effect[by] * (what & FITS > 0)
         flags += (asked - known) * np.uint8(UNKNOWN)
         flags += (known & ~(what >> 1)) * np.uint8(MALFORMED)
         flags[might] |= UNUSUAL
@@ -179,7 +179,7 @@ class FamilyColumns:
         data_length = np.where(brings_none, 0, count - held)
         token = np.where(request, 0, data_length)
         if length is not None and seen & READS:
-            np.copyto(token, length, where=what & READS > 0)
+            token = np.where(what & READS > 0, length, token)
         if self._answer.any():
             token += np.where(what & FITS, self._answer[by], 0)
         if family.echoes:
@@ -187,7 +187,7 @@ class FamilyColumns:
             token |= np.where(token > 0, by << 8, 0)  # what it answers, the code says
         # an error needs no data: a response of an error byte alone answers any read
         token[(status > 0) & (data_length == 0)] = -1
-        reply = np.where(request & ~silent, self._reply[by], np.uint8(NEVER))
+        reply = self._reply[by] * (request & ~silent)  # NEVER is 0
         alt = self._anyone[who]
         if self._to_all.any():
             reply = np.where(request & silent, self._to_all[by], reply)
@@ -205,10 +205,10 @@ class FamilyColumns:
             asked_of = asked_by(block, spans, request, self.longest)
             listed(self, body, code, servo_id, lists, asked_of, data_length, address, token)
         as_sent, wire = data is block.data, end - start - self.plan.tail_at - self.plan.sum_width
-        return Frames.blank(len(start)).having(
+        return Frames.stating(
             start=start,
             length=end - start,
-            kind=np.where(request, np.uint8(REQUEST), np.uint8(RESPONSE)),
+            kind=(~request).view(np.uint8),  # REQUEST is 0, RESPONSE 1
             servo_id=servo_id,
             op=np.where(request, by, -1),
             address=address,

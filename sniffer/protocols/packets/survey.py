@@ -28,17 +28,20 @@ def survey(runs: Runs, plan: Plan, size_name: str, least: int, total: I64) -> To
     who, size_at, width = plan.at["servo_id"], plan.at[size_name], plan.width[size_name]
     every = runs.find(plan.header)
     # an id is never a header's byte: of headers that overlap, the last one is it
-    at = every[~np.isin(every + 1, every)]
+    is_last = np.ones(len(every), bool)
+    np.not_equal(every[1:], every[:-1] + 1, out=is_last[:-1])
+    at = every[is_last]
     end = runs.end[runs.of(at)]
     behind = at + size_at + width
     size = sum(runs.byte(at + size_at + k) << 8 * k for k in range(width))
     size = np.where(behind <= end, size, -1)
     impossible = (size >= 0) & ((size < least) | (size >= len(total)))
-    stop = at + total[np.clip(size, least, len(total) - 1)]
+    stop = at + total[np.minimum(np.maximum(size, least), len(total) - 1)]
     onward = following(every, at + len(plan.header), end)
     cut = (size < 0) | (stop > end) | ((onward < end) & (onward < stop - plan.sum_width))
-    until = np.select([impossible, cut], [behind, onward], stop)
-    kind = np.select([impossible, cut], [DAMAGED, TRUNCATED], DAMAGED).astype(np.uint8)
+    cut &= ~impossible
+    until = np.where(impossible, behind, np.where(cut, onward, stop))
+    kind = np.where(cut, TRUNCATED, DAMAGED).astype(np.uint8)
     whole = np.flatnonzero(~impossible & ~cut)
     # One that holds and is no frame all the same has a body that its guards refuse.
     sums = plan.checksum.good(runs.data, at[whole] + plan.sum_from, until[whole] - plan.sum_width)

@@ -209,7 +209,7 @@ def describe(block: Block, spans: Spans) -> Frames:
     flags = _flags(data, head, op, bits, servo_id, wire_address, data_length)
     alt = np.where(asked & alone & (flags & RESETS > 0), DEFAULT_ID, alt)
     flags = np.where(back, 0, flags)
-    return Frames.blank(n).having(
+    return Frames.stating(
         start=start,
         length=length,
         kind=spans.kind,

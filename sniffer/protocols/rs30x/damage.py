@@ -21,11 +21,11 @@ def survey(runs: Runs) -> Torn:
     """Judge every header: a packet with a wrong sum, one that contradicts itself, or a cut one."""
     head = len(PLAN.header)
     returned = runs.find(RETURN_PLAN.header)
-    at = np.sort(np.concatenate([runs.find(PLAN.header), returned]))
+    at = np.sort(np.concatenate([runs.find(PLAN.header), returned]))  # no byte begins both
     run_end = runs.end[runs.of(at)]
     stop = following(at, at + head, run_end)
     byte = {name: runs.byte(at + k) for name, k in PLAN.at.items()}
-    back = np.isin(at, returned)
+    back = runs.byte(at) == RETURN_PLAN.header[0]
     have = stop - at
     told = have >= PLAN.prefix
     content = byte["length"] * byte["count"]

@@ -354,7 +354,7 @@ def describe(block: Block, spans: Spans) -> Frames:
         data_length[rbc] = length[rbc] - controller.OVERHEAD
     alt = np.full(n, NO_ALT, np.int16)
     alt[breaks] = ANY_ID
-    return Frames.blank(n).having(
+    return Frames.stating(
         start=start,
         length=length,
         kind=way,
