@@ -23,7 +23,7 @@ from sniffer.mcapfile.rows import HEAD, RECORD, Heads, Loose, MessageRows, Void
 from sniffer.mcapfile.varints import narrow, spelled, varint, wide_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from google.protobuf.message import Message
 
@@ -75,7 +75,7 @@ class _Shape:
     """One layout: constants and, between them, the variables in the order of the fields.
 
     ``texts`` has the bytes of a text field, but only the length of a bytes field: -1 leaves it
-    open, for ``one`` alone; then the field must be the last.
+    open, for ``one`` alone.
     """
 
     def __init__(
@@ -85,20 +85,22 @@ class _Shape:
         texts: Mapping[str, bytes | int],
     ) -> None:
         pieces: list[bytes | tuple[str, str, str]] = []
-        self._open = False
+        self._open: int | None = None
+        """Where in a record the bytes go whose length is left open."""
         for name, field in fields.items():
             text = texts.get(name)
             if isinstance(text, bytes):
                 pieces.append(varint(field.number << 3 | 2) + varint(len(text)) + text)
             elif text is not None:
                 pieces.append(varint(field.number << 3 | 2) + (varint(text) if text >= 0 else b""))
-                self._open = text < 0
+                if text < 0:
+                    self._open = RECORD.size + _width(pieces)
                 if text > 0:
                     pieces.append((name, f"V{text}", f"{text}s"))
             elif name in names:
                 wire, dtype, code = _WIRE[field.type]
                 pieces += [varint(field.number << 3 | wire), (name, dtype, code)]
-        size = sum(len(p) if isinstance(p, bytes) else np.dtype(p[1]).itemsize for p in pieces)
+        size = _width(pieces)
         self._pieces = [
             HEAD.pack(Opcode.MESSAGE, RECORD.size - HEAD.size + size),
             ("#channel", "<u2", "H"),
@@ -137,15 +139,20 @@ class _Shape:
         return block.view(f"V{self._width}")[:, 0]
 
     def one(self, values: Iterable[Any], tail: bytes) -> bytes:
-        """Return one record; ``values`` are those of ``names``, ``tail`` fills an open end."""
+        """Return one record; ``values`` are those of ``names``, ``tail`` fills what is open."""
         arguments = self._arguments.copy()
         for slot, value in zip(self._slots, values, strict=True):
             arguments[slot] = value
         record = self._pack(*arguments)
-        if not self._open:
+        if self._open is None:
             return record
-        end = varint(len(tail)) + tail
-        return b"".join((HEAD.pack(5, len(record) - 9 + len(end)), record[9:], end))
+        filled = b"".join((record[HEAD.size : self._open], varint(len(tail)), tail))
+        rest = record[self._open :]
+        return b"".join((HEAD.pack(Opcode.MESSAGE, len(filled) + len(rest)), filled, rest))
+
+
+def _width(pieces: Iterable[bytes | tuple[str, str, str]]) -> int:
+    return sum(len(p) if isinstance(p, bytes) else np.dtype(p[1]).itemsize for p in pieces)
 
 
 class Encoder:
@@ -155,11 +162,19 @@ class Encoder:
         message: its numbers must be double, bool, enum, uint32, fixed32, fixed64 or sfixed64; rows
             whose uint32 or enum is not below 16384 are built one by one.
         text: the text of a code, for the message's one text field that is encoded.
+        order: names of fields in the order in which they are written, before all others by their
+            numbers. Protobuf allows for any; it decides how well records of one kind pack.
     """
 
-    def __init__(self, message: type[Message], text: Callable[[int], str] = str) -> None:
+    def __init__(
+        self,
+        message: type[Message],
+        text: Callable[[int], str] = str,
+        order: Sequence[str] = (),
+    ) -> None:
         declared: list[Any] = list(message.DESCRIPTOR.fields)
-        declared.sort(key=lambda f: f.number)
+        places = {name: place for place, name in enumerate(order, -len(order))}
+        declared.sort(key=lambda f: places.get(f.name, f.number))
         self._fields: dict[str, FieldDescriptor] = {f.name: f for f in declared}
         self._bits = {name: i for i, name in enumerate(self._fields)}
         self._message = message

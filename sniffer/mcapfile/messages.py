@@ -57,6 +57,36 @@ DERIVED: Final[Mapping[str, Any]] = {
 }
 """The message of each topic that is made of the raw bytes, by its kind."""
 
+_FRAME_ORDER: Final = (
+    "uncertainty_ns",
+    "offset",
+    "length",
+    "direction",
+    "t_end_ns",
+    "data",
+    "servo_id",
+    "address",
+    "op",
+    "kind",
+    "status",
+    "flags",
+    "op_code",
+    "t_start_ns",
+)
+_TRANSACTION_ORDER: Final = (
+    "response_time_ms",
+    "uncertainty_ns",
+    "response_offset",
+    "op",
+    "outcome",
+    "response_time_ns",
+    "request_offset",
+    "servo_id",
+)
+"""The order in which fields are written that packs best; found by trying thousands of them on full
+lines of the four protocols. Frames take a quarter less than in the order of their numbers: what
+repeats from row to row stands together, between the few bytes that do not."""
+
 _NUMBERS: Final = json.JSONEncoder(default=repr).encode
 
 
@@ -233,8 +263,8 @@ class BusWriter:
     def _start(self, protocol: BusProtocol) -> None:
         self.protocol = protocol
         self._baud = self._baud or protocol.baud
-        self._frames = Encoder(Frame, protocol.op_name)
-        self._transactions = Encoder(Transaction, protocol.op_name)
+        self._frames = Encoder(Frame, protocol.op_name, _FRAME_ORDER)
+        self._transactions = Encoder(Transaction, protocol.op_name, _TRANSACTION_ORDER)
         self._states = States(
             protocol, self._queue, self._channel, self._count_up, self._root, self._ros2
         )

@@ -7,7 +7,7 @@ not depend on how many there are.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.ground.model import I64, Chunk, Mask
+
+
+_ORDER: Final = ("clock", "t_ns")
+"""Fields that are written first: beside the head of the record, whose times are the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +41,7 @@ class RawEncoder:
     """Encodes the chunks of all buses."""
 
     def __init__(self) -> None:
-        self._plain = Encoder(RawChunk)
+        self._plain = Encoder(RawChunk, order=_ORDER)
 
     def encode(self, parts: Sequence[HeldChunks]) -> list[MessageRows | Loose]:
         """Return a record for each chunk; the few with marks are built one by one."""
