@@ -7,11 +7,12 @@ not depend on how many there are.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sniffer.mcapfile.encoder import Blob, Encoder
+from sniffer.mcapfile.orders import RAW_ORDER
 from sniffer.mcapfile.rows import Heads, Loose, MessageRows
 from sniffer.messages.recording_pb2 import Clock, Direction, Mark, RawChunk
 
@@ -19,10 +20,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.ground.model import I64, Chunk, Mask
-
-
-_ORDER: Final = ("clock", "t_ns")
-"""Fields that are written first: beside the head of the record, whose times are the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +38,7 @@ class RawEncoder:
     """Encodes the chunks of all buses."""
 
     def __init__(self) -> None:
-        self._plain = Encoder(RawChunk, order=_ORDER)
+        self._plain = Encoder(RawChunk, order=RAW_ORDER)
 
     def encode(self, parts: Sequence[HeldChunks]) -> list[MessageRows | Loose]:
         """Return a record for each chunk; the few with marks are built one by one."""

@@ -1,0 +1,115 @@
+"""What frames made known of servos, and which of it shares a message: what came in one read.
+
+A message of its own costs 16 bytes of index beside what it says, and most reads bring both what a
+servo was told and what it answered. All that came in one read has one log time, so a plot over it
+shows the same. A value is never left out: where a read brings a field twice there are two messages.
+
+The reads are those that the recording has, however they were decoded: live, again, or in parts. So
+what came in a read that is not decoded to its end waits for the rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Final, Self
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from sniffer.ground.model import F64, I64, Mask
+
+_BITS: Final = 62
+"""Fields are told apart by their numbers modulo this: two that are taken for one only cost a
+message."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What single frames made known, a row for each servo that a frame is about, in their order.
+
+    ``read`` is the offset behind the read in which a frame ended, -1: nobody knows, and it shares
+    nothing. ``took`` is the response time, -1: none. Values are columns of their own: of which
+    ``row``, of which ``field``.
+    """
+
+    servo: I64
+    read: I64
+    log: I64
+    publish: I64
+    offset: I64
+    kind: I64
+    took: I64
+    row: I64
+    field: I64
+    value: F64
+
+    def __len__(self) -> int:
+        return len(self.servo)
+
+    @classmethod
+    def none(cls) -> Self:
+        """Return no rows."""
+        n = np.empty(0, np.int64)
+        return cls(n, n, n, n, n, n, n, n, n, np.empty(0))
+
+    def take(self, rows: Mask) -> Known:
+        """Return some of the rows, with their values."""
+        if rows.all():
+            return self
+        if not rows.any():
+            return Known.none()
+        mine = rows[self.row]
+        chosen = {f.name: getattr(self, f.name)[rows] for f in fields(self)[:7]}
+        place = (np.cumsum(rows) - 1)[self.row[mine]]
+        return Known(**chosen, row=place, field=self.field[mine], value=self.value[mine])
+
+    def then(self, more: Known) -> Known:
+        """Return these rows and others behind them."""
+        if not len(self):
+            return more
+        if not len(more):
+            return self
+        more = replace(more, row=more.row + len(self))
+        both = ((getattr(self, f.name), getattr(more, f.name)) for f in fields(self))
+        return Known(*map(np.concatenate, both))
+
+    def messages(self) -> tuple[I64, I64]:
+        """Return the number of each row's message, and the last row of each message.
+
+        Rows share one as long as they are of one servo and one read and have no field in common.
+        Messages are in the order of their last rows.
+
+        Of one servo in one read: goal | position, load | goal | goal | position. The first two
+        share a message, the third begins the next, the fourth another one, with the fifth.
+        """
+        order = np.argsort(self.servo, kind="stable")
+        servo, read, has = self.servo[order], self.read[order], self._fields()[order]
+        fresh = np.ones(len(order), bool)
+        fresh[1:] = (servo[1:] != servo[:-1]) | (read[1:] != read[:-1]) | (read[1:] < 0)
+        start = np.flatnonzero(fresh)
+        count = np.diff(start, append=len(order))
+        # all first rows of a servo in a read at once, then all second ones, and so on
+        many = count > 1
+        at, left, had = start[many], count[many] - 1, has[start[many]]
+        while len(at):
+            at = at + 1
+            there = has[at]
+            again = (had & there) != 0
+            fresh[at] = again
+            more = left > 1
+            had = np.where(again, there, had | there)[more]
+            at, left = at[more], left[more] - 1
+        number = np.cumsum(fresh) - 1
+        last = order[np.append(np.flatnonzero(fresh)[1:], len(order)) - 1]
+        ranked = np.argsort(last)
+        place = np.empty(len(last), np.int64)
+        place[ranked] = np.arange(len(last))
+        message = np.empty(len(order), np.int64)
+        message[order] = place[number]
+        return message, last[ranked]
+
+    def _fields(self) -> I64:
+        """Return which fields each row has, in bits."""
+        first = np.searchsorted(self.row, np.arange(len(self)))
+        bits = np.bitwise_or.reduceat(np.int64(1) << (self.field % _BITS), first)
+        return np.asarray(bits | (self.took >= 0).astype(np.int64) << _BITS, np.int64)
