@@ -12,29 +12,29 @@ from typing import Final
 RAW_ORDER: Final = ("clock", "t_ns")
 
 FRAME_ORDER: Final = (
+    "flags",
     "uncertainty_ns",
     "offset",
-    "length",
-    "direction",
-    "t_end_ns",
     "data",
-    "servo_id",
-    "address",
-    "op",
-    "kind",
     "status",
-    "flags",
-    "op_code",
+    "op",
+    "servo_id",
+    "direction",
     "t_start_ns",
+    "address",
+    "length",
+    "kind",
+    "op_code",
+    "t_end_ns",
 )
 
 TRANSACTION_ORDER: Final = (
+    "request_offset",
+    "outcome",
     "response_time_ms",
+    "response_time_ns",
     "uncertainty_ns",
     "response_offset",
-    "op",
-    "outcome",
-    "response_time_ns",
-    "request_offset",
     "servo_id",
+    "op",
 )
