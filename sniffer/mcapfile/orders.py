@@ -12,29 +12,29 @@ from typing import Final
 RAW_ORDER: Final = ("clock", "t_ns")
 
 FRAME_ORDER: Final = (
-    "flags",
     "uncertainty_ns",
     "offset",
     "data",
     "status",
     "op",
-    "servo_id",
-    "direction",
+    "op_code",
     "t_start_ns",
-    "address",
+    "servo_id",
     "length",
     "kind",
-    "op_code",
+    "flags",
+    "address",
+    "direction",
     "t_end_ns",
 )
 
 TRANSACTION_ORDER: Final = (
-    "request_offset",
-    "outcome",
     "response_time_ms",
-    "response_time_ns",
     "uncertainty_ns",
     "response_offset",
-    "servo_id",
     "op",
+    "outcome",
+    "response_time_ns",
+    "request_offset",
+    "servo_id",
 )
