@@ -16,7 +16,13 @@ from typing import TYPE_CHECKING, Final, Self
 import numpy as np
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import F64, I64, Mask
+    from sniffer.ground.model import F64, I64
+
+_ROWS: Final = 7
+"""So many columns of what is known have a row a frame and servo; the others have one a value."""
+
+_FEW: Final = 128
+"""So many rows and fewer are gone through one by one: a step for all at once takes as long."""
 
 _BITS: Final = 62
 """Fields are told apart by their numbers modulo this: two that are taken for one only cost a
@@ -52,16 +58,13 @@ class Known:
         n = np.empty(0, np.int64)
         return cls(n, n, n, n, n, n, n, n, n, np.empty(0))
 
-    def take(self, rows: Mask) -> Known:
-        """Return some of the rows, with their values."""
-        if rows.all():
-            return self
-        if not rows.any():
-            return Known.none()
-        mine = rows[self.row]
-        chosen = {f.name: getattr(self, f.name)[rows] for f in fields(self)[:7]}
-        place = (np.cumsum(rows) - 1)[self.row[mine]]
-        return Known(**chosen, row=place, field=self.field[mine], value=self.value[mine])
+    def part(self, begin: int, end: int) -> Known:
+        """Return the rows from one to another, with their values."""
+        first, behind = np.searchsorted(self.row, [begin, end]).tolist()
+        rows = {f.name: getattr(self, f.name)[begin:end] for f in fields(self)[:_ROWS]}
+        row = self.row[first:behind] - begin
+        field, value = self.field[first:behind], self.value[first:behind]
+        return Known(**rows, row=row, field=field, value=value)
 
     def then(self, more: Known) -> Known:
         """Return these rows and others behind them."""
@@ -82,7 +85,9 @@ class Known:
         Of one servo in one read: goal | position, load | goal | goal | position. The first two
         share a message, the third begins the next, the fourth another one, with the fifth.
         """
-        order = np.argsort(self.servo, kind="stable")
+        order = np.argsort(
+            self.servo.astype(np.int16), kind="stable"
+        )  # a radix sort: ids are small
         servo, read, has = self.servo[order], self.read[order], self._fields()[order]
         fresh = np.ones(len(order), bool)
         fresh[1:] = (servo[1:] != servo[:-1]) | (read[1:] != read[:-1]) | (read[1:] < 0)
@@ -91,7 +96,7 @@ class Known:
         # all first rows of a servo in a read at once, then all second ones, and so on
         many = count > 1
         at, left, had = start[many], count[many] - 1, has[start[many]]
-        while len(at):
+        while len(at) > _FEW:
             at = at + 1
             there = has[at]
             again = (had & there) != 0
@@ -99,17 +104,26 @@ class Known:
             more = left > 1
             had = np.where(again, there, had | there)[more]
             at, left = at[more], left[more] - 1
-        number = np.cumsum(fresh) - 1
+        begins: list[int] = []
+        for k, rows, seen in zip((at + 1).tolist(), left.tolist(), had.tolist(), strict=True):
+            for nth, bits in enumerate(has[k : k + rows].tolist(), k):
+                if seen & bits:
+                    begins.append(nth)
+                    seen = bits
+                else:
+                    seen |= bits
+        fresh[begins] = True
         last = order[np.append(np.flatnonzero(fresh)[1:], len(order)) - 1]
-        ranked = np.argsort(last)
-        place = np.empty(len(last), np.int64)
-        place[ranked] = np.arange(len(last))
+        is_last = np.zeros(len(order), bool)
+        is_last[last] = True
+        place = (np.cumsum(is_last) - 1)[last]
         message = np.empty(len(order), np.int64)
-        message[order] = place[number]
-        return message, last[ranked]
+        message[order] = place[np.cumsum(fresh) - 1]
+        return message, np.flatnonzero(is_last)
 
     def _fields(self) -> I64:
         """Return which fields each row has, in bits."""
-        first = np.searchsorted(self.row, np.arange(len(self)))
-        bits = np.bitwise_or.reduceat(np.int64(1) << (self.field % _BITS), first)
+        first = np.flatnonzero(np.diff(self.row, prepend=-1))
+        bit = np.int64(1) << (np.arange(self.field.max(initial=0) + 1) % _BITS)
+        bits = np.bitwise_or.reduceat(bit[self.field], first)
         return np.asarray(bits | (self.took >= 0).astype(np.int64) << _BITS, np.int64)

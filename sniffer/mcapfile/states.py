@@ -132,10 +132,12 @@ class States:
 
     def settle(self, done: int | None) -> None:
         """Queue the states of reads that are decoded to their end: up to ``done``, None: all."""
-        if len(self._held):
-            is_open = self._held.read > (self._held.read.max() if done is None else done)
-            known, self._held = self._held.take(~is_open), self._held.take(is_open)
-            self._write_states(known)
+        held, n = self._held, len(self._held)
+        is_open = np.zeros(n, bool) if done is None else held.read > done
+        over = int(is_open.argmax()) if is_open.any() else n
+        if over:
+            self._held = held.part(over, n)
+            self._write_states(held.part(0, over))
 
     def _known(self, batch: Batch, told: KnownValues, log: I64, publish: I64, read: I64) -> Known:
         """Return what each frame made known of each servo."""
@@ -162,8 +164,6 @@ class States:
         )
 
     def _write_states(self, known: Known) -> None:
-        if not len(known):
-            return
         message, last = known.messages()
         servo, n = known.servo[last], len(last)
         took = np.full(n, -1)
