@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sniffer.decoding.decoder import Decoder
-from sniffer.mcapfile.reads import Known
+from sniffer.mcapfile.reads import ReadValues
 from sniffer.mcapfile.sink import McapSink
 from tests.recordings import MESSAGES, heads, messages, talk
 
@@ -99,13 +99,15 @@ def test_a_message_ends_where_a_field_comes_again_or_the_servo_or_the_read_is_an
     assert last.tolist() == [1, 2, 3, 5, 6, 7, 8]
 
 
-def known(told: Sequence[tuple[int, int, set[int]]]) -> Known:
+def known(told: Sequence[tuple[int, int, set[int]]]) -> ReadValues:
     fields = [(n, field) for n, (_, _, named) in enumerate(told) for field in sorted(named)]
     nothing = np.zeros(len(told), np.int64)
     servo, read = (column([row[k] for row in told]) for k in (0, 1))
     row, field = (column([pair[k] for pair in fields]) for k in (0, 1))
     values = np.zeros(len(fields))
-    return Known(servo, read, nothing, nothing, nothing, nothing, nothing - 1, row, field, values)
+    return ReadValues(
+        servo, read, nothing, nothing, nothing, nothing, nothing - 1, row, field, values
+    )
 
 
 def column(numbers: Any) -> npt.NDArray[np.int64]:

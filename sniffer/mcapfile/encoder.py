@@ -130,12 +130,20 @@ class _Shape:
             [(f"={i}", f"V{len(p)}") if isinstance(p, bytes) else p[:2] for i, p in parts]
         )
 
-    def many(self, values: Mapping[str, Column], count: int) -> Void:
-        """Return ``count`` records; ``values`` has a column for each variable."""
-        block = np.repeat(self._template, count, axis=0)
-        records = block.view(self._dtype)[:, 0]
+    def many(self, values: Mapping[str, Column], alike: Mapping[str, Any], count: int) -> Void:
+        """Return ``count`` records.
+
+        ``values`` has a column for each variable, but for those that are ``alike`` in all rows.
+        """
+        first = self._template.copy()
+        whole = first.view(self._dtype)[:, 0]
         for name in self.names:
-            records[name] = values[name]
+            if name not in values:
+                whole[name] = alike[name]
+        block = np.repeat(first, count, axis=0)
+        records = block.view(self._dtype)[:, 0]
+        for name, column in values.items():
+            records[name] = column
         return block.view(f"V{self._width}")[:, 0]
 
     def one(self, values: Iterable[Any], tail: bytes) -> bytes:
@@ -234,6 +242,10 @@ class Encoder:
         code = np.zeros(n, np.int64) if text is None else text[1]
         length = np.zeros(n, np.int64) if blob is None else blob.length
 
+        # of small numbers it is quickly told, and worth it: they need not be fetched shape by shape
+        small = {name: c for name, c in columns.items() if c.itemsize <= 4}
+        alike = {name: c[0] for name, c in small.items() if (c == c[0]).all()}
+        varied = columns.keys() - alike.keys()
         out: list[MessageRows | Loose] = []
         few: list[I64] = []
         for rows in _alike(have, code, length) if n > FEW else (np.arange(n),):
@@ -243,10 +255,10 @@ class Encoder:
             i = int(rows[0])
             size = int(length[i])
             shape = self._shape((int(have[i]), int(code[i]), size), text, blob)
-            values = {name: columns[name][rows] for name in shape.names if name in columns}
+            values = {name: columns[name][rows] for name in shape.names if name in varied}
             if blob is not None and size:
                 values[blob.name] = blob.take(rows, size)
-            data = shape.many(values, len(rows))
+            data = shape.many(values, alike, len(rows))
             out.append(MessageRows(data, heads.take(rows)))
         if few:
             rows = np.sort(np.concatenate(few))

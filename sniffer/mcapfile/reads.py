@@ -30,7 +30,7 @@ message."""
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class ReadValues:
     """What single frames made known, a row for each servo that a frame is about, in their order.
 
     ``read`` is the offset behind the read in which a frame ended, -1: nobody knows, and it shares
@@ -58,15 +58,15 @@ class Known:
         n = np.empty(0, np.int64)
         return cls(n, n, n, n, n, n, n, n, n, np.empty(0))
 
-    def part(self, begin: int, end: int) -> Known:
+    def part(self, begin: int, end: int) -> ReadValues:
         """Return the rows from one to another, with their values."""
         first, behind = np.searchsorted(self.row, [begin, end]).tolist()
         rows = {f.name: getattr(self, f.name)[begin:end] for f in fields(self)[:_ROWS]}
         row = self.row[first:behind] - begin
         field, value = self.field[first:behind], self.value[first:behind]
-        return Known(**rows, row=row, field=field, value=value)
+        return ReadValues(**rows, row=row, field=field, value=value)
 
-    def then(self, more: Known) -> Known:
+    def then(self, more: ReadValues) -> ReadValues:
         """Return these rows and others behind them."""
         if not len(self):
             return more
@@ -74,7 +74,7 @@ class Known:
             return self
         more = replace(more, row=more.row + len(self))
         both = ((getattr(self, f.name), getattr(more, f.name)) for f in fields(self))
-        return Known(*map(np.concatenate, both))
+        return ReadValues(*map(np.concatenate, both))
 
     def messages(self) -> tuple[I64, I64]:
         """Return the number of each row's message, and the last row of each message.
@@ -85,9 +85,8 @@ class Known:
         Of one servo in one read: goal | position, load | goal | goal | position. The first two
         share a message, the third begins the next, the fourth another one, with the fifth.
         """
-        order = np.argsort(
-            self.servo.astype(np.int16), kind="stable"
-        )  # a radix sort: ids are small
+        # ids are small, and numbers of 16 bits are sorted by counting
+        order = np.argsort(self.servo.astype(np.int16), kind="stable")
         servo, read, has = self.servo[order], self.read[order], self._fields()[order]
         fresh = np.ones(len(order), bool)
         fresh[1:] = (servo[1:] != servo[:-1]) | (read[1:] != read[:-1]) | (read[1:] < 0)

@@ -16,7 +16,7 @@ from sniffer.ground.distinct import distinct
 from sniffer.mcapfile.cdr import NUMBERS
 from sniffer.mcapfile.encoder import Encoder
 from sniffer.mcapfile.fields import FIRST_VALUE, quantity_of, state_field
-from sniffer.mcapfile.reads import Known
+from sniffer.mcapfile.reads import ReadValues
 from sniffer.mcapfile.rows import Heads, MessageRows
 from sniffer.messages import CHOICES, FLAT, PLOTS, TOPICS
 from sniffer.messages.servo_state_pb2 import Quantity, ServoState
@@ -97,7 +97,7 @@ class States:
         self._is_declared = np.array([name in declared for name in self.names])
         self._is_position = np.array([quantity_of(name) == "position" for name in self.names])
         self._states, self._quantities = Encoder(ServoState), Encoder(Quantity)
-        self._held = Known.none()
+        self._held = ReadValues.none()
 
     def write(self, batch: Batch, log: I64, publish: I64, read: I64) -> None:
         """Queue what a batch made known; ``log`` and ``publish`` are the times of its frames.
@@ -139,10 +139,12 @@ class States:
             self._held = held.part(over, n)
             self._write_states(held.part(0, over))
 
-    def _known(self, batch: Batch, told: KnownValues, log: I64, publish: I64, read: I64) -> Known:
+    def _known(
+        self, batch: Batch, told: KnownValues, log: I64, publish: I64, read: I64
+    ) -> ReadValues:
         """Return what each frame made known of each servo."""
         if not len(told.row):
-            return Known.none()
+            return ReadValues.none()
         frames, t = batch.frames, batch.transactions
         new = np.ones(len(told.row), bool)
         new[1:] = (told.row[1:] != told.row[:-1]) | (told.servo[1:] != told.servo[:-1])
@@ -150,7 +152,7 @@ class States:
         took = np.full(len(frames), -1)
         paired = t.outcome == OK
         took[t.response[paired]] = t.response_time_ns[paired]
-        return Known(
+        return ReadValues(
             servo=told.servo[new],
             read=read[row],
             log=log[row],
@@ -163,7 +165,7 @@ class States:
             value=told.value,
         )
 
-    def _write_states(self, known: Known) -> None:
+    def _write_states(self, known: ReadValues) -> None:
         message, last = known.messages()
         servo, n = known.servo[last], len(last)
         took = np.full(n, -1)
