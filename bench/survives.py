@@ -46,8 +46,8 @@ SAID_S: Final = 60.0
 AT_ONCE: Final = 4
 WAIT_S: Final = 180.0
 
-SHOWN: Final = re.compile(r"^[\d:.]+ +[^ ]* *[<>] ", re.MULTILINE)
-"""The line of a frame, as replay prints it: time, servo, direction."""
+SHOWN: Final = re.compile(r"^[\d:.]+ +(?:[^ <>]+ +)*[<>] ", re.MULTILINE)
+"""The line of a frame, as replay prints it: time, bus where there is room, servo, direction."""
 
 
 @dataclass(frozen=True, slots=True)

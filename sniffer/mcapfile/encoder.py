@@ -23,7 +23,7 @@ from sniffer.mcapfile.rows import HEAD, RECORD, Heads, Loose, MessageRows, Void
 from sniffer.mcapfile.varints import narrow, spelled, varint, wide_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from google.protobuf.message import Message
 
@@ -78,7 +78,7 @@ class _Shape:
     """One layout: constants and, between them, the variables in the order of the fields.
 
     ``texts`` has the bytes of a text field, but only the length of a bytes field: -1 leaves it
-    open, for ``one`` alone; then the field must be the last.
+    open, for ``one`` alone.
     """
 
     def __init__(
@@ -88,20 +88,22 @@ class _Shape:
         texts: Mapping[str, bytes | int],
     ) -> None:
         pieces: list[bytes | tuple[str, str, str]] = []
-        self._open = False
+        self._open: int | None = None
+        """Where in a record the bytes go whose length is left open."""
         for name, field in fields.items():
             text = texts.get(name)
             if isinstance(text, bytes):
                 pieces.append(varint(field.number << 3 | 2) + varint(len(text)) + text)
             elif text is not None:
                 pieces.append(varint(field.number << 3 | 2) + (varint(text) if text >= 0 else b""))
-                self._open = text < 0
+                if text < 0:
+                    self._open = RECORD.size + _width(pieces)
                 if text > 0:
                     pieces.append((name, f"V{text}", f"{text}s"))
             elif name in names:
                 wire, dtype, code = _WIRE[field.type]
                 pieces += [varint(field.number << 3 | wire), (name, dtype, code)]
-        size = sum(len(p) if isinstance(p, bytes) else np.dtype(p[1]).itemsize for p in pieces)
+        size = _width(pieces)
         self._pieces = [
             HEAD.pack(Opcode.MESSAGE, RECORD.size - HEAD.size + size),
             ("#channel", "<u2", "H"),
@@ -131,24 +133,37 @@ class _Shape:
             [(f"={i}", f"V{len(p)}") if isinstance(p, bytes) else p[:2] for i, p in parts]
         )
 
-    def many(self, values: Mapping[str, Column], count: int) -> Void:
-        """Return ``count`` records; ``values`` has a column for each variable."""
-        block = np.repeat(self._template, count, axis=0)
-        records = block.view(self._dtype)[:, 0]
+    def many(self, values: Mapping[str, Column], alike: Mapping[str, Any], count: int) -> Void:
+        """Return ``count`` records.
+
+        ``values`` has a column for each variable, but for those that are ``alike`` in all rows.
+        """
+        first = self._template.copy()
+        whole = first.view(self._dtype)[:, 0]
         for name in self.names:
-            records[name] = values[name]
+            if name not in values:
+                whole[name] = alike[name]
+        block = np.repeat(first, count, axis=0)
+        records = block.view(self._dtype)[:, 0]
+        for name, column in values.items():
+            records[name] = column
         return block.view(f"V{self._width}")[:, 0]
 
     def one(self, values: Iterable[Any], tail: bytes) -> bytes:
-        """Return one record; ``values`` are those of ``names``, ``tail`` fills an open end."""
+        """Return one record; ``values`` are those of ``names``, ``tail`` fills what is open."""
         arguments = self._arguments.copy()
         for slot, value in zip(self._slots, values, strict=True):
             arguments[slot] = value
         record = self._pack(*arguments)
-        if not self._open:
+        if self._open is None:
             return record
-        end = varint(len(tail)) + tail
-        return b"".join((HEAD.pack(5, len(record) - 9 + len(end)), record[9:], end))
+        filled = b"".join((record[HEAD.size : self._open], varint(len(tail)), tail))
+        rest = record[self._open :]
+        return b"".join((HEAD.pack(Opcode.MESSAGE, len(filled) + len(rest)), filled, rest))
+
+
+def _width(pieces: Iterable[bytes | tuple[str, str, str]]) -> int:
+    return sum(len(p) if isinstance(p, bytes) else np.dtype(p[1]).itemsize for p in pieces)
 
 
 class Encoder:
@@ -158,11 +173,19 @@ class Encoder:
         message: its numbers must be double, bool, enum, uint32, fixed32, fixed64 or sfixed64; rows
             whose uint32 or enum is not below 16384 are built one by one.
         text: the text of a code, for the message's one text field that is encoded.
+        order: names of fields in the order in which they are written, before all others by their
+            numbers. Protobuf allows for any; it decides how well records of one kind pack.
     """
 
-    def __init__(self, message: type[Message], text: Callable[[int], str] = str) -> None:
+    def __init__(
+        self,
+        message: type[Message],
+        text: Callable[[int], str] = str,
+        order: Sequence[str] = (),
+    ) -> None:
         declared: list[Any] = list(message.DESCRIPTOR.fields)
-        declared.sort(key=lambda f: f.number)
+        places = {name: place for place, name in enumerate(order, -len(order))}
+        declared.sort(key=lambda f: places.get(f.name, f.number))
         self._fields: dict[str, FieldDescriptor] = {f.name: f for f in declared}
         self._bits = {name: i for i, name in enumerate(self._fields)}
         self._message = message
@@ -222,6 +245,10 @@ class Encoder:
         code = np.zeros(n, np.int64) if text is None else text[1]
         length = np.zeros(n, np.int64) if blob is None else blob.length
 
+        # of small numbers it is quickly told, and worth it: they need not be fetched shape by shape
+        small = {name: c for name, c in columns.items() if c.itemsize <= 4}
+        alike = {name: c[0] for name, c in small.items() if (c == c[0]).all()}
+        varied = columns.keys() - alike.keys()
         out: list[MessageRows | Loose] = []
         few: list[I64] = []
         for rows in _alike(have, code, length) if n > FEW else (np.arange(n),):
@@ -231,10 +258,10 @@ class Encoder:
             i = int(rows[0])
             size = int(length[i])
             shape = self._shape((int(have[i]), int(code[i]), size), text, blob)
-            values = {name: columns[name][rows] for name in shape.names if name in columns}
+            values = {name: columns[name][rows] for name in shape.names if name in varied}
             if blob is not None and size:
                 values[blob.name] = blob.take(rows, size)
-            data = shape.many(values, len(rows))
+            data = shape.many(values, alike, len(rows))
             out.append(MessageRows(data, heads.take(rows)))
         if few:
             rows = np.sort(np.concatenate(few))

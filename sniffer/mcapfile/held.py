@@ -13,7 +13,7 @@ from sniffer.messages.recording_pb2 import Stats
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from sniffer.ground.model import I64
+    from sniffer.ground.model import I64, Mask
 
 FRAMES, GAPS, ANOMALIES = 1, 2, 3
 _NAMES: Final = ("bytes", "frames", "gaps", "anomalies")
@@ -48,9 +48,23 @@ class Arrivals:
         """Return when the byte before each offset arrived, ``otherwise`` where nothing tells."""
         if not len(self._end):
             return otherwise
-        k = np.minimum(np.searchsorted(self._end, end, "left"), len(self._end) - 1)
-        known = self._timed[k] & (end <= self._end[-1]) & (end > self._start)
+        k, known = self._chunk(end)
         return np.where(known, self._log[k], otherwise)
+
+    def read(self, end: I64) -> I64:
+        """Return the offset behind the chunk that the byte before each offset came in.
+
+        -1 where nobody knows, or it came without a clock.
+        """
+        if not len(self._end):
+            return np.full(len(end), -1)
+        k, known = self._chunk(end)
+        return np.where(known, self._end[k], -1)
+
+    def _chunk(self, end: I64) -> tuple[I64, Mask]:
+        """Return the place of the chunk that a byte came in, and whether it tells when."""
+        k = np.minimum(np.searchsorted(self._end, end, "left"), len(self._end) - 1)
+        return k, self._timed[k] & (end <= self._end[-1]) & (end > self._start)
 
     def forget(self, offset: int) -> None:
         """Drop what lies before ``offset``."""

@@ -23,6 +23,7 @@ from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.encoder import Blob, Encoder
 from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds
 from sniffer.mcapfile.levels import LEVELS, SEVERITIES, whose
+from sniffer.mcapfile.orders import FRAME_ORDER, TRANSACTION_ORDER
 from sniffer.mcapfile.raw import HeldChunks
 from sniffer.mcapfile.rows import U16, Heads, Loose
 from sniffer.mcapfile.states import States
@@ -198,6 +199,8 @@ class BusWriter:
         batches, self._batches, self.held = self._batches, [], 0
         for run in runs(batches):
             self._write_batch(joined(run))
+        if final and self._states is not None:
+            self._states.settle(None)
         if batches or final:
             self._write_stats(final=final)
         for writer in self._beside.values():
@@ -218,11 +221,13 @@ class BusWriter:
             self._write_frames(batch, log, publish)
             self._write_transactions(batch, log, publish)
             assert self._states is not None, "a batch comes with its protocol"
-            self._states.write(batch, log, publish)
+            self._states.write(batch, log, publish, self._arrivals.read(end))
+        done = batch.base + len(batch.data)
+        if self._states is not None:
+            self._states.settle(done)
         self._seconds.count(FRAMES, frames.t_end, frames.length)
         self._write_gaps(batch)
         self._write_anomalies(batch)
-        done = batch.base + len(batch.data)
         last = np.array([frames.t_end[-1] if len(frames) else self.decoded])
         last = np.maximum(last, self.decoded)
         self.decoded = int(self._arrivals.of(np.array([done]), last)[0])
@@ -232,8 +237,8 @@ class BusWriter:
     def _start(self, protocol: BusProtocol) -> None:
         self.protocol = protocol
         self._baud = self._baud or protocol.baud
-        self._frames = Encoder(Frame, protocol.op_name)
-        self._transactions = Encoder(Transaction, protocol.op_name)
+        self._frames = Encoder(Frame, protocol.op_name, FRAME_ORDER)
+        self._transactions = Encoder(Transaction, protocol.op_name, TRANSACTION_ORDER)
         self._states = States(
             protocol, self._queue, self._channel, self._count_up, self._root, self._ros2
         )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sniffer.mcapfile.encoder import Blob, Encoder
+from sniffer.mcapfile.orders import RAW_ORDER
 from sniffer.mcapfile.rows import Heads, Loose, MessageRows
 from sniffer.messages.recording_pb2 import Clock, Direction, Mark, RawChunk
 
@@ -37,7 +38,7 @@ class RawEncoder:
     """Encodes the chunks of all buses."""
 
     def __init__(self) -> None:
-        self._plain = Encoder(RawChunk)
+        self._plain = Encoder(RawChunk, order=RAW_ORDER)
 
     def encode(self, parts: Sequence[HeldChunks]) -> list[MessageRows | Loose]:
         """Return a record for each chunk; the few with marks are built one by one."""

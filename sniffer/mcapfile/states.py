@@ -1,4 +1,4 @@
-"""What servos were made known to be: a message a frame, and a topic for each value alone.
+"""What servos were made known to be: messages of states, and a topic for each value alone.
 
 A state has a field for each quantity, absent where the frame does not carry it. Who plots an absent
 field as 0 needs a topic for each: those of ``FLAT`` hold a number a message, and nothing else. Of
@@ -16,6 +16,7 @@ from sniffer.ground.distinct import distinct
 from sniffer.mcapfile.cdr import NUMBERS
 from sniffer.mcapfile.encoder import Encoder
 from sniffer.mcapfile.fields import FIRST_VALUE, quantity_of, state_field
+from sniffer.mcapfile.reads import ReadValues
 from sniffer.mcapfile.rows import Heads, MessageRows
 from sniffer.messages import CHOICES, FLAT, PLOTS, TOPICS
 from sniffer.messages.servo_state_pb2 import Quantity, ServoState
@@ -96,13 +97,18 @@ class States:
         self._is_declared = np.array([name in declared for name in self.names])
         self._is_position = np.array([quantity_of(name) == "position" for name in self.names])
         self._states, self._quantities = Encoder(ServoState), Encoder(Quantity)
+        self._held = ReadValues.none()
 
-    def write(self, batch: Batch, log: I64, publish: I64) -> None:
-        """Queue what a batch made known; ``log`` and ``publish`` are the times of its frames."""
+    def write(self, batch: Batch, log: I64, publish: I64, read: I64) -> None:
+        """Queue what a batch made known; ``log`` and ``publish`` are the times of its frames.
+
+        ``read`` is the offset behind the read that each frame ended in, -1 where nobody knows.
+        """
         told = self._told(batch)
         if self._queue.wants("state"):
             mine = self._is_declared[told.field]
-            self._write_states(batch, told if mine.all() else told.take(mine), log, publish)
+            stated = told if mine.all() else told.take(mine)
+            self._held = self._held.then(self._known(batch, stated, log, publish, read))
         if self._queue.wants(FLAT):
             timed = self._with_times(batch, told)
             heads = self._alone(timed, log, publish, Quantity, "servo/{}/{}")
@@ -124,30 +130,60 @@ class States:
         mine = v.accepted & (field >= 0) & ~np.isnan(v.value)
         return known if mine.all() else known.take(np.flatnonzero(mine))
 
-    def _write_states(self, batch: Batch, told: KnownValues, log: I64, publish: I64) -> None:
+    def settle(self, done: int | None) -> None:
+        """Queue the states of reads that are decoded to their end: up to ``done``, None: all."""
+        held, n = self._held, len(self._held)
+        is_open = np.zeros(n, bool) if done is None else held.read > done
+        over = int(is_open.argmax()) if is_open.any() else n
+        if over:
+            self._held = held.part(over, n)
+            self._write_states(held.part(0, over))
+
+    def _known(
+        self, batch: Batch, told: KnownValues, log: I64, publish: I64, read: I64
+    ) -> ReadValues:
+        """Return what each frame made known of each servo."""
         if not len(told.row):
-            return
+            return ReadValues.none()
         frames, t = batch.frames, batch.transactions
         new = np.ones(len(told.row), bool)
         new[1:] = (told.row[1:] != told.row[:-1]) | (told.servo[1:] != told.servo[:-1])
         begins = np.flatnonzero(new)
-        message = np.repeat(np.arange(len(begins)), np.diff(begins, append=len(new)))
-        row, servo = told.row[begins], told.servo[begins]
+        row = told.row[begins]
         took = np.full(len(frames), -1)
         paired = t.outcome == OK
         took[t.response[paired]] = t.response_time_ns[paired]
-        took = took[row]
+        return ReadValues(
+            servo=told.servo[begins],
+            read=read[row],
+            log=log[row],
+            publish=publish[row],
+            offset=batch.base + frames.start[row],
+            kind=frames.kind[row].astype(np.int64),
+            took=took[row],
+            row=np.repeat(np.arange(len(begins)), np.diff(begins, append=len(new))),
+            field=told.field,
+            value=told.value,
+        )
+
+    def _write_states(self, known: ReadValues) -> None:
+        message, last = known.messages()
+        servo, n = known.servo[last], len(last)
+        took = np.full(n, -1)
+        timed = known.took >= 0
+        took[message[timed]] = known.took[timed]
         optional: dict[str, tuple[Any, Any]] = {
             "response_time_ns": (took, took >= 0),
             RESPONSE_TIME: (took / 1e6, took >= 0),
         }
-        for i in distinct(told.field)[0].tolist():
-            which = np.flatnonzero(told.field == i)
-            there, column = np.zeros(len(row), bool), np.zeros(len(row))
-            there[message[which]] = True
-            column[message[which]] = told.value[which]
+        for i in distinct(known.field)[0].tolist():
+            which = np.flatnonzero(known.field == i)
+            at = message[known.row[which]]
+            there, column = np.zeros(n, bool), np.zeros(n)
+            there[at] = True
+            column[at] = known.value[which]
             optional[self.names[i]] = (column, there)
-        channel, sequence = np.empty(len(row), np.uint16), np.empty(len(row), np.uint32)
+        channel, sequence = np.empty(n, np.uint16), np.empty(n, np.uint32)
         for number in distinct(servo)[0].tolist():
             which = np.flatnonzero(servo == number)
             topic = f"servo/{_who(number)}/state"
@@ -155,11 +191,9 @@ class States:
             sequence[which] = self._count_up(int(channel[which[0]]), len(which))
             seen = self.seen.setdefault(topic, set())
             seen.update(name for name, (_, there) in optional.items() if there[which].any())
-        heads = Heads(channel, sequence, log[row], publish[row], self._queue.ranks(len(row)))
-        numbers: dict[str, Any] = {
-            "offset": batch.base + batch.frames.start[row],
-            "kind": frames.kind[row],
-        }
+        ranks = self._queue.ranks(n)
+        heads = Heads(channel, sequence, known.log[last], known.publish[last], ranks)
+        numbers: dict[str, Any] = {"offset": known.offset[last], "kind": known.kind[last]}
         self._queue.add("state", *self._states.encode(heads, numbers, optional))
 
     def _alone(

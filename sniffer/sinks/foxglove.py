@@ -1,7 +1,8 @@
 """What was decoded, served to Foxglove while it is heard: the messages of a recording, live.
 
 Topics and messages are those of ``sniffer.mcapfile``, all but the raw bytes, encoded once for all
-who look on. ``log_time`` is when bytes were on the wire, by the best estimate.
+who look on. ``log_time`` is when bytes were on the wire, by the best estimate; so each frame has
+its own, and states come frame by frame.
 """
 
 from __future__ import annotations
