@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import pyarrow.parquet
 import pytest
 
-from tests.commands import within
+from tests.commands import two_buses, within
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -168,6 +168,22 @@ def test_a_selection_that_shows_nothing_says_what_is_not_in_the_capture(capsys: 
     assert last.endswith("; bus 'arm' is not in it: one of bus0")
     ran = within(capsys, "decode", CAPTURE, "--op", "execution", "--servo", "99")
     assert "is not in it" not in ran.out
+
+
+def test_a_byte_of_any_bus_is_that_of_the_one_bus_which_has_it(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    path = two_buses(tmp_path / "two.log", CAPTURE)
+    ran = within(capsys, "decode", path, "--from", "@byte:18")
+    assert (ran.status, ran.out) == (2, "")
+    assert ran.err == (
+        "sniffer: @byte:18: arm and leg have a byte 18: say of which bus, as in @byte:arm:18\n"
+    )
+    parts = [
+        told(capsys, "--from", place, "--around", "9ms", file=path)[:-1]
+        for place in ("@byte:12175", "@byte:arm:12175")
+    ]
+    assert parts[0] == parts[1] != []
 
 
 def test_a_time_of_day_needs_a_clock(capsys: Capsys) -> None:

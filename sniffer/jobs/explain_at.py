@@ -14,6 +14,8 @@ from sniffer.decoding.drawing import Drawn, draw_frame, draw_gap
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.model import NS, DamagedInputError, InputError
 from sniffer.ground.wording import and_
+from sniffer.jobs.session import merged
+from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
 
 if TYPE_CHECKING:
@@ -59,9 +61,11 @@ def explain_at(
     options.check()
     with open_source(source, input_format, wiring=options.wired) as opened:
         finder = _AtByte(bus, offset)
-        pipeline = Pipeline(options.with_facts(opened.facts(), opened.tables), [finder])
+        options = options.with_facts(opened.facts(), opened.tables)
+        pipeline = Pipeline(options, [finder])
+        quiet = Teller(lambda line: None, quiet=True)
         with contextlib.suppress(DamagedInputError):
-            for group in opened:
+            for group in merged(opened, opened, options, quiet):
                 pipeline.feed(group)
                 if bus is not None and finder.found:
                     break

@@ -10,14 +10,17 @@ from __future__ import annotations
 import datetime
 import re
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.amounts import time_in
 from sniffer.ground.limits import OFFSET_END, TIME_END_NS
 from sniffer.ground.model import NS, InputError
-from sniffer.ground.wording import Sentence
+from sniffer.ground.wording import Sentence, and_
 from sniffer.selection.columns import SEVERITIES, VALUES
 from sniffer.selection.expression import near
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 DAY_NS: Final = 86400 * NS
 
@@ -151,6 +154,12 @@ def _ns(digits: str) -> int:
 
 def _cut(text: str) -> str:
     return repr(text if len(text) <= 40 else f"{text[:39]}…")
+
+
+def ambiguous(place: CapturePlace, having: Sequence[str]) -> str:
+    """Return that several buses have the byte which is meant, and how one of them is named."""
+    told = f"{and_(list(having))} have a byte {place.number}: say of which bus, as in"
+    return f"{place.text}: {told} @byte:{having[0]}:{place.number}"
 
 
 @dataclass(frozen=True, slots=True)
