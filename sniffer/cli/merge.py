@@ -6,7 +6,14 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, files_here, with_force, with_outputs
+from sniffer.cli.options import (
+    decoding,
+    examples,
+    files_here,
+    with_anonymise,
+    with_force,
+    with_outputs,
+)
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say, wrote
@@ -63,6 +70,7 @@ def offsets_of(
     help="The first FILE heard the controller's wire, the second the servos': make them one bus.",
 )
 @with_outputs("The merged capture")
+@with_anonymise
 @with_force
 def merge(
     files: tuple[str, ...],
@@ -72,6 +80,7 @@ def merge(
     align: bool,
     pair: bool,
     outputs: tuple[Path, ...],
+    anonymise: bool,
     force: bool,
 ) -> int:
     """Make one capture of all FILEs, in the order of time.
@@ -90,6 +99,7 @@ def merge(
             align=align,
             pair=pair,
             input_format=input_format,
+            anonymise=anonymise,
             overwrite=force,
             patience=patience,
             tell=Teller(say),

@@ -15,6 +15,7 @@ from sniffer.decoding.pacing import ASSUMED
 from sniffer.ground.model import NS, Chunk, Clock, Direction, InputError, SnifferError
 from sniffer.ground.timing import LATENCY_NS, byte_time_ns
 from sniffer.ground.wording import Sentence
+from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.convert import Converted, convert_opened
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.session import merged
@@ -71,6 +72,7 @@ def merge(
     align: bool = False,
     pair: bool = False,
     input_format: str = "auto",
+    anonymise: bool = False,
     overwrite: bool = False,
     patience: Patience | None = None,
     tell: Teller | None = None,
@@ -89,6 +91,8 @@ def merge(
         pair: of two sources the first heard the controller's wire, the second the servos': they
             become one bus, in the order of cause and effect.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``, of all.
+        anonymise: times count from zero; names, ports and serial numbers are left out, and of what
+            it was made.
         overwrite: files that are there already are replaced.
         patience: takes interruptions while it is written.
         tell: takes what should be told; nothing is told without.
@@ -121,10 +125,14 @@ def merge(
         _name(inputs, pair=pair)
         facts, both = _facts(inputs), replace(options, protocols=_protocols(inputs, options))
 
+        said = [tell]
+
         def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
             del groups  # the first one is read with the others
             stream = heapq.merge(*(one.chunks(tell) for one in inputs), key=lambda e: e[0])
-            paired = _paired(inputs, options, tell) if pair else None
+            # what is to be anonymous is heard twice, and told of once
+            teller = said.pop() if said else tell.quieter()
+            paired = _paired(inputs, options, teller) if pair else None
             yield from _grouped((chunk for _, chunk in stream), paired)
 
         derived = Derived(
@@ -135,6 +143,8 @@ def merge(
             origin=" + ".join(one.path for one in inputs),
             tables=lambda: [table for one in inputs for table in one.source.tables()],
         )
+        if anonymise:
+            derived, both = anonymous(derived, both, tell)
         return convert_opened(
             derived,
             inputs[0].path,
