@@ -14,7 +14,7 @@ import sniffer
 from sniffer.decoding.rows import FrameRow
 from sniffer.ground.model import NS, Chunk, Clock, Direction
 from sniffer.mcapfile.source import session
-from sniffer.merge.aligning import aligned
+from sniffer.merging.aligning import aligned
 from sniffer.sinks.raw import LogFile
 from tests.commands import log, talk, within
 from tests.inputs import chunks

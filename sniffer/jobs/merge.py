@@ -20,8 +20,8 @@ from sniffer.jobs.convert import Converted, convert_opened
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.session import merged
 from sniffer.jobs.telling import Teller
-from sniffer.merge.aligning import MOST, aligned
-from sniffer.merge.merger import Merger
+from sniffer.merging.aligning import MOST, aligned
+from sniffer.merging.merger import Merger
 from sniffer.messages import OFFSET
 from sniffer.sources import GROUP_CHUNKS, open_source
 
