@@ -131,6 +131,14 @@ def test_a_place_is_where_something_was_found(whole: list[dict[str, Any]], capsy
         (["--kind", "reqest"], "--kind: there is no 'reqest': did you mean request?"),
         (["--code", "no-respons"], "did you mean no-response?"),
         (["--where", "servo_di = 3"], "did you mean servo_id?"),
+        (
+            ["--where", "temperature > 33"],
+            "temperature is a quantity: write quantity = 'temperature' AND value ...",
+        ),
+        (
+            ["--where", "present_voltage < 9"],
+            "is a register: write register = 'present_voltage' AND",
+        ),
         (["--servo", "3", "--where", "length >"], "--where, at its end: expected a column"),
         (
             ["--op", "read", "--code", "noise"],
