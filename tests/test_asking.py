@@ -145,6 +145,7 @@ def test_a_place_is_where_something_was_found(whole: list[dict[str, Any]], capsy
             "op is of frames and transactions; code is of",
         ),
         (["--from", "@first-eror"], "did you mean first-error?"),
+        (["--from", "first-error"], "no place in a capture: did you mean @first-error?"),
         (["--from", "@anomaly:700"], "@anomaly:700: the capture has 69 anomalies"),
         (["--from", "@byte:99999"], "no record of the capture has this byte"),
         (["--from", "@byte:arm:5"], "no record of bus arm has this byte"),
@@ -174,7 +175,14 @@ def test_a_selection_that_shows_nothing_says_what_is_not_in_the_capture(capsys: 
     last = " ".join(ran.out.split())
     assert "; op 'stor_data' is not in it: did you mean store_data?" in last
     assert last.endswith("; bus 'arm' is not in it: one of bus0")
-    ran = within(capsys, "decode", CAPTURE, "--op", "execution", "--servo", "99")
+    ran = within(capsys, "decode", CAPTURE, "--servo", "2,9")
+    assert "is not in it" not in ran.out
+    ran = within(capsys, "decode", CAPTURE, "--servo", "7,9")
+    last = " ".join(ran.out.split())
+    assert last.endswith(
+        "; servo 7 is not in it: one of 1, 2, 3, 254; servo 9 is not in it: one of 1, 2, 3, 254"
+    )
+    ran = within(capsys, "decode", CAPTURE, "--op", "execution", "--servo", "3")
     assert "is not in it" not in ran.out
 
 
@@ -230,4 +238,21 @@ def test_the_byte_that_a_message_names_is_explained(capsys: Capsys) -> None:
         2,
         f"{CAPTURE}: there is no byte 99999: it has bus0 18442",
     )
-    assert within(capsys, "explain", "run@x").complaint.endswith("as FILE@12175")
+    assert within(capsys, "explain", "run@x").complaint.startswith("'@x': there is no such place")
+    assert within(capsys, "explain", "@12").complaint.endswith("as FILE@12175")
+
+
+def test_what_an_anomaly_is_about_is_explained_without_asking_for_its_byte(capsys: Capsys) -> None:
+    rows = told(capsys, "--code", "bad-checksum")[:-1]
+    assert len(rows) == 2
+    for nth, row in enumerate(rows, 1):
+        ran = within(capsys, "explain", f"{CAPTURE}@bad-checksum:{nth}")
+        (at, _), *_ = row["evidence"]
+        head, what, *rest = ran.out.splitlines()
+        assert head == f"{CAPTURE}, byte {at} of bus0"
+        assert what == f"bad-checksum: {row['detail']}"
+        byte = within(capsys, "explain", f"{CAPTURE}@{at}")
+        assert (ran.status, rest) == (1, byte.out.splitlines()[1:])
+    nothing = within(capsys, "explain", f"{CAPTURE}@bad-checksum:9")
+    assert (nothing.status, nothing.out) == (2, "")
+    assert nothing.complaint == "@bad-checksum:9: the capture has 2 of them"

@@ -113,18 +113,35 @@ class Extract:
         if not self.seeks:
             return self
         finder = _Finder([p for p in (self.start, self.stop) if p is not None and p.kind == FOUND])
-        pipeline = Pipeline(options, [finder])
-        quiet = Teller(lambda line: None, quiet=True)
-        with contextlib.suppress(DamagedInputError):
-            for group in merged(opened, opened, options, quiet):
-                finder.hear(group)
-                if not finder.is_done:
-                    pipeline.feed(group)
-                elif finder.knows_buses:
-                    break
-        if not finder.is_done:
-            pipeline.close()
+        _look(finder, opened, options)
         return replace(self, start=finder.found(self.start), stop=finder.found(self.stop))
+
+
+def evidence_at(place: CapturePlace, opened: Source, options: Options) -> tuple[str, int, str]:
+    """Return the bus and the byte at which an anomaly is told, and what it says.
+
+    Raises:
+        InputError: it is not there.
+    """
+    finder = _Finder([place])
+    _look(finder, opened, options)
+    finder.found(place)
+    return finder.evidence[place]
+
+
+def _look(finder: _Finder, opened: Source, options: Options) -> None:
+    """Read a source as far as need be."""
+    pipeline = Pipeline(options, [finder])
+    quiet = Teller(lambda line: None, quiet=True)
+    with contextlib.suppress(DamagedInputError):
+        for group in merged(opened, opened, options, quiet):
+            finder.hear(group)
+            if not finder.is_done:
+                pipeline.feed(group)
+            elif finder.knows_buses:
+                break
+    if not finder.is_done:
+        pipeline.close()
 
 
 def _words(place: CapturePlace) -> str:
@@ -137,6 +154,8 @@ class _Finder:
     def __init__(self, places: Sequence[CapturePlace]) -> None:
         self._places = tuple(dict.fromkeys(places))
         self._times: dict[CapturePlace, int] = {}
+        self.evidence: dict[CapturePlace, tuple[str, int, str]] = {}
+        """Of anomalies that are found the bus, the first byte, and what they say."""
         self._anomalies = 0
         self._met = dict.fromkeys(self._places, 0)
         """How many anomalies of the kind that a place names were there so far."""
@@ -205,13 +224,18 @@ class _Finder:
             return time_at(batch, place.number) if place.bus in ("", bus) else None
         if place.sought == "anomaly":
             nth = place.number - 1 - self._anomalies
-            return int(found.t_ns[nth]) if nth < len(found) else None
+            return self._take(place, bus, found, nth) if nth < len(found) else None
         for nth, code in enumerate(found.code.tolist()):
             if place.sought in (CODES[code], SEVERITY[code].name.lower()):
                 self._met[place] += 1
                 if self._met[place] == place.number:
-                    return int(found.t_ns[nth])
+                    return self._take(place, bus, found, nth)
         return None
+
+    def _take(self, place: CapturePlace, bus: str, found: Anomalies, nth: int) -> int:
+        one = found[nth]
+        self.evidence[place] = bus, int(found.at[nth]), f"{one.code}: {one.detail}"
+        return int(found.t_ns[nth])
 
     def close(self) -> None:
         """Do nothing."""

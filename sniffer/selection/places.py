@@ -7,6 +7,7 @@ has to look for it first.
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import re
 from dataclasses import dataclass, replace
@@ -83,6 +84,11 @@ def names_port(text: str) -> bool:
     return _PORT.fullmatch(text) is not None
 
 
+def names_anomaly(word: str) -> bool:
+    """Tell whether a word names anomalies in a place: ``anomaly``, a severity or a code."""
+    return word == "anomaly" or word in SEVERITIES or word in VALUES["code"]
+
+
 def place_in(text: str) -> CapturePlace:
     """Read a place.
 
@@ -103,7 +109,10 @@ def place_in(text: str) -> CapturePlace:
         return CapturePlace(plain, OF_DAY, ns)
     if (match := _ISO.fullmatch(plain)) is not None:
         return CapturePlace(plain, MOMENT, _moment(plain, match))
-    raise InputError(f"{_cut(text)} is no place in a capture: write it like {_FORMS}")
+    advice = f"write it like {_FORMS}"
+    with contextlib.suppress(InputError):
+        advice = f"did you mean {_sought(f'@{plain}').text}?"
+    raise InputError(f"{_cut(text)} is no place in a capture: {advice}")
 
 
 def _sought(text: str) -> CapturePlace:
@@ -114,7 +123,7 @@ def _sought(text: str) -> CapturePlace:
     known = [f"first-{level}" for level in SEVERITIES]
     if word in known and not colon:
         return CapturePlace(text, FOUND, sought=word.removeprefix("first-"), number=1)
-    if word == "anomaly" or word in VALUES["code"] or (colon and word in SEVERITIES):
+    if names_anomaly(word) and (colon or word not in SEVERITIES):
         nth = _number(text, word, number, 1) if colon or word == "anomaly" else 1
         return CapturePlace(text, FOUND, sought=word, number=nth)
     names = ["byte:12175", "anomaly:7", *known]
