@@ -71,6 +71,7 @@ def merge(
     offsets: Mapping[str, int] | None = None,
     align: bool = False,
     pair: bool = False,
+    together: bool = False,
     input_format: str = "auto",
     anonymise: bool = False,
     overwrite: bool = False,
@@ -80,7 +81,8 @@ def merge(
     """Make one capture of several, in the order of time.
 
     A bus keeps its name; where several captures have a bus of one name, each is called after its
-    file. The files of one recording (``rotate_bytes``, ``rotate_ns``) are one bus again.
+    file. The files of one recording (``rotate_bytes``, ``rotate_ns``) are one bus again, as are
+    those that are one capture ``together``.
 
     Args:
         sources: paths.
@@ -90,6 +92,7 @@ def merge(
         align: find that from the traffic that two taps of one bus both heard, against the first.
         pair: of two sources the first heard the controller's wire, the second the servos': they
             become one bus, in the order of cause and effect.
+        together: the sources are one capture, such as a log in pieces: buses of one name are one.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``, of all.
         anonymise: times count from zero; names, ports and serial numbers are left out, and of what
             it was made.
@@ -107,6 +110,10 @@ def merge(
     tell = tell or Teller(lambda line: None, quiet=True)
     if pair and len(sources) != 2:
         raise SnifferError(Sentence("{pair} is about two captures, one of each wire"))
+    if pair and together:
+        raise SnifferError(
+            Sentence("{pair} is about two wires, {together} about one after another")
+        )
     if pair and align:
         told = "{align} is about what both heard: of two wires say {offsets}"
         raise SnifferError(Sentence(told))
@@ -122,7 +129,7 @@ def merge(
             _named(inputs, path).shift_ns = shift
         if align:
             _align(inputs, {str(_named(inputs, p).path) for p in offsets or {}}, tell)
-        _name(inputs, pair=pair)
+        _name(inputs, pair=pair, together=together)
         facts, both = _facts(inputs), replace(options, protocols=_protocols(inputs, options))
 
         said = [tell]
@@ -228,15 +235,15 @@ def _head(one: _Input) -> Iterator[Chunk]:
             return
 
 
-def _name(inputs: Sequence[_Input], *, pair: bool) -> None:
-    """Name the buses: apart, but for the two wires of one bus, and the files of one recording."""
+def _name(inputs: Sequence[_Input], *, pair: bool, together: bool) -> None:
+    """Name the buses: apart, but for the two wires of one bus, and the files of one capture."""
     taken: dict[str, _Input] = {}
     clashes = {
         bus
         for nth, one in enumerate(inputs)
         for other in inputs[:nth]
         for bus in one.buses.keys() & other.buses.keys()
-        if not _continues(one, other, bus) and not _continues(other, one, bus)
+        if not (together or _continues(one, other, bus) or _continues(other, one, bus))
     }
     for nth, one in enumerate(inputs):
         if pair:
