@@ -51,7 +51,8 @@ def cut(
     """Cut a part out of FILE (- is standard input).
 
     It is cut between frames and tears no exchange, so it says what the whole says there; it may
-    begin and end a little outside of what was asked for.
+    begin and end a little outside of what was asked for. A part has every byte of its buses: those
+    of some servos or commands alone are made by `sniffer convert run.mcap three.log --servo 3`.
     """
     if window is None or not window.is_part:
         raise click.UsageError("say which part: --from, --to or both")
