@@ -124,6 +124,14 @@ def log(data: bytes, *, start_ns: int = 1_700_000_000_000_000_000) -> str:
     return "".join(lines)
 
 
+def two_buses(path: Path, capture: Path) -> Path:
+    """Write a capture as the bus arm, and a stretch in the middle of it as the bus leg, too."""
+    arm = capture.read_text().replace(" bus0 ", " arm ").splitlines()
+    leg = [line.replace(" arm ", " leg ") for line in arm[400:450]]
+    path.write_text("\n".join(sorted([*arm, *leg])))
+    return path
+
+
 def records(text: str) -> list[dict[str, Any]]:
     """Return the records of JSON lines."""
     return [json.loads(line) for line in text.splitlines()]

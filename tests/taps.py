@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.codes import OK
 from sniffer.ground.model import NS, Batch, Chunk, Clock, Direction
-from sniffer.merge.merger import Merger
+from sniffer.merging.merger import Merger
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES, Fault, TrueFrame, simulate
 

@@ -37,7 +37,7 @@ FLOORS: Final = tuple(
 
 FACE: Final = "cli"
 
-CORE: Final = ("ground", "protocols", "diagnostics", "decoding", "diagnosis", "merge", "signals")
+CORE: Final = ("ground", "protocols", "diagnostics", "decoding", "diagnosis", "merging", "signals")
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
 
 ONLY: Final[Mapping[str, tuple[str, ...]]] = {
@@ -232,6 +232,12 @@ def loaded_with(*modules: str) -> set[Path]:
                 out.add(file)
                 waiting += imports(file, lazy=False, typing=False)
     return out
+
+
+def test_no_room_is_called_like_a_public_name() -> None:
+    # a room that is loaded becomes an attribute of the package: `sniffer.merge` was one, then
+    rooms = {path.stem for path in ROOT.iterdir()}
+    assert not rooms & set(sniffer.__all__)
 
 
 def test_libraries_that_load_slowly_are_loaded_when_they_are_needed() -> None:

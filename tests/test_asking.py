@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import pyarrow.parquet
 import pytest
 
-from tests.commands import within
+from tests.commands import two_buses, within
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -131,12 +131,21 @@ def test_a_place_is_where_something_was_found(whole: list[dict[str, Any]], capsy
         (["--kind", "reqest"], "--kind: there is no 'reqest': did you mean request?"),
         (["--code", "no-respons"], "did you mean no-response?"),
         (["--where", "servo_di = 3"], "did you mean servo_id?"),
+        (
+            ["--where", "temperature > 33"],
+            "temperature is a quantity: write quantity = 'temperature' AND value ...",
+        ),
+        (
+            ["--where", "present_voltage < 9"],
+            "is a register: write register = 'present_voltage' AND",
+        ),
         (["--servo", "3", "--where", "length >"], "--where, at its end: expected a column"),
         (
             ["--op", "read", "--code", "noise"],
             "op is of frames and transactions; code is of",
         ),
         (["--from", "@first-eror"], "did you mean first-error?"),
+        (["--from", "first-error"], "no place in a capture: did you mean @first-error?"),
         (["--from", "@anomaly:700"], "@anomaly:700: the capture has 69 anomalies"),
         (["--from", "@byte:99999"], "no record of the capture has this byte"),
         (["--from", "@byte:arm:5"], "no record of bus arm has this byte"),
@@ -166,8 +175,31 @@ def test_a_selection_that_shows_nothing_says_what_is_not_in_the_capture(capsys: 
     last = " ".join(ran.out.split())
     assert "; op 'stor_data' is not in it: did you mean store_data?" in last
     assert last.endswith("; bus 'arm' is not in it: one of bus0")
-    ran = within(capsys, "decode", CAPTURE, "--op", "execution", "--servo", "99")
+    ran = within(capsys, "decode", CAPTURE, "--servo", "2,9")
     assert "is not in it" not in ran.out
+    ran = within(capsys, "decode", CAPTURE, "--servo", "7,9")
+    last = " ".join(ran.out.split())
+    assert last.endswith(
+        "; servo 7 is not in it: one of 1, 2, 3, 254; servo 9 is not in it: one of 1, 2, 3, 254"
+    )
+    ran = within(capsys, "decode", CAPTURE, "--op", "execution", "--servo", "3")
+    assert "is not in it" not in ran.out
+
+
+def test_a_byte_of_any_bus_is_that_of_the_one_bus_which_has_it(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    path = two_buses(tmp_path / "two.log", CAPTURE)
+    ran = within(capsys, "decode", path, "--from", "@byte:18")
+    assert (ran.status, ran.out) == (2, "")
+    assert ran.err == (
+        "sniffer: @byte:18: arm and leg have a byte 18: say of which bus, as in @byte:arm:18\n"
+    )
+    parts = [
+        told(capsys, "--from", place, "--around", "9ms", file=path)[:-1]
+        for place in ("@byte:12175", "@byte:arm:12175")
+    ]
+    assert parts[0] == parts[1] != []
 
 
 def test_a_time_of_day_needs_a_clock(capsys: Capsys) -> None:
@@ -206,4 +238,21 @@ def test_the_byte_that_a_message_names_is_explained(capsys: Capsys) -> None:
         2,
         f"{CAPTURE}: there is no byte 99999: it has bus0 18442",
     )
-    assert within(capsys, "explain", "run@x").complaint.endswith("as FILE@12175")
+    assert within(capsys, "explain", "run@x").complaint.startswith("'@x': there is no such place")
+    assert within(capsys, "explain", "@12").complaint.endswith("as FILE@12175")
+
+
+def test_what_an_anomaly_is_about_is_explained_without_asking_for_its_byte(capsys: Capsys) -> None:
+    rows = told(capsys, "--code", "bad-checksum")[:-1]
+    assert len(rows) == 2
+    for nth, row in enumerate(rows, 1):
+        ran = within(capsys, "explain", f"{CAPTURE}@bad-checksum:{nth}")
+        (at, _), *_ = row["evidence"]
+        head, what, *rest = ran.out.splitlines()
+        assert head == f"{CAPTURE}, byte {at} of bus0"
+        assert what == f"bad-checksum: {row['detail']}"
+        byte = within(capsys, "explain", f"{CAPTURE}@{at}")
+        assert (ran.status, rest) == (1, byte.out.splitlines()[1:])
+    nothing = within(capsys, "explain", f"{CAPTURE}@bad-checksum:9")
+    assert (nothing.status, nothing.out) == (2, "")
+    assert nothing.complaint == "@bad-checksum:9: the capture has 2 of them"

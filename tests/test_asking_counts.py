@@ -156,7 +156,7 @@ def test_two_runs_are_compared_in_what_is_selected(tmp_path: Path, capsys: Capsy
     ran = within(capsys, "diff", CLEAN, DAMAGED, "--servo", "1", "--from", "1", "--to", "3")
     first, a, b = ran.out.splitlines()[:3]
     assert first == "of each what is selected: servo_id = 1; from second 1 to second 3"
-    assert ": 2.0 s, 55 answers expected, 0 missing" in a
+    assert ": 2.0 s, 55 answers expected, 0 failed" in a
     assert ": 2.0 s" in b
     for options, told in (
         (["--servo", "9"], "servo_id = 9: neither run has any of it"),

@@ -293,7 +293,7 @@ def test_help_loads_no_command_and_nothing_that_reckons() -> None:
 
 ROOT = Path(__file__).parents[1]
 HEAVY = ("tomllib", "tempfile", "importlib.metadata", "serial", "mcap")
-FAR = ("merge", "mcapfile", "ports", "simulation", "tap", "viewers", "decoding.reference")
+FAR = ("merging", "mcapfile", "ports", "simulation", "tap", "viewers", "decoding.reference")
 SMALL = "sample_captures/mightyzap_manual.hex"
 
 

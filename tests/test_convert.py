@@ -217,7 +217,18 @@ def test_a_capture_without_names_tells_nobody_whose_it_is(tmp_path: Path, capsys
         },
     )
     outs = [tmp_path / name for name in ("x.mcap", "x.log", "x.jsonl")]
+    parts = [tmp_path / name for name in ("cut.mcap", "cut.log", "both.mcap", "both.log")]
     assert within(capsys, "convert", source, *outs, "--anonymise").status == 0
+    options = sniffer.Options(names={5: "anna"})
+    sniffer.cut(source, parts[:2], sniffer.Window(0.0, 1.0), options, anonymise=True)
+    other = tmp_path / "anna.log"
+    other.write_text("".join(f"({n}.5) annas-arm #FFFFFF0102F10B\n" for n in range(9)))
+    sniffer.merge([source, other], parts[2:], options, anonymise=True)
+    for part, bus in ((parts[0], "bus0"), (parts[2], "bus1")):
+        assert chunks(part)[0].t_ns == 0
+        mine = b"".join(c.data for c in chunks(part) if c.bus == bus)
+        assert mine == b"".join(c.data for c in chunks(outs[0]))
+        assert session(part)[f"baud.{bus}"] == "115200"
     again = chunks(outs[0])
     assert [c.t_ns for c in again] == [n * 2_000_000 for n in range(len(said))]
     assert {c.bus for c in again} == {"bus0"}
@@ -225,7 +236,8 @@ def test_a_capture_without_names_tells_nobody_whose_it_is(tmp_path: Path, capsys
     assert b"".join(c.data for c in again) == b"".join(said).replace(b"87654321", b"00000000")
     facts = session(outs[0])
     assert facts["baud.bus0"] == "115200"
-    for out in outs:
+    for out in (*outs, *parts):
+        facts = session(out) if out.suffix == ".mcap" else {}
         content = out.read_bytes() + "".join(f"{k}={v}" for k, v in facts.items()).encode()
         for name in (
             b"anna",

@@ -14,7 +14,7 @@ import sniffer
 from sniffer.decoding.rows import FrameRow
 from sniffer.ground.model import NS, Chunk, Clock, Direction
 from sniffer.mcapfile.source import session
-from sniffer.merge.aligning import aligned
+from sniffer.merging.aligning import aligned
 from sniffer.sinks.raw import LogFile
 from tests.commands import log, talk, within
 from tests.inputs import chunks
@@ -176,6 +176,20 @@ def test_files_of_one_recording_are_one_bus_again(tmp_path: Path, capsys: Capsys
     assert chunks(out) == TALK
 
 
+def test_pieces_of_a_log_are_one_bus_where_they_are_one_capture(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    third = len(TALK) // 3
+    pieces = (TALK[:third], TALK[third : 2 * third], TALK[2 * third :])
+    parts = [lines(tmp_path / f"{n}.log", piece) for n, piece in enumerate(pieces)]
+    out = tmp_path / "x.log"
+    mixed = [parts[2], parts[0], parts[1]]
+    assert within(capsys, "merge", *mixed, "--together", "-o", out).status == 0
+    assert out.read_text() == lines(tmp_path / "whole.log", TALK).read_text()
+    assert within(capsys, "merge", *mixed, "-o", out, "--force").status == 0
+    assert {c.bus for c in chunks(out)} == {"0", "1", "2"}
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
@@ -183,6 +197,7 @@ def test_files_of_one_recording_are_one_bus_again(tmp_path: Path, capsys: Capsys
         (("{a}", "{b}", "--offset", "b.log"), "Invalid value for '--offset': 'b.log': write FILE="),
         (("{a}", "{b}", "--offset", "c=1s"), "'c' is none of the captures: "),
         (("{a}", "{b}", "--pair", "--align"), "--align is about what both heard: of two wires say"),
+        (("{a}", "{b}", "--pair", "--together"), "--pair is about two wires, --together about"),
         (("{a}", "{b}", "{a}", "--pair"), "--pair is about two captures, one of each wire"),
         (("{a}", "{hex}"), "{hex} has no times: it cannot be merged by them"),
     ],

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind
 from sniffer.ground.timing import byte_time_ns
-from sniffer.merge.merger import Merger
+from sniffer.merging.merger import Merger
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES, LINE_FAULTS, Fault
 from tests.streams import chunked, stream

@@ -10,7 +10,7 @@ import pytest
 from sniffer.decoding.pipeline import Options
 from sniffer.ground.codes import OK
 from sniffer.ground.model import Chunk, Clock, DamagedInputError, Direction, Mark, MarkKind
-from sniffer.merge.wires import in_order
+from sniffer.merging.wires import in_order
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation import BUSES, Fault, simulate
 from tests.commands import Ran, records, within

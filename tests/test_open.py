@@ -26,6 +26,7 @@ from sniffer.inside.view import LineView
 from sniffer.inside.words import line_words
 from sniffer.sources import open_source
 from tests.commands import sniffer as command
+from tests.commands import two_buses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -182,6 +183,18 @@ def test_a_place_may_be_a_time_a_byte_or_a_line(place: str, line: int, index: Ca
 def test_a_place_that_is_not_there_is_told(place: str, told: str, index: CaptureIndex) -> None:
     with pytest.raises(InputError, match=told):
         line_of(place, index)
+
+
+def test_a_byte_of_several_buses_is_of_the_one_that_is_looked_at_or_named(tmp_path: Path) -> None:
+    index = indexed(two_buses(tmp_path / "two.log", DAMAGED))
+    with pytest.raises(InputError, match="@byte:18: arm and leg have a byte 18: say of which bus"):
+        line_of("@byte:18", index)
+    for bus in ("arm", "leg"):
+        line = line_of(f"@byte:{bus}:18", index)
+        assert line == line_of("@18", index, index.buses.index(bus))
+        assert index.buses[index.lines["bus"][line]] == bus
+    assert line_of("@byte:12175", index) == line_of("@byte:arm:12175", index)
+    index.discard()
 
 
 def test_a_search_goes_on_and_round_for_bytes_and_words(index: CaptureIndex) -> None:

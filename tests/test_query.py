@@ -185,6 +185,32 @@ def test_a_mistake_in_a_query_is_a_line(query: Asking, sql: str, said: str) -> N
     assert said in done.complaint
 
 
+def test_tables_are_joined_by_what_they_have_in_common(query: Asking) -> None:
+    # DuckDB looks for such columns before there are tables
+    using = "SELECT count(*) AS n FROM samples AS a JOIN frames AS b USING (t_ns, servo_id)"
+    plain = "SELECT count(*) AS n FROM samples AS a, frames AS b "
+    plain += "WHERE a.t_ns = b.t_ns AND a.servo_id = b.servo_id"
+    assert query.rows(using) == query.rows(plain) != [{"n": 0}]
+    assert query.rows("SELECT count(*) AS n FROM frames NATURAL JOIN gaps") == [{"n": 0}]
+    wrong = query.says("SELECT 1 FROM gaps JOIN frames USING (nothing)")
+    assert (wrong.status, wrong.out) == (2, "")
+    assert wrong.err.splitlines()[-1].endswith('"nothing" does not exist on left side of join!')
+
+
+def test_times_with_a_zone_are_told_in_utc_and_need_no_library(query: Asking) -> None:
+    told = 'to_timestamp(t_ns / 1e9) AS "a ""b", code AS t, 1 AS t'
+    done = query.says(f"SELECT {told} FROM anomalies LIMIT 1; -- ;", ONE, "--format", "csv")
+    head, row = csv.reader(io.StringIO(done.out))
+    assert head == ['a "b', "t", "t"]
+    assert row == ["2026-11-20 22:55:06.365183", "no-response", "1"]
+
+
+def test_what_explains_a_query_is_drawn_as_it_is(query: Asking) -> None:
+    drawn = query.says("EXPLAIN SELECT code FROM anomalies").out
+    assert "\\" not in drawn
+    assert len(drawn.splitlines()) > 3
+
+
 def test_only_the_tables_that_are_named_are_built(
     query: Asking, monkeypatch: pytest.MonkeyPatch
 ) -> None:

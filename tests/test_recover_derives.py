@@ -6,12 +6,18 @@ import random
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import pytest
+from mcap.reader import make_reader
+
+import sniffer
 from bench.survives import KINDS, Victim, kill
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.mcapfile import tail
+from sniffer.mcapfile.joints import RosJoint, joints_in
 from sniffer.mcapfile.recover import recover
+from sniffer.mcapfile.ros2 import ANOMALIES, JOINTS
 from sniffer.mcapfile.sink import McapSink
 from sniffer.mcapfile.source import groups, session
 from tests.recordings import messages, talk
@@ -20,8 +26,6 @@ from tests.terminals import LINUX_ONLY, PATIENCE_S
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import pytest
-
 DERIVED = ("frames", "transactions", "state", "gaps", "anomalies", "log", "stats")
 
 
@@ -29,7 +33,8 @@ def anew(path: Path, out: Path) -> Path:
     """Decode the raw bytes of a recording, as far as it goes, into another one."""
     facts = session(path)
     bauds = {key: value for key, value in facts.items() if key.startswith("baud.")}
-    pipeline = Pipeline(Options().with_facts(facts), [McapSink(out, bauds)])
+    sink = McapSink(out, bauds, joints=joints_in(facts))
+    pipeline = Pipeline(Options().with_facts(facts), [sink])
     try:
         for group in groups(path):
             pipeline.feed(group)
@@ -48,6 +53,15 @@ def derived(path: Path) -> dict[str, list[bytes]]:
         for topic, rows in found.items()
         if topic.rpartition("/")[2] in DERIVED
     }
+
+
+def in_words_of_ros(path: Path) -> dict[str, list[tuple[int, bytes]]]:
+    """Return what ROS 2 is told: by topic the times and messages, in any order."""
+    out: dict[str, list[tuple[int, bytes]]] = {}
+    with path.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages([JOINTS, ANOMALIES]):
+            out.setdefault(channel.topic, []).append((message.publish_time, message.data))
+    return {topic: sorted(rows) for topic, rows in out.items()}
 
 
 def recorded(path: Path, **options: Any) -> list[int]:
@@ -86,6 +100,30 @@ def test_a_file_cut_anywhere_has_all_records_of_its_bytes_again(tmp_path: Path) 
     assert made, "some of them had bytes of which nothing was made"
 
 
+@pytest.mark.parametrize("joints", [(), (RosJoint("b1", 1, "knee", sign=-1, offset=0.25),)])
+def test_what_ros_is_told_is_made_again(joints: tuple[RosJoint, ...], tmp_path: Path) -> None:
+    whole = tmp_path / "whole.mcap"
+    sizes = recorded(whole, joints=joints)
+    assert joints_in(session(whole)) == joints
+    data = whole.read_bytes()
+    rng = random.Random(6)
+    made = 0
+    for n in range(4):
+        path = tmp_path / f"cut{n}.mcap"
+        path.write_bytes(data[: rng.randrange(sizes[1], sizes[-1])])
+        recover(path, path)
+        found, wanted = (in_words_of_ros(p) for p in (path, anew(path, tmp_path / "anew.mcap")))
+        assert found == wanted, n
+        made += len(found.get(JOINTS, []))
+    assert made
+    plain = tmp_path / "plain.mcap"
+    sniffer.convert(whole, [plain])
+    assert joints_in(session(plain)) is None, "what is made of it has none, unless it is asked for"
+    before = in_words_of_ros(whole)
+    assert recover(whole, whole).derived == 0
+    assert in_words_of_ros(whole) == before
+
+
 def test_a_recording_too_long_to_be_held_gets_only_what_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -97,6 +135,11 @@ def test_a_recording_too_long_to_be_held_gets_only_what_is_missing(
     assert recover(path, path).derived
     wanted = derived(anew(path, tmp_path / "anew.mcap"))
     assert derived(path) == wanted
+    ros = tmp_path / "ros.mcap"
+    sizes = recorded(whole, joints=())
+    ros.write_bytes(whole.read_bytes()[: sizes[-2] - 1])
+    assert recover(ros, ros).derived
+    assert in_words_of_ros(ros) == in_words_of_ros(anew(ros, tmp_path / "anew.mcap"))
 
 
 def test_what_a_recording_was_not_asked_for_is_not_made(tmp_path: Path) -> None:

@@ -70,10 +70,14 @@ def stats(capsys: pytest.CaptureFixture[str]) -> Counting:
 
 
 def counted(
-    protocol: str, chunks: Sequence[Chunk], cuts: Sequence[int] = (), baud: int | None = None
+    protocol: str,
+    chunks: Sequence[Chunk],
+    cuts: Sequence[int] = (),
+    baud: int | None = None,
+    every_ns: int | None = None,
 ) -> dict[str, Any]:
     """Return the figures of chunks that come in groups."""
-    told = Statistics()
+    told = Statistics(every_ns=every_ns)
     pipeline = Pipeline(Options(protocol=protocol, baud=baud), [told], ahead=chunks)
     edges = sorted({0, len(chunks), *(c % len(chunks) for c in cuts)})
     for a, b in itertools.pairwise(edges):
@@ -123,7 +127,9 @@ def test_figures_do_not_depend_on_how_the_stream_was_cut(
 ) -> None:
     chunks = talk(protocol, 0.3, data.draw(st.integers(0, 3)))
     cuts = data.draw(st.lists(st.integers(1, 10**6), max_size=8))
-    assert counted(protocol, chunks, cuts) == counted(protocol, chunks)
+    every_ns = data.draw(st.sampled_from([None, 20 * MS]))
+    found = counted(protocol, chunks, cuts, every_ns=every_ns)
+    assert found == counted(protocol, chunks, every_ns=every_ns)
 
 
 def told_of(path: Path) -> list[Any]:

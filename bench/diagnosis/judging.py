@@ -10,7 +10,7 @@ from bench.diagnosis.hosts import HOSTS
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.diagnosis import Diagnosis
 from sniffer.ground.model import NS
-from sniffer.merge.wires import in_order
+from sniffer.merging.wires import in_order
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -8,7 +8,7 @@ import click
 
 from sniffer.cli.amounts import topics as topics_of
 from sniffer.cli.joints import with_ros2
-from sniffer.cli.options import decoding, examples, files_here, with_force
+from sniffer.cli.options import decoding, examples, files_here, with_anonymise, with_force
 from sniffer.cli.selecting import say_selected, with_part, with_rows
 from sniffer.cli.servos import with_alarms
 from sniffer.cli.signals import patient
@@ -59,11 +59,7 @@ from sniffer.sinks import RECORDING
     "`rerun FILE` draws by itself. +plots adds to the usual ones, plots is all there is.",
 )  # fmt: skip
 @with_ros2
-@click.option(
-    "--anonymise",
-    is_flag=True,
-    help="Times count from zero; names, ports and serial numbers are left out.",
-)
+@with_anonymise
 @with_force
 @click.option("-q", "--quiet", is_flag=True, help="Say only what goes wrong.")
 def convert(

@@ -6,7 +6,14 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, files_here, with_force, with_outputs
+from sniffer.cli.options import (
+    decoding,
+    examples,
+    files_here,
+    with_anonymise,
+    with_force,
+    with_outputs,
+)
 from sniffer.cli.selecting import with_part
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
@@ -23,12 +30,14 @@ from sniffer.selection.places import Window
         "sniffer cut run.mcap --from 10 --to 20 -o part.mcap",
         "sniffer cut run.mcap --from @first-error --around 200ms -o error.mcap",
         "sniffer cut capture.log --to 1.5 -o begin.log",
+        "sniffer cut run.mcap --from @first-error --around 2s --anonymise -o shared.mcap",
     ),
 )
 @click.argument("file", shell_complete=files_here)
 @decoding
 @with_part
 @with_outputs("The part")
+@with_anonymise
 @with_force
 def cut(
     file: str,
@@ -36,12 +45,14 @@ def cut(
     input_format: str,
     window: Window | None,
     outputs: tuple[Path, ...],
+    anonymise: bool,
     force: bool,
 ) -> int:
     """Cut a part out of FILE (- is standard input).
 
     It is cut between frames and tears no exchange, so it says what the whole says there; it may
-    begin and end a little outside of what was asked for.
+    begin and end a little outside of what was asked for. A part has every byte of its buses: those
+    of some servos or commands alone are made by `sniffer convert run.mcap three.log --servo 3`.
     """
     if window is None or not window.is_part:
         raise click.UsageError("say which part: --from, --to or both")
@@ -52,6 +63,7 @@ def cut(
             window,
             options,
             input_format=input_format,
+            anonymise=anonymise,
             overwrite=force,
             patience=patience,
             tell=Teller(say),

@@ -29,10 +29,11 @@ _NAME: Final = re.compile(r"[a-z][a-z0-9-]{3,}")
         "sniffer explain FFFFFF010400D0078F --after 'FF FF FF 01 04 F2 8C 02 7A'",
         "sniffer explain '#5D1800'",
         "sniffer explain run.mcap@12175",
+        "sniffer explain run.mcap@first-error",
         "sniffer explain no-response",
     ),
 )
-@click.argument("hex_bytes", metavar="HEX|FILE@BYTE|CODE", nargs=-1, required=True)
+@click.argument("hex_bytes", metavar="HEX|FILE@PLACE|CODE", nargs=-1, required=True)
 @click.option("--after", metavar="HEX", help="The request this answers: replies need it.")
 @click.option(
     "--protocol",
@@ -53,7 +54,8 @@ def explain(
     """Draw the frame HEX byte by byte: offsets, fields, values, units, checksum arithmetic.
 
     FILE@12175 draws the frame of a capture that has this byte, behind the request that it answers;
-    FILE@arm:12175 where there are several buses.
+    FILE@arm:12175 where there are several buses. FILE@first-error, FILE@no-response:3 and
+    FILE@anomaly:7 draw what was wrong there.
 
     Exit status 1: not every byte belongs to a frame that holds; what is wrong with it is shown.
     LSS lines may be given as text.

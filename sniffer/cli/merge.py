@@ -6,7 +6,14 @@ from pathlib import Path
 
 import click
 
-from sniffer.cli.options import decoding, examples, files_here, with_force, with_outputs
+from sniffer.cli.options import (
+    decoding,
+    examples,
+    files_here,
+    with_anonymise,
+    with_force,
+    with_outputs,
+)
 from sniffer.cli.signals import patient
 from sniffer.cli.statuses import status_of
 from sniffer.cli.streams import say, wrote
@@ -37,6 +44,7 @@ def offsets_of(
         "sniffer merge left.mcap right.mcap -o both.mcap",
         "sniffer merge a.log b.log --offset b.log=+1.25s -o both.mcap",
         "sniffer merge a.mcap b.mcap --align -o both.mcap",
+        "sniffer merge part-1.log part-2.log --together -o whole.log",
         "sniffer merge controller.log servos.log --pair -o bus.mcap",
     ),
 )
@@ -62,7 +70,13 @@ def offsets_of(
     is_flag=True,
     help="The first FILE heard the controller's wire, the second the servos': make them one bus.",
 )
+@click.option(
+    "--together",
+    is_flag=True,
+    help="The FILEs are one capture, such as a log in pieces: buses of one name are one bus.",
+)
 @with_outputs("The merged capture")
+@with_anonymise
 @with_force
 def merge(
     files: tuple[str, ...],
@@ -71,13 +85,15 @@ def merge(
     offsets: dict[str, int],
     align: bool,
     pair: bool,
+    together: bool,
     outputs: tuple[Path, ...],
+    anonymise: bool,
     force: bool,
 ) -> int:
     """Make one capture of all FILEs, in the order of time.
 
     A bus keeps its name; where several files have a bus of one name, each is called after its file.
-    The files of one recording (record --rotate) are one bus again.
+    The files of one recording (record --rotate) are one bus again, and so are those --together.
     """
     if len(files) < 2:
         raise click.UsageError("merge takes two files or more")
@@ -89,7 +105,9 @@ def merge(
             offsets=offsets,
             align=align,
             pair=pair,
+            together=together,
             input_format=input_format,
+            anonymise=anonymise,
             overwrite=force,
             patience=patience,
             tell=Teller(say),

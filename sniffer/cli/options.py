@@ -124,6 +124,14 @@ with_force = click.option("--force", is_flag=True, help="Replace files that are 
 """Of every command that writes a file."""
 
 
+with_anonymise = click.option(
+    "--anonymise",
+    is_flag=True,
+    help="Times count from zero; names, ports and serial numbers are left out.",
+)
+"""Of every command that makes captures of captures."""
+
+
 def with_outputs(about: str) -> Callable[[Command], Command]:
     """Return ``-o``, of commands whose files are what is asked for."""
     return click.option(

@@ -33,6 +33,9 @@ from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
 from sniffer.selection.selection import Selection
 
+EXPLAINED: Final = ("explain_key", "explain_value")
+"""The columns of an answer to EXPLAIN."""
+
 LOOK: Final = 1000
 """Rows by which the width of columns is judged; a longer value behind them is printed as it is."""
 
@@ -109,6 +112,9 @@ def _jsonable(value: Any) -> Any:
 def _lines(answer: Answer) -> Iterator[str]:
     """Yield a table for people, numbers right, texts left, nothing cut."""
     rows = iter(answer)
+    if answer.columns == EXPLAINED:  # a drawing, line by line
+        yield from (line for _, drawn in rows for line in str(drawn).splitlines())
+        return
     head = [[_shown(value) for value in row] for row in itertools.islice(rows, LOOK)]
     widths = [max(map(len, column)) for column in zip(answer.columns, *head, strict=True)]
     right = [all(_is_number(cell) for cell in column) for column in zip(*head, strict=True)] or [

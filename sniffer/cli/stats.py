@@ -22,11 +22,21 @@ from sniffer.cli.signals import patient
 from sniffer.cli.statuses import DONE, status_of
 from sniffer.cli.streams import say
 from sniffer.decoding.options import Options
+from sniffer.ground.amounts import time_in
 from sniffer.jobs.stats import stats as count
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import Window
 from sniffer.selection.selection import Selection
 from sniffer.statistics.flat import COLUMNS, rows
+from sniffer.statistics.slices import FINEST_NS
+
+
+def _width(context: click.Context, parameter: click.Parameter, given: str | None) -> int | None:
+    """Read the width of slices of time."""
+    ns = None if given is None else time_in(given, bare=True, least=FINEST_NS)
+    if given is not None and ns is None:
+        raise click.BadParameter(f"{given!r}: write a time of 10 ms or more, such as 1s or 100ms")
+    return ns
 
 
 @click.command(
@@ -35,6 +45,7 @@ from sniffer.statistics.flat import COLUMNS, rows
         "sniffer stats run.mcap",
         "sniffer stats run.mcap --from 10 --to 20",
         "sniffer stats run.mcap --servo 3 --op store_data",
+        "sniffer stats run.mcap --every 1s",
         "sniffer stats run.mcap --alarm 'temperature > 60'",
         "sniffer stats a.log b.log --format csv > figures.csv",
     ),
@@ -48,13 +59,22 @@ from sniffer.statistics.flat import COLUMNS, rows
 @with_format(
     "text", "json", "csv", about="What is printed: a line a file (json), a row a figure (csv)."
 )
-@click.option("--all", "every", is_flag=True, help="Print all rows of long tables.")
+@click.option(
+    "--every",
+    "every_ns",
+    callback=_width,
+    metavar="TIME",
+    help="Also tell the load, the missing answers and the anomalies slice by slice of time: 1s, "
+    "100ms, 1min.",
+)
+@click.option("--all", "all_rows", is_flag=True, help="Print all rows of long tables.")
 def stats(
     files: tuple[str, ...],
     options: Options,
     input_format: str,
     output_format: str,
-    every: bool,
+    every_ns: int | None,
+    all_rows: bool,
     together: bool,
     window: Window | None,
     selection: Selection | None,
@@ -64,7 +84,8 @@ def stats(
     Of each bus its load and where the bytes went; of each servo and command how often, how
     regularly, how fast and how much is missing; of each servo how far it is from its goals, how
     its goals settle, and its extremes; of each anomaly when and how often. With --alarm RULE also
-    how long each servo met the rule. Of a selection (--servo, --where ...) what is selected is
+    how long each servo met the rule; with --every 1s load, missing answers and anomalies second by
+    second. Of a selection (--servo, --where ...) what is selected is
     counted: rates and loads of that, over all the time.
 
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is
@@ -83,6 +104,7 @@ def stats(
                 input_format=input_format,
                 window=window,
                 selection=selection,
+                every_ns=every_ns,
                 patience=patience,
                 tell=Teller(say),
             )
@@ -103,6 +125,6 @@ def stats(
                 from sniffer.sinks.report import selected
 
                 click.echo(selected(done.summary))
-            most = None if every else MOST
+            most = None if all_rows else MOST
             print_stats(figures, done.statistics, most=most, how=": --all shows them")
     return status

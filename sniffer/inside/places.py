@@ -9,22 +9,22 @@ import numpy as np
 
 from sniffer.diagnostics.found import CODES, SEVERITY
 from sniffer.ground.model import InputError
-from sniffer.selection.places import FOUND, CapturePlace, place_in
+from sniffer.selection.places import FOUND, CapturePlace, ambiguous, place_in
 
 if TYPE_CHECKING:
     from sniffer.inside.index import CaptureIndex
 
 
-def line_of(text: str, index: CaptureIndex, bus: int = 0) -> int:
+def line_of(text: str, index: CaptureIndex, bus: int | None = None) -> int:
     """Return the line that a place means, the one behind it where none is exactly there.
 
     Args:
         text: a place (``selection.places``), ``@12175`` (a byte), or ``#300`` (a line).
         index: the capture.
-        bus: whose bytes an offset counts.
+        bus: whose bytes an offset counts where it names none; None: nobody looks at any.
 
     Raises:
-        InputError: it is no place, or lies outside of the capture.
+        InputError: it is no place, or lies outside of the capture, or several buses have it.
     """
     text = text.strip()
     lines = index.lines
@@ -40,12 +40,14 @@ def line_of(text: str, index: CaptureIndex, bus: int = 0) -> int:
     return _within(int(np.searchsorted(lines["t"], t_ns, "left")), len(lines), text)
 
 
-def _sought(place: CapturePlace, index: CaptureIndex, bus: int) -> int:
+def _sought(place: CapturePlace, index: CaptureIndex, bus: int | None) -> int:
     if place.sought == "byte":
         if place.bus and place.bus not in index.buses:
             told = f"there is no bus {place.bus}, only {', '.join(index.buses)}"
             raise InputError(f"{place.text}: {told}")
-        return _at_byte(place.number, index, index.buses.index(place.bus) if place.bus else bus)
+        if place.bus:
+            bus = index.buses.index(place.bus)
+        return _at_byte(place.number, index, _one_having(place, index) if bus is None else bus)
     found = index.found
     if place.sought == "anomaly":
         if place.number > len(found):
@@ -64,6 +66,20 @@ def _line_of(one: np.void, index: CaptureIndex) -> int:
     line = int(one["line"])
     last = len(index.lines) - 1
     return line if line >= 0 else min(int(np.searchsorted(index.lines["t"], one["t"])), last)
+
+
+def _one_having(place: CapturePlace, index: CaptureIndex) -> int:
+    """Return the one bus that has a byte, the first one where none has.
+
+    Raises:
+        InputError: several have it.
+    """
+    lines = index.lines
+    reach = lines["at"] + lines["length"] > place.number
+    having = np.unique(lines["bus"][reach]).tolist()
+    if len(having) > 1:
+        raise InputError(ambiguous(place, [index.buses[bus] for bus in having]))
+    return having[0] if having else 0
 
 
 def _at_byte(offset: int, index: CaptureIndex, bus: int) -> int:

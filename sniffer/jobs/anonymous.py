@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.options import ALARM, SINCE
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from sniffer.jobs.telling import Teller
     from sniffer.protocols.base import BusProtocol
     from sniffer.sources import Source
+
+T = TypeVar("T")
 
 SERIAL: Final = "serial_number"
 """What registers and commands are called, or end in, that say which one of many a device is."""
@@ -82,13 +84,13 @@ def without(frame: bytes, at: int, size: int, protocol: BusProtocol) -> bytes:
     return blank[:end] + checksum(body).to_bytes(len(blank) - end, "little")
 
 
-def anonymous(opened: Source, options: Options, tell: Teller) -> Derived:
-    """Return a source that is read from zero on and names nobody; it is read twice.
+def anonymous(opened: Source, given: Options, tell: Teller) -> tuple[Derived, Options]:
+    """Return a source that is read from zero on and names nobody, and how it is decoded.
 
-    Buses become ``bus0``, ``bus1`` in the order in which they speak. Of what a recording says of
-    itself rates, latencies, protocols, models and rules stay.
+    It is read twice. Buses become ``bus0``, ``bus1`` in the order in which they speak. Of what a
+    recording says of itself rates, latencies, protocols, models and rules stay.
     """
-    options = options.with_facts(opened.facts(), opened.tables)
+    options = given.with_facts(opened.facts(), opened.tables)
     serials = _Serials()
     names: dict[str, str] = {}
     first: list[int] = []
@@ -123,7 +125,24 @@ def anonymous(opened: Source, options: Options, tell: Teller) -> Derived:
                 out.append(replace(chunk, data=data, t_ns=t_ns, bus=bus))
             yield out
 
-    return Derived(opened, made, nameless(opened.facts(), names), origin=NOBODY)
+    derived = Derived(opened, made, nameless(opened.facts(), names), origin=NOBODY)
+    return derived, _unnamed(given, names)
+
+
+def _renamed(told: Mapping[str, T], names: Mapping[str, str]) -> dict[str, T]:
+    return {names[bus]: value for bus, value in told.items() if bus in names}
+
+
+def _unnamed(options: Options, names: Mapping[str, str]) -> Options:
+    """Return the same options for buses with other names, and servos without any."""
+    return replace(
+        options,
+        protocols=_renamed(options.protocols, names),
+        bauds=_renamed(options.bauds, names),
+        latencies=_renamed(options.latencies, names),
+        begins=_renamed(options.begins, names),
+        names={},
+    )
 
 
 def nameless(facts: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:

@@ -163,7 +163,7 @@ def decode(
     damage = None
     groups: Iterable[Sequence[Chunk]] = given
     if given.format in MIXED:
-        from sniffer.merge.wires import in_order
+        from sniffer.merging.wires import in_order
 
         groups = in_order(given, options, lambda message: None)
     try:

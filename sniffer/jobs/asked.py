@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,9 @@ from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import DamagedInputError, InputError, SnifferError
 from sniffer.ground.wording import Sentence
-from sniffer.selection.places import FOUND, MOMENT, OF_DAY, CapturePlace, Window
+from sniffer.jobs.session import merged
+from sniffer.jobs.telling import Teller
+from sniffer.selection.places import FOUND, MOMENT, OF_DAY, CapturePlace, Window, ambiguous
 from sniffer.sinks import BYTES
 
 if TYPE_CHECKING:
@@ -21,7 +24,6 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.options import Options
     from sniffer.ground.model import Batch, Chunk
-    from sniffer.jobs.telling import Teller
     from sniffer.protocols.base import BusProtocol
     from sniffer.selection.selection import Selection
     from sniffer.sources import Source
@@ -106,20 +108,40 @@ class Extract:
         """Return it with all places found; the source is read once, as far as need be.
 
         Raises:
-            InputError: something is not there.
+            InputError: something is not there, or several buses have the byte that is meant.
         """
         if not self.seeks:
             return self
         finder = _Finder([p for p in (self.start, self.stop) if p is not None and p.kind == FOUND])
-        pipeline = Pipeline(options, [finder])
-        with contextlib.suppress(DamagedInputError):
-            for group in opened:
-                pipeline.feed(group)
-                if finder.is_done:
-                    break
-        if not finder.is_done:
-            pipeline.close()
+        _look(finder, opened, options)
         return replace(self, start=finder.found(self.start), stop=finder.found(self.stop))
+
+
+def evidence_at(place: CapturePlace, opened: Source, options: Options) -> tuple[str, int, str]:
+    """Return the bus and the byte at which an anomaly is told, and what it says.
+
+    Raises:
+        InputError: it is not there.
+    """
+    finder = _Finder([place])
+    _look(finder, opened, options)
+    finder.found(place)
+    return finder.evidence[place]
+
+
+def _look(finder: _Finder, opened: Source, options: Options) -> None:
+    """Read a source as far as need be."""
+    pipeline = Pipeline(options, [finder])
+    quiet = Teller(lambda line: None, quiet=True)
+    with contextlib.suppress(DamagedInputError):
+        for group in merged(opened, opened, options, quiet):
+            finder.hear(group)
+            if not finder.is_done:
+                pipeline.feed(group)
+            elif finder.knows_buses:
+                break
+    if not finder.is_done:
+        pipeline.close()
 
 
 def _words(place: CapturePlace) -> str:
@@ -132,14 +154,33 @@ class _Finder:
     def __init__(self, places: Sequence[CapturePlace]) -> None:
         self._places = tuple(dict.fromkeys(places))
         self._times: dict[CapturePlace, int] = {}
+        self.evidence: dict[CapturePlace, tuple[str, int, str]] = {}
+        """Of anomalies that are found the bus, the first byte, and what they say."""
         self._anomalies = 0
         self._met = dict.fromkeys(self._places, 0)
         """How many anomalies of the kind that a place names were there so far."""
+        self._of_any = [p for p in self._places if p.sought == "byte" and not p.bus]
+        self._heard: Counter[str] = Counter()
+        """How many bytes of each bus there were so far."""
 
     @property
     def is_done(self) -> bool:
         """Whether all of them are found."""
         return len(self._times) == len(self._places)
+
+    @property
+    def knows_buses(self) -> bool:
+        """Whether what is still to come cannot make a byte that is found one of several buses."""
+        return all(len(self._having(place)) > 1 for place in self._of_any)
+
+    def hear(self, group: Sequence[Chunk]) -> None:
+        """Count bytes: which buses have one is known before they are decoded."""
+        for chunk in group:
+            self._heard[chunk.bus] += len(chunk.data)
+
+    def _having(self, place: CapturePlace) -> list[str]:
+        """Return the buses that have the byte of a place."""
+        return [bus for bus, length in self._heard.items() if length > place.number]
 
     def found(self, place: CapturePlace | None) -> CapturePlace | None:
         """Return a place with its time.
@@ -149,6 +190,8 @@ class _Finder:
         """
         if place is None or place.kind != FOUND:
             return place
+        if place in self._of_any and len(having := self._having(place)) > 1:
+            raise InputError(ambiguous(place, having))
         if place not in self._times:
             raise InputError(f"{place.text}: {self._missing(place)}")
         return place.found(self._times[place])
@@ -181,13 +224,18 @@ class _Finder:
             return time_at(batch, place.number) if place.bus in ("", bus) else None
         if place.sought == "anomaly":
             nth = place.number - 1 - self._anomalies
-            return int(found.t_ns[nth]) if nth < len(found) else None
+            return self._take(place, bus, found, nth) if nth < len(found) else None
         for nth, code in enumerate(found.code.tolist()):
             if place.sought in (CODES[code], SEVERITY[code].name.lower()):
                 self._met[place] += 1
                 if self._met[place] == place.number:
-                    return int(found.t_ns[nth])
+                    return self._take(place, bus, found, nth)
         return None
+
+    def _take(self, place: CapturePlace, bus: str, found: Anomalies, nth: int) -> int:
+        one = found[nth]
+        self.evidence[place] = bus, int(found.at[nth]), f"{one.code}: {one.detail}"
+        return int(found.t_ns[nth])
 
     def close(self) -> None:
         """Do nothing."""

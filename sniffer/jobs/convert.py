@@ -111,7 +111,7 @@ def convert(
     if (part := told_part(opened.facts())) is not None:
         tell.talk(part)
     if anonymise:
-        opened = anonymous(opened, options, tell)
+        opened, options = anonymous(opened, options, tell)
     return convert_opened(
         opened,
         " ".join(map(str, inputs)),

@@ -14,6 +14,7 @@ from sniffer.ground.limits import OFFSET_END, number_in
 from sniffer.ground.model import NS, DamagedInputError, InputError
 from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence, and_
+from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.convert import Converted, convert_opened
 from sniffer.jobs.derived import Derived
@@ -41,6 +42,7 @@ def cut(
     options: Options | None = None,
     *,
     input_format: str = "auto",
+    anonymise: bool = False,
     overwrite: bool = False,
     patience: Patience | None = None,
     tell: Teller | None = None,
@@ -56,6 +58,8 @@ def cut(
         window: which part of it.
         options: how it is decoded: by that it is known where frames begin.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
+        anonymise: times count from zero; names, ports and serial numbers are left out, and from
+            what it was cut.
         overwrite: files that are there already are replaced.
         patience: takes interruptions while it is written.
         tell: takes what should be told; nothing is told without.
@@ -70,6 +74,8 @@ def cut(
     tell = tell or Teller(lambda line: None, quiet=True)
     with open_source(source, input_format, again=True, wiring=options.wired) as opened:
         derived, options = part_of(opened, str(source), window, options, tell)
+        if anonymise:
+            derived, options = anonymous(derived, options, tell)
         return convert_opened(
             derived,
             str(source),

@@ -62,7 +62,7 @@ class Compared:
             expected, missing = sum(run.expected.values()), sum(run.missing.values())
             out.append(
                 f"{name}: {source}: {run.seconds:.1f} s, {counted(expected, 'answer')} expected, "
-                f"{missing} missing"
+                f"{missing} failed"
             )
         if self.asked:
             out.insert(0, f"of each what is selected: {'; '.join(self.asked.values())}")

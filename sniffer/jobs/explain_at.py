@@ -14,6 +14,10 @@ from sniffer.decoding.drawing import Drawn, draw_frame, draw_gap
 from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.model import NS, DamagedInputError, InputError
 from sniffer.ground.wording import and_
+from sniffer.jobs.asked import evidence_at
+from sniffer.jobs.session import merged
+from sniffer.jobs.telling import Teller
+from sniffer.selection.places import names_anomaly, place_in
 from sniffer.sources import open_source
 
 if TYPE_CHECKING:
@@ -21,6 +25,7 @@ if TYPE_CHECKING:
 
     from sniffer.ground.model import Batch, Chunk
     from sniffer.protocols.base import BusProtocol
+    from sniffer.selection.places import CapturePlace
 
 DATED_NS: Final = 366 * 86400 * NS
 """Times before this one, in 1971, count from something else than 1970."""
@@ -28,40 +33,53 @@ DATED_NS: Final = 366 * 86400 * NS
 _PLACE: Final = re.compile(r"(?P<path>.+)@(?:(?P<bus>[^@:/]+):)?(?P<offset>[0-9]{1,17})", re.DOTALL)
 
 
-def place_of(text: str) -> tuple[Path, str | None, int]:
-    """Return file, bus (None: not named) and byte of ``FILE@12175`` or ``FILE@arm:12175``.
+def place_of(text: str) -> tuple[Path, CapturePlace]:
+    """Return file and place of ``FILE@12175``, ``FILE@arm:12175`` or ``FILE@no-response:3``.
+
+    A bus that is called like a code is named as in ``FILE@byte:no-response:12175``.
 
     Raises:
         InputError: it is nothing of the kind.
     """
+    path, _, place = text.rpartition("@")
     match = _PLACE.fullmatch(text)
-    if match is None:
+    if match is not None:
+        bus = match["bus"] or ""
+        if not (bus and names_anomaly(bus)):
+            place = f"byte:{bus}:{match['offset']}" if bus else f"byte:{match['offset']}"
+    if not path:
         raise InputError(f"{text[:60]!r}: write a place in a capture as FILE@12175")
-    return Path(match["path"]), match["bus"], int(match["offset"])
+    return Path(path), place_in(f"@{place}")
 
 
 def explain_at(
     source: Path,
-    bus: str | None,
-    offset: int,
+    place: CapturePlace,
     options: Options | None = None,
     *,
     input_format: str = "auto",
 ) -> tuple[bool, list[str]]:
     """Return whether a byte of a capture belongs to a frame that holds, and the drawing.
 
-    An answer is drawn behind the request that it answers.
+    The byte is the place, or the first one that an anomaly names. An answer is drawn behind the
+    request that it answers.
 
     Raises:
         InputError: the capture cannot be read or has no such byte, or several buses have it.
     """
     options = options or Options()
     options.check()
-    with open_source(source, input_format, wiring=options.wired) as opened:
+    bus, offset, told = place.bus or None, place.number, ""
+    of_byte = place.sought == "byte"
+    with open_source(source, input_format, again=not of_byte, wiring=options.wired) as opened:
+        options = options.with_facts(opened.facts(), opened.tables)
+        if not of_byte:
+            bus, offset, told = evidence_at(place, opened, options)
         finder = _AtByte(bus, offset)
-        pipeline = Pipeline(options.with_facts(opened.facts(), opened.tables), [finder])
+        pipeline = Pipeline(options, [finder])
+        quiet = Teller(lambda line: None, quiet=True)
         with contextlib.suppress(DamagedInputError):
-            for group in opened:
+            for group in merged(opened, opened, options, quiet):
                 pipeline.feed(group)
                 if bus is not None and finder.found:
                     break
@@ -74,7 +92,7 @@ def explain_at(
         ends = ", ".join(f"{name} {end}" for name, end in finder.ends.items())
         raise InputError(f"{source}: there is no byte {offset}: it has {ends or 'none'}")
     ((name, pieces),) = finder.found.items()
-    out = [f"{source}, byte {offset} of {name}"]
+    out = [f"{source}, byte {offset} of {name}", *([told] if told else [])]
     for piece in pieces:
         out += ["", f"at byte {piece.offset}, {_moment(piece.t_ns)}", *piece.lines]
     return pieces[-1].holds, out

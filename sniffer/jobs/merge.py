@@ -15,12 +15,13 @@ from sniffer.decoding.pacing import ASSUMED
 from sniffer.ground.model import NS, Chunk, Clock, Direction, InputError, SnifferError
 from sniffer.ground.timing import LATENCY_NS, byte_time_ns
 from sniffer.ground.wording import Sentence
+from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.convert import Converted, convert_opened
 from sniffer.jobs.derived import Derived
 from sniffer.jobs.session import merged
 from sniffer.jobs.telling import Teller
-from sniffer.merge.aligning import MOST, aligned
-from sniffer.merge.merger import Merger
+from sniffer.merging.aligning import MOST, aligned
+from sniffer.merging.merger import Merger
 from sniffer.messages import OFFSET
 from sniffer.sources import GROUP_CHUNKS, open_source
 
@@ -70,7 +71,9 @@ def merge(
     offsets: Mapping[str, int] | None = None,
     align: bool = False,
     pair: bool = False,
+    together: bool = False,
     input_format: str = "auto",
+    anonymise: bool = False,
     overwrite: bool = False,
     patience: Patience | None = None,
     tell: Teller | None = None,
@@ -78,7 +81,8 @@ def merge(
     """Make one capture of several, in the order of time.
 
     A bus keeps its name; where several captures have a bus of one name, each is called after its
-    file. The files of one recording (``rotate_bytes``, ``rotate_ns``) are one bus again.
+    file. The files of one recording (``rotate_bytes``, ``rotate_ns``) are one bus again, as are
+    those that are one capture ``together``.
 
     Args:
         sources: paths.
@@ -88,7 +92,10 @@ def merge(
         align: find that from the traffic that two taps of one bus both heard, against the first.
         pair: of two sources the first heard the controller's wire, the second the servos': they
             become one bus, in the order of cause and effect.
+        together: the sources are one capture, such as a log in pieces: buses of one name are one.
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``, of all.
+        anonymise: times count from zero; names, ports and serial numbers are left out, and of what
+            it was made.
         overwrite: files that are there already are replaced.
         patience: takes interruptions while it is written.
         tell: takes what should be told; nothing is told without.
@@ -103,6 +110,10 @@ def merge(
     tell = tell or Teller(lambda line: None, quiet=True)
     if pair and len(sources) != 2:
         raise SnifferError(Sentence("{pair} is about two captures, one of each wire"))
+    if pair and together:
+        raise SnifferError(
+            Sentence("{pair} is about two wires, {together} about one after another")
+        )
     if pair and align:
         told = "{align} is about what both heard: of two wires say {offsets}"
         raise SnifferError(Sentence(told))
@@ -118,13 +129,17 @@ def merge(
             _named(inputs, path).shift_ns = shift
         if align:
             _align(inputs, {str(_named(inputs, p).path) for p in offsets or {}}, tell)
-        _name(inputs, pair=pair)
+        _name(inputs, pair=pair, together=together)
         facts, both = _facts(inputs), replace(options, protocols=_protocols(inputs, options))
+
+        said = [tell]
 
         def made(groups: Iterable[Sequence[Chunk]]) -> Iterator[list[Chunk]]:
             del groups  # the first one is read with the others
             stream = heapq.merge(*(one.chunks(tell) for one in inputs), key=lambda e: e[0])
-            paired = _paired(inputs, options, tell) if pair else None
+            # what is to be anonymous is heard twice, and told of once
+            teller = said.pop() if said else tell.quieter()
+            paired = _paired(inputs, options, teller) if pair else None
             yield from _grouped((chunk for _, chunk in stream), paired)
 
         derived = Derived(
@@ -135,6 +150,8 @@ def merge(
             origin=" + ".join(one.path for one in inputs),
             tables=lambda: [table for one in inputs for table in one.source.tables()],
         )
+        if anonymise:
+            derived, both = anonymous(derived, both, tell)
         return convert_opened(
             derived,
             inputs[0].path,
@@ -218,15 +235,15 @@ def _head(one: _Input) -> Iterator[Chunk]:
             return
 
 
-def _name(inputs: Sequence[_Input], *, pair: bool) -> None:
-    """Name the buses: apart, but for the two wires of one bus, and the files of one recording."""
+def _name(inputs: Sequence[_Input], *, pair: bool, together: bool) -> None:
+    """Name the buses: apart, but for the two wires of one bus, and the files of one capture."""
     taken: dict[str, _Input] = {}
     clashes = {
         bus
         for nth, one in enumerate(inputs)
         for other in inputs[:nth]
         for bus in one.buses.keys() & other.buses.keys()
-        if not _continues(one, other, bus) and not _continues(other, one, bus)
+        if not (together or _continues(one, other, bus) or _continues(other, one, bus))
     }
     for nth, one in enumerate(inputs):
         if pair:

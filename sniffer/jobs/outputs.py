@@ -51,7 +51,7 @@ _MADE: Final = ("tool", "source", "written")
 
 _ANEW: Final = frozenset(
     {*_MADE, "protocol", "plugin", "baud", "rate", SINCE, "latency_ns", "model", "alarm"}
-    | {"offset", "topics"}
+    | {"offset", "topics", "joints"}
 )
 """Facts of a recording that are said anew of what is made of it, or are not true of it."""
 

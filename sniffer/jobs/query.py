@@ -44,6 +44,14 @@ _LOCKED: Final[Mapping[str, str | bool | int | float | list[str]]] = {
 _SHOW: Final = re.compile(r"\s*SHOW\b", re.IGNORECASE)
 """What asks which tables there are, and names none."""
 
+_WORDS: Final = re.compile(r"\w+")
+
+_END: Final = re.compile(r";\s*(--[^\n]*)?\s*\Z")
+"""Where a statement ends, with what is remarked behind."""
+
+ZONED: Final = "TIMESTAMP WITH TIME ZONE"
+"""The type of a column whose times have a zone."""
+
 _NO_TABLE: Final = re.compile(r"Table with name (\S+) does not exist")
 
 
@@ -110,7 +118,10 @@ def query(
         kinds = {statement.type.name for statement in statements}
         if len(statements) != 1 or not kinds <= {"SELECT", "EXPLAIN"}:
             raise InputError("a query is one SELECT: nothing can be written, set or attached")
-        named = {name.lower() for name in connection.get_table_names(sql)}
+        try:
+            named = {name.lower() for name in connection.get_table_names(sql)}
+        except duckdb.BinderException:  # it looks for the columns of USING before there are tables
+            named = set(_WORDS.findall(sql.lower()))
     if _SHOW.match(sql):
         named |= RELATIONS.keys()
     endings = [Ending.DONE]
@@ -141,8 +152,23 @@ def query(
             connection.register(name, both)
         result = connection.execute(sql)
         columns = tuple(column[0] for column in result.description)
+        types = [str(column[1]) for column in result.description]
+        if any(ZONED in kind for kind in types):
+            result = connection.execute(_without_zones(sql, types))
     worst = max(endings, key=lambda ending: ending.value)
     return Answer(columns, worst, tuple(summaries), result)
+
+
+def _without_zones(sql: str, types: Sequence[str]) -> str:
+    """Return a query whose times with a zone are told in UTC: for those Python needs a library."""
+    own = [f"c{n}" for n in range(len(types))]
+    told = []
+    for column, kind in zip(own, types, strict=True):
+        if kind == ZONED:
+            told.append(f"make_timestamp(epoch_us({column}))")
+        else:
+            told.append(f"{column}::VARCHAR" if ZONED in kind else column)
+    return f"SELECT {', '.join(told)} FROM ({_END.sub('', sql)}\n) AS told({', '.join(own)})"
 
 
 @contextlib.contextmanager

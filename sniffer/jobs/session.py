@@ -90,7 +90,7 @@ def merged(
     """Return the groups of a source; lines of two taps that their host mixed are merged."""
     if not source.is_mixed:
         return groups
-    from sniffer.merge.wires import in_order
+    from sniffer.merging.wires import in_order
 
     return in_order(groups, options, tell.talk)
 

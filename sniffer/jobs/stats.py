@@ -6,9 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from sniffer.decoding.options import Options
+from sniffer.ground.model import SnifferError
+from sniffer.ground.wording import Sentence
 from sniffer.jobs.through import hear_part
 from sniffer.sources.several import name_of
 from sniffer.statistics import Statistics
+from sniffer.statistics.slices import FINEST_NS
 from sniffer.statistics.told import as_dict
 
 if TYPE_CHECKING:
@@ -48,6 +51,7 @@ def stats(
     input_format: str = "auto",
     window: Window | None = None,
     selection: Selection | None = None,
+    every_ns: int | None = None,
     patience: Patience | None = None,
     tell: Teller | None = None,
 ) -> Tallied:
@@ -61,6 +65,8 @@ def stats(
         input_format: ``"auto"`` or a name of ``sniffer.sources.SOURCES``.
         window: which part of it; all of it where None.
         selection: which records are counted; all of them where None.
+        every_ns: the width of the slices of time in which load, missing answers and anomalies are
+            counted; where None, load alone, in slices that fit a line.
         patience: takes interruptions; what was read until then is counted.
         tell: takes what should be told; nothing is told without.
 
@@ -69,7 +75,9 @@ def stats(
         SnifferError: unknown protocol or model, or a number that cannot be.
     """
     options = options or Options()
-    told = Statistics(options.alarms)
+    if every_ns is not None and every_ns < FINEST_NS:
+        raise SnifferError(Sentence("{every_ns} of less than 10 ms: a frame may take half of that"))
+    told = Statistics(options.alarms, every_ns=every_ns)
     done = hear_part(
         source,
         told,

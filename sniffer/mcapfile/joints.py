@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import math
 import tomllib
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.limits import IDS
@@ -12,7 +14,7 @@ from sniffer.ground.model import SnifferError
 from sniffer.ground.wording import offered, short
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
 SI: Final[Mapping[str, float]] = {"deg": math.pi / 180, "mm": 1e-3, "deg_per_s": math.pi / 180}
@@ -38,6 +40,12 @@ class RosJoint:
     offset: float = 0.0
     sign: int = 1
 
+
+_PLAIN: Final[Mapping[str, Any]] = {"quantity": "", "scale": None, "offset": 0.0, "sign": 1}
+"""What is not said of a joint where it is so."""
+
+FACT: Final = "joints"
+"""The fact of a recording that has the topics of ROS 2: with which joints they were made."""
 
 _KEYS: Final = ("bus", "servo", "name", "quantity", "scale", "offset", "sign")
 
@@ -105,3 +113,18 @@ def _joint(table: dict[str, Any], place: str) -> RosJoint:
         number("offset", 0.0),
         int(sign),
     )
+
+
+def joint_facts(joints: Iterable[RosJoint]) -> dict[str, str]:
+    """Return what a recording says of its joints, in JSON; of none where all servos may be some."""
+    told = [{k: v for k, v in asdict(joint).items() if v != _PLAIN.get(k)} for joint in joints]
+    return {FACT: json.dumps(told)}
+
+
+def joints_in(facts: Mapping[str, str]) -> tuple[RosJoint, ...] | None:
+    """Return the joints that a recording was made with; None: it has none of ROS 2, or nonsense."""
+    with contextlib.suppress(ValueError, SnifferError):
+        told = json.loads(facts.get(FACT, ""))
+        if isinstance(told, list) and all(isinstance(one, dict) for one in told):
+            return tuple(_joint(one, FACT) for one in told)
+    return None

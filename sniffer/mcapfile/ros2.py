@@ -22,7 +22,7 @@ from sniffer.mcapfile.cdr import (
     joint_state,
 )
 from sniffer.mcapfile.fields import quantity_of, unit_of
-from sniffer.mcapfile.joints import SI, RosJoint
+from sniffer.mcapfile.joints import SI, RosJoint, joint_facts
 from sniffer.mcapfile.rows import Heads, Loose
 
 if TYPE_CHECKING:
@@ -80,6 +80,10 @@ class JointPlaces:
     ) -> JointPlaces:
         """Return what is known of joints: by another file of the recording, or from now on."""
         return joints if isinstance(joints, JointPlaces) else cls(joints, names_in(session))
+
+    def facts(self) -> dict[str, str]:
+        """Return what a recording says of them, so that it can be mended."""
+        return joint_facts(self._joints.values())
 
     def joint(self, bus: str, servo: int) -> RosJoint:
         """Return the joint that a servo is."""

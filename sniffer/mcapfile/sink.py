@@ -38,6 +38,7 @@ from sniffer.ground.wording import Sentence
 from sniffer.mcapfile.container import Container
 from sniffer.mcapfile.facts import attached_tables, facts_of
 from sniffer.mcapfile.incidents import message_of
+from sniffer.mcapfile.joints import FACT
 from sniffer.mcapfile.layout import ATTACHED, layout
 from sniffer.mcapfile.messages import BusWriter
 from sniffer.mcapfile.queue import Queue
@@ -136,11 +137,13 @@ class McapSink:
         self._attached: set[str] = set()
         self._failure: str | None = None
         self._file = Container(path, LIBRARY, overwrite=overwrite, durable=durable, beside=not live)
+        self._session.pop(FACT, None)  # that of a recording that this one is made of
         self._ros2: RosWriter | None = None
         if joints is not None:
             from sniffer.mcapfile.ros2 import JointPlaces, RosWriter
 
             places = JointPlaces.of(joints, self._session)
+            self._session |= places.facts()
             self._ros2 = RosWriter(places, self._queue, self._file.channel)
         self._ros2_until = 0
         self._closed = False

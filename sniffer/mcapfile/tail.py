@@ -19,8 +19,10 @@ from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.limits import BAUDS, OFFSET_END, number_in
 from sniffer.ground.model import DamagedInputError, OutputError, SnifferError
 from sniffer.mcapfile.facts import attached_tables, facts_of
+from sniffer.mcapfile.joints import joints_in
 from sniffer.mcapfile.messages import DERIVED, BusWriter
 from sniffer.mcapfile.queue import Queue
+from sniffer.mcapfile.ros2 import ANOMALIES, JOINTS, JointPlaces, RosWriter
 from sniffer.mcapfile.rows import RECORD
 from sniffer.mcapfile.source import groups, session
 from sniffer.mcapfile.states import kind_of
@@ -38,6 +40,9 @@ if TYPE_CHECKING:
     from sniffer.mcapfile.queue import Sorted
     from sniffer.mcapfile.records import Piece
     from sniffer.protocols.base import BusProtocol
+
+ROS: Final = frozenset((JOINTS, ANOMALIES))
+"""Topics of ROS 2, which are of all buses."""
 
 HELD: Final = 64 << 20
 """Records that are looked at to see what is there, in bytes: seconds of the busiest recording."""
@@ -138,6 +143,11 @@ class _Rest:
         wanted = facts.get("topics", ",".join(TOPICS)).split(",")
         self._queue = Queue([topic for topic in wanted if topic != "raw"])
         self._buses: dict[str, BusWriter] = {}
+        self._ros2: RosWriter | None = None
+        self._ros2_until = 0
+        if (joints := joints_in(facts)) is not None:
+            places = JointPlaces.of(joints, facts)
+            self._ros2 = RosWriter(places, self._queue, file.channel)
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Learn when bytes came: they are in the file."""
@@ -175,6 +185,7 @@ class _Rest:
                 self._queue,
                 self._file.channel,
                 counted=False,
+                ros2=self._ros2,
             )
         return self._buses[name]
 
@@ -192,12 +203,20 @@ class _Rest:
         for bus in self._buses.values():
             bus.encode(final=final)
         for topics, indexed in ((BULK, False), ((*SHOWN, FLAT, PLOTS), True)):
-            rows = self._queue.lots(topics)
-            rows = None if rows is None else rows.only(self._missing(rows))
-            if rows is not None:
-                self.written += len(rows.log)
-                for piece in rows.pieces():
-                    self._file.write(piece, indexed=indexed)
+            self._write(self._queue.lots(topics), indexed=indexed)
+        # what is left is in the words of ROS 2, of all buses in the order of time
+        rows = self._queue.take(None, self._ros2_until)
+        if rows is not None:
+            self._ros2_until = int(rows.log[-1])
+        self._write(rows, indexed=True)
+
+    def _write(self, rows: Sorted | None, *, indexed: bool) -> None:
+        """Write what is missing of records."""
+        rows = None if rows is None else rows.only(self._missing(rows))
+        if rows is not None:
+            self.written += len(rows.log)
+            for piece in rows.pieces():
+                self._file.write(piece, indexed=indexed)
 
     def _missing(self, rows: Sorted) -> Mask:
         topics = self._file.topics()
@@ -216,12 +235,12 @@ class _Rest:
 
 def _derived(topic: str) -> bool:
     kind = kind_of(topic)
-    return kind in DERIVED or kind == PLOTS
+    return kind in DERIVED or kind == PLOTS or topic in ROS
 
 
 def _message(kind: str, data: bytes | memoryview) -> Any:
     """Return what a message says; one of ROS 2 says its bytes."""
-    return bytes(data) if kind == PLOTS else DERIVED[kind].FromString(data)
+    return DERIVED[kind].FromString(data) if kind in DERIVED else bytes(data)
 
 
 def _of(topic: str, bus: str) -> bool:

@@ -182,7 +182,7 @@ def _shares(a: RunFigures, b: RunFigures) -> Iterator[_Found]:
                 for k, m in zip(hits, n, strict=True)
             ]
             sentence = (
-                f"{_percent(hits[0], n[0])} of the answers are missing in A, "
+                f"{_percent(hits[0], n[0])} of the answers failed in A, "
                 f"{_percent(hits[1], n[1])} in B"
             )
             yield _Found("missing", who, "", told[0], told[1], verdict, sentence)

@@ -113,6 +113,20 @@ def read(text: str) -> Expression:
     return _Parser(text).whole()
 
 
+def _no_column(name: str) -> str:
+    """Return that there is no such column; of what servos tell, how it is asked for."""
+    from sniffer.protocols import PROTOCOLS  # what is not meant by every user is read by few
+
+    every = [r for protocol in PROTOCOLS.values() for r in protocol.registers]
+    for what, known in (
+        ("quantity", {r.quantity for r in every}),
+        ("register", {r.name for r in every}),
+    ):
+        if name in known:
+            return f"{name} is a {what}: write {what} = '{name}' AND value ..."
+    return f"there is no such column: {near(name, IS_TEXT)}"
+
+
 def near(name: str, known: Iterable[str]) -> str:
     """Return a question whether a known name was meant, or which there are."""
     names = list(known)
@@ -363,7 +377,7 @@ class _Parser:
             return self._column(token, name)
         if left is not None and left.is_text:
             raise self._wrong(token, f"a text stands in single quotes: '{token.text}'")
-        raise self._wrong(token, f"there is no such column: {near(name, IS_TEXT)}")
+        raise self._wrong(token, _no_column(name))
 
     def _column(self, token: _Token, name: str) -> _Operand:
         self._columns[name] = None

@@ -7,17 +7,21 @@ has to look for it first.
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import re
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.amounts import time_in
 from sniffer.ground.limits import OFFSET_END, TIME_END_NS
 from sniffer.ground.model import NS, InputError
-from sniffer.ground.wording import Sentence
+from sniffer.ground.wording import Sentence, and_
 from sniffer.selection.columns import SEVERITIES, VALUES
 from sniffer.selection.expression import near
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 DAY_NS: Final = 86400 * NS
 
@@ -80,6 +84,11 @@ def names_port(text: str) -> bool:
     return _PORT.fullmatch(text) is not None
 
 
+def names_anomaly(word: str) -> bool:
+    """Tell whether a word names anomalies in a place: ``anomaly``, a severity or a code."""
+    return word == "anomaly" or word in SEVERITIES or word in VALUES["code"]
+
+
 def place_in(text: str) -> CapturePlace:
     """Read a place.
 
@@ -100,7 +109,10 @@ def place_in(text: str) -> CapturePlace:
         return CapturePlace(plain, OF_DAY, ns)
     if (match := _ISO.fullmatch(plain)) is not None:
         return CapturePlace(plain, MOMENT, _moment(plain, match))
-    raise InputError(f"{_cut(text)} is no place in a capture: write it like {_FORMS}")
+    advice = f"write it like {_FORMS}"
+    with contextlib.suppress(InputError):
+        advice = f"did you mean {_sought(f'@{plain}').text}?"
+    raise InputError(f"{_cut(text)} is no place in a capture: {advice}")
 
 
 def _sought(text: str) -> CapturePlace:
@@ -111,7 +123,7 @@ def _sought(text: str) -> CapturePlace:
     known = [f"first-{level}" for level in SEVERITIES]
     if word in known and not colon:
         return CapturePlace(text, FOUND, sought=word.removeprefix("first-"), number=1)
-    if word == "anomaly" or word in VALUES["code"] or (colon and word in SEVERITIES):
+    if names_anomaly(word) and (colon or word not in SEVERITIES):
         nth = _number(text, word, number, 1) if colon or word == "anomaly" else 1
         return CapturePlace(text, FOUND, sought=word, number=nth)
     names = ["byte:12175", "anomaly:7", *known]
@@ -151,6 +163,12 @@ def _ns(digits: str) -> int:
 
 def _cut(text: str) -> str:
     return repr(text if len(text) <= 40 else f"{text[:39]}…")
+
+
+def ambiguous(place: CapturePlace, having: Sequence[str]) -> str:
+    """Return that several buses have the byte which is meant, and how one of them is named."""
+    told = f"{and_(list(having))} have a byte {place.number}: say of which bus, as in"
+    return f"{place.text}: {told} @byte:{having[0]}:{place.number}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,6 +68,13 @@ def _unheard(summary: Summary, where: str) -> Iterator[str]:
         for name in re.findall(r"'([^']*)'", listed[1]) if listed else ():
             if name not in known and known:
                 yield f"{column} {name[:40]!r} is not in it: {near(name, sorted(known))}"
+    who = {servo for b in summary.buses.values() for each in (b, *b.parts.values())
+           for servo, _, _ in each.by_command if servo >= 0}  # fmt: skip
+    listed = re.search(r"\bservo_id (?:= |IN \()((?:\d+(?:, )?)+)", where)
+    for servo in re.findall(r"\d+", listed[1]) if listed else ():
+        if int(servo) not in who and who:
+            shown = ", ".join(map(str, sorted(who)))
+            yield f"servo {servo} is not in it: {'one of ' * (len(who) > 1)}{shown}"
 
 
 def print_summary(summary: Summary, console: Console, incidents: Sequence[Incident] = ()) -> None:

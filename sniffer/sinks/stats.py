@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -27,6 +28,9 @@ WIDE: Final = 140
 
 MOST: Final = 24
 """Rows of a table, unless all are asked for: what is worst and what is most fits on a screen."""
+
+BARS_MOST: Final = 64
+"""Bars of a line at most; where there are more slices, a bar is several."""
 
 ROOMY: Final = 100
 """From so many columns on there are two blanks between those of a table, and bars over time."""
@@ -74,6 +78,7 @@ def _print_bus(
     many = len(bus["protocols"]) > 1
     first = bus["first_ns"] or 0
     for heading, table in (
+        ("over time", _over_time(bus, console.width)),
         (
             "traffic, most bus time first (jitter: 95 % of periods change by less)",
             _traffic(bus, many=many),
@@ -109,12 +114,41 @@ def _about(bus: Mapping[str, Any], width: int) -> Iterable[str]:
         return
     yield f"over {bus['seconds']:.3f} s"
     told = f"load {_percent(load['mean'])}, at most {_percent(load['peak'])} "
-    told += f"in {load['slice_ns'] / 1e6:.0f} ms"
-    drawn = bars(load["shares"], 1.0)
+    width_ns = load["slice_ns"]
+    told += f"in {width_ns / 1e6:.0f} ms" if width_ns < NS else f"in {width_ns / NS:g} s"
+    shares = load["shares"]
+    per = -(-len(shares) // BARS_MOST)
+    drawn = bars([n / per for n in halved(shares, BARS_MOST)], 1.0)
     together = len(told) + len(drawn) + 4 <= width
     yield f"{told}  {drawn}" if together else told
     if not together:
         yield drawn
+
+
+def _over_time(bus: Mapping[str, Any], width: int) -> _Tabulated | None:
+    slices = bus.get("slices")
+    if slices is None:
+        return None
+    counts = {name: column for name, column in slices.items() if isinstance(column, list)}
+    table = _Tabulated("from", "load", *counts)
+    drawn = min(width - 80, BARS_MOST)
+    if width >= ROOMY:
+        table.add_column("", left=True)
+    first_ns, width_ns = slices["first_ns"], slices["slice_ns"]
+    for k, share in enumerate(bus["load"]["shares"]):
+        row = [_of_day(first_ns + k * width_ns, width_ns), _percent(share)]
+        row += [str(column[k]) for column in counts.values()]
+        if width >= ROOMY:
+            row.append("█" * int(np.ceil(min(share, 1.0) * drawn)))
+        table.add_row(*row)
+    return table
+
+
+def _of_day(t_ns: int, step_ns: int) -> str:
+    """Return a time of day (UTC) as finely as steps need it."""
+    digits = next((n for n in (0, 3) if step_ns % 10 ** (9 - n) == 0), 6)
+    part = f".{t_ns % NS // 10 ** (9 - digits):0{digits}}" if digits else ""
+    return f"{datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC):%H:%M:%S}{part}"
 
 
 class _Tabulated:

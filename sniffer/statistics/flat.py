@@ -22,8 +22,9 @@ COLUMNS: Final = (
     "t_ns",
     "offset",
 )
-"""``about`` is bus, load, command, servo, value, error, step, anomaly or alarm; ``name`` a command,
-a quantity, a code or a rule. An interval has ``low`` and ``high``, everything else a ``value``."""
+"""``about`` is bus, load, slice, command, servo, value, error, step, anomaly or alarm; ``name`` a
+command, a quantity, a code or a rule. An interval has ``low`` and ``high``, everything else a
+``value``."""
 
 _LISTS: Final[Mapping[str, tuple[str, str]]] = {
     "commands": ("command", "op"),
@@ -45,7 +46,8 @@ def rows(figures: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     for bus in figures["buses"]:
         fixed = dict.fromkeys(COLUMNS, "") | {"source": figures["source"], "bus": bus["bus"]}
         fixed["protocol"] = "+".join(bus["protocols"])
-        plain = {k: v for k, v in bus.items() if not isinstance(v, list) and k != "load"}
+        apart = ("load", "slices")
+        plain = {k: v for k, v in bus.items() if not isinstance(v, list) and k not in apart}
         yield from _told(fixed | {"about": "bus"}, plain)
         if bus["load"] is not None:
             load = bus["load"]
@@ -53,6 +55,12 @@ def rows(figures: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             for k, share in enumerate(load["shares"]):
                 at = load["first_ns"] + k * load["slice_ns"]
                 yield fixed | {"about": "load", "figure": "share", "value": share, "t_ns": at}
+        slices = bus.get("slices", {"bytes": []})
+        for k in range(len(slices["bytes"])):
+            row = fixed | {"about": "slice", "t_ns": slices["first_ns"] + k * slices["slice_ns"]}
+            for figure, counts in slices.items():
+                if isinstance(counts, list):
+                    yield row | {"figure": figure, "value": counts[k]}
         for key, (about, name) in _LISTS.items():
             for each in bus[key]:
                 yield from _told(_keyed(fixed, about, name, each), each)

@@ -14,6 +14,7 @@ from sniffer.ground.timing import byte_time_ns
 from sniffer.statistics.collector import Collector
 from sniffer.statistics.commands import CommandBook
 from sniffer.statistics.exceeding import Exceedings
+from sniffer.statistics.slices import SliceBook
 from sniffer.statistics.troubles import TroubleBook
 
 if TYPE_CHECKING:
@@ -90,14 +91,17 @@ class Statistics:
     """A sink that keeps what ``sniffer stats`` tells, in memory that does not grow with the time.
 
     Of a selection what is selected is counted; rates are over all the time that was heard.
-    ``alarms`` are rules of the user's own: how long they were met is told, too.
+    ``alarms`` are rules of the user's own: how long they were met is told, too. With ``every_ns``
+    what was said is counted in slices of that time, too.
     """
 
-    def __init__(self, alarms: Sequence[Alarm] = ()) -> None:
+    def __init__(self, alarms: Sequence[Alarm] = (), *, every_ns: int | None = None) -> None:
         self.collector = Collector()
         self.lanes: dict[str, LaneNumbers] = {}
         self.wires: dict[str, WireBytes] = {}
+        self.slices: dict[str, SliceBook] = {}
         self._alarms = alarms
+        self._every_ns = every_ns
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing: batches hold every byte."""
@@ -115,6 +119,8 @@ class Statistics:
         wire.hear(batch)
         mine = selected(batch)
         wire.add(mine)
+        if self._every_ns is not None:
+            self.slices.setdefault(bus, SliceBook(self._every_ns)).add(batch, mine)
         name = bus_of(bus, protocol, batch)
         lane = self.lanes.get(name)
         if lane is None:

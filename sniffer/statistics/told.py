@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from sniffer.statistics.goalsteps import StepFigures
     from sniffer.statistics.motion import ErrorFigures
     from sniffer.statistics.sink import LaneNumbers, Statistics, WireBytes
+    from sniffer.statistics.slices import EverySlice
     from sniffer.statistics.troubles import TroubleFigures
 
 SHARES: Final[Mapping[str, float]] = {
@@ -47,6 +48,7 @@ def _bus(told: Statistics, bus: str) -> dict[str, Any]:
     clock = told.collector.wires[bus].clock if bus in told.collector.wires else Clock.NONE
     clocked = clock != Clock.NONE and wire.span_ns > 0
     lanes = {name: told.lanes[name] for name in told.collector.lanes_of(bus)}
+    slices = told.slices[bus].slices() if clocked and bus in told.slices else None
     return {
         "bus": bus,
         "protocols": [lane.protocol.name for lane in lanes.values()],
@@ -60,7 +62,8 @@ def _bus(told: Statistics, bus: str) -> dict[str, Any]:
         "bytes_in_frames": wire.in_frames,
         "bytes_in_gaps": wire.in_gaps,
         "gaps": dict(sorted(wire.gaps.items())),
-        "load": _load(told, bus, wire) if clocked else None,
+        "load": _load(told, bus, wire, slices) if clocked else None,
+        **({} if slices is None else {"slices": _slices(slices)}),
         "commands": [
             _command(lane, c, wire, clocked=clocked)
             for lane in lanes.values()
@@ -80,17 +83,26 @@ def _bus(told: Statistics, bus: str) -> dict[str, Any]:
     }
 
 
-def _load(told: Statistics, bus: str, wire: WireBytes) -> dict[str, Any]:
-    grid = told.collector.grid
-    over = profile(grid, told.collector.wires[bus].curves[BYTES])
-    shares = [round(n * wire.byte_ns / over.width_ns, 6) for n in over.sums]
+def _load(told: Statistics, bus: str, wire: WireBytes, slices: EverySlice | None) -> dict[str, Any]:
+    if slices is None:
+        over = profile(told.collector.grid, told.collector.wires[bus].curves[BYTES])
+        first_ns, width_ns, sums = over.first_ns, over.width_ns, over.sums
+    else:
+        first_ns, width_ns = slices.first_ns, slices.width_ns
+        sums = slices.counts["bytes"].tolist()
+    shares = [round(n * wire.byte_ns / width_ns, 6) for n in sums]
     return {
         "mean": wire.bytes * wire.byte_ns / wire.span_ns,
         "peak": max(shares),
-        "first_ns": over.first_ns,
-        "slice_ns": over.width_ns,
+        "first_ns": first_ns,
+        "slice_ns": width_ns,
         "shares": shares,
     }
+
+
+def _slices(slices: EverySlice) -> dict[str, Any]:
+    counts = {name: column.tolist() for name, column in slices.counts.items()}
+    return {"first_ns": slices.first_ns, "slice_ns": slices.width_ns, **counts}
 
 
 def _command(

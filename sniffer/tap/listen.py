@@ -13,7 +13,7 @@ from sniffer.ground.limits import FALLBACK_BAUD
 from sniffer.ground.model import Direction, SnifferError
 from sniffer.ground.timing import LATENCY_NS
 from sniffer.ground.wording import Sentence
-from sniffer.merge.merger import Merger
+from sniffer.merging.merger import Merger
 from sniffer.ports import PortOptions, Retunable, open_port
 from sniffer.tap.reader import BREATH_NS, Anchor, Listener
 from sniffer.tap.tap import PortSpec, Tap

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from sniffer.decoding.pipeline import Pipeline
     from sniffer.decoding.rates import RateSearch
-    from sniffer.merge.merger import Merger
+    from sniffer.merging.merger import Merger
     from sniffer.tap.events import Event
     from sniffer.tap.reader import Anchor, Listener
     from sniffer.tap.stops import Stops

@@ -22,7 +22,7 @@ from sniffer.ground.codes import NOT_EXPECTED, OK
 from sniffer.ground.model import Clock, DamagedInputError, Direction, Mark, MarkKind
 from sniffer.ground.runs import by_bus
 from sniffer.ground.timing import LATENCY_NS
-from sniffer.merge.merger import Merger
+from sniffer.merging.merger import Merger
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence

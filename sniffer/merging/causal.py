@@ -25,12 +25,12 @@ import math
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.model import DEPTH, NEVER_NS
-from sniffer.merge.lanes import ALWAYS, FITS
+from sniffer.merging.lanes import ALWAYS, FITS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.merge.lanes import Said, Span, Unit
+    from sniffer.merging.lanes import Said, Span, Unit
 
 IN_TURN: Final = FITS * 7 // 8
 DAMAGED: Final = FITS // 4

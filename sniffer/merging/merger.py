@@ -34,8 +34,8 @@ from sniffer.ground.codes import IF_READ, MANY, MUST, NEVER, REQUEST, RESPONSE
 from sniffer.ground.framing import Block
 from sniffer.ground.model import I64, NEVER_NS, U8, Chunk, Direction, Mark, MarkKind, Mask, Spans
 from sniffer.ground.timing import byte_time_ns
-from sniffer.merge.bare import BareAnswers
-from sniffer.merge.causal import (
+from sniffer.merging.bare import BareAnswers
+from sniffer.merging.causal import (
     BARE,
     BURST,
     CELLS,
@@ -47,7 +47,7 @@ from sniffer.merge.causal import (
     by_cause,
     by_time,
 )
-from sniffer.merge.lanes import Framed, Lane, Piece, Said, Unit, held_of
+from sniffer.merging.lanes import Framed, Lane, Piece, Said, Unit, held_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

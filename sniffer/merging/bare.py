@@ -10,7 +10,7 @@ import numpy as np
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.framing import Block
 from sniffer.ground.model import ECHO_DIFFERS
-from sniffer.merge.lanes import FITS, NEARLY
+from sniffer.merging.lanes import FITS, NEARLY
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -1,0 +1,136 @@
+"""``sniffer stats --every``: a bus slice by slice of time, as a slow count of the rows has it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+import jsonschema
+import pytest
+
+import sniffer
+from sniffer.ground.model import NS, SnifferError
+from sniffer.statistics.slices import COUNTED
+from tests.commands import records, two_buses, within
+from tests.golden import captures
+from tests.test_stats import SCHEMA
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+Capsys = pytest.CaptureFixture[str]
+
+(DAMAGED,) = (path for path in captures() if path.name == "mightyzap_damaged.log")
+
+
+def by_hand(rows: list[dict[str, Any]], bus: str, width: int) -> dict[str, Counter[int]]:
+    """Count JSON lines slice by slice."""
+    rows = [row for row in rows if row.get("bus") == bus]
+    ends = {row["offset"]: row["t_ns"] for row in rows if row["type"] == "frame"}
+    out: dict[str, Counter[int]] = {name: Counter() for name in COUNTED}
+
+    def count(name: str, t_ns: int, n: int = 1) -> None:
+        out[name][t_ns // width * width] += n
+
+    for row in rows:
+        kind = row["type"]
+        if kind in ("frame", "gap"):
+            count("bytes", row["t_ns"], row["length"])
+        if kind == "frame":
+            count("frames", row["t_ns"])
+        if kind == "frame" and row["kind"] == "request":
+            count("requests", row["t_ns"])
+        if kind == "transaction" and row["outcome"] == "no_response":
+            count("missing", ends[row["request_offset"]])
+        if kind == "anomaly" and row["severity"] != "note":
+            count({"error": "errors", "warn": "warnings"}[row["severity"]], row["t_ns"])
+    return out
+
+
+def in_slices(bus: Mapping[str, Any]) -> dict[str, dict[int, int]]:
+    """Return what JSON says of slices, by when each begins; those with nothing left out."""
+    told = bus["slices"]
+    return {
+        name: {told["first_ns"] + k * told["slice_ns"]: n for k, n in enumerate(counts) if n}
+        for name, counts in told.items()
+        if isinstance(counts, list)
+    }
+
+
+@pytest.mark.parametrize(("every", "width"), [("1s", NS), ("100ms", NS // 10), ("1min", 60 * NS)])
+def test_slices_have_what_a_slow_count_of_the_rows_has(
+    every: str, width: int, tmp_path: Path, capsys: Capsys
+) -> None:
+    path = two_buses(tmp_path / "two.log", DAMAGED)
+    rows = records(within(capsys, "decode", path, "--format", "jsonl").out)
+    told = json.loads(within(capsys, "stats", path, "--every", every, "--format", "json").out)
+    jsonschema.validate(told, SCHEMA)
+    for bus in told["buses"]:
+        assert in_slices(bus) == by_hand(rows, bus["bus"], width)
+        shares = [n * 10 / 57600 / (width / NS) for n in bus["slices"]["bytes"]]
+        assert bus["load"]["shares"] == pytest.approx(shares, abs=1e-6)
+        assert bus["load"]["peak"] == max(bus["load"]["shares"])
+        assert (bus["load"]["slice_ns"], bus["load"]["first_ns"] % width) == (width, 0)
+    table = within(capsys, "stats", path, "--every", every, "--format", "csv").out
+    found = {
+        (row["bus"], row["figure"], int(row["t_ns"])): int(row["value"])
+        for row in csv.DictReader(io.StringIO(table))
+        if row["about"] == "slice" and row["value"] != "0"
+    }
+    assert found == {
+        (bus["bus"], figure, t_ns): n
+        for bus in told["buses"]
+        for figure, counts in in_slices(bus).items()
+        for t_ns, n in counts.items()
+    }
+
+
+def test_of_a_selection_in_slices_what_is_selected_is_counted(capsys: Capsys) -> None:
+    asked = ("--servo", "3", "--kind", "request")
+    rows = records(within(capsys, "decode", DAMAGED, *asked, "--format", "jsonl").out)
+    said = within(capsys, "stats", DAMAGED, *asked, "--every", "1s", "--format", "json").out
+    (bus,) = json.loads(said)["buses"]
+    assert len(bus["slices"]["frames"]) == 9, "over all the time that was heard"
+    assert in_slices(bus)["requests"] == by_hand(rows, "bus0", NS)["requests"]
+
+
+@pytest.mark.parametrize("columns", [80, 140])
+def test_the_text_has_a_line_for_each_slice_within_the_terminal(
+    columns: int, capsys: Capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    lines = within(capsys, "stats", DAMAGED, "--every", "2s").out.splitlines()
+    assert max(map(len, lines)) <= columns
+    begin = next(n for n, line in enumerate(lines) if line.strip() == "over time")
+    words = [line.split() for line in lines[begin + 2 : begin + 7]]
+    assert [w[0] for w in words] == [f"22:55:{s:02}" for s in (6, 8, 10, 12, 14)]
+    assert words[0][1:9] == ["40.9", "%", "4713", "367", "209", "1", "5", "13"]
+    assert lines[begin + 7] == ""
+
+
+def test_a_width_that_cannot_be_is_told_in_a_line(capsys: Capsys) -> None:
+    for width in ("5ms", "0", "often"):
+        ran = within(capsys, "stats", DAMAGED, "--every", width)
+        assert (ran.status, ran.out) == (2, "")
+        assert ran.err.endswith(f"{width!r}: write a time of 10 ms or more, such as 1s or 100ms\n")
+    with pytest.raises(SnifferError, match="less than 10 ms"):
+        sniffer.stats(DAMAGED, every_ns=5_000_000)
+
+
+def test_too_many_slices_are_refused_and_none_without_a_clock(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    lines = DAMAGED.read_text().splitlines()[:40]
+    later = [line.replace("(1795215306", "(1805215306") for line in lines]
+    path = tmp_path / "years.log"
+    path.write_text("\n".join([*lines, *later]))
+    ran = within(capsys, "stats", path, "--every", "1s")
+    assert (ran.status, ran.out) == (2, "")
+    assert "are 10000001 slices of time: choose longer ones" in ran.err.splitlines()[-1]
+    silent = DAMAGED.with_name("mightyzap_manual.hex")
+    ran = within(capsys, "stats", silent, "--every", "1s", "--format", "json")
+    assert "slices" not in json.loads(ran.out)["buses"][0]
