@@ -48,7 +48,10 @@ def packet(*fields: Any, checksum: Any = SUM) -> Any:
             },
             "take one of sniffer.ground.checksums",
         ),
-        ({"packet": packet(ID, LENGTH, CODE, "sums" / Bytes(2), REST)}, "no plan for <Bytes>"),
+        (
+            {"packet": packet(ID, LENGTH, CODE, "sums" / Bytes(2), REST)},
+            "no plan for params <Bytes>",
+        ),
         ({"feedback": Struct("data" / GreedyBytes)}, "feedback needs a field named error"),
         ({"feedback": Struct("error" / Byte)}, 'feedback needs "data" / GreedyBytes'),
         (

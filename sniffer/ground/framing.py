@@ -143,11 +143,11 @@ def candidates(plan: Plan, block: Block) -> tuple[I64, I64, I64]:
     ok = np.asarray(start + plan.prefix <= limit)
     for check in plan.checks:
         ok = ok & check(columns)
-    end = start + plan.tail(columns) + (plan.tail_at + plan.sum_width)
+    end = start + plan.tail(columns) + (plan.tail_at + plan.behind)
     whole = ok & (end <= limit)
     waiting = start[ok & (end > limit) & block.open(limit)]
     start, end = start[whole], end[whole]
-    good = plan.checksum.good(data, start + plan.sum_from, end - plan.sum_width)
+    good = plan.holds(data, start, end)
     return start[good], end[good], waiting
 
 

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, cast
 
-from sniffer.ground.model import SnifferError
+from sniffer.ground.model import DeclarationError, SnifferError
 from sniffer.ground.registers import RegisterMap
 from sniffer.protocols.base import BusProtocol
 
@@ -135,6 +135,8 @@ def _unfit(found: Any) -> str:
     """Say why something is no protocol that can be used; empty: it is one."""
     if isinstance(found, type):
         return f"{found.__name__} is a class: name an object of it"
+    if hasattr(found, "packet") and hasattr(found, "commands"):
+        return "PROTOCOL is a PacketFamily: write PROTOCOL = Member(PacketFamily(...))"
     told = getattr(found, "interface", None)
     if told != INTERFACE:
         lacks = "says no interface" if told is None else f"says interface = {told!r:.20}"
@@ -162,6 +164,8 @@ def _members() -> tuple[str, ...]:
 
 def _why(error: BaseException) -> str:
     """Return what an exception says, and where it stood."""
+    if isinstance(error, DeclarationError):
+        return str(error)
     told = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     last = error.__traceback__
     while last is not None and last.tb_next is not None:

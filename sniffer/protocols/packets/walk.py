@@ -36,7 +36,9 @@ class Shape:
 
     ``fixed`` bytes stand before ``data`` or ``targets``; from ``least`` to ``most`` there are.
     ``checks`` are expressions on the fields, for columns as for numbers, ``constants`` bytes that
-    must stand there.
+    must stand there. ``begin``: all bytes of a target are registers from that address on;
+    ``space``: what is added to an address that is named; ``counted``: ``length`` is that of the
+    data.
     """
 
     at: Mapping[str, Place]
@@ -47,11 +49,19 @@ class Shape:
     most: int
     checks: tuple[Callable[[Any], Any], ...]
     constants: tuple[tuple[int, bytes], ...]
+    begin: int = -1
+    space: int = 0
+    counted: bool = False
 
     @property
     def reads(self) -> bool:
         """It asks one servo for ``length`` bytes."""
         return "length" in self.at and not self.data and self.targets is None
+
+    @property
+    def brings_several(self) -> bool:
+        """It brings several servos bytes for their registers."""
+        return self.targets is not None and (self.targets.data or self.begin >= 0)
 
     @property
     def writes(self) -> bool:
@@ -66,7 +76,7 @@ class _Walk:
         self.inside = inside
         self.at: dict[str, Place] = {}
         self.pos = 0
-        self.data = self.some = False
+        self.data = self.some = self.counted = False
         self.targets: Targets | None = None
         self.checks: list[Callable[[Any], Any]] = []
         self.constants: list[tuple[int, bytes]] = []
@@ -100,6 +110,8 @@ class _Walk:
                 self.targets = Targets(MappingProxyType(one.at), one.pos, one.data)
             case c.Bytes() if self.inside and name == "data" and callable(con.length):
                 self.data = True
+            case c.Bytes() if name == "data" and repr(con.length) == "this['length']":
+                self.data = self.counted = True
             case _ if con is c.GreedyBytes and name == "data" and not self.inside:
                 self.data = True
             case _:
@@ -119,8 +131,13 @@ class _Walk:
             self.checks.append(con.func)
 
 
-def shape_of(grammar: Any) -> Shape:
+def shape_of(grammar: Any, at: int = -1, space: int = 0) -> Shape:
     """Walk the parameters of one command.
+
+    Args:
+        grammar: of its parameters.
+        at: the address of what it is about, where no packet names one.
+        space: what is added to an address that is named.
 
     Raises:
         TypeError: the grammar holds something that columns have no form for.
@@ -135,8 +152,14 @@ def shape_of(grammar: Any) -> Shape:
     if least >= ROOM or ("address" in w.at and w.at["address"][0]):
         raise TypeError("an address stands first, and not behind hundreds of bytes")
     t = w.targets
-    if t is not None and not {"address", "length"} <= {*w.at, *t.at}:
-        raise TypeError("several targets need an address and a length, each its own or all alike")
+    if at >= 0 and ("address" in w.at or (t is not None and ({"address"} & {*t.at} or t.data))):
+        raise TypeError("its packets name an address themselves: leave out `at`")
+    if space and "address" not in w.at and not (t is not None and "address" in t.at):
+        raise TypeError("no packet of it names an address that `space` could be added to")
+    if t is not None and at < 0 and not {"address", "length"} <= {*w.at, *t.at}:
+        raise TypeError(
+            "several targets need an address and a length, each its own or all alike, or `at`"
+        )
     return Shape(
         MappingProxyType(w.at),
         w.pos,
@@ -146,4 +169,7 @@ def shape_of(grammar: Any) -> Shape:
         ROOM * ROOM if many else least,
         tuple(w.checks),
         tuple(w.constants),
+        at if t is not None else -1,
+        space,
+        w.counted,
     )
