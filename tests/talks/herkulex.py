@@ -103,6 +103,8 @@ READS: Final = [
     read(2, 0x3A, b"\x00\x02"),
     read(2, 0x36, _numbers(10)),
     read(1, 0, b""),
+    read(2, EEP + 6, b"\x02"),
+    read(2, EEP + 0x27, b"\x03\x04"),
     read(1, 0x3A, HEADER),
     read(1, 0x3A, b"\x01" + HEADER + b"\x01"),
     read(2, 0x3A, b"\x01" + HEADER),
@@ -132,8 +134,8 @@ OTHERS: Final = [
     say(STAT),
     say(STAT, who=2, status=16),
     Exchange("stat", packet(254, STAT), (ack(1, STAT), ack(2, STAT)), {}, ()),
-    say(ROLLBACK, b"\x01\x01"),
-    say(REBOOT),
+    *(say(ROLLBACK, b"\x01\x01", who) for who in (1, 2)),
+    *(say(REBOOT, who=who) for who in (1, 2)),
     Exchange("unknown_2a", packet(1, 0x2A, b"\x01"), None),
 ]
 ODD: Final = [
@@ -149,4 +151,26 @@ ODD: Final = [
     odd(ROLLBACK, b"\x01\x01\x01"),
 ]
 
-TALK: Final = Talk([*READS, *WRITES, *OTHERS, *ODD], [])
+TALK: Final = Talk(
+    [*READS, *WRITES, *OTHERS, *ODD],
+    # A packet within the data of one that is torn is a packet.
+    ambiguous={
+        "answer cut: ram_read": 2,
+        "answer damaged: ram_read": 2,
+        "silence inside: ram_read": 10,
+    },
+    absent={
+        "stat one byte less": "it has no data",
+        "reboot one byte less": "it has no data",
+        "a frame that ends as the header begins": "the last byte of an answer is flags, bit 7 unused",
+        "a status like *": "the code tells an answer, and the state stands elsewhere",
+        "an answer that reads as a command": "the code tells an answer",
+        "a scene: staged, then released": "nothing is staged",
+        "a reset that gives a new id": "which id is kept in EEP, reboot does not say",
+        "jog*, * byte": "a JOG is never about half a number",
+    },
+    harmless={
+        "i_jog: one address on": "the bytes of targets are read from the packet",
+        "s_jog: one address on": "the bytes of targets are read from the packet",
+    },
+)
