@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
+from pathlib import Path
 from typing import Any, Final
 
 import pytest
@@ -13,8 +15,8 @@ from sniffer.ground.checksums import COMPLEMENT_SUM
 from sniffer.ground.model import Chunk
 from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.packets import MUST, Command, Member
+from sniffer.sources import open_source
 from tests.streams.members import example
-from tests.talks.lx16a import TALK
 
 ID, LENGTH, CODE, REST = (
     "servo_id" / Byte,
@@ -67,14 +69,28 @@ def test_a_declaration_of_another_form_is_refused_with_what_to_write(
         Member(dataclasses.replace(example("dynamixel1").FAMILY, **changes))
 
 
-def test_who_echoes_the_code_is_told_from_the_bytes_among_all_others(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    mine = example("lx16a").PROTOCOL
-    everyone = [*PROTOCOLS.values(), example("dynamixel1").PROTOCOL, mine]
-    monkeypatch.setattr(PROTOCOLS, "candidates", lambda heard=None: everyone)
+@pytest.fixture
+def everyone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have all examples looked for beside what is built in."""
+    names = ("dynamixel1", "dynamixel2", "feetech", "lx16a", "herkulex")
+    them = [*PROTOCOLS.values(), *(example(name).PROTOCOL for name in names)]
+    monkeypatch.setattr(PROTOCOLS, "candidates", lambda heard=None: them)
+
+
+@pytest.mark.usefixtures("everyone")
+@pytest.mark.parametrize("name", ["lx16a", "herkulex"])
+def test_a_member_is_told_from_the_bytes_among_all_others(name: str) -> None:
+    exchanges = importlib.import_module(f"tests.talks.{name}").TALK.exchanges
     said = b"".join(
-        raw for e in TALK.exchanges if e.answers is not None for raw in (e.request, *e.answers)
+        raw for e in exchanges if e.answers is not None for raw in (e.request, *e.answers)
     )
     found = detect([Chunk(said)])
-    assert (found.protocol, found.certainty) == ("lx16a", "sure")
+    assert (found.protocol, found.certainty) == (name, "sure")
+
+
+@pytest.mark.usefixtures("everyone")
+@pytest.mark.parametrize("name", list(PROTOCOLS.built_in))
+def test_no_member_takes_a_capture_from_those_that_are_built_in(name: str) -> None:
+    for path in sorted((Path(__file__).parents[1] / "sample_captures").glob(f"{name}_*")):
+        heard = [c for group in open_source(path) for c in group]
+        assert detect(heard).protocol == name

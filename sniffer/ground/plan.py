@@ -236,8 +236,8 @@ class _Walk:
             raise TypeError("a plan needs one field of Bytes, and a Checksum or a Seal")
         if self.checksum is not None and behind != self.sum_width:
             raise TypeError("a Checksum is the last of a packet: elsewhere write Seal, in a Packet")
-        asked = _asked_by(tail)
-        seen = asked | {name for check in self.checks for name in _asked_by(check)}
+        asked = asked_by(tail)
+        seen = asked | {name for check in self.checks for name in asked_by(check)}
         if unknown := sorted(seen - self.at.keys()):
             raise TypeError(
                 f"the length and each Check ask fields before {self._tail_name()}, by this.NAME: "
@@ -296,7 +296,7 @@ class _Walk:
         return Sealed(name, seal.checksum, self._stretch(name), tuple(over))
 
 
-def _asked_by(expression: Expression) -> set[str]:
+def asked_by(expression: Expression) -> set[str]:
     """Return the fields that an expression asks for."""
     seen: set[str] = set()
 

@@ -64,7 +64,7 @@ class FamilyColumns:
         self._fixed, self._held = np.zeros((2, 256), np.int64)
         self._at = np.full(256, -1, np.int64)
         self._spaces = np.zeros(256, np.int64)
-        self.lists, self.together = np.zeros((2, 256), bool)
+        self.lists, self.together, self._asks = np.zeros((3, 256), bool)
         for code in self.shapes:
             self._enter(code)
         # whether anything stands between an address and the data
@@ -93,7 +93,9 @@ class FamilyColumns:
         """Lay what is known of a command into the tables."""
         command, shape = self.family.commands[code], self.shapes[code]
         what = KNOWN | FITS | ADDRESSED * ("address" in shape.at)
-        brings = shape.writes or (command.at >= 0 and shape.least > 0 and shape.targets is None)
+        alone = shape.targets is None and not command.answer
+        brings = shape.writes or (command.at >= 0 and shape.least > 0 and alone)
+        self._asks[code] = command.at >= 0 and command.answer > 0
         what |= READS * shape.reads | WRITES * brings | TARGETS * (shape.targets is not None)
         what |= RENUMBERS * (command.new_id is not None)
         what |= CHECKED * bool(shape.checks or shape.constants or shape.counted)
@@ -195,6 +197,8 @@ class FamilyColumns:
             held = np.where(held, self._held[by], 0)
         lists = (what & FITS > 0) & self.lists[by]
         brings_none = (what & READS > 0) | lists
+        if self._tells_at:
+            brings_none |= (what & FITS > 0) & self._asks[by]
         if self._spaces.any():
             address += np.where(what & FITS, self._spaces[by], 0) * (held > 0)
         if self._tells_at:

@@ -56,7 +56,8 @@ class Command:
     of ``option`` is set; bits 0: always. ``answer`` counts the data bytes of its answer where no
     ``length`` asks for them. ``together``: one packet answers for all targets, each with error, id,
     data and, but for the last, a checksum. ``at``: the address of the registers that its parameters
-    are, or its answer, where no packet names one; of ``targets`` each servo's bytes are those.
+    are or, with ``answer``, its answer, where no packet names one; of ``targets`` each servo's
+    bytes are those.
     ``space`` is added to the addresses that its packets name, where a servo has several spaces that
     all begin at 0. ``feedback``, with ``answer_code``: the grammar of its own answer behind the
     code.
@@ -104,9 +105,9 @@ class PacketFamily:
     a response with data that fits as a command as well is marked (UNUSUAL), and states no values.
     ``echoes``: an answer has the code of its request, and has as many bytes as ``answer`` says,
     which its request has not: that tells them apart. All of these bytes are ``data``.
-    ``answer_code`` gives the code of the answer to each command, as ``lambda code: code + 0x40``;
-    ``feedback`` is then that of the parameters only, and a command may have its own. One that names
-    ``address`` or ``length`` fits no other request.
+    ``answer_code`` gives the code of the answer to each command, as ``lambda code: code + 0x40``,
+    and None where nothing tells one; ``feedback`` is then that of the parameters only, and a
+    command may have its own. One that names ``address`` or ``length`` fits no other request.
 
     ``silent`` are ids that all servos obey and none answers, ``anyone`` those that each answers
     under its own. ``refusals`` are the bits of the error that say that it was not done, ``alerts``
@@ -131,7 +132,7 @@ class PacketFamily:
     begins: bool = False
     doubt: bool = False
     echoes: bool = False
-    answer_code: Callable[[int], int] | None = None
+    answer_code: Callable[[int], int | None] | None = None
     sole_id: int | None = None
     reach: int = 256
     most: int = 255
@@ -172,7 +173,10 @@ class PacketFamily:
     @functools.cached_property
     def asked_by(self) -> dict[int, int]:
         """Code of an answer -> that of its command, where the one follows from the other."""
-        return {} if self.answer_code is None else {self.answer_code(k): k for k in self.commands}
+        if self.answer_code is None:
+            return {}
+        told = {k: self.answer_code(k) for k in self.commands}
+        return {answer: code for code, answer in told.items() if answer is not None}
 
     @functools.cached_property
     def tells_more(self) -> bool:

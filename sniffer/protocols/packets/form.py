@@ -148,6 +148,13 @@ def _check_command(family: PacketFamily, code: Any, command: Any) -> None:
 
 
 def _check_answers(family: PacketFamily) -> None:
+    if family.answers in family.commands:
+        name = family.commands[family.answers or 0].name
+        _refuse(
+            family,
+            f"feedback has the code {family.answers:#04x}, which is also a command, {name}: an "
+            "answer with the code of its request wants echoes=True or answer_code=",
+        )
     if family.answer_code is not None:
         _check_codes(family)
     elif not family.echoes and field_named(family.feedback, "error") is None:
@@ -186,6 +193,8 @@ def _check_codes(family: PacketFamily) -> None:
     answers: dict[int, str] = {}
     for code, command in family.commands.items():
         answer = family.answer_code(code) if family.answer_code is not None else code
+        if answer is None:
+            continue
         if not isinstance(answer, int) or not 0 <= answer <= 255:
             _refuse(family, f"answer_code({code:#04x}) is {answer!r}, and a code is from 0 to 255")
         if answer in family.commands:
@@ -202,6 +211,8 @@ def _check_codes(family: PacketFamily) -> None:
                 f"{answer:#04x}: write one that tells them apart",
             )
         answers[answer] = command.name
+    if not answers:
+        _refuse(family, "answer_code gives no command a code: write which answers which")
 
 
 def told_of(family: PacketFamily) -> Told | None:

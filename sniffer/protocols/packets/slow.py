@@ -95,7 +95,7 @@ class Slow:
             out.flags |= UNKNOWN if command is None else MALFORMED
         else:
             self._command(out, command, fields, params)
-        if family.answer_code is not None and command and out.token != LISTED:
+        if packet.code in family.asked_by.values() and out.token != LISTED:
             out.token |= KEY | packet.code << CODE_AT
             repeated = field_named(family.feedback_of(packet.code), "address") is not None
             if repeated and fields is not None and "address" in fields:
@@ -188,6 +188,8 @@ class Slow:
         brought = params if command.at >= 0 else fields.get("data", b"")
         if command.at >= 0:
             out.address = command.at
+            if command.answer:  # it asks for what is there
+                out.data = brought = b""
         own = "length" not in fields or "data" in fields
         if out.address >= 0 and brought and own and "targets" not in fields:
             at = family.effective("feedback") - out.address

@@ -11,11 +11,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 import construct as c
 
+from sniffer.ground.plan import asked_by
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 Place = tuple[int, int]
 """Offset and bytes of a field."""
+
+MEANT: Final = frozenset({"address", "length", "option", "servo_id", "data", "targets"})
+"""Names that mean something to the columns."""
 
 ROOM: Final = 256
 """Counts of parameter bytes that are told apart; only open ends are longer."""
@@ -99,6 +104,9 @@ class _Walk:
             case c.FormatField() if con.fmtstr in (">B", "<H"):
                 self.at[name] = self.pos, con.length
                 self.pos += con.length
+            case c.FormatField() | c.BytesInteger() if name not in MEANT:
+                # shown as the grammar reads it; nothing but the reader asks what it is
+                self.pos += con.sizeof()
             case c.Const() if isinstance(con.value, bytes) and not self.inside:
                 self.constants.append((self.pos, con.value))
                 self.pos += len(con.value)
@@ -116,9 +124,10 @@ class _Walk:
                 self.data = True
             case _:
                 raise TypeError(
-                    f"no columns for {name} {con!r}: fields are Byte or Int16ul (signs are a "
-                    "matter of the register table), Enum or FlagsEnum of these, Const of bytes; at "
-                    "the end data / GreedyBytes or targets / GreedyRange"
+                    f"no columns for {name} {con!r}: fields are numbers, Enum or FlagsEnum of Byte "
+                    "or Int16ul, Const of bytes; at the end data / GreedyBytes or targets / "
+                    "GreedyRange; address, length and option are Byte or Int16ul (signs are a "
+                    "matter of the register table)"
                 )
 
     def _check(self, con: Any) -> None:
@@ -127,6 +136,11 @@ class _Walk:
             raise TypeError(f"no columns for {con.func!r}: say it of the fields outside, by `this`")
         if repr(con.func) in ("this['data']", "this['targets']"):
             self.some = True
+        elif strange := sorted(asked_by(con.func) - self.at.keys()):
+            raise TypeError(
+                "a Check asks fields of Byte or Int16ul before it, by this.NAME: "
+                f"{strange[0]} is none"
+            )
         else:
             self.checks.append(con.func)
 

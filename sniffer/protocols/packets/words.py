@@ -103,8 +103,12 @@ class Words:
         for leaf in found:
             inside, _, name = leaf.path.rpartition(".")
             if not inside and isinstance(leaf.value, int | dict | str):
-                number = int.from_bytes(params[leaf.offset : leaf.offset + leaf.length], "little")
-                out[name] = _worded(field_named(command.params, name), number)
+                con = field_named(command.params, name)
+                part = params[leaf.offset : leaf.offset + leaf.length]
+                number = int.from_bytes(part, "little")
+                if isinstance(con, c.FormatField | c.BytesInteger) and isinstance(leaf.value, int):
+                    number = leaf.value  # its high byte may be the first
+                out[name] = _worded(con, number)
             elif name == "servo_id" and not brings:
                 servos.append(leaf.value)
         return {**out, "servo_ids": servos} if servos else out
