@@ -6,7 +6,7 @@ from functools import reduce
 from operator import xor
 from typing import Final
 
-from sniffer.testing import Exchange, Talk
+from sniffer.testing import Exchange, Label, Talk
 from tests.talks import halves, stated, table
 
 MODEL: Final = "examples/protocols/herkulex/drs-0101.toml"
@@ -78,7 +78,7 @@ def jog(code: int, ids: tuple[int, ...], who: int = 254) -> Exchange:
     """Move servos, each as it is told."""
     each = {I_JOG: b"\x3c", S_JOG: b""}[code]
     data = (b"" if each else b"\x3c") + b"".join(JOG + bytes([i]) + each for i in ids)
-    labels = {}
+    labels: dict[Label, int] = {}
     for i in ids:
         labels |= {(i, "jog"): 512, (i, "jog_set"): 4} | (
             {(i, "jog_play_time"): 60} if each else {}
@@ -162,7 +162,7 @@ TALK: Final = Talk(
     absent={
         "stat one byte less": "it has no data",
         "reboot one byte less": "it has no data",
-        "a frame that ends as the header begins": "the last byte of an answer is flags, bit 7 unused",
+        "a frame that ends as the header begins": "flags end an answer, bit 7 unused",
         "a status like *": "the code tells an answer, and the state stands elsewhere",
         "an answer that reads as a command": "the code tells an answer",
         "a scene: staged, then released": "nothing is staged",
