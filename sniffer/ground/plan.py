@@ -154,12 +154,12 @@ def plan_of(grammar: Any) -> Plan:
         TypeError: the grammar holds something no plan can express; give the protocol a scanner
             of its own.
     """
-    walk = _Walk()
+    walk = _PacketWalk()
     walk.walk(grammar)
     return walk.plan()
 
 
-class _Walk:
+class _PacketWalk:
     """One walk along the grammar of a packet."""
 
     def __init__(self) -> None:

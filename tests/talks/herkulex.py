@@ -80,9 +80,9 @@ def jog(code: int, ids: tuple[int, ...], who: int = 254) -> Exchange:
     data = (b"" if each else b"\x3c") + b"".join(JOG + bytes([i]) + each for i in ids)
     labels: dict[Label, int] = {}
     for i in ids:
-        labels |= {(i, "jog"): 512, (i, "jog_set"): 4} | (
-            {(i, "jog_play_time"): 60} if each else {}
-        )
+        labels[i, "jog"], labels[i, "jog_set"] = 512, 4
+        if each:
+            labels[i, "jog_play_time"] = 60
     answers = () if who == 254 else (ack(who, code),)
     return Exchange(NAMES[code - 1], packet(who, code, data), answers, labels)
 

@@ -15,7 +15,7 @@ from sniffer.ground.model import DeclarationError
 from sniffer.ground.plan import plan_of
 from sniffer.ground.wire import Packet
 from sniffer.protocols.packets.declare import Command, bare, field_named
-from sniffer.protocols.packets.told import Told
+from sniffer.protocols.packets.told import ToldAnswers
 from sniffer.protocols.packets.walk import Shape, shape_of
 
 if TYPE_CHECKING:
@@ -215,7 +215,7 @@ def _check_codes(family: PacketFamily) -> None:
         _refuse(family, "answer_code gives no command a code: write which answers which")
 
 
-def told_of(family: PacketFamily) -> Told | None:
+def told_of(family: PacketFamily) -> ToldAnswers | None:
     """Return what answers say, None where they say an error and data only.
 
     Raises:
@@ -224,7 +224,7 @@ def told_of(family: PacketFamily) -> Told | None:
     if not family.tells_more:
         return None
     try:
-        return Told(family)
+        return ToldAnswers(family)
     except TypeError as error:
         _refuse(family, f"feedback: {error}")
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class AnswerShape:
     """Where the fields of an answer lie: from its first parameter on, ``last`` from its end."""
 
     at: Mapping[str, Place]
@@ -46,7 +46,7 @@ class Answer:
         return self.data and "length" not in self.at
 
 
-def answer_of(grammar: Any) -> Answer:
+def answer_of(grammar: Any) -> AnswerShape:
     """Walk what an answer has for parameters.
 
     Raises:
@@ -94,7 +94,7 @@ def answer_of(grammar: Any) -> Answer:
     if {"error"} & {k for k, place in (at | last).items() if place[1] != 1}:
         raise TypeError("the error is one byte; name what else there is otherwise")
     ends = {name: (behind - start, width) for name, (start, width) in last.items()}
-    return Answer(at, ends, tuple(constants), front if data else pos, behind, data)
+    return AnswerShape(at, ends, tuple(constants), front if data else pos, behind, data)
 
 
 def _is_rest(con: Any) -> bool:
@@ -103,7 +103,7 @@ def _is_rest(con: Any) -> bool:
     return isinstance(con, AllBut) or con is c.GreedyBytes
 
 
-class Told:
+class ToldAnswers:
     """The answers of a family by their codes."""
 
     def __init__(self, family: PacketFamily) -> None:
@@ -111,7 +111,7 @@ class Told:
         for code, asked in family.asked_by.items():
             self.asked[code] = asked
         self.states_address = False
-        self.shapes: dict[int, Answer] = {}
+        self.shapes: dict[int, AnswerShape] = {}
         if family.answers is not None:
             self.shapes[family.answers] = answer_of(c.Struct(*family.feedback.subcons[1:]))
         for code, asked in family.asked_by.items():
@@ -141,7 +141,7 @@ class Told:
                 self._read(body, rows, k, shape, held, length, status, address, token, flags)
 
     def _read(
-        self, body: Bytes, rows: I64, code: int, shape: Answer, held: I64, length: I64,
+        self, body: Bytes, rows: I64, code: int, shape: AnswerShape, held: I64, length: I64,
         status: I16, address: I64, token: I64, flags: U8,
     ) -> None:  # fmt: skip
         data, at, count = body.data, body.params[rows], body.number[rows]
