@@ -176,6 +176,8 @@ ONLY: Final = Struct("data" / GreedyBytes)
         ({"answer_code": lambda code: code + 1}, "the code 0x02, which is also a command, read"),
         ({"answer_code": lambda code: 0x70}, "gives read and ping the same code, 0x70"),
         ({"answer_code": lambda code: code + 255}, "0x01. is 256, and a code is from 0 to 255"),
+        ({"answer_header": b"\xff"}, "answer_header is another header of 2 bytes"),
+        ({"answer_header": b"\xff\xff", "packet": sealed()}, "answer_header is another header"),
         ({"answer_code": lambda code: None}, "answer_code gives no command a code"),
         (
             {

@@ -9,6 +9,7 @@ import itertools
 import json
 from typing import Any, Final
 
+import numpy as np
 import pytest
 from construct import (
     Byte,
@@ -36,6 +37,7 @@ from sniffer.ground.model import Chunk
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols.base import view
+from sniffer.protocols.explaining import Runs
 from sniffer.protocols.packets import (
     IF_READ,
     MUST,
@@ -181,14 +183,42 @@ APART: Final = member(
     silent=(0,),
     most=20,
 )  # fmt: skip
-FORMS: Final[dict[str, Any]] = {"ubtech": UBTECH, "behind": BEHIND, "apart": APART}
+# Answers with a header of their own, and the code of their request; the id behind the length.
+HEADS: Final = member(
+    "heads",
+    Packet(
+        HEAD,
+        "code" / Byte,
+        "length" / Byte * "id and parameters",
+        Check(this.length >= 1),
+        "servo_id" / Byte,
+        "params" / Bytes(this.length - 1),
+        "checksum" / Seal(Byte, SUM8, "header", "code", "length", "servo_id", "params"),
+    ),
+    {
+        1: Command("ping", EMPTY, MUST),
+        2: Command("read", READ, MUST, feedback=Struct("data" / GreedyBytes)),
+        3: Command("write", WRITE, MUST),
+    },
+    Struct(ERROR, Terminated),
+    answer_header=b"\x05\x1c",
+    silent=(255,),
+    most=30,
+)
+FORMS: Final[dict[str, Any]] = {
+    "ubtech": UBTECH,
+    "behind": BEHIND,
+    "apart": APART,
+    "heads": HEADS,
+}
 
 
-def said(name: str, code: int, params: bytes = b"", who: int = 1) -> bytes:
+def said(name: str, code: int, params: bytes = b"", who: int = 1, *, back: bool = False) -> bytes:
     """Build a packet with the grammar."""
-    length = len(params) // 2 if name == "apart" else len(params)
+    length = {"apart": len(params) // 2, "heads": len(params) + 1}.get(name, len(params))
     body = {"servo_id": who, "length": length, "code": code, "params": params, "spare": 9}
-    return bytes(FORMS[name].family.packet.build(body))
+    family = FORMS[name].family
+    return bytes((family.answering if back else family.packet).build(body))
 
 
 TALK: Final[dict[str, list[bytes]]] = {
@@ -219,6 +249,16 @@ TALK: Final[dict[str, list[bytes]]] = {
         said("apart", 0x85) + said("apart", 0x05, b"\x00\x01\x02\x03"),
         said("apart", 0x85) + said("apart", 0x05, b"\x00\x01"),
         said("apart", 0x83, b"\x10\x07\x08\x09", 2) + said("apart", 0x02, b""),
+    ],
+    "heads": [
+        said("heads", 2, b"\x10\x02") + said("heads", 2, b"\x07\x09", back=True),
+        said("heads", 2, b"\x10\x02", 255) + said("heads", 2, b"\x07\x09", back=True),
+        said("heads", 3, b"\x10\x05\x1c") + said("heads", 3, b"\x02", back=True),
+        said("heads", 3, b"\x10\xfa\xaf") + said("heads", 3, b"\x00", back=True),
+        said("heads", 3, b"\x10\x08") + said("heads", 3, b"", back=True),
+        said("heads", 1) + said("heads", 1, b"\x00", back=True),
+        said("heads", 1, b"\x01") + said("heads", 9, b"\x00", back=True),
+        said("heads", 9, b"\x01") + b"\x05\x1c\x05",
     ],
 }
 
@@ -289,3 +329,15 @@ def test_a_code_with_a_bit_less_answers_and_each_target_is_read_as_it_stands() -
     assert values == [
         (1, "goal", 0x2A), (1, "goal", 7), (1, "time", 1), (2, "goal", 8), (2, "time", 2),
     ]  # fmt: skip
+
+
+def test_a_header_of_their_own_tells_answers_and_torn_ones_are_told_by_it() -> None:
+    ask, answer = said("heads", 2, b"\x10\x02"), said("heads", 2, b"\x07\x09", back=True)
+    outcomes, values = told("heads", ask + answer)
+    assert (outcomes, values) == (["ok"], [(1, "goal", 7), (1, "time", 9)])
+    (gap,) = HEADS.explain(answer[:-1] + b"\x00", 0)
+    assert (gap.reason, gap.length, gap.detail["fields"]["op"]) == ("damaged", len(answer), "read")
+    whole = b"\x07" + ask[:-1] + b"\xee" + answer[:5]
+    runs = Runs(np.frombuffer(whole, np.uint8), np.array([0]), np.array([len(whole)]))
+    torn = HEADS.survey(runs)
+    assert [g.start for g in HEADS.explain(whole, 0)] == [0, *torn.at.tolist()]

@@ -54,7 +54,7 @@ class Checksum:
         return int(self.seal(self.plain(data) & 0xFF))
 
     def good(self, block: U8, first: I64, at: I64) -> Mask:
-        """Tell where ``block[first:at]`` sums to ``block[at]``; a header precedes ``first``."""
+        """Tell where ``block[first:at]`` sums to ``block[at]``."""
         if not len(first):
             return np.zeros(0, bool)
         length = at - first
@@ -66,7 +66,8 @@ class Checksum:
         else:
             # Where candidates overlap time and again, one running sum is less than all of theirs.
             run = self.fold.accumulate(block, dtype=np.uint8)
-            folded = self.undo(run[at - 1], run[first - 1])
+            before = np.where(first > 0, run[first - 1], np.uint8(0))
+            folded = self.undo(run[at - 1], before)
         # an empty run (first == at) folds to zero, which the subtraction gives as well
         return np.asarray(self.seal(folded) == block[at])
 

@@ -7,6 +7,7 @@ all rows; what is rare is then worked out for those rows only that have its bit.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,7 +15,7 @@ from construct import Container
 
 from sniffer.ground.codes import IF_ALL, MANY, NEVER, OPTIONAL, REQUEST, RESPONSE
 from sniffer.ground.distinct import numbers
-from sniffer.ground.framing import frame_by_plan
+from sniffer.ground.framing import frame_by_plan, frame_by_two_plans
 from sniffer.ground.model import (
     ANY_ID,
     MALFORMED,
@@ -50,6 +51,8 @@ class FamilyColumns:
         self.longest = int(plan.tail_at + plan.tail(most) + plan.behind)
         self.reach = max(self.longest, family.reach)
         self.told = told_of(family)
+        own = family.answer_header
+        self.back = replace(plan, header=own) if own else None
         self.shapes = shapes_of(family)
         self.width = self._one_place("address", 0)[1]
         self.length_at, self.length_width = self._one_place("length", self.width)
@@ -114,7 +117,9 @@ class FamilyColumns:
             self._target[code], self._step_data[code] = shape.targets.size, shape.targets.data
 
     def frame(self, block: Block) -> tuple[Spans, int]:
-        """Frame by the plan; direction is told later, a packet looks alike both ways."""
+        """Frame by the plan; direction is told later, unless the header tells it."""
+        if self.back is not None:
+            return frame_by_two_plans(self.plan, self.back, block)
         return frame_by_plan(self.plan, block)
 
     def plain(self, block: Block, start: I64, end: I64) -> Bytes:
@@ -171,7 +176,10 @@ class FamilyColumns:
         if seen & TARGETS and length is not None:
             self._whole_targets(body, what, code, length)
         silent, answers = self._silent[who], self._answers[by]
-        if family.echoes:
+        if self.back is not None:
+            answers = spans.kind == RESPONSE
+            request = ~answers
+        elif family.echoes:
             answers = (self._answer[by] > 0) & (count == self._answer[by])
             request = ~answers
         else:

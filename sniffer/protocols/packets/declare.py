@@ -108,6 +108,8 @@ class PacketFamily:
     ``answer_code`` gives the code of the answer to each command, as ``lambda code: code + 0x40``,
     and None where nothing tells one; ``feedback`` is then that of the parameters only, and a
     command may have its own. One that names ``address`` or ``length`` fits no other request.
+    ``answer_header``: answers are the same packets with that header, and, unless ``answer_code``
+    says otherwise, the code of their request.
 
     ``silent`` are ids that all servos obey and none answers, ``anyone`` those that each answers
     under its own. ``refusals`` are the bits of the error that say that it was not done, ``alerts``
@@ -133,6 +135,7 @@ class PacketFamily:
     doubt: bool = False
     echoes: bool = False
     answer_code: Callable[[int], int | None] | None = None
+    answer_header: bytes = b""
     sole_id: int | None = None
     reach: int = 256
     most: int = 255
@@ -165,7 +168,7 @@ class PacketFamily:
     @functools.cached_property
     def answers(self) -> int | None:
         """The one code of all responses, None where the error stands in its place."""
-        if self.answer_code is not None:
+        if self.answer_code is not None or self.answer_header:
             return None
         first = bare(self.feedback.subcons[0])
         return first.value[0] if isinstance(first, c.Const) else None
@@ -174,7 +177,7 @@ class PacketFamily:
     def asked_by(self) -> dict[int, int]:
         """Code of an answer -> that of its command, where the one follows from the other."""
         if self.answer_code is None:
-            return {}
+            return {code: code for code in self.commands} if self.answer_header else {}
         told = {k: self.answer_code(k) for k in self.commands}
         return {answer: code for code, answer in told.items() if answer is not None}
 
@@ -182,7 +185,7 @@ class PacketFamily:
     def tells_more(self) -> bool:
         """Whether an answer is more than a constant code, an error and data, in that order."""
         if self.answers is None:
-            return self.answer_code is not None
+            return self.answer_code is not None or bool(self.answer_header)
         names = [name for name, _ in named(self.feedback)]
         rest = [name for name in names if name != bare(self.feedback).subcons[0].name]
         return (
@@ -196,9 +199,24 @@ class PacketFamily:
         own = None if command is None else command.feedback
         return self.feedback if own is None else own
 
+    @functools.cached_property
+    def answering(self) -> Any:
+        """The grammar of an answer where it has a header of its own."""
+        header, *rest = self.packet.subcons
+        own = c.Renamed(c.Const(self.answer_header), header.name)
+        return type(bare(self.packet))(own, *rest)
+
+    def is_answer(self, raw: bytes) -> bool:
+        """Tell whether a packet has the header of answers."""
+        return bool(self.answer_header) and raw.startswith(self.answer_header)
+
+    def packet_of(self, raw: bytes) -> Any:
+        """Return the grammar of a packet, by its header."""
+        return self.answering if self.is_answer(raw) else self.packet
+
     def body_of(self, raw: bytes) -> Any:
         """Return the fields of a packet."""
-        fields = self.packet.parse(raw)
+        fields = self.packet_of(raw).parse(raw)
         return fields.body.value if "body" in fields else fields
 
     @functools.cached_property

@@ -120,6 +120,18 @@ def planned(family: PacketFamily) -> Plan:
         _refuse(family, f"packet: {error}")
     if not plan.header:
         _refuse(family, f'packet needs a header, "header" / Const(b"...") at its front; {BY_HAND}')
+    if family.answer_header:
+        first = bare(bare(family.packet).subcons[0])
+        if not isinstance(first, c.Const) or first.value != plan.header:
+            _refuse(
+                family, 'answer_header wants "header" / Const(...) as the packet\'s first field'
+            )
+        if len(family.answer_header) != len(plan.header) or family.answer_header == plan.header:
+            _refuse(
+                family,
+                f"answer_header is another header of {len(plan.header)} bytes, as that of packet "
+                f"has, not {family.answer_header!r}",
+            )
     for seal in plan.seals:
         if not seal.is_behind and not hasattr(seal.checksum, "over"):
             _refuse(
@@ -139,11 +151,11 @@ def _check_command(family: PacketFamily, code: Any, command: Any) -> None:
             family,
             f"command {command.name}: its reply is one of NEVER, OPTIONAL, IF_ALL, IF_READ, MUST",
         )
-    if command.feedback is not None and family.answer_code is None:
+    if command.feedback is not None and not family.asked_by:
         _refuse(
             family,
-            f"command {command.name} has a feedback of its own: that wants answer_code, by which "
-            "an answer tells what it answers",
+            f"command {command.name} has a feedback of its own: that wants answer_code (or "
+            "answer_header), by which an answer tells what it answers",
         )
 
 
@@ -155,7 +167,7 @@ def _check_answers(family: PacketFamily) -> None:
             f"feedback has the code {family.answers:#04x}, which is also a command, {name}: an "
             "answer with the code of its request wants echoes=True or answer_code=",
         )
-    if family.answer_code is not None:
+    if family.answer_code is not None or family.answer_header:
         _check_codes(family)
     elif not family.echoes and field_named(family.feedback, "error") is None:
         _refuse(
@@ -184,11 +196,16 @@ def _check_answers(family: PacketFamily) -> None:
 def _check_codes(family: PacketFamily) -> None:
     """Check that the code of an answer tells that it is one, and to what."""
     if family.echoes:
-        _refuse(family, "echoes says that an answer has its request's code: leave out answer_code")
+        _refuse(
+            family,
+            "echoes says that only the count tells an answer: leave out answer_code and "
+            "answer_header, or echoes",
+        )
     if isinstance(bare(bare(family.feedback).subcons[0]), c.Const):
         _refuse(
             family,
-            "with answer_code, feedback is what stands behind the code: leave the constant out",
+            "with answer_code or answer_header, feedback is what stands behind the code: leave the "
+            "constant out",
         )
     answers: dict[int, str] = {}
     for code, command in family.commands.items():
@@ -197,7 +214,7 @@ def _check_codes(family: PacketFamily) -> None:
             continue
         if not isinstance(answer, int) or not 0 <= answer <= 255:
             _refuse(family, f"answer_code({code:#04x}) is {answer!r}, and a code is from 0 to 255")
-        if answer in family.commands:
+        if answer in family.commands and not family.answer_header:
             what = "its own: say echoes=True" if answer == code else "also a command"
             _refuse(
                 family,

@@ -59,12 +59,14 @@ class Slow:
 
     def parse(self, data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None:
         """Parse one packet; its direction is told later."""
-        stream = io.BytesIO(data[at : min(limit, at + HEAD + self.family.most)])
+        raw = data[at : min(limit, at + HEAD + self.family.most)]
+        stream = io.BytesIO(raw)
         try:
-            self.family.packet.parse_stream(stream)
+            self.family.packet_of(raw).parse_stream(stream)
         except ConstructError:
             return None
-        return [(at, at + stream.tell(), REQUEST)]
+        kind = RESPONSE if self.family.is_answer(raw) else REQUEST
+        return [(at, at + stream.tell(), kind)]
 
     def describe(self, raw: bytes, kind: int, before: SlowFrame | None) -> SlowFrame:
         """Describe one packet by the rules of direction and expectation."""
@@ -145,6 +147,10 @@ class Slow:
         out.op = family.asked_by.get(code, -1)
         grammar, space = family.feedback_of(out.op), 0
         key = 0
+        if out.op < 0 and family.answers is None:  # it has the header of answers, and answers none
+            out.flags |= MALFORMED
+            out.token = len(params)
+            return
         if out.op < 0:
             grammar = c.Struct(*family.feedback.subcons[1:])
         else:
@@ -212,6 +218,8 @@ class Slow:
             return asks is None or not asks.answer or len(params) != asks.answer
         if family.answers is not None:
             return bool(packet.code != family.answers)
+        if family.answer_header:
+            return not family.is_answer(raw)
         if family.answer_code is not None:
             return packet.code not in family.asked_by
         if packet.servo_id in family.silent or packet.code >= family.certain:

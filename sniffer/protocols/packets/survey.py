@@ -15,18 +15,28 @@ if TYPE_CHECKING:
     from sniffer.protocols.explaining import Runs
 
 
-def survey(runs: Runs, plan: Plan, least: int, total: I64, sole_id: int | None) -> Torn:
+def survey(
+    runs: Runs,
+    plan: Plan,
+    heads: tuple[bytes, bytes],
+    least: int,
+    total: I64,
+    sole_id: int | None,
+) -> Torn:
     """Judge every header of the runs.
 
     Args:
         runs: to look at.
         plan: of the packets.
+        heads: the header, and that of answers where they have their own.
         least: of it that can be.
         total: bytes of a whole packet, by its size; a greater size is not believed.
         sole_id: whose all packets are where none names a servo.
     """
     who, (size_at, width) = plan.at.get("servo_id", 0), size_place(plan)
-    every = runs.find(plan.header)
+    every = runs.find(heads[0])
+    if heads[1]:
+        every = np.sort(np.concatenate([every, runs.find(heads[1])]))
     # an id is never a header's byte: of headers that overlap, the last one is it
     at = every[~np.isin(every + 1, every)]
     end = runs.end[runs.of(at)]

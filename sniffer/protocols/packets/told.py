@@ -118,6 +118,7 @@ class ToldAnswers:
             self.shapes[code] = answer_of(family.feedback_of(asked))
         self._space = {code: family.commands[k].space for code, k in family.asked_by.items()}
         self.states_address = any("address" in s.at for s in self.shapes.values())
+        self._known = np.isin(np.arange(256), [*self.shapes])
         self._key, self._names_it = np.zeros(256, np.int64), np.zeros(256, bool)
         for code, asked in family.asked_by.items():
             self._key[asked] = KEY | asked << CODE_AT
@@ -135,8 +136,9 @@ class ToldAnswers:
     ) -> None:  # fmt: skip
         """Fill in what the answers say; ``held`` is how many bytes stand before the data."""
         answers = np.flatnonzero(~request)
+        flags[answers[~self._known[code[answers]]]] = MALFORMED
         for k, shape in self.shapes.items():
-            rows = answers if len(self.shapes) == 1 else answers[code[answers] == k]
+            rows = answers[code[answers] == k]
             if len(rows):
                 self._read(body, rows, k, shape, held, length, status, address, token, flags)
 

@@ -169,7 +169,7 @@ class Words:
     def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:
         """Return the packet's fields, the parameters split by their command's grammar."""
         out: list[FieldSpan] = []
-        for leaf in leaves(self.family.packet, raw):
+        for leaf in leaves(self.family.packet_of(raw), raw):
             name = leaf.path.rpartition(".")[2]
             if name == "code":
                 asked = row.kind == REQUEST
@@ -177,7 +177,7 @@ class Words:
                 if self.family.echoes:
                     words = self.op_name(leaf.value)
                 elif self.family.asked_by and not asked:
-                    words = self.op_name(self.family.asked_by[leaf.value])
+                    words = self.op_name(self.family.asked_by.get(leaf.value, leaf.value))
                 elif not asked and self.family.answers is None:
                     words = ", ".join(self.status_names(leaf.value)) or "none"
                 label = self.family.words[not asked]
@@ -247,6 +247,7 @@ class Words:
         del awaited  # headers tell
         out: list[Gap] = []
         plan, head = self.plan, self.plan.header
+        heads = (head, self.family.answer_header or head)
         size_at, width = size_place(plan)
         p, n = 0, len(run)
 
@@ -257,8 +258,8 @@ class Words:
                 p = until
 
         while p < n:
-            at = run.find(head, p)
-            while at >= 0 and run.startswith(head, at + 1):
+            at = _first(run, heads, p)
+            while at >= 0 and run.startswith(heads, at + 1):
                 at += 1  # an id is never a header's byte: the header is the last of a run
             if at < 0 or at + len(head) >= n:
                 # Less than a header tells a packet no better than a stray byte: noise.
@@ -273,7 +274,7 @@ class Words:
                 limit = self._least if size < self._least else self.family.most
                 add(stop, "damaged", {self._size: size, f"{self._size}_{bound}": limit})
                 continue
-            following = run.find(head, at + len(head))
+            following = _first(run, heads, at + len(head))
             need = None if size is None else int(self._total[size])
             stop = at + (need or 0)
             if need is None or stop > n or 0 <= following < stop - plan.behind:
@@ -298,7 +299,8 @@ class Words:
 
     def survey(self, runs: Runs) -> Torn:
         """Tell the same of all runs of a pass at once."""
-        return survey(runs, self.plan, self._least, self._total, self.family.sole_id)
+        heads = (self.plan.header, self.family.answer_header)
+        return survey(runs, self.plan, heads, self._least, self._total, self.family.sole_id)
 
     def _as_read(self, raw: bytes) -> dict[str, Any]:
         """Return the fields of a packet that does not hold, without its checksum."""
@@ -317,6 +319,12 @@ class Words:
                 out["code"] = code
             out["data"] = raw[self.plan.tail_at :].hex()
         return {"fields": out} if out else {}
+
+
+def _first(run: bytes, heads: tuple[bytes, bytes], at: int) -> int:
+    """Return where the first header stands from an offset on, -1 if there is none."""
+    found = [place for head in dict.fromkeys(heads) if (place := run.find(head, at)) >= 0]
+    return min(found, default=-1)
 
 
 def _worded(con: Any, number: int) -> Any:
