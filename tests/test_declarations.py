@@ -138,6 +138,7 @@ ONLY: Final = Struct("data" / GreedyBytes)
         ({"packet": sealed(LENGTH, CODE, REST)}, "named servo_id, or sole_id=0 where packets name"),
         ({"packet": sealed(), "sole_id": 3}, "packet names a servo_id: leave out sole_id"),
         ({"packet": sealed("servo_id" / Int16ul, LENGTH, CODE, REST)}, "one byte .* servo_id"),
+        ({"most": 40}, r"takes more: write Check\(this.length <= 40\) behind it, or another most"),
         ({"packet": sealed(ID, CODE, REST)}, "asks? fields before params, by this.NAME: length"),
         ({"packet": sealed(ID, LENGTH, CODE)}, "a plan needs one field of Bytes"),
         ({"packet": Packet(HEADER, ID, LENGTH, CODE, REST)}, 'packet needs a check, as "checksum"'),
@@ -221,6 +222,9 @@ def test_a_file_whose_declaration_is_refused_says_that_and_no_more(tmp_path: Pat
     with pytest.raises(PluginError) as told:
         load_file(file, "mine.py")
     assert str(told.value) == "mine.py: lx16a: window_ns=30 is in nanoseconds: 5 ms are 5_000_000"
+    file.write_text("import re\nre.compile('(')\n", encoding="utf-8")
+    with pytest.raises(PluginError, match=r"\(mine.py, line 2\)"):
+        load_file(file, "mine.py")
     file.write_text(text.replace("= Member(FAMILY)", "= FAMILY"), encoding="utf-8")
     with pytest.raises(PluginError, match=r"PROTOCOL = Member\(PacketFamily"):
         load_file(file, "mine.py")

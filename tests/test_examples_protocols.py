@@ -164,7 +164,7 @@ def test_every_frame_has_fields_and_is_dissected_whole(name: str, data: st.DataO
             assert checksum(body) == got
 
 
-@EVERY
+@pytest.mark.parametrize("name", ALL)
 def test_a_package_says_what_the_program_looks_for(name: str) -> None:
     project = tomllib.loads((EXAMPLES / name / "pyproject.toml").read_text(encoding="utf-8"))
     entry = project["project"]["entry-points"]["sniffer.protocols"]

@@ -12,7 +12,7 @@ import construct as c
 
 from sniffer.ground.codes import IF_ALL, IF_READ, MANY, MUST, NEVER, OPTIONAL
 from sniffer.ground.model import DeclarationError
-from sniffer.ground.plan import plan_of
+from sniffer.ground.plan import asked_by, plan_of
 from sniffer.ground.wire import Packet
 from sniffer.protocols.packets.declare import Command, bare, field_named
 from sniffer.protocols.packets.told import ToldAnswers
@@ -120,6 +120,12 @@ def planned(family: PacketFamily) -> Plan:
         _refuse(family, f"packet: {error}")
     if not plan.header:
         _refuse(family, f'packet needs a header, "header" / Const(b"...") at its front; {BY_HAND}')
+    if plan.size and not _is_bounded(plan, family.most):
+        _refuse(
+            family,
+            f"most={family.most} is the greatest {plan.size}, and the packet takes more: write "
+            f"Check(this.{plan.size} <= {family.most}) behind it, or another most",
+        )
     if family.answer_header:
         first = bare(bare(family.packet).subcons[0])
         if not isinstance(first, c.Const) or first.value != plan.header:
@@ -140,6 +146,15 @@ def planned(family: PacketFamily) -> Plan:
                 "over(block, spans), too, as those of sniffer.ground.checksums have",
             )
     return plan
+
+
+def _is_bounded(plan: Plan, most: int) -> bool:
+    """Tell whether no length above the greatest one passes the checks of the packet."""
+    if most + 1 >= 256 ** plan.width[plan.size]:
+        return True
+    above = c.Container({plan.size: most + 1})
+    alone = [check for check in plan.checks if asked_by(check) == {plan.size}]
+    return any(not check(above) for check in alone)
 
 
 def _check_command(family: PacketFamily, code: Any, command: Any) -> None:
