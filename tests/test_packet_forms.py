@@ -37,7 +37,7 @@ from sniffer.ground.model import Chunk
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.timing import byte_time_ns
 from sniffer.protocols.base import view
-from sniffer.protocols.explaining import Runs
+from sniffer.protocols.explaining import pieces
 from sniffer.protocols.packets import (
     IF_READ,
     MUST,
@@ -339,7 +339,20 @@ def test_a_header_of_their_own_tells_answers_and_torn_ones_are_told_by_it() -> N
     assert (outcomes, values) == (["ok"], [(1, "goal", 7), (1, "time", 9)])
     (gap,) = HEADS.explain(answer[:-1] + b"\x00", 0)
     assert (gap.reason, gap.length, gap.detail["fields"]["op"]) == ("damaged", len(answer), "read")
-    whole = b"\x07" + ask[:-1] + b"\xee" + answer[:5]
-    runs = Runs(np.frombuffer(whole, np.uint8), np.array([0]), np.array([len(whole)]))
-    torn = HEADS.survey(runs)
-    assert [g.start for g in HEADS.explain(whole, 0)] == [0, *torn.at.tolist()]
+
+
+@pytest.mark.parametrize("name", FORMS)
+@given(data=st.data())
+def test_damage_of_every_form_is_told_alike_in_columns_and_in_words(
+    name: str, data: st.DataObject
+) -> None:
+    protocol = FORMS[name]
+    torn = st.builds(lambda raw, n: raw[:n], st.sampled_from(TALK[name]), st.integers(1, 20))
+    run = data.draw(st.lists(torn, min_size=1, max_size=5).map(b"".join).flatmap(damaged))
+    if not run:
+        return
+    whole = np.frombuffer(run, np.uint8)
+    got = pieces(protocol, whole, np.array([0]), np.array([len(run)]))
+    told = [(g.start, g.length, g.detail.get("fields", {})) for g in protocol.explain(run, 0)]
+    assert [*zip(got.start, got.end - got.start, strict=True)] == [(s, n) for s, n, _ in told]
+    assert [max(int(s), -1) for s in got.servo_id] == [f.get("servo_id", -1) for _, _, f in told]

@@ -33,7 +33,7 @@ def survey(
         total: bytes of a whole packet, by its size; a greater size is not believed.
         sole_id: whose all packets are where none names a servo.
     """
-    who, (size_at, width) = plan.at.get("servo_id", 0), size_place(plan)
+    who, (size_at, width) = plan.at.get("servo_id", len(plan.header)), size_place(plan)
     every = runs.find(heads[0])
     if heads[1]:
         every = np.sort(np.concatenate([every, runs.find(heads[1])]))

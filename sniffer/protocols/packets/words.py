@@ -307,7 +307,8 @@ class Words:
         at = self.plan.at
         out: dict[str, Any] = {}
         if self.family.sole_id is not None:
-            out["servo_id"] = self.family.sole_id
+            if len(raw) > len(self.plan.header):
+                out["servo_id"] = self.family.sole_id
         elif len(raw) > at["servo_id"]:
             out["servo_id"] = raw[at["servo_id"]]
         if len(raw) > at["code"]:
