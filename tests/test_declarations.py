@@ -135,6 +135,10 @@ ONLY: Final = Struct("data" / GreedyBytes)
             {"commands": {1: Command("set", Struct("a" / Byte, Check(this.b > 1)), MUST)}},
             "a Check asks fields of Byte or Int16ul before it, by this.NAME: b is none",
         ),
+        (
+            {"commands": {1: Command("set", Struct("addr" / Byte, "data" / GreedyBytes), MUST)}},
+            "command set: it has no address, .* but addr: call that address",
+        ),
         ({"packet": sealed(LENGTH, CODE, REST)}, "named servo_id, or sole_id=0 where packets name"),
         ({"packet": sealed(), "sole_id": 3}, "packet names a servo_id: leave out sole_id"),
         ({"packet": sealed("servo_id" / Int16ul, LENGTH, CODE, REST)}, "one byte .* servo_id"),

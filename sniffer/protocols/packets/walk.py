@@ -22,6 +22,9 @@ Place = tuple[int, int]
 MEANT: Final = frozenset({"address", "length", "option", "servo_id", "data", "targets"})
 """Names that mean something to the columns."""
 
+LIKE_ADDRESS: Final = frozenset({"addr", "adr", "reg", "register", "start", "start_address"})
+"""Names that a manual may have for it."""
+
 ROOM: Final = 256
 """Counts of parameter bytes that are told apart; only open ends are longer."""
 
@@ -168,6 +171,11 @@ def shape_of(grammar: Any, at: int = -1, space: int = 0) -> Shape:
     t = w.targets
     if at >= 0 and ("address" in w.at or (t is not None and ({"address"} & {*t.at} or t.data))):
         raise TypeError("its packets name an address themselves: leave out `at`")
+    likely = sorted(LIKE_ADDRESS & w.at.keys())
+    if at < 0 and "address" not in w.at and t is None and (w.data or "length" in w.at) and likely:
+        raise TypeError(
+            f"it has no address, by which registers are known, but {likely[0]}: call that address"
+        )
     if space and "address" not in w.at and not (t is not None and "address" in t.at):
         raise TypeError("no packet of it names an address that `space` could be added to")
     if t is not None and at < 0 and not {"address", "length"} <= {*w.at, *t.at}:
