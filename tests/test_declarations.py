@@ -139,6 +139,10 @@ ONLY: Final = Struct("data" / GreedyBytes)
             {"commands": {1: Command("set", Struct("addr" / Byte, "data" / GreedyBytes), MUST)}},
             "command set: it has no address, .* but addr: call that address",
         ),
+        (
+            {"commands": {1: Command("get", Struct("address" / Byte, "count" / Byte), MUST)}},
+            "command get: it has an address and no length, .* but count: call that length",
+        ),
         ({"packet": sealed(LENGTH, CODE, REST)}, "named servo_id, or sole_id=0 where packets name"),
         ({"packet": sealed(), "sole_id": 3}, "packet names a servo_id: leave out sole_id"),
         ({"packet": sealed("servo_id" / Int16ul, LENGTH, CODE, REST)}, "one byte .* servo_id"),

@@ -20,7 +20,6 @@ from construct import (
     Check,
     Const,
     FlagsEnum,
-    GreedyBytes,
     GreedyRange,
     Int16ul,
     Struct,
@@ -94,7 +93,9 @@ READ_ACK: Final = Struct(
 
 EMPTY: Final = Struct(Terminated)
 READ: Final = Struct("address" / Byte, "length" / Byte, Terminated)
-WRITE: Final = Struct("address" / Byte, "count" / Byte, "data" / GreedyBytes, Check(this.data))
+WRITE: Final = Struct(
+    "address" / Byte, "length" / Byte, "data" / Bytes(this.length), Check(this.data), Terminated
+)
 JOG: Final = ("jog" / Int16ul, "set" / Byte, "servo_id" / Byte)
 I_JOG: Final = Struct(
     "targets" / GreedyRange(Struct(*JOG, "play_time" / Byte)), Check(this.targets), Terminated

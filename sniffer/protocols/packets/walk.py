@@ -25,6 +25,9 @@ MEANT: Final = frozenset({"address", "length", "option", "servo_id", "data", "ta
 LIKE_ADDRESS: Final = frozenset({"addr", "adr", "reg", "register", "start", "start_address"})
 """Names that a manual may have for it."""
 
+LIKE_LENGTH: Final = frozenset({"len", "size", "count", "number", "n", "quantity", "bytes"})
+"""And for how many bytes are asked for."""
+
 ROOM: Final = 256
 """Counts of parameter bytes that are told apart; only open ends are longer."""
 
@@ -175,6 +178,12 @@ def shape_of(grammar: Any, at: int = -1, space: int = 0) -> Shape:
     if at < 0 and "address" not in w.at and t is None and (w.data or "length" in w.at) and likely:
         raise TypeError(
             f"it has no address, by which registers are known, but {likely[0]}: call that address"
+        )
+    likely = sorted(LIKE_LENGTH & w.at.keys())
+    if "address" in w.at and t is None and not w.data and "length" not in w.at and likely:
+        raise TypeError(
+            f"it has an address and no length, by which it would read, but {likely[0]}: call that "
+            "length"
         )
     if space and "address" not in w.at and not (t is not None and "address" in t.at):
         raise TypeError("no packet of it names an address that `space` could be added to")
