@@ -46,13 +46,6 @@ def _check_numbers(family: PacketFamily) -> None:
         _refuse(family, f"baud {family.baud} is none of bauds: name it there, too")
     if not family.models:
         _refuse(family, 'models needs a table: models=(RegisterMap.from_toml("my.toml"),)')
-    for model in family.models:
-        if model.protocol not in ("", family.name):
-            _refuse(
-                family,
-                f"the table {model.model} is for the protocol {model.protocol!r}: write "
-                f'protocol = "{family.name}" at its head',
-            )
     if family.window_ns < MICROSECOND:
         _refuse(
             family,
