@@ -41,7 +41,7 @@ CORE: Final = ("ground", "protocols", "diagnostics", "decoding", "diagnosis", "m
 """Bytes and times in, records out: nothing here opens, prints, sleeps or asks for the time."""
 
 ONLY: Final[Mapping[str, tuple[str, ...]]] = {
-    "construct": ("protocols/", "ground/plan.py", "decoding/reference/"),
+    "construct": ("protocols/", "ground/plan.py", "ground/wire.py", "decoding/reference/"),
     "serial": ("ports/",),
     "mcap": ("mcapfile/", "jobs/compare.py"),
     "mcap_protobuf": ("mcapfile/",),

@@ -3,18 +3,34 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
+import re
+from pathlib import Path
 from typing import Any, Final
 
 import pytest
-from construct import Byte, Bytes, Checksum, Const, GreedyBytes, RawCopy, Struct, this
+from construct import (
+    Byte,
+    Bytes,
+    Check,
+    Checksum,
+    Const,
+    GreedyBytes,
+    Int16ul,
+    RawCopy,
+    Struct,
+    Terminated,
+    this,
+)
 
 from sniffer.decoding.detect import detect
-from sniffer.ground.checksums import COMPLEMENT_SUM
-from sniffer.ground.model import Chunk
+from sniffer.ground.checksums import COMPLEMENT_SUM, SUM8
+from sniffer.ground.model import Chunk, DeclarationError
 from sniffer.protocols import PROTOCOLS
-from sniffer.protocols.packets import MUST, Command, Member
-from tests.streams.members import example
-from tests.talks.lx16a import TALK
+from sniffer.protocols.packets import MUST, AllBut, Command, Member, Packet, Seal
+from sniffer.protocols.plugins import PluginError, load_file
+from sniffer.sources import open_source
+from tests.streams.members import EXAMPLES, example
 
 ID, LENGTH, CODE, REST = (
     "servo_id" / Byte,
@@ -22,6 +38,7 @@ ID, LENGTH, CODE, REST = (
     "code" / Byte,
     "params" / Bytes(this.length - 2),
 )
+HEADER: Final = "header" / Const(b"\xff\xff")
 SUM: Final = "checksum" / Checksum(Byte, COMPLEMENT_SUM, this.body.data)
 
 
@@ -48,7 +65,10 @@ def packet(*fields: Any, checksum: Any = SUM) -> Any:
             },
             "take one of sniffer.ground.checksums",
         ),
-        ({"packet": packet(ID, LENGTH, CODE, "sums" / Bytes(2), REST)}, "no plan for <Bytes>"),
+        (
+            {"packet": packet(ID, LENGTH, CODE, "sums" / Bytes(2), REST)},
+            "no plan for params <Bytes>",
+        ),
         ({"feedback": Struct("data" / GreedyBytes)}, "feedback needs a field named error"),
         ({"feedback": Struct("error" / Byte)}, 'feedback needs "data" / GreedyBytes'),
         (
@@ -64,14 +84,192 @@ def test_a_declaration_of_another_form_is_refused_with_what_to_write(
         Member(dataclasses.replace(example("dynamixel1").FAMILY, **changes))
 
 
-def test_who_echoes_the_code_is_told_from_the_bytes_among_all_others(
-    monkeypatch: pytest.MonkeyPatch,
+def sealed(*fields: Any) -> Any:
+    """Return a packet whose check stands at its front."""
+    check = "checksum" / Seal(Byte, COMPLEMENT_SUM, "servo_id", "length", "code", "params")
+    return Packet("header" / Const(b"\xff\xff"), check, *(fields or (ID, LENGTH, CODE, REST)))
+
+
+class OneSum:
+    """A checksum that is none elsewhere than at the end."""
+
+    formula = "none"
+
+    def __call__(self, data: bytes) -> int:
+        return sum(data) & 0xFF
+
+    def good(self, block: Any, first: Any, at: Any) -> Any:
+        return block[at] == first
+
+
+EMPTY: Final = Struct(Terminated)
+GET: Final = Struct("address" / Byte, "length" / Byte, Terminated)
+PUT: Final = Struct("address" / Byte, "data" / GreedyBytes)
+ONLY: Final = Struct("data" / GreedyBytes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"baud": 1234}, "baud 1234 is none of bauds: name it there"),
+        ({"models": ()}, "models needs a table: models="),
+        ({"window_ns": 10}, "window_ns=10 is in nanoseconds: 5 ms are 5_000_000"),
+        ({"silent": (256,)}, "silent are ids from 0 to 255, and 256 is none"),
+        ({"commands": {300: Command("far", EMPTY, MUST)}}, "codes from 0 to 255: not 300"),
+        ({"commands": {1: ("ping", EMPTY)}}, r"commands are \{code: Command"),
+        ({"commands": {1: Command("ping", EMPTY, 77)}}, "command ping: its reply is one of NEVER"),
+        (
+            {"commands": {1: Command("get", GET, MUST, at=3)}},
+            "command get: its packets name an address themselves: leave out `at`",
+        ),
+        (
+            {"commands": {1: Command("ping", EMPTY, MUST, space=256)}},
+            "command ping: no packet of it names an address that `space`",
+        ),
+        (
+            {"commands": {1: Command("get", GET, MUST, feedback=ONLY)}},
+            "get has a feedback of its own: that wants answer_code",
+        ),
+        (
+            {"commands": {1: Command("set", Struct("a" / Byte, Check(this.b > 1)), MUST)}},
+            "a Check asks fields of Byte or Int16ul before it, by this.NAME: b is none",
+        ),
+        (
+            {"commands": {1: Command("set", Struct("addr" / Byte, "data" / GreedyBytes), MUST)}},
+            "command set: it has no address, .* but addr: call that address",
+        ),
+        (
+            {"commands": {1: Command("get", Struct("address" / Byte, "count" / Byte), MUST)}},
+            "command get: it has an address and no length, .* but count: call that length",
+        ),
+        ({"packet": sealed(LENGTH, CODE, REST)}, "named servo_id, or sole_id=0 where packets name"),
+        ({"packet": sealed(), "sole_id": 3}, "packet names a servo_id: leave out sole_id"),
+        ({"packet": sealed("servo_id" / Int16ul, LENGTH, CODE, REST)}, "one byte .* servo_id"),
+        ({"most": 40}, r"takes more: write Check\(this.length <= 40\) behind it, or another most"),
+        ({"packet": sealed(ID, CODE, REST)}, "asks? fields before params, by this.NAME: length"),
+        ({"packet": sealed(ID, LENGTH, CODE)}, "a plan needs one field of Bytes"),
+        ({"packet": Packet(HEADER, ID, LENGTH, CODE, REST)}, 'packet needs a check, as "checksum"'),
+        (
+            {"packet": Packet(ID, LENGTH, CODE, REST, "sum" / Seal(Byte, SUM8, "params"))},
+            'packet needs a header, "header" / Const.*By hand',
+        ),
+        (
+            {"packet": Packet(HEADER, ID, LENGTH, CODE, REST, "sum" / Seal(Byte, SUM8, "data"))},
+            "sum covers data, which is no field of the packet",
+        ),
+        (
+            {"packet": Packet(HEADER, ID, LENGTH, CODE, REST, "sum" / Seal(Byte, SUM8))},
+            "sum covers nothing: name fields, Seal",
+        ),
+        (
+            {
+                "packet": Packet(
+                    HEADER, "sum" / Seal(Byte, OneSum(), "code"), ID, LENGTH, CODE, REST
+                )
+            },
+            "sum stands not right behind the fields it covers: its checksum needs over",
+        ),
+        (
+            {"feedback": Struct("code" / Const(b"\x01"), "error" / Byte, "data" / GreedyBytes)},
+            "feedback has the code 0x01, which is also a command, ping",
+        ),
+        (
+            {"feedback": Struct("error" / Byte, "more" / Byte, "data" / GreedyBytes)},
+            "where the error stands in the place of the code, feedback is Struct",
+        ),
+        (
+            {"answer_code": lambda code: code},
+            "ping the code 0x01, which is its own: say echoes=True",
+        ),
+        ({"answer_code": lambda code: code + 1}, "the code 0x02, which is also a command, read"),
+        ({"answer_code": lambda code: 0x70}, "gives read and ping the same code, 0x70"),
+        ({"answer_code": lambda code: code + 255}, "0x01. is 256, and a code is from 0 to 255"),
+        ({"answer_header": b"\xff"}, "answer_header is another header of 2 bytes"),
+        ({"answer_header": b"\xff\xff", "packet": sealed()}, "answer_header is another header"),
+        ({"answer_code": lambda code: None}, "answer_code gives no command a code"),
+        (
+            {
+                "answer_code": lambda code: code ^ 0x40,
+                "feedback": Struct("data" / GreedyBytes, "error" / Byte),
+            },
+            "feedback: no columns for error .*|feedback: write .data. / AllBut",
+        ),
+        (
+            {
+                "answer_code": lambda code: code ^ 0x40,
+                "feedback": Struct("data" / AllBut(2), "error" / Byte),
+            },
+            r"feedback: AllBut\(2\) leaves 2 bytes, and 1 stand behind the data",
+        ),
+        (
+            {
+                "answer_code": lambda code: code ^ 0x40,
+                "feedback": Struct("code" / Const(b"\x80"), "error" / Byte),
+            },
+            "feedback is what stands behind the code: leave the constant out",
+        ),
+    ],
+)
+def test_a_newcomers_mistake_is_told_in_a_sentence_that_says_what_to_write(
+    changes: dict[str, Any], told: str
 ) -> None:
-    mine = example("lx16a").PROTOCOL
-    everyone = [*PROTOCOLS.values(), example("dynamixel1").PROTOCOL, mine]
-    monkeypatch.setattr(PROTOCOLS, "candidates", lambda heard=None: everyone)
+    with pytest.raises(DeclarationError, match=told) as found:
+        Member(dataclasses.replace(example("dynamixel1").FAMILY, **changes))
+    assert str(found.value).startswith("dynamixel1: ")
+    assert "\n" not in str(found.value)
+
+
+def test_a_file_whose_declaration_is_refused_says_that_and_no_more(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    text = (EXAMPLES / "lx16a" / "sniffer_lx16a.py").read_text(encoding="utf-8")
+    table = (EXAMPLES / "lx16a" / "lx-16a.toml").read_text(encoding="utf-8")
+    (tmp_path / "lx-16a.toml").write_text(table, encoding="utf-8")
+    file.write_text(text.replace("window_ns=30_000_000", "window_ns=30"), encoding="utf-8")
+    with pytest.raises(PluginError) as told:
+        load_file(file, "mine.py")
+    assert str(told.value) == "mine.py: lx16a: window_ns=30 is in nanoseconds: 5 ms are 5_000_000"
+    file.write_text("import re\nre.compile('(')\n", encoding="utf-8")
+    with pytest.raises(PluginError, match=r"\(mine.py, line 2\)"):
+        load_file(file, "mine.py")
+    file.write_text(text.replace("= Member(FAMILY)", "= FAMILY"), encoding="utf-8")
+    with pytest.raises(PluginError, match=r"PROTOCOL = Member\(PacketFamily"):
+        load_file(file, "mine.py")
+
+
+def test_what_the_docs_show_of_the_examples_stands_in_them() -> None:
+    text = (EXAMPLES.parents[1] / "docs" / "plugins.md").read_text(encoding="utf-8")
+    shown = text.partition("### What the manual says")[2].partition("## A protocol, as a package")[
+        0
+    ]
+    blocks = re.findall(r"^```py\n(.*?)^```$", shown, re.MULTILINE | re.DOTALL)
+    files = [EXAMPLES / n / f"sniffer_{n}.py" for n in ("herkulex", "ics")]
+    written = "".join(file.read_text(encoding="utf-8") for file in files)
+    assert len(blocks) == 3
+    assert [block for block in blocks if block not in written] == []
+
+
+@pytest.fixture
+def everyone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have all examples looked for beside what is built in."""
+    names = ("dynamixel1", "dynamixel2", "feetech", "lx16a", "herkulex")
+    them = [*PROTOCOLS.values(), *(example(name).PROTOCOL for name in names)]
+    monkeypatch.setattr(PROTOCOLS, "candidates", lambda heard=None: them)
+
+
+@pytest.mark.usefixtures("everyone")
+@pytest.mark.parametrize("name", ["lx16a", "herkulex"])
+def test_a_member_is_told_from_the_bytes_among_all_others(name: str) -> None:
+    exchanges = importlib.import_module(f"tests.talks.{name}").TALK.exchanges
     said = b"".join(
-        raw for e in TALK.exchanges if e.answers is not None for raw in (e.request, *e.answers)
+        raw for e in exchanges if e.answers is not None for raw in (e.request, *e.answers)
     )
     found = detect([Chunk(said)])
-    assert (found.protocol, found.certainty) == ("lx16a", "sure")
+    assert (found.protocol, found.certainty) == (name, "sure")
+
+
+@pytest.mark.usefixtures("everyone")
+@pytest.mark.parametrize("name", list(PROTOCOLS.built_in))
+def test_no_member_takes_a_capture_from_those_that_are_built_in(name: str) -> None:
+    for path in sorted((Path(__file__).parents[1] / "sample_captures").glob(f"{name}_*")):
+        heard = [c for group in open_source(path) for c in group]
+        assert detect(heard).protocol == name

@@ -35,13 +35,14 @@ from tests.streams import chunked, damaged, stream
 from tests.streams.members import NAMES, example
 from tests.streams.members import stream as example_stream
 from tests.streams.mightyzap import packet
-from tests.talks.lx16a import TALK
+from tests.talks import herkulex, lx16a
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.decoding.sink import Part
     from sniffer.ground.model import Batch
+    from sniffer.testing import Talk
 
 CAPTURES: Final = Path(__file__).parents[1] / "sample_captures"
 
@@ -82,9 +83,9 @@ def odd() -> Any:
 
 
 @st.composite
-def echoed(draw: st.DrawFn) -> bytes:
-    """Draw talk of servos whose answers have the code of their request, some of it damaged."""
-    each = [one.request + b"".join(one.replies or ()) for one in TALK.exchanges]
+def talked(draw: st.DrawFn, talk: Talk) -> bytes:
+    """Draw of a labelled talk, some of it damaged."""
+    each = [one.request + b"".join(one.replies or ()) for one in talk.exchanges]
     said = draw(st.lists(st.sampled_from(each), max_size=12).map(b"".join))
     return draw(damaged(said))
 
@@ -92,7 +93,8 @@ def echoed(draw: st.DrawFn) -> bytes:
 KNOWN: Final[dict[str, tuple[Any, st.SearchStrategy[bytes]]]] = {
     **{name: (protocol, stream(name)) for name, protocol in PROTOCOLS.items()},
     **{name: (example(name).PROTOCOL, example_stream(name)) for name in NAMES},
-    "lx16a": (example("lx16a").PROTOCOL, echoed()),
+    "lx16a": (example("lx16a").PROTOCOL, talked(lx16a.TALK)),
+    "herkulex": (example("herkulex").PROTOCOL, talked(herkulex.TALK)),
     "untold": (Untold(PROTOCOLS["mightyzap"]), stream("mightyzap")),
     "odd": (odd(), stream("mightyzap")),
 }

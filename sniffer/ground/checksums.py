@@ -10,13 +10,17 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from sniffer.ground.model import I64, U8, Mask
 
 
 class Sum(Protocol):
-    """A checksum as grammars, framing and explanations use it."""
+    """A checksum as grammars, framing and explanations use it.
+
+    One that may stand elsewhere than right behind what it covers has ``over(block, spans)``, too:
+    the checksums of what the stretches ``block[first:last]`` of each packet are, put together.
+    """
 
     @property
     def formula(self) -> str:
@@ -50,7 +54,7 @@ class Checksum:
         return int(self.seal(self.plain(data) & 0xFF))
 
     def good(self, block: U8, first: I64, at: I64) -> Mask:
-        """Tell where ``block[first:at]`` sums to ``block[at]``; a header precedes ``first``."""
+        """Tell where ``block[first:at]`` sums to ``block[at]``."""
         if not len(first):
             return np.zeros(0, bool)
         length = at - first
@@ -62,9 +66,31 @@ class Checksum:
         else:
             # Where candidates overlap time and again, one running sum is less than all of theirs.
             run = self.fold.accumulate(block, dtype=np.uint8)
-            folded = self.undo(run[at - 1], run[first - 1])
+            before = np.where(first > 0, run[first - 1], np.uint8(0))
+            folded = self.undo(run[at - 1], before)
         # an empty run (first == at) folds to zero, which the subtraction gives as well
         return np.asarray(self.seal(folded) == block[at])
+
+    def over(self, block: U8, spans: Sequence[tuple[I64, I64]]) -> U8:
+        """Return the checksums of packets, each of the stretches ``block[first:last]`` in order."""
+        parts = [self._folded(block, first, last) for first, last in spans]
+        return np.asarray(self.seal(functools.reduce(self.fold, parts)))
+
+    def _folded(self, block: U8, first: I64, last: I64) -> U8:
+        """Fold one stretch of each packet; an empty one folds to zero."""
+        length = last - first
+        if not len(first) or (length == 1).all():
+            return block[first]
+        out = np.zeros(len(first), np.uint8)
+        some = np.flatnonzero(length > 0)
+        if int(length.sum()) <= len(block):
+            edges = np.empty(2 * len(some), np.int64)
+            edges[::2], edges[1::2] = first[some], last[some]
+            if len(some):  # a last packet ends where the block does, and there is no byte there
+                out[some] = self.fold.reduceat(np.append(block, np.uint8(0)), edges)[::2]
+            return out
+        run = np.append(np.uint8(0), self.fold.accumulate(block, dtype=np.uint8))
+        return np.asarray(self.undo(run[last], run[first]))
 
 
 def _xor(data: bytes) -> int:
@@ -83,3 +109,16 @@ XOR7: Final = Checksum(
 
 XOR8: Final = Checksum("XOR of the bytes", _xor, np.bitwise_xor, np.bitwise_xor, lambda s: s)
 """RS30x. Source: RS305CR manual, packet format, Sum."""
+
+XOR_EVEN: Final = Checksum(
+    "XOR of the bytes & 0xFE", _xor, np.bitwise_xor, np.bitwise_xor, lambda s: s & 0xFE
+)
+"""Checksum 1 of HerkuleX. Source: DRS-0101 user manual, 6-1, CHECKSUM1 formula."""
+
+COMPLEMENT_EVEN: Final = Checksum(
+    "~(XOR of the bytes) & 0xFE", _xor, np.bitwise_xor, np.bitwise_xor, lambda s: ~s & 0xFE
+)
+"""Checksum 2 of HerkuleX, of its checksum 1. Source: as above, and its examples."""
+
+SUM8: Final = Checksum("sum of the bytes & 0xFF", sum, np.add, np.subtract, lambda s: s)
+"""Of many: UBTech's and others'."""

@@ -16,6 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sniffer.ground.model import I64, U8, Mask
 
 U16 = npt.NDArray[np.uint16]
@@ -52,13 +54,23 @@ class Crc16:
         """Tell where the CRC of ``block[first:at]`` stands at ``at``, low byte first."""
         if not len(first):
             return np.zeros(0, bool)
-        if int((at - first).sum()) <= OVERLAP * len(block):
-            want = self._by_steps(block, first, at)
-        else:
-            run = self._prefixes(block)
-            want = run[at] ^ self._appended(run[first], at - first)
+        want = self._of(block, first, at)
         got = block[at].astype(np.uint16) | block[at + 1].astype(np.uint16) << 8
         return np.asarray(want == got)
+
+    def over(self, block: U8, spans: Sequence[tuple[I64, I64]]) -> U16:
+        """Return the CRCs of packets, each of the stretches ``block[first:last]`` in order."""
+        out = np.zeros(len(spans[0][0]), np.uint16)
+        for first, last in spans if len(out) else ():
+            out = self._appended(out, last - first) ^ self._of(block, first, last)
+        return out
+
+    def _of(self, block: U8, first: I64, at: I64) -> U16:
+        """Return the CRCs of ``block[first:at]``."""
+        if int((at - first).sum()) <= OVERLAP * len(block):
+            return self._by_steps(block, first, at)
+        run = self._prefixes(block)
+        return run[at] ^ self._appended(run[first], at - first)
 
     def _by_steps(self, block: U8, first: I64, at: I64) -> U16:
         """Take the longest frames first: those that still have a byte are the first rows."""

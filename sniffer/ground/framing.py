@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sniffer.ground.codes import REQUEST
+from sniffer.ground.codes import REQUEST, RESPONSE
 from sniffer.ground.model import I64, U8, Mask, Spans
 
 if TYPE_CHECKING:
@@ -143,11 +143,11 @@ def candidates(plan: Plan, block: Block) -> tuple[I64, I64, I64]:
     ok = np.asarray(start + plan.prefix <= limit)
     for check in plan.checks:
         ok = ok & check(columns)
-    end = start + plan.tail(columns) + (plan.tail_at + plan.sum_width)
+    end = start + plan.tail(columns) + (plan.tail_at + plan.behind)
     whole = ok & (end <= limit)
     waiting = start[ok & (end > limit) & block.open(limit)]
     start, end = start[whole], end[whole]
-    good = plan.checksum.good(data, start + plan.sum_from, end - plan.sum_width)
+    good = plan.holds(data, start, end)
     return start[good], end[good], waiting
 
 
@@ -187,3 +187,14 @@ def frame_by_plan(plan: Plan, block: Block) -> tuple[Spans, int]:
     rows, decided = settle(start, end, waiting, undecided_from(plan, block))
     start, end = start[rows], end[rows]
     return Spans(start, end, np.full(len(start), REQUEST, np.uint8)), decided
+
+
+def frame_by_two_plans(plan: Plan, back: Plan, block: Block) -> tuple[Spans, int]:
+    """Frame a block where answers have a header of their own: ``back`` is the plan of these."""
+    found = [candidates(plan, block), candidates(back, block)]
+    start, end, waiting = (np.concatenate(columns) for columns in zip(*found, strict=True))
+    kind = np.repeat(np.array([REQUEST, RESPONSE], np.uint8), [len(f[0]) for f in found])
+    order = np.argsort(start, kind="stable")
+    start, end, kind = start[order], end[order], kind[order]
+    rows, decided = settle(start, end, np.sort(waiting), undecided_from(plan, block))
+    return Spans(start[rows], end[rows], kind[rows]), decided

@@ -377,6 +377,10 @@ class SnifferError(Exception):
     """
 
 
+class DeclarationError(TypeError):
+    """A protocol is declared in a form that there is none of; the sentence says what to write."""
+
+
 class InputError(SnifferError):
     """The input cannot be read at all: what to do instead is in the message."""
 

@@ -7,17 +7,61 @@ expression and checksum are read from it. What the walker does not know it refus
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import construct as c
+import numpy as np
+
+from sniffer.ground.wire import Seal
 
 if TYPE_CHECKING:
     from sniffer.ground.checksums import Sum
-    from sniffer.ground.model import I64, U8
+    from sniffer.ground.model import I64, U8, Mask
 
 Expression = Callable[[Any], Any]
+
+
+class Edge(NamedTuple):
+    """A place in a packet: so many bytes behind its first one or, ``last``, before its end."""
+
+    bytes: int
+    last: bool = False
+
+    def of(self, start: Any, end: Any) -> Any:
+        """Return the offset, for one packet or for many."""
+        return end - self.bytes if self.last else start + self.bytes
+
+
+Stretch = tuple[Edge, Edge]
+
+
+@dataclass(frozen=True, slots=True)
+class Sealed:
+    """A check that stands where its grammar says, over stretches of the packet, in order."""
+
+    name: str
+    checksum: Any  # a Sum; one with ``over`` where it stands not right behind one stretch
+    at: Stretch
+    over: tuple[Stretch, ...]
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether it stands right behind the one stretch that it covers."""
+        return len(self.over) == 1 and self.over[0][1] == self.at[0]
+
+    def good(self, data: U8, start: I64, end: I64) -> Mask:
+        """Tell for which packets it holds."""
+        at = self.at[0].of(start, end)
+        spans = [(first.of(start, end), last.of(start, end)) for first, last in self.over]
+        if self.is_behind:
+            return np.asarray(self.checksum.good(data, spans[0][0], at))
+        want = self.checksum.over(data, spans)
+        got = data[at].astype(np.int64)
+        if self.at[1].of(0, 0) - self.at[0].of(0, 0) == 2:
+            got |= data[at + 1].astype(np.int64) << 8
+        return np.asarray(want == got)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +78,11 @@ class Plan:
     prefix: int  # bytes needed before length and guards can be read
     width: Mapping[str, int]  # bytes of each field; those of two have the low byte first
     sum_width: int  # bytes of the checksum
+    behind: int  # bytes behind the variable field
+    size: str = ""  # the field that the length follows from; empty: all packets are as long
+    seals: tuple[Sealed, ...] = ()  # where the one checksum is not at the end: all there are
+    constants: tuple[tuple[Edge, bytes], ...] = ()  # those behind the header
+    fields: Mapping[str, Stretch] = field(default_factory=dict)  # of a ``Packet``, by name
 
     def columns(self, block: U8, start: I64) -> c.Container:
         """Read the fields that length and guards depend on, for frames beginning at ``start``."""
@@ -44,6 +93,40 @@ class Plan:
                 if self.width[name] == 2:
                     out[name] += block[start + at + 1].astype("i8") << 8
         return out
+
+    def holds(self, data: U8, start: I64, end: I64) -> Mask:
+        """Tell which packets ``data[start:end]`` hold what they should: constants and checks."""
+        if not self.seals and not self.constants:
+            return self.sound(data, start, end)
+        good = np.ones(len(start), bool)
+        for edge, value in self.constants:
+            at = edge.of(start, end)
+            for k, byte in enumerate(value):
+                good &= data[at + k] == byte
+        rows = np.flatnonzero(good)
+        good[rows] = self.sound(data, start[rows], end[rows])
+        return good
+
+    def sound(self, data: U8, start: I64, end: I64) -> Mask:
+        """Tell in which packets all checks hold."""
+        if not self.seals:
+            return self.checksum.good(data, start + self.sum_from, end - self.sum_width)
+        # What is cheap comes first: of false headers few are left for a sum over the whole packet.
+        good = np.ones(len(start), bool)
+        for seal in self.seals:
+            rows = np.flatnonzero(good)
+            good[rows] = seal.good(data, start[rows], end[rows])
+        return good
+
+    def covered(self, seal: Sealed, raw: bytes) -> bytes:
+        """Return the bytes of one packet that a check covers."""
+        spans = [(first.of(0, len(raw)), last.of(0, len(raw))) for first, last in seal.over]
+        return b"".join(raw[first:last] for first, last in spans)
+
+    def sealed_as(self, seal: Sealed, raw: bytes) -> int:
+        """Return what stands in one packet where a check is."""
+        first, last = (edge.of(0, len(raw)) for edge in seal.at)
+        return int.from_bytes(raw[first:last], "little")
 
 
 def plan_of(grammar: Any) -> Plan:
@@ -58,6 +141,12 @@ def plan_of(grammar: Any) -> Plan:
         sum_from 3                      where the RawCopy under the checksum begins
         prefix   5                      bytes that show length and guards: ``code`` is not needed
 
+    In a ``Packet`` checks may stand anywhere. For example HerkuleX's, where two stand before what
+    they cover, ``FF FF | size | id | cmd | sum1 | sum2 | data``::
+
+        seals    sum2 over [5, 6), sum1 over [2, 5) and [7, end)      the cheap one first
+        behind   0                                                    bytes behind ``data``
+
     ``prefix`` is found by trying: the expressions are evaluated on a dict that notes which fields
     they ask for. A number beside the grammar would be one more place to keep right.
 
@@ -65,50 +154,150 @@ def plan_of(grammar: Any) -> Plan:
         TypeError: the grammar holds something no plan can express; give the protocol a scanner
             of its own.
     """
-    header = b""
-    at: dict[str, int] = {}
-    checks: list[Expression] = []
-    tail: Expression | None = None
-    checksum: Sum | None = None
-    tail_at = sum_from = -1
-    pos = sum_width = 0
-    width: dict[str, int] = {}
+    walk = _PacketWalk()
+    walk.walk(grammar)
+    return walk.plan()
 
-    def walk(con: Any, name: str = "") -> None:
-        nonlocal header, tail, tail_at, sum_from, checksum, pos, sum_width
+
+class _PacketWalk:
+    """One walk along the grammar of a packet."""
+
+    def __init__(self) -> None:
+        self.header = b""
+        self.at: dict[str, int] = {}
+        self.width: dict[str, int] = {}
+        self.checks: list[Expression] = []
+        self.tail: Expression | None = None
+        self.checksum: Sum | None = None
+        self.tail_at = self.sum_from = -1
+        self.pos = self.sum_width = 0
+        self.places: dict[str, tuple[int, int, bool]] = {}  # offset, bytes, behind the tail
+        self.seals: list[tuple[str, Seal]] = []
+        self.constants: list[tuple[int, bytes, bool]] = []
+
+    def walk(self, con: Any, name: str = "") -> None:
         match con:
             case c.Renamed():
-                walk(con.subcon, con.name)
+                self.walk(con.subcon, con.name)
             case c.Struct():
                 for sub in con.subcons:
-                    walk(sub)
+                    self.walk(sub)
             case c.RawCopy():
-                sum_from = pos
-                walk(con.subcon)
-            case c.Const() if pos == len(header):
-                header += con.value
-                pos += len(con.value)
+                self.sum_from = self.pos
+                self.walk(con.subcon)
+            case c.Const() if isinstance(con.value, bytes):
+                if self.tail is None and self.pos == len(self.header):
+                    self.header += con.value
+                else:
+                    self.constants.append((self.pos, con.value, self.tail is not None))
+                self._take(name, len(con.value))
             case c.Check():
-                checks.append(con.func)
-            case c.Checksum():
-                checksum, sum_width = con.hashfunc, con.checksumfield.sizeof()
-            case c.Bytes() if callable(con.length) and tail is None:
-                tail, tail_at = con.length, pos
-            case c.FormatField() if con.fmtstr in (">B", "<H") and tail is None:
-                at[name], width[name] = pos, con.length
-                pos += con.length
+                self.checks.append(con.func)
+            case c.Checksum() if self.checksum is None:
+                self.checksum, self.sum_width = con.hashfunc, con.checksumfield.sizeof()
+                self._take(name, self.sum_width)
+            case Seal():
+                self.seals.append((name, con))
+                self._take(name, con.sizeof())
+            case c.Bytes() if self.tail is None:
+                size = con.length
+                self.tail = size if callable(size) else lambda _: size
+                self.tail_at = self.pos
+                self.places[name] = self.pos, 0, False
+                self.pos = 0
+            case c.FormatField() if con.fmtstr in (">B", "<H") and self.tail is None:
+                self.at[name], self.width[name] = self.pos, con.length
+                self._take(name, con.length)
+            case c.FormatField() if con.fmtstr in (">B", "<H"):
+                self._take(name, con.length)
             case c.Enum() | c.FlagsEnum():
-                walk(con.subcon, name)
+                self.walk(con.subcon, name)
             case _:
                 raise TypeError(
-                    f"no plan for {con!r}: a packet is Const, fields of Byte or Int16ul, one "
-                    "Bytes(length by this), then a Checksum; any other wants a block scanner of "
+                    " ".join(["no plan for", *filter(None, [name]), repr(con)])
+                    + ": a packet is Const, fields of Byte or Int16ul, one Bytes(length by this, "
+                    "or a number), and Seal or one Checksum; any other wants a block scanner of "
                     "its own"
                 )
 
-    walk(grammar)
-    if tail is None or checksum is None or tail_at != pos:
-        raise TypeError("a plan needs one variable field, the last before the checksum")
+    def _take(self, name: str, size: int) -> None:
+        if name:
+            self.places[name] = self.pos, size, self.tail is not None
+        self.pos += size
+
+    def plan(self) -> Plan:
+        """Put together what was found.
+
+        Raises:
+            TypeError: something is missing, or a check covers what is no field.
+        """
+        behind, tail = self.pos, self.tail
+        if tail is None or (self.checksum is None and not self.seals):
+            raise TypeError("a plan needs one field of Bytes, and a Checksum or a Seal")
+        if self.checksum is not None and behind != self.sum_width:
+            raise TypeError("a Checksum is the last of a packet: elsewhere write Seal, in a Packet")
+        asked = asked_by(tail)
+        seen = asked | {name for check in self.checks for name in asked_by(check)}
+        if unknown := sorted(seen - self.at.keys()):
+            raise TypeError(
+                f"the length and each Check ask fields before {self._tail_name()}, by this.NAME: "
+                f"{unknown[0]} is none"
+            )
+        prefix = max([len(self.header), *(self.at[k] + self.width[k] for k in seen)])
+        seals = tuple(self._sealed(name, seal) for name, seal in self.seals)
+        # The cheap ones first: those that the variable field has no part in.
+        last = self.places[self._tail_name()]
+        ordered = sorted(seals, key=lambda s: any(e.last or e == Edge(last[0]) for _, e in s.over))
+        return Plan(
+            self.header,
+            MappingProxyType(self.at),
+            tuple(self.checks),
+            tail,
+            self.tail_at,
+            self.sum_from,
+            self.checksum if self.checksum is not None else seals[0].checksum,
+            prefix,
+            MappingProxyType(self.width),
+            self.sum_width,
+            behind,
+            min(asked, default=""),
+            tuple(ordered),
+            tuple((Edge(behind - at, last=True) if far else Edge(at), value)
+                  for at, value, far in self.constants),
+            MappingProxyType({name: self._stretch(name) for name in self.places}),
+        )  # fmt: skip
+
+    def _tail_name(self) -> str:
+        return next(n for n, (at, size, far) in self.places.items()
+                    if not size and not far and at == self.tail_at)  # fmt: skip
+
+    def _stretch(self, name: str) -> Stretch:
+        """Return where a field stands: by the packet's first byte, or by its end."""
+        at, size, far = self.places[name]
+        if far:
+            return Edge(self.pos - at, last=True), Edge(self.pos - at - size, last=True)
+        if not size and at == self.tail_at:
+            return Edge(at), Edge(self.pos, last=True)
+        return Edge(at), Edge(at + size)
+
+    def _sealed(self, name: str, seal: Seal) -> Sealed:
+        """Return a check with the stretches that its fields make."""
+        over: list[Stretch] = []
+        for other in seal.over:
+            if other not in self.places:
+                raise TypeError(f"{name} covers {other}, which is no field of the packet")
+            first, last = self._stretch(other)
+            if over and over[-1][1] == first:
+                over[-1] = over[-1][0], last
+            else:
+                over.append((first, last))
+        if not over:
+            raise TypeError(f'{name} covers nothing: name fields, Seal(Byte, XOR8, "length", ...)')
+        return Sealed(name, seal.checksum, self._stretch(name), tuple(over))
+
+
+def asked_by(expression: Expression) -> set[str]:
+    """Return the fields that an expression asks for."""
     seen: set[str] = set()
 
     class Probe(dict[str, int]):
@@ -116,18 +305,5 @@ def plan_of(grammar: Any) -> Plan:
             seen.add(key)
             return 4
 
-    for expression in (tail, *checks):
-        expression(Probe())
-    prefix = max(at[k] + width[k] for k in seen)
-    return Plan(
-        header,
-        MappingProxyType(at),
-        tuple(checks),
-        tail,
-        tail_at,
-        sum_from,
-        checksum,
-        prefix,
-        MappingProxyType(width),
-        sum_width,
-    )
+    expression(Probe())
+    return seen

@@ -14,12 +14,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, cast
 
-from sniffer.ground.model import SnifferError
+from sniffer.ground.model import DeclarationError, SnifferError
 from sniffer.ground.registers import RegisterMap
 from sniffer.protocols.base import BusProtocol
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from types import TracebackType
 
 GROUP: Final = "sniffer.protocols"
 """The group of entry points in which a package names its protocols."""
@@ -123,7 +124,7 @@ def load_file(path: Path, told: str) -> BusProtocol:
             del sys.modules[name]
         else:
             sys.modules[name] = before
-        raise PluginError(f"{told}: {_why(error)}") from error
+        raise PluginError(f"{told}: {_why(error, path.parent)}") from error
     finally:
         sys.path.remove(str(path.parent))
     if why:
@@ -135,6 +136,8 @@ def _unfit(found: Any) -> str:
     """Say why something is no protocol that can be used; empty: it is one."""
     if isinstance(found, type):
         return f"{found.__name__} is a class: name an object of it"
+    if hasattr(found, "packet") and hasattr(found, "commands"):
+        return "PROTOCOL is a PacketFamily: write PROTOCOL = Member(PacketFamily(...))"
     told = getattr(found, "interface", None)
     if told != INTERFACE:
         lacks = "says no interface" if told is None else f"says interface = {told!r:.20}"
@@ -160,12 +163,22 @@ def _members() -> tuple[str, ...]:
     return tuple(names)
 
 
-def _why(error: BaseException) -> str:
-    """Return what an exception says, and where it stood."""
+def _in(step: TracebackType | None, home: Path | None) -> bool:
+    """Tell whether a step of a traceback is in a file of a folder."""
+    return step is not None and Path(step.tb_frame.f_code.co_filename).parent == home
+
+
+def _why(error: BaseException, home: Path | None = None) -> str:
+    """Return what an exception says, and where it stood: in a file of ``home``, if it has one."""
+    if isinstance(error, DeclarationError):
+        return str(error)
     told = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-    last = error.__traceback__
-    while last is not None and last.tb_next is not None:
-        last = last.tb_next
+    last = step = error.__traceback__
+    while step is not None:
+        # what a library says of a wrong call helps less than the line that called it
+        if _in(step, home) or (step.tb_next is None and not _in(last, home)):
+            last = step
+        step = step.tb_next
     if last is None or "importlib" in last.tb_frame.f_code.co_filename:
         return told
     return f"{told} ({Path(last.tb_frame.f_code.co_filename).name}, line {last.tb_lineno})"

@@ -307,7 +307,15 @@ def _flipped(others: Others, raw: bytes) -> Iterator[bytes]:
         return
     checksum, covered, sent = told
     first = raw.find(covered)
-    for at in others.places(len(raw), 4) if first >= 0 else [0]:
+    if first < 0:  # it covers bytes that stand apart
+        yield _flip(raw, 0, 1)
+        for at in others.places(len(raw), 4)[1:]:
+            broken = _flip(raw, at, 1 << (at % 7))
+            told = others.protocol.checksum_of(broken)
+            if told is not None and told[0](told[1]) != told[2]:
+                yield broken
+        return
+    for at in others.places(len(raw), 4):
         bit = 1 << (at % 7)
         inside = first <= at < first + len(covered)
         if not inside or checksum(_flip(covered, at - first, bit)) != sent:

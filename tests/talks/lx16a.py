@@ -114,6 +114,5 @@ TALK: Final = Talk(
         "data that hold a whole request": "no data are as long as one",
         "an answer with no data": "the data are what makes it an answer",
         "a reset that *": "there is none",
-        "arranged: two in flight": "a packet is so short that no other exchange stands within one",
     },
 )

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from sniffer.ground.codes import IF_ALL, IF_READ, MANY, MUST, NEVER, OPTIONAL
 from sniffer.ground.model import RELEASES, RESETS, STAGED
+from sniffer.ground.wire import AllBut, Packet, Seal
 from sniffer.protocols.packets.declare import Command, PacketFamily, Stuffing
 from sniffer.protocols.packets.member import Member
 
@@ -26,8 +27,11 @@ __all__ = [
     "RELEASES",
     "RESETS",
     "STAGED",
+    "AllBut",
     "Command",
     "Member",
+    "Packet",
     "PacketFamily",
+    "Seal",
     "Stuffing",
 ]

@@ -7,18 +7,26 @@ all rows; what is rare is then worked out for those rows only that have its bit.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from construct import Container
 
-from sniffer.ground.codes import IF_ALL, MANY, NEVER, OPTIONAL
+from sniffer.ground.codes import IF_ALL, MANY, NEVER, OPTIONAL, RESPONSE
 from sniffer.ground.distinct import numbers
-from sniffer.ground.framing import frame_by_plan
-from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL, Frames
-from sniffer.ground.plan import plan_of
+from sniffer.ground.framing import frame_by_plan, frame_by_two_plans
+from sniffer.ground.model import (
+    ANY_ID,
+    MALFORMED,
+    NO_ALT,
+    UNKNOWN,
+    UNUSUAL,
+    DeclarationError,
+    Frames,
+)
 from sniffer.protocols.packets.declare import LISTED
-from sniffer.protocols.packets.form import check_form, shapes_of
+from sniffer.protocols.packets.form import check_form, planned, shapes_of, told_of
 from sniffer.protocols.packets.listed import Bytes, asked_by, column, listed, whole
 from sniffer.protocols.packets.walk import ROOM
 
@@ -37,11 +45,14 @@ class FamilyColumns:
     def __init__(self, family: PacketFamily) -> None:
         self.family = family
         check_form(family)
-        self.plan = plan = plan_of(family.packet)
-        self.id_at, self.code_at = plan.at["servo_id"], plan.at["code"]
-        self.length_name = next(k for k in plan.at if k not in ("servo_id", "code"))
+        self.plan = plan = planned(family)
+        self.id_at, self.code_at = plan.at.get("servo_id", -1), plan.at["code"]
         most = dict.fromkeys(plan.at, family.most)
-        self.longest = int(plan.tail_at + plan.tail(most) + plan.sum_width)
+        self.longest = int(plan.tail_at + plan.tail(most) + plan.behind)
+        self.reach = max(self.longest, family.reach)
+        self.told = told_of(family)
+        own = family.answer_header
+        self.back = replace(plan, header=own) if own else None
         self.shapes = shapes_of(family)
         self.width = self._one_place("address", 0)[1]
         self.length_at, self.length_width = self._one_place("length", self.width)
@@ -53,33 +64,45 @@ class FamilyColumns:
         self._to_all, self._effect = np.zeros((2, 256), np.uint8)
         self._option, self._bits, self._new, self._answer = np.zeros((4, 256), np.int64)
         self._target, self._step_data = np.zeros((2, 256), np.int64)
-        self._fixed = np.zeros(256, np.int64)
+        self._fixed, self._held = np.zeros((2, 256), np.int64)
         self._at = np.full(256, -1, np.int64)
-        self.lists, self.together = np.zeros((2, 256), bool)
+        self._spaces = np.zeros(256, np.int64)
+        self.lists, self.together, self._asks = np.zeros((3, 256), bool)
         for code in self.shapes:
             self._enter(code)
+        # whether anything stands between an address and the data
+        self._wide = bool((self._held > self.width).any())
         self._tells_at = bool(self._at.max() >= 0)
         self._silent = np.isin(codes, family.silent)
         self._anyone = np.where(np.isin(codes, family.anyone), ANY_ID, NO_ALT)
-        self._answers = codes == (-1 if family.answers is None else family.answers)
-        self._certain = codes >= family.certain if family.answers is None else ~self._answers
-        self._error_width = int(family.answers is not None)  # the error is a parameter
+        self._answers = np.isin(
+            codes, [-1 if family.answers is None else family.answers, *family.asked_by]
+        )
+        self._certain = ~self._answers if self._answers.any() else codes >= family.certain
+        # the error is a parameter, the first one
+        self._error_width = int(family.answers is not None and self.told is None)
 
     def _one_place(self, name: str, at: int) -> tuple[int, int]:
         """Return where a field stands in all commands that have it; columns read it at once."""
         places = {s.at[name] for s in self.shapes.values() if name in s.at}
         if len(places) > 1:
-            raise TypeError(f"columns want one place for {name}, not {sorted(places)}")
+            raise DeclarationError(
+                f"{self.family.name}: columns want one place for {name}, not {sorted(places)}: let "
+                "it stand alike in all commands, or name it otherwise where it does not"
+            )
         return places.pop() if places else (at, 0 if name == "address" else 1)
 
     def _enter(self, code: int) -> None:
         """Lay what is known of a command into the tables."""
         command, shape = self.family.commands[code], self.shapes[code]
         what = KNOWN | FITS | ADDRESSED * ("address" in shape.at)
-        brings = shape.writes or (command.at >= 0 and shape.least > 0)
+        alone = shape.targets is None and not command.answer
+        brings = shape.writes or (command.at >= 0 and shape.least > 0 and alone)
+        self._asks[code] = command.at >= 0 and command.answer > 0
         what |= READS * shape.reads | WRITES * brings | TARGETS * (shape.targets is not None)
         what |= RENUMBERS * (command.new_id is not None)
-        what |= CHECKED * bool(shape.checks or shape.constants)
+        what |= CHECKED * bool(shape.checks or shape.constants or shape.counted)
+        self._held[code] = shape.fixed if shape.writes else self.width * ("address" in shape.at)
         self._what[code] = KNOWN
         self._what[code, shape.least : shape.most + 1] = what
         self._reply[code], self._to_all[code] = command.reply, command.to_all
@@ -87,13 +110,16 @@ class FamilyColumns:
         self._option[code] = shape.at.get("option", (0, 1))[0]
         self._bits[code], self._new[code] = command.new_id or (0, 0)
         self._fixed[code], self._at[code] = shape.fixed, command.at
+        self._spaces[code] = command.space
         self.together[code] = command.together
         if shape.targets is not None:
-            self.lists[code] = not shape.targets.data
+            self.lists[code] = not shape.brings_several
             self._target[code], self._step_data[code] = shape.targets.size, shape.targets.data
 
     def frame(self, block: Block) -> tuple[Spans, int]:
-        """Frame by the plan; direction is told later, a packet looks alike both ways."""
+        """Frame by the plan; direction is told later, unless the header tells it."""
+        if self.back is not None:
+            return frame_by_two_plans(self.plan, self.back, block)
         return frame_by_plan(self.plan, block)
 
     def plain(self, block: Block, start: I64, end: I64) -> Bytes:
@@ -104,7 +130,7 @@ class FamilyColumns:
         """
         stuffing, data = self.family.stuffing, block.data
         params = start + self.plan.tail_at
-        count = end - params - self.plan.sum_width
+        count = end - params - self.plan.behind
         if stuffing is None or not len(start):
             return Bytes(data, params, count)
         if _PLAIN not in block.notes:
@@ -113,7 +139,7 @@ class FamilyColumns:
         row = np.searchsorted(start, at, "right") - 1
         rows = numbers(row[(row >= 0) & (at >= params[row]) & (at < params[row] + count[row])])
         if self.together.any():  # what answers for several is read by place
-            code, servo_id = data[start[rows] + self.code_at], data[start[rows] + self.id_at]
+            code, servo_id = data[start[rows] + self.code_at], self._ids(data, start[rows])
             rows = rows[~(self._answers[code] & self._silent[servo_id])]
         if not len(rows):
             return Bytes(data, params, count)
@@ -127,10 +153,16 @@ class FamilyColumns:
         behind = np.frombuffer(b"".join(told), np.uint8)
         return Bytes(np.concatenate([data, behind]), params, count)
 
+    def _ids(self, data: U8, start: I64) -> U8:
+        """Return whom each packet names."""
+        if self.id_at < 0:
+            return np.full(len(start), self.family.sole_id, np.uint8)
+        return data[start + self.id_at]
+
     def describe(self, block: Block, spans: Spans) -> Frames:
         """Tell commands from responses, and what each expects."""
         start, end, family = spans.start, spans.end, self.family
-        servo_id, code = block.data[start + self.id_at], block.data[start + self.code_at]
+        servo_id, code = self._ids(block.data, start), block.data[start + self.code_at]
         body = self.plain(block, start, end)
         data, params, count = body.data, body.params, body.number
         by, who = code.astype(np.intp), servo_id.astype(np.intp)  # as numpy looks up fastest
@@ -144,7 +176,10 @@ class FamilyColumns:
         if seen & TARGETS and length is not None:
             self._whole_targets(body, what, code, length)
         silent, answers = self._silent[who], self._answers[by]
-        if family.echoes:
+        if self.back is not None:
+            answers = spans.kind == RESPONSE
+            request = ~answers
+        elif family.echoes:
             answers = (self._answer[by] > 0) & (count == self._answer[by])
             request = ~answers
         else:
@@ -166,8 +201,14 @@ class FamilyColumns:
         flags[might] |= UNUSUAL
         held = (what & ADDRESSED > 0) * np.int64(self.width)
         address = np.where(held, column(data, params, self.width or 1), -1)
+        if self._wide:
+            held = np.where(held, self._held[by], 0)
         lists = (what & FITS > 0) & self.lists[by]
         brings_none = (what & READS > 0) | lists
+        if self._tells_at:
+            brings_none |= (what & FITS > 0) & self._asks[by]
+        if self._spaces.any():
+            address += np.where(what & FITS, self._spaces[by], 0) * (held > 0)
         if self._tells_at:
             address = np.where(what & FITS > 0, np.maximum(address, self._at[by]), address)
         status = np.where(request, np.int16(-1), code)  # a plain -1 would wrap to 255
@@ -187,13 +228,20 @@ class FamilyColumns:
             token |= np.where(token > 0, by << 8, 0)  # what it answers, the code says
         # an error needs no data: a response of an error byte alone answers any read
         token[(status > 0) & (data_length == 0)] = -1
+        if self.told is not None:
+            token = self.told.asks(by, token, address, what & ADDRESSED > 0)
+            status = np.full(len(start), -1, np.int16)
+            self.told.read(
+                body, code, request, held=held, length=data_length, status=status,
+                address=address, token=token, flags=flags,
+            )  # fmt: skip
         reply = self._reply[by] * (request & ~silent)  # NEVER is 0
         alt = self._anyone[who]
         if self._to_all.any():
             reply = np.where(request & silent, self._to_all[by], reply)
             alt = np.where(reply == MANY, ANY_ID, alt)
         if seen & WRITES:
-            self._over_registers(body, what, address, data_length, reply, alt)
+            self._over_registers(body, what, by, address, data_length, reply, alt)
         if seen & RENUMBERS:
             rows = np.flatnonzero(what & RENUMBERS)
             bits = self._bits[code[rows]]
@@ -202,15 +250,15 @@ class FamilyColumns:
             alt[rows] = self._new[code[rows]]
         if lists.any():
             token[lists] = LISTED
-            asked_of = asked_by(block, spans, request, self.longest)
+            asked_of = asked_by(block, spans, request, self.reach)
             listed(self, body, code, servo_id, lists, asked_of, data_length, address, token)
-        as_sent, wire = data is block.data, end - start - self.plan.tail_at - self.plan.sum_width
+        as_sent, wire = data is block.data, end - start - self.plan.tail_at - self.plan.behind
         return Frames.stating(
             start=start,
             length=end - start,
             kind=(~request).view(np.uint8),  # REQUEST is 0, RESPONSE 1
             servo_id=servo_id,
-            op=np.where(request, by, -1),
+            op=np.where(request, by, -1 if self.told is None else self.told.asked[by]),
             address=address,
             data_start=start + self.plan.tail_at + held,
             data_length=data_length if as_sent else np.where(brings_none, 0, wire - held),
@@ -233,6 +281,8 @@ class FamilyColumns:
             )
             for check in shape.checks:
                 bad |= ~np.asarray(check(fields), bool)
+            if shape.counted:
+                bad |= fields["length"] != body.number[mine] - shape.fixed
             for place, constant in shape.constants:
                 for i, byte in enumerate(constant):
                     bad |= body.data[at + place + i] != byte
@@ -252,7 +302,7 @@ class FamilyColumns:
         what[rows[bad]] = KNOWN
 
     def _over_registers(
-        self, body: Bytes, what: U8, address: I64, length: I64, reply: U8, alt: I64
+        self, body: Bytes, what: U8, code: I64, address: I64, length: I64, reply: U8, alt: I64
     ) -> None:
         """Say what a write over the id or over the return mode leaves open.
 
@@ -267,7 +317,7 @@ class FamilyColumns:
             at = self._id_register - address[rows]
             covers = (at >= 0) & (at < length[rows]) & (alt[rows] == NO_ALT)
             hit, at = rows[covers], at[covers]
-            held = np.where(what[hit] & ADDRESSED, self.width, 0)
+            held = np.where(what[hit] & ADDRESSED, self._held[code[hit]], 0)
             alt[hit] = body.data[body.params[hit] + held + at]
 
     def _either_way(
@@ -300,7 +350,7 @@ class FamilyColumns:
         flips = np.zeros(len(start), bool)
         flips[1:] = (either & base)[1:] & asks[:-1] & same
         flips[1:] &= (count[1:] == expects[:-1]) | (count[1:] == 0)
-        flips[1:] &= start[1:] - end[:-1] <= self.longest
+        flips[1:] &= start[1:] - end[:-1] <= self.reach
         if len(block.barriers):
             segment = block.segment(start)
             flips[1:] &= segment[1:] == segment[:-1]

@@ -4,7 +4,8 @@ A packet is header, id, length, code, parameters and checksum, in one form both 
 of a command's parameters means is told by its name:
 
 - ``address``, ``length``, ``option``: whole numbers of one byte or, the low byte first, of two;
-- ``data``: the bytes up to the end;
+- ``data``: the bytes up to the end, ``GreedyBytes``, or ``Bytes(this.length)`` where they are
+  counted; in an answer ``AllBut(n)``, too;
 - ``targets``: servos one after the other, each with ``servo_id``, and with ``address``, ``length``
   and ``data`` of its own where they are not all alike.
 
@@ -15,16 +16,18 @@ Other names are fields without a meaning to anybody but the reader.
 from __future__ import annotations
 
 import functools
+import io
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import construct as c
 
 from sniffer.ground.codes import NEVER
+from sniffer.ground.model import DeclarationError
 from sniffer.ground.registers import numbered
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from sniffer.ground.model import I64, U8
     from sniffer.ground.registers import RegisterMap
@@ -33,6 +36,13 @@ if TYPE_CHECKING:
 LISTED: Final = 1 << 24
 """Token of a request that lists whom it reads, and of those that it lists and that answer with as
 many bytes as it says: no length is as great."""
+
+
+KEY: Final = 1 << 48
+"""In a token: the command's code is part of it, from bit 40 on, and where the answer names it the
+address, from bit 16 on."""
+
+CODE_AT, ADDRESS_AT = 40, 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +56,11 @@ class Command:
     of ``option`` is set; bits 0: always. ``answer`` counts the data bytes of its answer where no
     ``length`` asks for them. ``together``: one packet answers for all targets, each with error, id,
     data and, but for the last, a checksum. ``at``: the address of the registers that its parameters
-    are, or its answer, where no packet names one.
+    are or, with ``answer``, its answer, where no packet names one; of ``targets`` each servo's
+    bytes are those.
+    ``space`` is added to the addresses that its packets name, where a servo has several spaces that
+    all begin at 0. ``feedback``, with ``answer_code``: the grammar of its own answer behind the
+    code.
     """
 
     name: str
@@ -58,6 +72,8 @@ class Command:
     answer: int = 0
     together: bool = False
     at: int = -1
+    space: int = 0
+    feedback: Any = None
 
 
 class Stuffing(Protocol):
@@ -77,22 +93,31 @@ class PacketFamily:
     """A protocol of the family.
 
     ``packet`` is the grammar of all packets; it names ``servo_id``, a length, ``code``, and the
-    parameters, which it may call as the manual does. ``feedback`` is that of a response's code and
-    parameters: ``error`` (FlagsEnum or Enum) and ``data``; where it begins with a constant, that
-    code is a response and all others are commands. Else the error stands in the place of the code:
-    codes from ``certain`` on are commands, and any other is one where it fits as one (``begins``:
-    where it begins as one), unless the request before it awaits just that many bytes; the same
-    bytes once more are the same request. ``doubt``: a response with data that fits as a command
-    as well is marked (UNUSUAL), and states no values. ``echoes``: an answer has the code of its
-    request, and has as many bytes as ``answer`` says, which its request has not: that tells them
-    apart. All of these bytes are ``data``.
+    parameters, which it may call as the manual does. It is a Struct of header, ``body`` and
+    ``checksum``, or a ``Packet`` whose checks stand where they like. Without a length all packets
+    are as long; without an id all is shown under ``sole_id``.
+
+    ``feedback`` is that of a response's code and parameters: ``error`` (FlagsEnum or Enum) and
+    ``data``; where it begins with a constant, that code is a response and all others are commands.
+    Else the error stands in the place of the code: codes from ``certain`` on are commands, and any
+    other is one where it fits as one (``begins``: where it begins as one), unless the request
+    before it awaits just that many bytes; the same bytes once more are the same request. ``doubt``:
+    a response with data that fits as a command as well is marked (UNUSUAL), and states no values.
+    ``echoes``: an answer has the code of its request, and has as many bytes as ``answer`` says,
+    which its request has not: that tells them apart. All of these bytes are ``data``.
+    ``answer_code`` gives the code of the answer to each command, as ``lambda code: code + 0x40``,
+    and None where nothing tells one; ``feedback`` is then that of the parameters only, and a
+    command may have its own. One that names ``address`` or ``length`` fits no other request.
+    ``answer_header``: answers are the same packets with that header, and, unless ``answer_code``
+    says otherwise, the code of their request.
 
     ``silent`` are ids that all servos obey and none answers, ``anyone`` those that each answers
     under its own. ``refusals`` are the bits of the error that say that it was not done, ``alerts``
     bits of it, by name, that are no error beside an Enum of those. ``most`` is the greatest length
-    that is believed. ``window_ns`` is how long an answer may take, a silence longer than
-    ``tail_ns`` is crossed by nothing. ``words`` are what the manual calls a code that asks, one
-    that answers, and a response.
+    that is believed. A request may be answered within ``reach`` bytes, or those of the longest
+    packet, while others are asked. ``window_ns`` is how long an answer may take, a silence longer
+    than ``tail_ns`` is crossed by nothing. ``words`` are what the manual calls a code that asks,
+    one that answers, and a response.
     """
 
     name: str
@@ -109,6 +134,10 @@ class PacketFamily:
     begins: bool = False
     doubt: bool = False
     echoes: bool = False
+    answer_code: Callable[[int], int | None] | None = None
+    answer_header: bytes = b""
+    sole_id: int | None = None
+    reach: int = 256
     most: int = 255
     silent: tuple[int, ...] = ()
     anyone: tuple[int, ...] = ()
@@ -121,12 +150,12 @@ class PacketFamily:
         """Number the registers of all models through.
 
         Raises:
-            TypeError: a request could be taken for its answer.
+            DeclarationError: a request could be taken for its answer.
         """
         object.__setattr__(self, "models", numbered(self.models))
         for command in self.commands.values() if self.echoes else ():
             if command.answer and parsed(command.params, bytes(command.answer)) is not None:
-                raise TypeError(
+                raise DeclarationError(
                     f"{self.name}: {command.name} may have {command.answer} parameters, as its "
                     "answer has: with echoes=True their count must tell request from answer"
                 )
@@ -139,8 +168,56 @@ class PacketFamily:
     @functools.cached_property
     def answers(self) -> int | None:
         """The one code of all responses, None where the error stands in its place."""
+        if self.answer_code is not None or self.answer_header:
+            return None
         first = bare(self.feedback.subcons[0])
         return first.value[0] if isinstance(first, c.Const) else None
+
+    @functools.cached_property
+    def asked_by(self) -> dict[int, int]:
+        """Code of an answer -> that of its command, where the one follows from the other."""
+        if self.answer_code is None:
+            return {code: code for code in self.commands} if self.answer_header else {}
+        told = {k: self.answer_code(k) for k in self.commands}
+        return {answer: code for code, answer in told.items() if answer is not None}
+
+    @functools.cached_property
+    def tells_more(self) -> bool:
+        """Whether an answer is more than a constant code, an error and data, in that order."""
+        if self.answers is None:
+            return self.answer_code is not None or bool(self.answer_header)
+        names = [name for name, _ in named(self.feedback)]
+        rest = [name for name in names if name != bare(self.feedback).subcons[0].name]
+        return (
+            rest != ["error", "data"]
+            or bare(field_named(self.feedback, "data")) is not c.GreedyBytes
+        )
+
+    def feedback_of(self, code: int) -> Any:
+        """Return the grammar of what the answer to a command has for parameters."""
+        command = self.commands.get(code)
+        own = None if command is None else command.feedback
+        return self.feedback if own is None else own
+
+    @functools.cached_property
+    def answering(self) -> Any:
+        """The grammar of an answer where it has a header of its own."""
+        header, *rest = self.packet.subcons
+        own = c.Renamed(c.Const(self.answer_header), header.name)
+        return type(bare(self.packet))(own, *rest)
+
+    def is_answer(self, raw: bytes) -> bool:
+        """Tell whether a packet has the header of answers."""
+        return bool(self.answer_header) and raw.startswith(self.answer_header)
+
+    def packet_of(self, raw: bytes) -> Any:
+        """Return the grammar of a packet, by its header."""
+        return self.answering if self.is_answer(raw) else self.packet
+
+    def body_of(self, raw: bytes) -> Any:
+        """Return the fields of a packet."""
+        fields = self.packet_of(raw).parse(raw)
+        return fields.body.value if "body" in fields else fields
 
     @functools.cached_property
     def tail(self) -> str:
@@ -163,12 +240,14 @@ class PacketFamily:
         A model that does not name it is taken to have it where its siblings do.
 
         Raises:
-            TypeError: the models do not agree on it.
+            DeclarationError: the models do not agree on it.
         """
         found = {r.address for m in self.models for r in m.registers if r.effect == effect}
         if len(found) > 1:
             where = ", ".join(f"0x{address:02X}" for address in sorted(found))
-            raise TypeError(f"{self.name}: models differ in where the {effect} stands: {where}")
+            raise DeclarationError(
+                f"{self.name}: models differ in where the {effect} stands: {where}"
+            )
         return found.pop() if found else -1
 
 
@@ -214,10 +293,12 @@ def numbers(con: Any) -> dict[int, str]:
 
 def parsed(grammar: Any, data: bytes) -> Any:
     """Return what the grammar reads in all of the bytes, None where they do not fit it."""
+    stream = io.BytesIO(data)
     try:
-        return grammar.parse(data)
+        out = grammar.parse_stream(stream)
     except c.ConstructError:
         return None
+    return out if stream.tell() == len(data) else None
 
 
 def number_in(grammar: Any, name: str, params: bytes) -> int:

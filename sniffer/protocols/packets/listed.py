@@ -59,6 +59,8 @@ def steps(body: Bytes, rows: I64, shape: Shape) -> Iterator[Nth]:
     base = body.params[rows]
 
     def field(name: str) -> I64:
+        if shape.begin >= 0:
+            return np.full(len(pos), shape.begin if name == "address" else targets.size)
         place: Place | None = targets.at.get(name)
         first = pos
         if place is None:
@@ -73,7 +75,10 @@ def steps(body: Bytes, rows: I64, shape: Shape) -> Iterator[Nth]:
             return
         length, at = field("length"), pos + targets.size
         servo_id = data[pos + targets.at["servo_id"][0]]
-        yield Nth(rows, servo_id, field("address"), length, at)
+        if shape.begin >= 0:
+            yield Nth(rows, servo_id, field("address"), length, pos)
+        else:
+            yield Nth(rows, servo_id, field("address") + shape.space, length, at)
         pos = at + length if targets.data else at
 
 

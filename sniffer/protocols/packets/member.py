@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.ground.codes import REQUEST
 from sniffer.ground.model import SnifferError
 from sniffer.protocols.base import RESTARTS, joined, no_clues
 from sniffer.protocols.packets.columns import FamilyColumns
+from sniffer.protocols.packets.declare import LISTED
 from sniffer.protocols.packets.parts import Readings
 from sniffer.protocols.packets.slow import Slow
 from sniffer.protocols.packets.words import Words
@@ -45,7 +47,8 @@ class Member(Words):
         super().__init__(columns)
         self.name, self.title = family.name, family.title
         self.bauds, self.baud = family.bauds, family.baud
-        self.longest = self.reach = columns.longest
+        self.longest, self.reach = columns.longest, columns.reach
+        self._states_address = columns.told is not None and columns.told.states_address
         self.tail_ns, self.everyone = family.tail_ns, family.everyone
         self.models, self.registers = family.models, joined(family.models)
         self.frame, self.describe = columns.frame, columns.describe
@@ -76,10 +79,13 @@ class Member(Words):
         return np.full(len(frames), self.family.window_ns)
 
     def states_itself(self, frames: Frames) -> Mask:
-        """Tell nothing. A response names no address: what its bytes are, only the request says."""
-        return np.zeros(len(frames), bool)
+        """Tell which responses name an address: what others' bytes are, only the request says."""
+        if not self._states_address:
+            return np.zeros(len(frames), bool)
+        named = (frames.kind != REQUEST) & (frames.address >= 0)
+        return np.asarray(named & (frames.token != LISTED))
 
     def slow_states_itself(self, frame: SlowFrame) -> bool:
-        """Tell nothing, as above."""
-        del frame
-        return False
+        """Tell the same of one."""
+        named = self._states_address and frame.kind != REQUEST and frame.address >= 0
+        return named and frame.token != LISTED

@@ -29,10 +29,7 @@ class Readings:
         self._shapes = Addressed(columns.family.models, first=0)
         self._joint = bool(columns.together.any())
         self._several = np.array(
-            [
-                k in columns.shapes and getattr(columns.shapes[k].targets, "data", False)
-                for k in range(256)
-            ]
+            [k in columns.shapes and columns.shapes[k].brings_several for k in range(256)]
         )
 
     def values(self, block: Block, frames: Frames, rows: I64, state: State) -> Values:
@@ -87,7 +84,7 @@ class Readings:
             return out
         columns = self._columns
         spans = Spans(frames.start, frames.end, frames.kind)
-        asked = asked_by(block, spans, frames.kind == REQUEST, columns.longest)[rows[place]]
+        asked = asked_by(block, spans, frames.kind == REQUEST, columns.reach)[rows[place]]
         between = columns.plan.sum_width + 1  # a checksum and the next one's error
         pos = at[place].copy()
         code = np.where(asked >= 0, frames.op[asked], -1)

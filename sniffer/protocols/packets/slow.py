@@ -8,12 +8,22 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+import construct as c
 from construct import ConstructError
 
 from sniffer.ground.codes import IF_ALL, MANY, NEVER, OPTIONAL, REQUEST, RESPONSE
 from sniffer.ground.model import ANY_ID, MALFORMED, NO_ALT, UNKNOWN, UNUSUAL
 from sniffer.protocols.base import SlowFrame
-from sniffer.protocols.packets.declare import LISTED, field_named, number_in, parsed
+from sniffer.protocols.dissection import leaves
+from sniffer.protocols.packets.declare import (
+    ADDRESS_AT,
+    CODE_AT,
+    KEY,
+    LISTED,
+    field_named,
+    number_in,
+    parsed,
+)
 from sniffer.protocols.shapes import slow_spans
 
 if TYPE_CHECKING:
@@ -38,37 +48,46 @@ class Slow:
 
     def __init__(self, family: PacketFamily) -> None:
         self.family = family
-        sum_field = next(s for s in family.packet.subcons if s.name == "checksum")
-        self._sum_width = len(sum_field.subcon.checksumfield.build(0))
+        self._sum_width = self._behind = 0
+        fields = family.packet.subcons
+        sum_field = next((s.subcon for s in fields if s.name == "checksum"), None)
+        if isinstance(sum_field, c.Checksum):
+            self._sum_width = self._behind = len(sum_field.checksumfield.build(0))
+        else:
+            tail = next(i for i, s in enumerate(fields) if s.name == family.tail)
+            self._behind = sum(s.sizeof() for s in fields[tail + 1 :])
 
     def parse(self, data: bytes, at: int, limit: int) -> list[tuple[int, int, int]] | None:
         """Parse one packet; its direction is told later."""
-        stream = io.BytesIO(data[at : min(limit, at + HEAD + self.family.most)])
+        raw = data[at : min(limit, at + HEAD + self.family.most)]
+        stream = io.BytesIO(raw)
         try:
-            self.family.packet.parse_stream(stream)
+            self.family.packet_of(raw).parse_stream(stream)
         except ConstructError:
             return None
-        return [(at, at + stream.tell(), REQUEST)]
+        kind = RESPONSE if self.family.is_answer(raw) else REQUEST
+        return [(at, at + stream.tell(), kind)]
 
     def describe(self, raw: bytes, kind: int, before: SlowFrame | None) -> SlowFrame:
         """Describe one packet by the rules of direction and expectation."""
         del kind  # a packet looks alike both ways
         family = self.family
-        packet = family.packet.parse(raw).body.value
+        packet = family.body_of(raw)
+        servo_id = packet.get("servo_id", family.sole_id)
         wire = bytes(packet[family.tail])
-        params = family.plain(wire, packet.servo_id, packet.code)
+        params = family.plain(wire, servo_id, packet.code)
         command = family.commands.get(packet.code)
         fields = parsed(command.params, params) if command else None
-        out = SlowFrame(0, len(raw), REQUEST, packet.servo_id, packet.code, raw)
-        out.data_start, out.data = len(raw) - self._sum_width - len(wire), wire
-        out.alt_id = ANY_ID if packet.servo_id in family.anyone else NO_ALT
+        out = SlowFrame(0, len(raw), REQUEST, servo_id, packet.code, raw)
+        out.data_start, out.data = len(raw) - self._behind - len(wire), wire
+        out.alt_id = ANY_ID if servo_id in family.anyone else NO_ALT
         out.token = 0
         if not self._is_request(packet, params, fields, raw, before):
             self._response(out, packet.code, params, before)
             if family.doubt and params and fields is not None:
                 out.flags |= UNUSUAL
             return out
-        if packet.servo_id not in family.silent:
+        if servo_id not in family.silent:
             out.reply = command.reply if command else IF_ALL
         elif command:
             out.reply = command.to_all
@@ -78,6 +97,11 @@ class Slow:
             out.flags |= UNKNOWN if command is None else MALFORMED
         else:
             self._command(out, command, fields, params)
+        if packet.code in family.asked_by.values() and out.token != LISTED:
+            out.token |= KEY | packet.code << CODE_AT
+            repeated = field_named(family.feedback_of(packet.code), "address") is not None
+            if repeated and fields is not None and "address" in fields:
+                out.token |= out.address << ADDRESS_AT
         return out
 
     def _response(self, out: SlowFrame, code: int, params: bytes, before: SlowFrame | None) -> None:
@@ -88,11 +112,14 @@ class Slow:
         if self.family.echoes:
             out.token = code << 8 | len(params)
             return
-        feedback = parsed(self.family.feedback, bytes([code]) + params)
-        if feedback is None:
+        if self.family.tells_more:
+            self._told(out, code, params)
+            length = len(out.data)
+        elif (feedback := parsed(self.family.feedback, bytes([code]) + params)) is None:
             out.flags |= MALFORMED
-            out.token = len(params)
+            out.token, length = len(params), 0
         else:
+            length = len(feedback.data)
             taken = len(params) - len(feedback.data)
             out.status = params[0] if taken else code
             out.data_start, out.data = out.data_start + taken, out.data[taken:]
@@ -102,7 +129,6 @@ class Slow:
         asked = out.asked
         if asked is None or asked.token != LISTED:
             return
-        length = 0 if feedback is None else len(feedback.data)
         targets = self._targets(asked)
         if self.family.commands[asked.op].together:
             due = sum(2 + t.length + self._sum_width for t in targets) - self._sum_width - 1
@@ -115,6 +141,37 @@ class Slow:
         if right:
             out.address, out.token = own.address, LISTED
 
+    def _told(self, out: SlowFrame, code: int, params: bytes) -> None:
+        """Read an answer that says more than an error and data."""
+        family = self.family
+        out.op = family.asked_by.get(code, -1)
+        grammar, space = family.feedback_of(out.op), 0
+        key = 0
+        if out.op < 0 and family.answers is None:  # it has the header of answers, and answers none
+            out.flags |= MALFORMED
+            out.token = len(params)
+            return
+        if out.op < 0:
+            grammar = c.Struct(*family.feedback.subcons[1:])
+        else:
+            key, space = KEY | out.op << CODE_AT, family.commands[out.op].space
+        fields = parsed(grammar, params)
+        if fields is None:
+            out.flags |= MALFORMED
+            out.token = key | len(params)
+            return
+        place = {leaf.path: leaf.offset for leaf in leaves(grammar, params)}
+        out.data = fields.get("data", b"")
+        out.data_start += place.get("data", 0)
+        out.token = key | len(out.data)
+        if "address" in fields:
+            out.address = fields.address + space
+            out.token |= out.address << ADDRESS_AT
+        if "error" in fields:
+            out.status = params[place["error"]]
+            wild = "data" in fields and "length" not in fields and not out.data
+            out.token = -1 if wild and out.status else out.token
+
     def _command(self, out: SlowFrame, command: Command, fields: Any, params: bytes) -> None:
         """Read what a command wants, and what it changes."""
         family = self.family
@@ -125,7 +182,9 @@ class Slow:
             out.token |= out.op << 8
         if "address" in fields:
             width = field_named(command.params, "address").sizeof()
-            out.address = fields.address
+            if "data" in fields:
+                width = len(params) - len(fields.data)
+            out.address = fields.address + command.space
             out.data_start, out.data = out.data_start + width, out.data[width:]
         if "targets" in fields:
             if not _brings(command):
@@ -135,7 +194,10 @@ class Slow:
         brought = params if command.at >= 0 else fields.get("data", b"")
         if command.at >= 0:
             out.address = command.at
-        if out.address >= 0 and brought and "length" not in fields and "targets" not in fields:
+            if command.answer:  # it asks for what is there
+                out.data = brought = b""
+        own = "length" not in fields or "data" in fields
+        if out.address >= 0 and brought and own and "targets" not in fields:
             at = family.effective("feedback") - out.address
             if family.effective("feedback") >= 0 and out.reply == IF_ALL:
                 out.reply = OPTIONAL if 0 <= at < len(brought) else out.reply
@@ -156,6 +218,10 @@ class Slow:
             return asks is None or not asks.answer or len(params) != asks.answer
         if family.answers is not None:
             return bool(packet.code != family.answers)
+        if family.answer_header:
+            return not family.is_answer(raw)
+        if family.answer_code is not None:
+            return packet.code not in family.asked_by
         if packet.servo_id in family.silent or packet.code >= family.certain:
             return True
         command = family.commands.get(packet.code)
@@ -174,18 +240,25 @@ class Slow:
         command = self.family.commands[frame.op]
         fields = command.params.parse(self._read(frame)[1])
         out = []
+        if command.at >= 0:  # a target as it stands, whatever is in it
+            params, size = self._read(frame)[1], _target_of(command).sizeof()
+            first = len(params) - size * len(fields.targets)
+            for i, t in enumerate(fields.targets):
+                data = params[first + i * size :][:size]
+                out.append(_Target(t.servo_id, command.at, size, data))
+            return out
         for t in fields.targets:
             data = bytes(t.get("data", b""))
             length = t.length if "length" in t else fields.length
             address = t.address if "address" in t else fields.address
-            out.append(_Target(t.servo_id, address, length, data))
+            out.append(_Target(t.servo_id, address + command.space, length, data))
         return out
 
     def _read(self, frame: SlowFrame) -> tuple[bytes, bytes]:
         """Return the parameters as they are on the wire, and as they were meant."""
-        packet = self.family.packet.parse(frame.raw).body.value
+        packet = self.family.body_of(frame.raw)
         wire = bytes(packet[self.family.tail])
-        return wire, self.family.plain(wire, packet.servo_id, packet.code)
+        return wire, self.family.plain(wire, frame.servo_id, packet.code)
 
     def parts(self, frame: SlowFrame) -> list[tuple[int, int, bytes]]:
         """Return (servo_id, address, bytes) of each servo's registers."""
@@ -202,6 +275,8 @@ class Slow:
             return [(frame.servo_id, frame.address, params[held:])]
         if self.family.doubt and frame.flags & UNUSUAL:
             return []
+        if self.family.tells_more:
+            return [(frame.servo_id, frame.address, frame.data)]
         asked = frame.asked
         joint = frame.token == LISTED and self.family.commands[frame.op].together
         if not joint or asked is None:
@@ -219,8 +294,16 @@ class Slow:
 
 def _brings(command: Command) -> bool:
     """Tell whether a command brings data for several servos."""
+    target = _target_of(command)
+    if target is None:
+        return False
+    return command.at >= 0 or field_named(target, "data") is not None
+
+
+def _target_of(command: Command) -> Any:
+    """Return the grammar of one of several servos, None where a command has none."""
     targets = field_named(command.params, "targets")
-    return targets is not None and field_named(targets.subcon, "data") is not None
+    return None if targets is None else targets.subcon
 
 
 def _begins(command: Command, params: bytes) -> bool:

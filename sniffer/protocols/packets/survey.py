@@ -15,18 +15,28 @@ if TYPE_CHECKING:
     from sniffer.protocols.explaining import Runs
 
 
-def survey(runs: Runs, plan: Plan, size_name: str, least: int, total: I64) -> Torn:
+def survey(
+    runs: Runs,
+    plan: Plan,
+    heads: tuple[bytes, bytes],
+    least: int,
+    total: I64,
+    sole_id: int | None,
+) -> Torn:
     """Judge every header of the runs.
 
     Args:
         runs: to look at.
         plan: of the packets.
-        size_name: the plan's field that the length of a packet follows from.
+        heads: the header, and that of answers where they have their own.
         least: of it that can be.
         total: bytes of a whole packet, by its size; a greater size is not believed.
+        sole_id: whose all packets are where none names a servo.
     """
-    who, size_at, width = plan.at["servo_id"], plan.at[size_name], plan.width[size_name]
-    every = runs.find(plan.header)
+    who, (size_at, width) = plan.at.get("servo_id", len(plan.header)), size_place(plan)
+    every = runs.find(heads[0])
+    if heads[1]:
+        every = np.sort(np.concatenate([every, runs.find(heads[1])]))
     # an id is never a header's byte: of headers that overlap, the last one is it
     is_last = np.ones(len(every), bool)
     np.not_equal(every[1:], every[:-1] + 1, out=is_last[:-1])
@@ -38,13 +48,21 @@ def survey(runs: Runs, plan: Plan, size_name: str, least: int, total: I64) -> To
     impossible = (size >= 0) & ((size < least) | (size >= len(total)))
     stop = at + total[np.minimum(np.maximum(size, least), len(total) - 1)]
     onward = following(every, at + len(plan.header), end)
-    cut = (size < 0) | (stop > end) | ((onward < end) & (onward < stop - plan.sum_width))
+    cut = (size < 0) | (stop > end) | ((onward < end) & (onward < stop - plan.behind))
     cut &= ~impossible
     until = np.where(impossible, behind, np.where(cut, onward, stop))
     kind = np.where(cut, TRUNCATED, DAMAGED).astype(np.uint8)
     whole = np.flatnonzero(~impossible & ~cut)
     # One that holds and is no frame all the same has a body that its guards refuse.
-    sums = plan.checksum.good(runs.data, at[whole] + plan.sum_from, until[whole] - plan.sum_width)
+    sums = plan.sound(runs.data, at[whole], until[whole])
     kind[whole[~sums]] = CHECKSUM
     named = ~impossible & (until - at > who)
-    return Torn(at, until, kind, np.where(named, runs.byte(at + who), NOBODY))
+    servo_id = runs.byte(at + who) if sole_id is None else np.full(len(at), sole_id)
+    return Torn(at, until, kind, np.where(named, servo_id, NOBODY))
+
+
+def size_place(plan: Plan) -> tuple[int, int]:
+    """Return where the size of a packet stands, and how wide; of none behind the header, 0 wide."""
+    if not plan.size:
+        return len(plan.header), 0
+    return plan.at[plan.size], plan.width[plan.size]

@@ -11,11 +11,22 @@ from typing import TYPE_CHECKING, Any, Final
 
 import construct as c
 
+from sniffer.ground.plan import asked_by
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 Place = tuple[int, int]
 """Offset and bytes of a field."""
+
+MEANT: Final = frozenset({"address", "length", "option", "servo_id", "data", "targets"})
+"""Names that mean something to the columns."""
+
+LIKE_ADDRESS: Final = frozenset({"addr", "adr", "reg", "register", "start", "start_address"})
+"""Names that a manual may have for it."""
+
+LIKE_LENGTH: Final = frozenset({"len", "size", "count", "number", "n", "quantity", "bytes"})
+"""And for how many bytes are asked for."""
 
 ROOM: Final = 256
 """Counts of parameter bytes that are told apart; only open ends are longer."""
@@ -36,7 +47,9 @@ class Shape:
 
     ``fixed`` bytes stand before ``data`` or ``targets``; from ``least`` to ``most`` there are.
     ``checks`` are expressions on the fields, for columns as for numbers, ``constants`` bytes that
-    must stand there.
+    must stand there. ``begin``: all bytes of a target are registers from that address on;
+    ``space``: what is added to an address that is named; ``counted``: ``length`` is that of the
+    data.
     """
 
     at: Mapping[str, Place]
@@ -47,11 +60,19 @@ class Shape:
     most: int
     checks: tuple[Callable[[Any], Any], ...]
     constants: tuple[tuple[int, bytes], ...]
+    begin: int = -1
+    space: int = 0
+    counted: bool = False
 
     @property
     def reads(self) -> bool:
         """It asks one servo for ``length`` bytes."""
         return "length" in self.at and not self.data and self.targets is None
+
+    @property
+    def brings_several(self) -> bool:
+        """It brings several servos bytes for their registers."""
+        return self.targets is not None and (self.targets.data or self.begin >= 0)
 
     @property
     def writes(self) -> bool:
@@ -66,7 +87,7 @@ class _Walk:
         self.inside = inside
         self.at: dict[str, Place] = {}
         self.pos = 0
-        self.data = self.some = False
+        self.data = self.some = self.counted = False
         self.targets: Targets | None = None
         self.checks: list[Callable[[Any], Any]] = []
         self.constants: list[tuple[int, bytes]] = []
@@ -89,6 +110,9 @@ class _Walk:
             case c.FormatField() if con.fmtstr in (">B", "<H"):
                 self.at[name] = self.pos, con.length
                 self.pos += con.length
+            case c.FormatField() | c.BytesInteger() if name not in MEANT:
+                # shown as the grammar reads it; nothing but the reader asks what it is
+                self.pos += con.sizeof()
             case c.Const() if isinstance(con.value, bytes) and not self.inside:
                 self.constants.append((self.pos, con.value))
                 self.pos += len(con.value)
@@ -100,13 +124,16 @@ class _Walk:
                 self.targets = Targets(MappingProxyType(one.at), one.pos, one.data)
             case c.Bytes() if self.inside and name == "data" and callable(con.length):
                 self.data = True
+            case c.Bytes() if name == "data" and repr(con.length) == "this['length']":
+                self.data = self.counted = True
             case _ if con is c.GreedyBytes and name == "data" and not self.inside:
                 self.data = True
             case _:
                 raise TypeError(
-                    f"no columns for {name} {con!r}: fields are Byte or Int16ul (signs are a "
-                    "matter of the register table), Enum or FlagsEnum of these, Const of bytes; at "
-                    "the end data / GreedyBytes or targets / GreedyRange"
+                    f"no columns for {name} {con!r}: fields are numbers, Enum or FlagsEnum of Byte "
+                    "or Int16ul, Const of bytes; at the end data / GreedyBytes or targets / "
+                    "GreedyRange; address, length and option are Byte or Int16ul (signs are a "
+                    "matter of the register table)"
                 )
 
     def _check(self, con: Any) -> None:
@@ -115,12 +142,22 @@ class _Walk:
             raise TypeError(f"no columns for {con.func!r}: say it of the fields outside, by `this`")
         if repr(con.func) in ("this['data']", "this['targets']"):
             self.some = True
+        elif strange := sorted(asked_by(con.func) - self.at.keys()):
+            raise TypeError(
+                "a Check asks fields of Byte or Int16ul before it, by this.NAME: "
+                f"{strange[0]} is none"
+            )
         else:
             self.checks.append(con.func)
 
 
-def shape_of(grammar: Any) -> Shape:
+def shape_of(grammar: Any, at: int = -1, space: int = 0) -> Shape:
     """Walk the parameters of one command.
+
+    Args:
+        grammar: of its parameters.
+        at: the address of what it is about, where no packet names one.
+        space: what is added to an address that is named.
 
     Raises:
         TypeError: the grammar holds something that columns have no form for.
@@ -135,8 +172,25 @@ def shape_of(grammar: Any) -> Shape:
     if least >= ROOM or ("address" in w.at and w.at["address"][0]):
         raise TypeError("an address stands first, and not behind hundreds of bytes")
     t = w.targets
-    if t is not None and not {"address", "length"} <= {*w.at, *t.at}:
-        raise TypeError("several targets need an address and a length, each its own or all alike")
+    if at >= 0 and ("address" in w.at or (t is not None and ({"address"} & {*t.at} or t.data))):
+        raise TypeError("its packets name an address themselves: leave out `at`")
+    likely = sorted(LIKE_ADDRESS & w.at.keys())
+    if at < 0 and "address" not in w.at and t is None and (w.data or "length" in w.at) and likely:
+        raise TypeError(
+            f"it has no address, by which registers are known, but {likely[0]}: call that address"
+        )
+    likely = sorted(LIKE_LENGTH & w.at.keys())
+    if "address" in w.at and t is None and not w.data and "length" not in w.at and likely:
+        raise TypeError(
+            f"it has an address and no length, by which it would read, but {likely[0]}: call that "
+            "length"
+        )
+    if space and "address" not in w.at and not (t is not None and "address" in t.at):
+        raise TypeError("no packet of it names an address that `space` could be added to")
+    if t is not None and at < 0 and not {"address", "length"} <= {*w.at, *t.at}:
+        raise TypeError(
+            "several targets need an address and a length, each its own or all alike, or `at`"
+        )
     return Shape(
         MappingProxyType(w.at),
         w.pos,
@@ -146,4 +200,7 @@ def shape_of(grammar: Any) -> Shape:
         ROOM * ROOM if many else least,
         tuple(w.checks),
         tuple(w.constants),
+        at if t is not None else -1,
+        space,
+        w.counted,
     )

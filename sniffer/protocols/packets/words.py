@@ -14,7 +14,7 @@ from sniffer.protocols.base import FieldSpan
 from sniffer.protocols.dissection import leaves
 from sniffer.protocols.packets.declare import bare, field_named, flag_bits, named, numbers
 from sniffer.protocols.packets.listed import column
-from sniffer.protocols.packets.survey import survey
+from sniffer.protocols.packets.survey import size_place, survey
 
 if TYPE_CHECKING:
     from sniffer.ground.checksums import Sum
@@ -31,13 +31,15 @@ class Words:
     def __init__(self, columns: FamilyColumns) -> None:
         self.family = family = columns.family
         self.plan = columns.plan
-        self._size = columns.length_name
+        self._size = self.plan.size
         error = field_named(family.feedback, "error")
         self._bits, self._numbers = flag_bits(error), numbers(error)
-        tail = np.asarray(self.plan.tail({self._size: np.arange(family.most + 1)}))
+        self._tells_more = family.tells_more
+        sizes = np.arange(family.most + 1 if self._size else 1)
+        tail = np.asarray(self.plan.tail({self._size: sizes})) + 0 * sizes
         self._least = int(np.flatnonzero(tail >= 0)[0])
         # a packet's bytes by its length field
-        self._total: I64 = tail + self.plan.tail_at + self.plan.sum_width
+        self._total: I64 = tail + self.plan.tail_at + self.plan.behind
         self._length_at, self._length_width = columns.length_at, columns.length_width
         # a stuffed byte stands behind another one, so twice the bytes hold the fields in any case
         wire = 1 if family.stuffing is None else 2
@@ -67,6 +69,9 @@ class Words:
 
     def checksum_of(self, raw: bytes) -> tuple[Sum, bytes, int]:
         """Return the checksum, the bytes it covers, and what was sent."""
+        if self.plan.seals:
+            seal = self.plan.seals[-1]
+            return seal.checksum, self.plan.covered(seal, raw), self.plan.sealed_as(seal, raw)
         end = len(raw) - self.plan.sum_width
         got = int.from_bytes(raw[end:], "little")
         return self.plan.checksum, raw[self.plan.sum_from : end], got
@@ -76,13 +81,15 @@ class Words:
         data = raw[row.data_start : row.data_start + row.data_length]
         if row.kind != REQUEST:
             out: dict[str, Any] = {}
-            if not self.family.echoes:
+            if self._tells_more:
+                out |= self._told(raw, row)
+            elif not self.family.echoes:
                 names = list(self.status_names(max(row.status, 0)))
                 out["error"] = {"number": row.status, "names": names}
             if data and row.address < 0:
                 out["data"] = self._plain(raw, data).hex()
             return out
-        params = self._plain(raw, raw[self.plan.tail_at : len(raw) - self.plan.sum_width])
+        params = self._plain(raw, raw[self.plan.tail_at : len(raw) - self.plan.behind])
         rest = {self.family.tail: params.hex()} if params else {}
         command = self.family.commands.get(row.op)
         if command is None:
@@ -96,11 +103,38 @@ class Words:
         for leaf in found:
             inside, _, name = leaf.path.rpartition(".")
             if not inside and isinstance(leaf.value, int | dict | str):
-                number = int.from_bytes(params[leaf.offset : leaf.offset + leaf.length], "little")
-                out[name] = _worded(field_named(command.params, name), number)
+                con = field_named(command.params, name)
+                part = params[leaf.offset : leaf.offset + leaf.length]
+                number = int.from_bytes(part, "little")
+                if isinstance(con, c.FormatField | c.BytesInteger) and isinstance(leaf.value, int):
+                    number = leaf.value  # its high byte may be the first
+                out[name] = _worded(con, number)
             elif name == "servo_id" and not brings:
                 servos.append(leaf.value)
         return {**out, "servo_ids": servos} if servos else out
+
+    def _told(self, raw: bytes, row: FrameView) -> dict[str, Any]:
+        """Return what an answer says beside address, length and data."""
+        if row.flags & MALFORMED:
+            return {}
+        out: dict[str, Any] = {}
+        grammar, params = self._answered(row), raw[self.plan.tail_at : len(raw) - self.plan.behind]
+        for leaf in leaves(grammar, params):
+            if leaf.path == "error":
+                names = list(self.status_names(row.status))
+                out["error"] = {"number": row.status, "names": names}
+            elif leaf.path not in ("address", "length", "data", ""):
+                part = params[leaf.offset : leaf.offset + leaf.length]
+                con = field_named(grammar, leaf.path)
+                out[leaf.path] = _worded(con, int.from_bytes(part, "little"))
+        return out
+
+    def _answered(self, row: FrameView) -> Any:
+        """Return the grammar of an answer behind its code."""
+        family = self.family
+        if family.answers is not None:
+            return c.Struct(*family.feedback.subcons[1:])
+        return family.feedback_of(row.op)
 
     def telling_bytes(self, frames: Frames, data: U8) -> I64:
         """Return the bytes before those of registers: what these are, ``fields`` does not look at.
@@ -116,6 +150,7 @@ class Words:
             size = column(data, at, self._length_width)
             out[several[size == 0]] = f.length[several[size == 0]]
         registers = (f.kind != REQUEST) & ((f.address >= 0) | (f.data_length <= 0))
+        registers &= not self._tells_more
         return np.asarray(np.where(registers, 0, out))
 
     def _leading(self, op: int, params: bytes) -> list[tuple[str, Any]]:
@@ -134,13 +169,15 @@ class Words:
     def dissect(self, raw: bytes, row: FrameView) -> list[FieldSpan]:
         """Return the packet's fields, the parameters split by their command's grammar."""
         out: list[FieldSpan] = []
-        for leaf in leaves(self.family.packet, raw):
+        for leaf in leaves(self.family.packet_of(raw), raw):
             name = leaf.path.rpartition(".")[2]
             if name == "code":
                 asked = row.kind == REQUEST
                 words = self.op_name(row.op if asked else -1)
                 if self.family.echoes:
                     words = self.op_name(leaf.value)
+                elif self.family.asked_by and not asked:
+                    words = self.op_name(self.family.asked_by.get(leaf.value, leaf.value))
                 elif not asked and self.family.answers is None:
                     words = ", ".join(self.status_names(leaf.value)) or "none"
                 label = self.family.words[not asked]
@@ -153,6 +190,8 @@ class Words:
 
     def _plain(self, raw: bytes, params: bytes) -> bytes:
         """Return parameters of a packet as they were meant."""
+        if self.family.stuffing is None:
+            return params
         at = self.plan.at
         return self.family.plain(params, raw[at["servo_id"]], raw[at["code"]])
 
@@ -164,6 +203,8 @@ class Words:
         if plain != wire:
             whole = FieldSpan(at, len(wire), self.family.tail, _hex(wire), "stuffed")
             return [whole]
+        if row.kind != REQUEST and self._tells_more and not row.flags & MALFORMED:
+            return self._told_fields(wire, at, row)
         if row.kind != REQUEST:
             out = []
             if self.family.answers is not None:
@@ -187,12 +228,27 @@ class Words:
                 out.append(_span(part, part.path, at))
         return out
 
+    def _told_fields(self, wire: bytes, at: int, row: FrameView) -> list[FieldSpan]:
+        """Split the parameters of an answer by its grammar."""
+        out, grammar = [], self._answered(row)
+        for part in leaves(grammar, wire):
+            bits = flag_bits(field_named(grammar, part.path))
+            if bits or part.path == "error":
+                number = int.from_bytes(wire[part.offset : part.offset + part.length], "little")
+                names = bit_names(bits, number) if bits else self.status_names(number)
+                text = f"{number:0{2 * part.length}X} {', '.join(names) or 'none'}"
+                out.append(FieldSpan(at + part.offset, part.length, part.path, text, part.docs))
+            else:
+                out.append(_span(part, part.path, at))
+        return out
+
     def explain(self, run: bytes, start: int, *, awaited: bool = False) -> list[Gap]:
         """Look for headers: what follows one is a damaged or a truncated packet, the rest noise."""
         del awaited  # headers tell
         out: list[Gap] = []
         plan, head = self.plan, self.plan.header
-        size_at, width = plan.at[self._size], plan.width[self._size]
+        heads = (head, self.family.answer_header or head)
+        size_at, width = size_place(plan)
         p, n = 0, len(run)
 
         def add(until: int, reason: str, detail: dict[str, Any]) -> None:
@@ -202,8 +258,8 @@ class Words:
                 p = until
 
         while p < n:
-            at = run.find(head, p)
-            while at >= 0 and run.startswith(head, at + 1):
+            at = _first(run, heads, p)
+            while at >= 0 and run.startswith(heads, at + 1):
                 at += 1  # an id is never a header's byte: the header is the last of a run
             if at < 0 or at + len(head) >= n:
                 # Less than a header tells a packet no better than a stray byte: noise.
@@ -218,40 +274,58 @@ class Words:
                 limit = self._least if size < self._least else self.family.most
                 add(stop, "damaged", {self._size: size, f"{self._size}_{bound}": limit})
                 continue
-            following = run.find(head, at + len(head))
+            following = _first(run, heads, at + len(head))
             need = None if size is None else int(self._total[size])
             stop = at + (need or 0)
-            if need is None or stop > n or 0 <= following < stop - plan.sum_width:
+            if need is None or stop > n or 0 <= following < stop - plan.behind:
                 end = following if following >= 0 else n
                 detail = {"have": end - at} | ({} if need is None else {"need": need})
                 add(end, "truncated", {**detail, **self._as_read(run[at:end])})
                 continue
-            checksum, body, got = self.checksum_of(run[at:stop])
-            expected = checksum(body)
-            sums = {"checksum_expected": expected, "checksum_got": got}
-            detail = {} if expected == got else sums
-            read = self._as_read(run[at : stop - plan.sum_width])
+            detail = self._broken(run[at:stop])
+            read = self._as_read(run[at : stop - plan.behind])
             add(stop, "damaged", {**detail, **read})
         return out
 
+    def _broken(self, raw: bytes) -> dict[str, Any]:
+        """Return which checksum of a packet does not hold, empty if all do."""
+        seals = [(s.checksum, self.plan.covered(s, raw), self.plan.sealed_as(s, raw))
+                 for s in self.plan.seals]  # fmt: skip
+        for checksum, body, got in seals or [self.checksum_of(raw)]:
+            expected = checksum(body)
+            if expected != got:
+                return {"checksum_expected": expected, "checksum_got": got}
+        return {}
+
     def survey(self, runs: Runs) -> Torn:
         """Tell the same of all runs of a pass at once."""
-        return survey(runs, self.plan, self._size, self._least, self._total)
+        heads = (self.plan.header, self.family.answer_header)
+        return survey(runs, self.plan, heads, self._least, self._total, self.family.sole_id)
 
     def _as_read(self, raw: bytes) -> dict[str, Any]:
         """Return the fields of a packet that does not hold, without its checksum."""
         at = self.plan.at
         out: dict[str, Any] = {}
-        if len(raw) > at["servo_id"]:
+        if self.family.sole_id is not None:
+            if len(raw) > len(self.plan.header):
+                out["servo_id"] = self.family.sole_id
+        elif len(raw) > at["servo_id"]:
             out["servo_id"] = raw[at["servo_id"]]
         if len(raw) > at["code"]:
             code = raw[at["code"]]
+            code = self.family.asked_by.get(code, code)
             if code in self.family.commands:
                 out["op"] = self.op_name(code)
             else:
                 out["code"] = code
             out["data"] = raw[self.plan.tail_at :].hex()
         return {"fields": out} if out else {}
+
+
+def _first(run: bytes, heads: tuple[bytes, bytes], at: int) -> int:
+    """Return where the first header stands from an offset on, -1 if there is none."""
+    found = [place for head in dict.fromkeys(heads) if (place := run.find(head, at)) >= 0]
+    return min(found, default=-1)
 
 
 def _worded(con: Any, number: int) -> Any:
