@@ -9,7 +9,7 @@ import pytest
 
 from tests.conversations import Conversation, robot, swinging
 from tests.diagnosed import codes, verdicts
-from tests.servos import finding, heard, lss, suffering
+from tests.servos import finding, heard, lss, mightyzap_read, suffering
 from tests.streams import mightyzap, rs30x
 from tests.test_diagnosis_controller import collided
 from tests.test_diagnosis_tap import holes, one_wire
@@ -152,3 +152,39 @@ def test_a_controller_that_nobody_answers_and_that_waits_may_have_another_rate()
 
     told = robot("mightyzap", 8, instead=in_vain, rate_hz=10).diagnosed()
     assert [incident.cause for incident in told.incidents()] == ["wrong-baud"]
+
+
+def away_together(low_v: float) -> list[tuple[float, bytes]]:
+    """Return four servos, three of which are silent at once, behind a supply of so much."""
+    said = []
+    for k in range(700):
+        t = k * 0.05
+        before, silent = t > 5 and t % 10 > 8.2, t > 5 and t % 10 > 9.5
+        for servo in (1, 2, 3, 4):
+            level = low_v if before and servo < 4 else 12.0
+            ask, answer = mightyzap_read(servo, t + servo / 100, 0x92, bytes([round(level * 10)]))
+            said += [ask] if silent and servo < 4 else [ask, answer]
+    return said
+
+
+def test_servos_that_fall_silent_together_behind_a_sag_share_a_supply_and_not_a_cable() -> None:
+    sagging, steady = (heard(away_together(v), "mightyzap").incidents() for v in (9.2, 12.0))
+    assert verdicts(sagging) == [("brownout", (1, 2, 3))]
+    assert verdicts(steady) == [("bad-cable", (1, 2, 3))]
+
+
+def test_a_torn_line_that_reads_as_a_modifier_is_no_command_of_the_wrong_form() -> None:
+    rng = random.Random(4)
+    talk = robot("lss", 6)
+    heard_so = []
+    for k, chunk in enumerate(talk.chunks):
+        data = bytearray(chunk.data)
+        if data.startswith(b"#") and rng.random() < 0.03:
+            data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+        if k == 400:
+            data = bytearray(b"#3D-3Y0\r")
+        heard_so.append(replace(chunk, data=bytes(data)))
+    assert verdicts(talk.diagnosed(heard_so).incidents()) == [("bus-noise", ())]
+    talk.write(b"#3D-3Y0\r")
+    talk.read(1, 0.5)
+    assert "modifier-misused" in codes(talk.diagnosed())

@@ -20,6 +20,9 @@ PUSHES: Final = 0.4
 IDLES: Final = 0.12
 """Part of it that friction and give of a joint have, with the motor off."""
 
+NOTHING: Final = 0.03
+"""A motor that is off has no more, unless all of the bus have: a load is what drives it."""
+
 PUSHING_MA: Final = 300.0
 """Currents of small servos at rest are some tens of mA, their stall currents 800 mA and more."""
 
@@ -42,10 +45,10 @@ class Effort:
 
     @functools.cached_property
     def _idle(self) -> float:
-        """What the idlest servo of the bus has; if that is much, none of them idles."""
+        """What the idlest servo of the bus has."""
         quantity = self.series.register.quantity
         known = (self._case.series(i, quantity) for i in self._case.measured_by(quantity))
-        least = min(
+        return min(
             (
                 float(np.quantile(np.abs(s.mean), 0.1))
                 for s in known
@@ -53,19 +56,23 @@ class Effort:
             ),
             default=0.0,
         )
-        return min(least, PUSHING_MA / 2)
 
     @property
     def pushes_from(self) -> float:
         """From which number on the motor pushes."""
-        return PUSHES * self.full if self.full else max(PUSHING_MA, TIMES * self._idle)
+        return PUSHES * self.full if self.full else max(PUSHING_MA, TIMES * self._resting)
 
     @property
     def idles_to(self) -> float:
         """Up to which number the motor may be off."""
         if self.full:
-            return IDLES * self.full
-        return min(max(1.6 * self._idle, PUSHING_MA / 5), PUSHING_MA)
+            return min(max(1.6 * self._idle, NOTHING * self.full), IDLES * self.full)
+        return min(max(1.6 * self._resting, PUSHING_MA / 5), PUSHING_MA)
+
+    @property
+    def _resting(self) -> float:
+        """The current of the idlest servo; if that is much, none of them idles."""
+        return min(self._idle, PUSHING_MA / 2)
 
     def between(self, first_ns: int, last_ns: int) -> tuple[float, float]:
         """Return the usual steady effort in a stretch of time, and the usual peaks; NaN: none."""

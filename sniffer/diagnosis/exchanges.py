@@ -194,18 +194,21 @@ class Exchanges:
 
     def _hurried(self, r: RequestRows, rows: I64, idle: I64) -> None:
         """Note requests that came before the answer to the last one was over."""
+        unsure = np.maximum(r.unsure(rows), r.unsure(rows + 1)) + self._byte_ns // 4
+        # The answer stands before the next request: its stamps are off by less than they may be,
+        # or both were on the line at once.
+        first = r.answer_at[rows] < r.places(rows + 1)
+        over = first & (idle[rows] < -unsure)
+        rows, over = rows[~first | over], over[~first | over]
         self.in_flight += len(rows)
         more = np.bincount(np.maximum(r.kind[rows], 0), minlength=len(self.early))
         more[: len(self.early)] += self.early
         self.early = more
         wait = r.t_start[rows + 1] - r.t_end[rows]
         self.hurried.add(np.zeros(len(rows), np.int64), wait, wait)
-        unsure = np.maximum(r.unsure(rows), r.unsure(rows + 1)) + self._byte_ns // 4
-        # The answer stands before the next request: both were on the line at once.
-        first = r.answer_at[rows] < r.places(rows + 1)
-        over = rows[first & (idle[rows] < -unsure)]
-        self.overlaps += len(over)
-        some = over[: KEPT - len(self.overlapping)]
+        both = rows[over]
+        self.overlaps += len(both)
+        some = both[: KEPT - len(self.overlapping)]
         columns = (r.places(some), r.lengths(some), r.t_end[some])
         self.overlapping += zip(*(column.tolist() for column in columns), strict=True)
 

@@ -41,6 +41,9 @@ class Silences:
         self._over: dict[int, list[Silence]] = {}
         self._runs: dict[int, list[Silence]] = {}
         self._lengths: dict[int, list[int]] = {}
+        self._unheard: set[int] = set()
+        """Whose open stretch began before they ever answered."""
+        self._late: dict[int, Silence] = {}
         self.heard: set[int] = set()
         """Servos that answered at least once."""
 
@@ -53,6 +56,7 @@ class Silences:
         frames, rows = batch.asking(t.request[told])
         servo, outcome = frames.servo_id[rows].astype(np.int64), t.outcome[told]
         answered = outcome == OK
+        before = self.heard.copy()
         self.heard.update((np.flatnonzero(np.bincount(servo[answered] + 1)) - 1).tolist())
         missed = outcome == NO_RESPONSE
         if not missed.any() and not self._open:
@@ -60,9 +64,14 @@ class Silences:
         for who in sorted({*np.unique(servo[missed]).tolist(), *self._open}):
             mine = np.flatnonzero(servo == who)
             if len(mine):
-                self._follow(who, batch.base, frames, rows[mine], missed[mine])
+                ok = np.flatnonzero(answered[mine])
+                first = 0 if who in before else int(ok[0]) if len(ok) else len(mine)
+                self._follow(who, batch.base, frames, rows[mine], missed[mine], first)
 
-    def _follow(self, who: int, base: int, frames: Frames, rows: I64, missed: Mask) -> None:
+    def _follow(
+        self, who: int, base: int, frames: Frames, rows: I64, missed: Mask, heard: int
+    ) -> None:
+        """Follow one servo; from the row ``heard`` on it has answered."""
         edges = np.flatnonzero(np.diff(missed.astype(np.int8), prepend=0, append=0))
         n = len(missed)
         if who in self._open and not missed[0]:
@@ -81,11 +90,23 @@ class Silences:
                     count,
                     None,
                 )
+                if a < heard:
+                    self._unheard.add(who)
             if b < n:
                 self._close(who, int(frames.t_start[rows[b]]))
 
     def _close(self, who: int, t_ns: int) -> None:
         one = self._open.pop(who)._replace(back_ns=t_ns)
+        if who in self._unheard:
+            self._unheard.remove(who)
+            late = self._late.setdefault(who, one)
+            self._late[who] = one._replace(
+                first_ns=late.first_ns,
+                at=late.at,
+                length=late.length,
+                missed=one.missed + (late.missed if late is not one else 0),
+            )
+            return
         lengths = self._lengths.setdefault(who, [0] * LEAST)
         lengths[min(one.missed, LEAST) - 1] += 1
         runs = self._runs.setdefault(who, [])
@@ -106,6 +127,10 @@ class Silences:
     def runs(self, servo_id: int) -> Sequence[Silence]:
         """Return the first stretches of a servo that were over, also those of one request."""
         return self._runs.get(servo_id, ())
+
+    def late(self, servo_id: int) -> Silence | None:
+        """Return the stretch before a servo's first answer: it came later, and was not away."""
+        return self._late.get(servo_id)
 
     def lengths(self, servo_id: int) -> tuple[int, ...]:
         """Return how many stretches that were over had one request, two, and ``LEAST`` or more."""

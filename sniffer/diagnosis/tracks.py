@@ -140,7 +140,9 @@ class JointTrack:
         since = t - self._window_ns
         out: Mask = (t - told_at <= AGE_NS) & (ended_at <= since) & (ended_at <= told_at)
         out &= self.goal.t_first[0] <= since
-        for s in self._case.ledger.silences.runs(self.servo_id):
+        silences = self._case.ledger.silences
+        late = silences.late(self.servo_id)
+        for s in (*silences.runs(self.servo_id), *((late,) if late else ())):
             if s.missed > 1:  # what did not reach it, it cannot follow
                 out &= (t < s.first_ns) | (t > (s.back_ns or 0) + self._long_ns)
         return out
@@ -186,15 +188,35 @@ class JointTrack:
         # where it was when the goals began to move, which may have been looked at a little before
         since = np.maximum(np.searchsorted(p.t, p.t - self._long_ns) - 1, 0)
         low, high = _extremes(p, since, np.arange(len(p)) + 1)
-        away |= (means > 2 * self.far) & (high - low < FOLLOWS * means)
+        away |= (means > 2 * self.far) & (high - low < FOLLOWS * means) & ~self._obeys
         return away & (looks >= LOOKS - 1)
 
     @functools.cached_property
-    def _slow_goals(self) -> F64:
-        """How far the goals of each window range, by the means of their buckets."""
+    def _obeys(self) -> Mask:
+        """Whether it is where its latest goal is, or has come nearer since that was stated."""
         p, g = self.position, self.goal
-        first = np.searchsorted(g.t, p.t - self._long_ns)
-        behind = np.searchsorted(g.t_first, p.t - LAG_NS // 4, "right")
+        changed = np.flatnonzero(g.step > 0)
+        if not len(changed):
+            return np.zeros(len(p), bool)
+        row = changed[np.maximum(np.searchsorted(g.t[changed], p.t, "right") - 1, 0)]
+        goal, told_ns = g.last[row], g.t[row]
+        began = np.maximum(np.searchsorted(p.t_first, told_ns, "right") - 1, 0)
+        was = np.where(p.t[began] <= told_ns, p.last[began], p.first[began])
+        nearer = np.abs(goal - was) - np.abs(goal - p.last)
+        is_there = (np.abs(goal - p.last) < self.far / 2) & (p.t - told_ns > LAG_NS // 4)
+        obeys: Mask = (told_ns <= p.t) & ((nearer > self.far / 8) | is_there)
+        return obeys
+
+    @functools.cached_property
+    def _slow_goals(self) -> F64:
+        """How far the goals of each window range, by the means of their buckets.
+
+        Of the last moments none count: a joint that has just begun to move was told where to.
+        """
+        p, g = self.position, self.goal
+        # What it was told before it was looked at, it may have done.
+        first = np.searchsorted(g.t, np.maximum(p.t - self._long_ns, p.t_first[0]))
+        behind = np.searchsorted(g.t, p.t - LAG_NS // 2, "right")
         low, high = _extremes(g, first, behind, g.mean, g.mean)
         return np.where(np.isfinite(low), high - low, 0.0)
 

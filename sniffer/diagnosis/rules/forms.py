@@ -145,7 +145,7 @@ def odd_commands(case: Case) -> Iterator[Finding]:
         span = kinds.t_first[k], int(kinds.t_last[k])
         wrong = _misused(case, kinds.example[k]) if has_modifiers and odd & UNUSUAL else ""
         lacks = _incomplete(case, kinds.example[k]) if has_modifiers and odd & UNUSUAL else ""
-        if wrong:
+        if wrong and not may_be_torn(case, n):
             text = kinds.example[k].decode("latin-1").strip()
             code, what = "modifier-misused", f"{n} x {text}: {name} has no modifier {wrong}"
         elif odd & (MALFORMED | UNKNOWN) and (

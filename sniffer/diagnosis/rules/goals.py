@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.forms import TORN, may_be_torn
@@ -132,7 +133,8 @@ def _usual(case: Case, goals: Series, r: int) -> float:
     near = np.abs(bucket - bucket[r]) <= NEAR
     small = near & (step > 0) & (step < ABOUT * step[r])
     before, behind = int(small[:r].sum()), int(small[r + 1 :].sum())
-    ends = bucket[r] >= bucket[-1] - 1
+    # Behind the last goal of all nothing says whether it was one of the path or another move.
+    ends = bucket[r] >= max(bucket[-1] - 1, case.last_ns // BUCKET_NS - 2)
     if before < NEAR // 2 or (behind < NEAR // 4 and not ends) or _lacks_goals(case, goals, r):
         return 0.0
     usual = float(step[small].max())

@@ -10,7 +10,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.efforts import effort
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.warmth import hot_times
-from sniffer.diagnosis.tracks import LOOKS, in_force, track
+from sniffer.diagnosis.tracks import LAG_NS, LOOKS, in_force, track
 from sniffer.ground.model import NS
 from sniffer.protocols.base import RESTARTS
 
@@ -58,7 +58,7 @@ FINDINGS: Final = (
         "joint-not-following",
         "device",
         "A joint does not follow its goals, and nothing measured tells whether it pushes.",
-        "As above, without load or current, or with one that is neither idle nor pushing.",
+        "As above, without load or current, or with one that is neither idle nor pushing; not a joint that came there by itself, on the way to one goal, and leaves with the next one, as a gripper does.",
     ),
 )
 
@@ -114,8 +114,10 @@ def following(case: Case) -> Iterator[Finding]:
         kinds: dict[str, list[Away]] = {}
         for away in one.away:
             code = _kind(case, one, away)
-            kinds.setdefault(code, []).append(away)
             motor = effort(case, one.servo_id)
+            if motor and code in ("joint-limp", "joint-not-following") and _presses(one, away):
+                continue
+            kinds.setdefault(code, []).append(away)
             if code.startswith("joint-limp") and motor and _pushed_before(one, motor, away):
                 kinds.setdefault("joint-stalled", []).append(away)
         for code, several in kinds.items():
@@ -209,6 +211,31 @@ def _pushed_before(one: JointTrack, motor: Effort, away: Away) -> bool:
     stands = p.last[away.first]
     off = np.maximum(low - stands, stands - high)
     return float(np.median(off)) > WELL * one.far
+
+
+def _presses(one: JointTrack, away: Away) -> bool:
+    """Tell whether a joint went towards its one goal, met something, and leaves it with the next goal.
+
+    So does a gripper that is let to press a little; a motor that is off neither comes nor goes.
+    """
+    p, stands = one.position, float(one.position.last[away.first])
+    since, until = np.array([away.first_ns]), np.array([away.last_ns])
+    low, high = (float(x[0]) for x in in_force(one.goal, since, until))
+    if high - low > one.far / 2:
+        return False
+    ahead = 1 if low > stands else -1
+    first = away.first
+    while first > 0 and abs(p.low[first - 1] - stands) < one.far / 2:
+        first -= 1
+    before = slice(int(np.searchsorted(p.t, p.t_first[first] - LAG_NS)), first)
+    way = ahead * (stands - (p.low[before] if ahead > 0 else p.high[before]))
+    g = one.goal
+    next_goals = np.flatnonzero((g.t > away.last_ns) & (np.abs(g.last - low) > one.far))
+    told_ns = int(g.t[next_goals[0]]) if len(next_goals) else int(p.t[-1])
+    behind = slice(away.last, int(np.searchsorted(p.t_first, told_ns + 2 * LAG_NS)))
+    leaves = np.abs(p.last[behind] - stands) > one.far
+    has_come = not first or float(way.max(initial=0.0)) > one.far
+    return has_come and bool(leaves.any() or not len(next_goals))
 
 
 def _since(one: JointTrack, away: Away, moments: I64) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.ledger import MILLI
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.diagnosis.tracks import in_force, track
+from sniffer.diagnosis.tracks import FAR, in_force, track
 from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ FINDINGS: Final = (
         "position-jumps",
         "device",
         "A measured position jumps as no joint moves.",
-        "A step that would be faster than 1500 degrees (400 mm) a second even if the stamps are as wrong as they can be, and four times the greatest step of most of the time; or such a step and one back with the next value, without a goal there.",
+        "A step that would be faster than 1500 degrees (400 mm) a second even if the stamps are as wrong as they can be, and four times the greatest step of most of the time; or such a step and one back with the next value, without a goal there. Both beyond 4 degrees (0.8 mm) and 4 % of the range.",
     ),
     FindingCode(
         "doubtful-value",
@@ -47,7 +47,7 @@ USUAL: Final = 0.5
 """Half of the time has no greater steps, however often it jumps."""
 
 LEAST_SHARE: Final = 0.04
-"""A jump is at least so much of the register's range, or of what was met."""
+"""A jump is at least so much of the register's range, or of what was met, and more than play."""
 
 WRAPS: Final = 0.8
 """A step of more than this share of the range is a turn that begins anew."""
@@ -89,7 +89,8 @@ def _jumps(case: Case, servo: int, p: Series, steps: Sequence[Leap]) -> list[Lea
     for k, s in enumerate(steps):
         size = s.size / MILLI
         wraps = p.register.range is not None and size > WRAPS * span
-        if size < max(AHEAD * usual, LEAST_SHARE * span) or wraps:
+        least = max(AHEAD * usual, LEAST_SHARE * span, FAR.get(p.unit, 0.0))
+        if size < least or wraps:
             continue
         follows = steps[k + 1] if k + 1 < len(steps) else None
         soon = SOON_NS if joint is None else LATER_NS

@@ -97,12 +97,15 @@ class _Lost:
         spells = case.ledger.silences.of(servo)
         until = spells[-1].first_ns if spells and spells[-1].back_ns is None else case.last_ns + 1
         events = case.anomalies("no-response", "damaged-response", servo_id=servo)
-        events = events.take(events.t_ns < until)  # what it never came back from is another matter
+        # what it never came back from is another matter, and so is what was before it came
+        late = case.ledger.silences.late(servo)
+        begun = late.back_ns or 0 if late else 0
+        events = events.take((events.t_ns < until) & (events.t_ns >= begun))
         self.servo = servo
         self.ok = int(a["ok"][mine].sum())
         self.torn = int(a["damaged"][mine].sum())
-        self.missing = int(a["missing"][mine].sum())
-        self.bad = min(int((a["missing"] + a["damaged"])[mine].sum()), len(events))
+        self.missing = int(a["missing"][mine].sum()) - (late.missed if late else 0)
+        self.bad = min(self.missing + self.torn, len(events))
         order = np.argsort(events.t_ns, kind="stable")
         self.times: I64 = events.t_ns[order]
         self.at: I64 = events.at[order]

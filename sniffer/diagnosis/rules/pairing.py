@@ -182,7 +182,9 @@ def _outages(case: Case, servo: int) -> list[Silence]:
     runs, asked = sum(lengths), case.total("asked", servo)
     if not runs:
         return []
-    share = min(case.total("missing", servo) / max(asked, 1), 1.0)
+    late = kept.late(servo)
+    missing = case.total("missing", servo) - (late.missed if late else 0)
+    share = min(missing / max(asked, 1), 1.0)
     several = lengths[1] + lengths[2]
     if lengths[1] and several > max(CHANCE * runs * share, 2 * lengths[0]):
         return [s for s in kept.runs(servo) if s.missed > 1]

@@ -9,6 +9,17 @@ import numpy as np
 from sniffer.decoding.pacing import ASSUMED
 from sniffer.diagnosis.case import BUCKET_NS, episodes
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.cycles import (
+    CYCLES,
+    EDGE,
+    REGIMES,
+    SPREAD,
+    SPREAD_NS,
+    is_kept_waiting,
+    is_parted,
+    is_steady_for_a_while,
+    lumps,
+)
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.order import Order
 from sniffer.ground.model import NS, Clock, MarkKind
@@ -28,17 +39,18 @@ FINDINGS: Final = (
         "timing",
         "The controller's loop stops for several cycles, and goes on.",
         "Pauses before requests that come without one in nearly every cycle, longer than two usual "
-        "pauses, and than two of those before the same request, beyond what the stamps leave open, with "
-        "no missing answer or damage in them.",
+        "pauses, than two of those around it, and than two of those before the same request, beyond what "
+        "the stamps leave open, with no missing answer or damage in them, and not in every cycle for a while.",
     ),
     FindingCode(
         "loop-jitters",
         "timing",
         "The controller's loop is uneven: its cycles differ by half their length and more.",
         "The times between like requests: how far those at 5 % and at 95 % are from the middle, twice the "
-        "lesser of both, less what the stamps leave open; not three periods that hold most of them; hardly "
-        "any answer is missing; and what comes late does not come right behind something else that the "
-        "program had to say.",
+        "lesser of both, less what the stamps leave open; not three periods that hold most of them, nor "
+        "lengths with none between, nor cycles that are all about as long as those around them; hardly any "
+        "answer is missing; and what comes late does not come right behind something else that the program "
+        "had to say.",
     ),
     FindingCode(
         "bus-full",
@@ -61,37 +73,29 @@ MS: Final = 1_000_000
 FAILS_MOST: Final = 0.05
 """Share of cycles with something that failed beyond which timeouts make them uneven."""
 
-EDGE: Final = 0.05
-"""Where a spread is measured; a loop that became uneven late in a capture still shows there."""
-
-SPREAD: Final = 0.5
-"""Part of a cycle by which cycles differ in an uneven loop; a sleeping script's differ by a third."""
-
-SPREAD_NS: Final = 4 * MS
-"""Less than a scheduler's tick of a busy host is not worth a word."""
-
 FREE_RUNNING_NS: Final = 6 * MS
 """A controller that never rests longer has no cycle to keep: it asks as soon as it is answered."""
 
 SLOWEST_NS: Final = NS // 2
 """What comes less often than twice a second is no control loop."""
 
-CYCLES: Final = 40
-"""Cycles that make a loop."""
+BEAT: Final = 1 / 3
+"""What is asked so many times as often as what is asked most may be what has the loop's cycle."""
 
 LONGER: Final = 2.0
 STALL_NS: Final = 10 * MS
 """A stall is so many usual pauses and so much longer: a cycle that was missed, not one that is late."""
 
-REGIMES: Final = 0.75
-"""Part of the cycles in three periods: a program that does one thing, then another, has some; a loop
-that trembles has all between."""
-
-KEPT_WAITING: Final = 0.5
-"""Part of the late cycles that begin right behind another job of the program: it was busy, not late."""
-
 OFTEN: Final = 0.15
 """Share of the requests of one kind that may have a stall before them; more is the program's way."""
+
+AROUND_NS: Final = 4 * NS
+MOSTLY: Final = 0.7
+"""What is usual around a pause: what most of so much time on each side has at most."""
+
+SLOWER: Final = 4
+"""So many such pauses in a row, with nothing between them but one cycle's requests, are a slower
+loop: a program that looks less often now."""
 
 PERSON_NS: Final = NS // 2
 """Nobody stops a program and starts it again within half a second: what is longer may be a person's
@@ -139,13 +143,15 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
     spreads = [
         found
         for key in periods.keys
-        if periods.count(key) >= most / 2 and (found := _cycle(case, key))
+        if periods.count(key) >= most * BEAT and (found := _cycle(case, key))
     ]
     if not spreads:
         return
     # What is asked twice in a cycle, or at times, is uneven by plan: the steadiest one tells.
     spread, middle, low, high, count = min(spreads, key=lambda s: s[0] / s[1])
-    if middle > SLOWEST_NS or spread < max(SPREAD * middle, SPREAD_NS) or _is_kept_waiting(case):
+    if middle > SLOWEST_NS or spread < max(SPREAD * middle, SPREAD_NS):
+        return
+    if is_steady_for_a_while(case) or is_kept_waiting(case):
         return
     yield Finding(
         "loop-jitters",
@@ -168,46 +174,13 @@ def _cycle(case: Case, key: int) -> tuple[int, int, int, int, int] | None:
     low, middle, high = (periods.at(key, share) for share in (EDGE, 0.5, 1 - EDGE))
     if low is None or middle is None or high is None or periods.count(key) < CYCLES:
         return None
-    if _lumps(periods.counts(key)) >= REGIMES:
+    bins = periods.counts(key)
+    if lumps(bins) >= REGIMES or is_parted(bins, periods.per_octave):
         return None
     # Pauses make cycles longer and none shorter: what is uneven is so on both sides.
     side = min(middle.low - low.high, high.low - middle.high)
     spread = max(2 * side - 2 * case.latency_ns, 0)
     return spread, middle.high, low.high, high.low, periods.count(key)
-
-
-def _lumps(bins: I64) -> float:
-    """Return the part of all cycles that the fullest three periods have, each 3 % to both sides."""
-    left, held = bins.copy(), 0
-    for _ in range(3):
-        wide = np.convolve(left, np.ones(5, np.int64), "same")
-        top = int(wide.argmax())
-        held += int(wide[top])
-        left[max(top - 2, 0) : top + 3] = 0
-    return held / max(int(bins.sum()), 1)
-
-
-def _is_kept_waiting(case: Case) -> bool:
-    """Tell whether what comes late comes as soon as the program has done something else.
-
-    Who has several timers and one line says the one thing when the other is done: what else begins
-    behind a rest has none before it when it is late. A loop that trembles begins late behind a rest.
-    """
-    kinds, turns = case.ledger.exchanges.kinds, case.ledger.exchanges.turns
-    took = np.array([len(example) for example in kinds.example]) * case.ledger.byte_ns
-    took += [turn.low if (turn := turns.at(k, EDGE)) else 0 for k in range(len(kinds))]
-    for t, kind in case.ledger.exchanges.moments.stretches():
-        for k in np.flatnonzero(kinds.n >= max(CYCLES, kinds.n.max() / 2)).tolist():
-            rows = np.flatnonzero(kind == k)[1:]
-            if not len(rows):
-                continue
-            period, idle = np.diff(t[kind == k]), t[rows] - t[rows - 1] - took[kind[rows - 1]]
-            late = period > (1 + SPREAD / 2) * np.median(period)
-            held = late & (idle - case.latency_ns <= SPREAD_NS)
-            begins = bool(np.median(idle[~late]) > SPREAD_NS)
-            if begins and held.sum() >= max(KEPT_WAITING * late.sum(), 1):
-                return True
-    return False
 
 
 def _failing(case: Case) -> int:
@@ -227,6 +200,8 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
     if usual > SLOWEST_NS:
         return
     stalls = [p for p in case.ledger.exchanges.pauses if p.sure_ns >= least]
+    stalls = _without_slower_loops(sorted(stalls, key=lambda p: p.t_ns), usual)
+    stalls = [p for p in stalls if p.sure_ns >= LONGER * _usual_around(case, p)]
     stalls = [p for p in stalls if _in_the_loop(case, p, usual)]
     if not stalls:
         return
@@ -262,6 +237,36 @@ def loop_stalls(case: Case) -> Iterator[Finding]:
         episodes=tuple((p.t_ns, p.t_ns + p.sure_ns) for p in stalls),
         values=(("longest_ns", longest.sure_ns), ("usual_ns", usual)),
     )
+
+
+def _usual_around(case: Case, pause: Pause) -> float:
+    """Return how long the longest rests of the quarter seconds around a pause mostly are.
+
+    A program that does one thing, then another, has another cycle there.
+    """
+    line = case.line
+    first = np.searchsorted(line["bucket"], (pause.t_ns - AROUND_NS) // BUCKET_NS)
+    last = (pause.t_ns + pause.sure_ns + AROUND_NS) // BUCKET_NS
+    rests = line["pause_max"][first : np.searchsorted(line["bucket"], last, "right")]
+    rests = rests[rests > 0]
+    return float(np.quantile(rests, MOSTLY)) if len(rests) else 0.0
+
+
+def _without_slower_loops(stalls: list[Pause], usual: float) -> list[Pause]:
+    """Leave out pauses (in order) that come in every cycle for a while."""
+    rows: list[list[Pause]] = []
+    for p in stalls:
+        last = rows[-1][-1] if rows else None
+        spare = max(usual, STALL_NS)
+        if (
+            last is not None
+            and p.t_ns - last.t_ns - last.sure_ns <= spare
+            and max(p.sure_ns, last.sure_ns) <= LONGER * min(p.sure_ns, last.sure_ns)
+        ):
+            rows[-1].append(p)
+        else:
+            rows.append([p])
+    return [p for row in rows if len(row) < SLOWER for p in row]
 
 
 def _in_the_loop(case: Case, pause: Pause, usual: float) -> bool:

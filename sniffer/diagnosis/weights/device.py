@@ -51,7 +51,7 @@ WEIGHTS: Final = (
         ("away-without-a-tear", 0.2, "it goes away with its answers whole"),
         (
             "others-away-too",
-            -1.0,
+            -0.5,
             "a place of the chain rather than its supply, if nobody complains",
         ),
         ("torque-survives", -1.5, "its torque is on when it is back: it did not restart"),

@@ -274,7 +274,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("late-edges", -2.5, "a contact does not look at the bit before"),
         ("late-bits", -2.5, "a contact does not choose the last bits"),
         ("first-byte-torn", -1.5, "a contact does not choose a byte"),
-        ("voltage-sag", -2.0, "the supply is low when it is away"),
+        ("voltage-sag", -3.5, "the supply is low when it is away"),
         ("device-input-voltage", -2.0, "it complains of its supply"),
         ("late-response", -1.5, "it answers, but too late"),
         ("damage-in-answers", 0.1, "answers are cut"),

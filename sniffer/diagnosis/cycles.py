@@ -1,0 +1,111 @@
+"""Whether cycles of different lengths are a program's plan: what speaks against an uneven loop."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis.case import Case
+    from sniffer.ground.model import I64
+
+MS: Final = 1_000_000
+
+EDGE: Final = 0.05
+"""Where a spread is measured; a loop that became uneven late in a capture still shows there."""
+
+SPREAD: Final = 0.5
+"""Part of a cycle by which those of an uneven loop differ; a sleeping script's by a third."""
+
+SPREAD_NS: Final = 4 * MS
+"""Less than a scheduler's tick of a busy host is not worth a word."""
+
+CYCLES: Final = 40
+"""Cycles that make a loop."""
+
+REGIMES: Final = 0.75
+"""Part of the cycles in three periods: a program that does one thing, then another, has some; a
+loop that trembles has all between."""
+
+RARE: Final = 0.01
+"""Part of the cycles that a length must have to be one of the program's."""
+
+SEVERAL: Final = 3
+"""Octaves between the short times and the long ones of what is asked several times in a cycle."""
+
+NEAR: Final = 4
+"""Cycles on each side that are around one."""
+
+STEADY: Final = 0.6
+"""How much less uneven than all cycles those beside each other are where each phase is steady."""
+
+KEPT_WAITING: Final = 0.5
+"""Part of the late cycles that begin right behind another job of the program: it was busy."""
+
+
+def lumps(bins: I64) -> float:
+    """Return the part of all cycles that the fullest three periods have, each 3 % to both sides."""
+    left, held = bins.copy(), 0
+    for _ in range(3):
+        wide = np.convolve(left, np.ones(5, np.int64), "same")
+        top = int(wide.argmax())
+        held += int(wide[top])
+        left[max(top - 2, 0) : top + 3] = 0
+    return held / max(int(bins.sum()), 1)
+
+
+def is_parted(bins: I64, per_octave: int) -> bool:
+    """Tell whether cycles are of lengths far apart, with none between: so a plan has it.
+
+    Each length is steady, or what is asked several times in a cycle has the short ones.
+    """
+    held = np.flatnonzero(bins >= max(RARE * int(bins.sum()), 1))
+    parts = np.split(held, np.flatnonzero(np.diff(held) > per_octave / 2) + 1)
+    wide = max(len(held) and (part[-1] - part[0] + 1) for part in parts) / per_octave
+    total = np.cumsum(bins)
+    low, high = (int(np.searchsorted(total, s * total[-1])) for s in (EDGE, 1 - EDGE))
+    is_several = high - low > SEVERAL * per_octave
+    return len(parts) > 1 and (is_several or bool(2.0**wide - 1 < SPREAD))
+
+
+def is_steady_for_a_while(case: Case) -> bool:
+    """Tell whether each cycle is about as long as those around it, however they differ in all.
+
+    Who does one thing after the other has a period for each; a loop that trembles has a longer and
+    a shorter cycle side by side.
+    """
+    for t, kind in case.ledger.exchanges.moments.stretches():
+        n = np.bincount(kind[kind >= 0])
+        for k in np.flatnonzero(n >= max(CYCLES, n.max(initial=0) / 2)).tolist():
+            period = np.diff(t[kind == k])
+            beside = np.lib.stride_tricks.sliding_window_view(period, 2 * NEAR + 1)
+            middle = np.median(beside, axis=1)
+            off = period[NEAR:-NEAR] - middle
+            side = np.minimum(-np.quantile(off, EDGE), np.quantile(off, 1 - EDGE))
+            if 2 * (side - case.latency_ns) < STEADY * SPREAD * np.median(middle):
+                return True
+    return False
+
+
+def is_kept_waiting(case: Case) -> bool:
+    """Tell whether what comes late comes as soon as the program has done something else.
+
+    Who has several timers and one line says the one thing when the other is done: what else begins
+    behind a rest has none before it when it is late. A loop that trembles is late behind a rest.
+    """
+    kinds, turns = case.ledger.exchanges.kinds, case.ledger.exchanges.turns
+    took = np.array([len(example) for example in kinds.example]) * case.ledger.byte_ns
+    took += [turn.low if (turn := turns.at(k, EDGE)) else 0 for k in range(len(kinds))]
+    for t, kind in case.ledger.exchanges.moments.stretches():
+        for k in np.flatnonzero(kinds.n >= max(CYCLES, kinds.n.max() / 2)).tolist():
+            rows = np.flatnonzero(kind == k)[1:]
+            if not len(rows):
+                continue
+            period, idle = np.diff(t[kind == k]), t[rows] - t[rows - 1] - took[kind[rows - 1]]
+            late = period > (1 + SPREAD / 2) * np.median(period)
+            held = late & (idle - case.latency_ns <= SPREAD_NS)
+            begins = bool(np.median(idle[~late]) > SPREAD_NS)
+            if begins and held.sum() >= max(KEPT_WAITING * late.sum(), 1):
+                return True
+    return False
