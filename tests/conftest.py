@@ -47,7 +47,7 @@ def pytest_xdist_node_collection_finished(node: Any, ids: Sequence[str]) -> None
     if node.gateway.id == "gw0":
         said = f"{len(ids)} tests, a dot each, and behind each line how far it is"
         long = (
-            "; all of them take about a quarter of an hour on two idle cores, longer on busy ones"
+            "; all of them take about ten minutes on two idle cores, longer on busy ones"
         )
         reporter = node.config.pluginmanager.get_plugin("terminalreporter")
         reporter.write_line(said + (long if len(ids) > MANY else ""))
