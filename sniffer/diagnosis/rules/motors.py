@@ -150,7 +150,9 @@ def damage_behind_steps(case: Case) -> Iterator[Finding]:
         f"{int(behind.sum())} torn places stand within {BEHIND_NS / 1e9:.2f} s behind {len(jumps)} steps "
         f"of goals, {int(before.sum())} as long before; more behind {more} steps, more before {less}",
         tuple(
-            Place(int(d["at"][r]), int(d["length"][r]), int(d["t_first"][r]), "damaged behind a step")
+            Place(
+                int(d["at"][r]), int(d["length"][r]), int(d["t_first"][r]), "damaged behind a step"
+            )
             for r in order[at[behind > before][:3]].tolist()
         ),
         strength=0.4 + 0.6 * sureness(chance, CHANCE**2),

@@ -92,7 +92,10 @@ def rhythms_meet(case: Case) -> Iterator[Finding]:
         if not pairs or len(here) < TORN:
             continue
         some = t[:: max(len(t) // CHECKED, 1)]
-        for meeting in (_both_due, _both_near):  # who waits for what was torn is late, and tears more
+        for meeting in (
+            _both_due,
+            _both_near,
+        ):  # who waits for what was torn is late, and tears more
             rows = here[meeting(at[here], pairs, span)]
             sound = int(meeting(some, pairs, span).sum())
             chance = at_least(len(rows), len(here), min((sound + 1) / (len(some) + 1), 1.0))
@@ -151,7 +154,9 @@ def _rows(t: I64, period: float) -> list[I64]:
     live: list[list[int]] = []
     for now in t.tolist():
         live = [row for row in live if now - row[-1] < (MISSED + NEAR) * period]
-        off = [abs((now - row[-1]) / period - max(round((now - row[-1]) / period), 1)) for row in live]
+        off = [
+            abs((now - row[-1]) / period - max(round((now - row[-1]) / period), 1)) for row in live
+        ]
         best = min(range(len(live)), key=off.__getitem__, default=-1)
         if best >= 0 and off[best] <= NEAR:
             live[best].append(now)

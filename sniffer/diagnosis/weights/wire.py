@@ -91,7 +91,11 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("unrelated-periods", 5.5, "requests come in two rhythms that do not belong together"),
         ("requests-run-together", 6.0, "one controller does not speak into its own requests"),
         ("streams-apart", 3.0, "two loops keep two times"),
-        ("rhythms-meet", 7.0, "two clocks drift through each other, and frames are torn as they meet"),
+        (
+            "rhythms-meet",
+            7.0,
+            "two clocks drift through each other, and frames are torn as they meet",
+        ),
         ("requests-spoken-into", 2.0, "somebody speaks into requests, and servos do not"),
         ("damage-in-answers", 0.3, "answers are spoken into"),
         ("last-byte-torn", 0.1, "another request begins within the last byte"),
