@@ -57,6 +57,9 @@ MOST: Final = 16
 CHECKED: Final = 400
 """Sound requests by which it is known how often both rhythms are due."""
 
+CLEARLY: Final = 2.5
+"""How many times the odds of sound frames those of torn ones must be to stand where rhythms meet."""
+
 TORN: Final = 3
 CHANCE: Final = 1e-2
 """How many torn frames where they meet are no accident, and how likely chance may make it."""
@@ -88,8 +91,8 @@ def rhythms_meet(case: Case) -> Iterator[Finding]:
     best: tuple[float, list[int], int, int, int, _Pair] | None = None
     for t, kind in case.ledger.exchanges.moments.stretches():
         pairs = _pairs(_rhythms(t, kind), case.latency_ns)
-        here = np.flatnonzero((at >= t[0]) & (at <= t[-1]))
-        if not pairs or len(here) < TORN:
+        here = np.flatnonzero((at >= t[0]) & (at <= t[-1])) if pairs else at[:0]
+        if len(here) < TORN:
             continue
         some = t[:: max(len(t) // CHECKED, 1)]
         for meeting in (
@@ -98,6 +101,8 @@ def rhythms_meet(case: Case) -> Iterator[Finding]:
         ):  # who waits for what was torn is late, and tears more
             rows = here[meeting(at[here], pairs, span)]
             sound = int(meeting(some, pairs, span).sum())
+            if len(rows) * (len(some) - sound) < CLEARLY * sound * (len(here) - len(rows)):
+                continue
             chance = at_least(len(rows), len(here), min((sound + 1) / (len(some) + 1), 1.0))
             if best is None or chance < best[0]:
                 widest = max(pairs, key=lambda pair: abs(pair.way))
