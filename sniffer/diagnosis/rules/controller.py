@@ -57,7 +57,7 @@ FINDINGS: Final = (
         "controller",
         "Memory that wears out is written over and over.",
         "At least eight writes of one setting that is kept without power (or commands to keep "
-        "settings), at a pace that reaches the rated cycles within the servo's life.",
+        "settings), or five at an even pace, at a pace that reaches the rated cycles within the servo's life.",
     ),
 )
 

@@ -56,7 +56,7 @@ FINDINGS: Final = (
         "strays-at-turn",
         "line",
         "Single bytes of nobody stand where the direction changes: between a request and its answer, or right behind a frame.",
-        "Three of them or more, and three times as many as elsewhere between frames.",
+        "Three of them or more, and three times as many as elsewhere between frames; or nearly all of them behind requests, where chance leaves some behind answers; or bytes that were pushed out of answers without a header.",
     ),
     FindingCode(
         "strays-anywhere",
