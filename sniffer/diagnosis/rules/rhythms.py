@@ -65,7 +65,7 @@ CHANCE: Final = 1e-2
 """How many torn frames where they meet are no accident, and how likely chance may make it."""
 
 
-class _Rhythm(NamedTuple):
+class _Beat(NamedTuple):
     """Requests of one kind that come at an even period, in ns."""
 
     kind: int
@@ -76,8 +76,8 @@ class _Rhythm(NamedTuple):
 class _Pair(NamedTuple):
     """Two rhythms, and how far one wanders through the other, in periods."""
 
-    one: _Rhythm
-    other: _Rhythm
+    one: _Beat
+    other: _Beat
     way: float
 
 
@@ -131,9 +131,9 @@ def _exchange_ns(case: Case) -> int:
     return int(max(ends, default=0)) + longest * case.ledger.byte_ns
 
 
-def _rhythms(t: I64, kind: I64) -> list[_Rhythm]:
+def _rhythms(t: I64, kind: I64) -> list[_Beat]:
     """Return the requests that come at an even period: of one kind there may be two such rows."""
-    out: list[_Rhythm] = []
+    out: list[_Beat] = []
     count = np.bincount(kind[kind >= 0])
     for k in np.flatnonzero(count >= LEAST).tolist():
         mine = t[kind == k]
@@ -141,7 +141,7 @@ def _rhythms(t: I64, kind: I64) -> list[_Rhythm]:
             between = mine[step:] - mine[:-step]
             period = float(np.median(between))
             if period > 0 and (np.abs(between / period - 1) < NEAR).mean() >= TIGHT:
-                out += [_Rhythm(k, row, _period(row, period)) for row in _rows(mine, period)]
+                out += [_Beat(k, row, _period(row, period)) for row in _rows(mine, period)]
                 break
     return sorted(out, key=lambda r: -len(r.t))[:MOST]
 
@@ -171,14 +171,14 @@ def _rows(t: I64, period: float) -> list[I64]:
     return [np.array(row, np.int64) for row in rows if len(row) >= LEAST]
 
 
-def _pairs(rhythms: Sequence[_Rhythm], latency_ns: int) -> list[_Pair]:
+def _pairs(rhythms: Sequence[_Beat], latency_ns: int) -> list[_Pair]:
     """Return those that drift through each other."""
     both = [(a, b) for k, a in enumerate(rhythms) for b in rhythms[k + 1 :]]
     found = [_Pair(a, b, way) for a, b in both if (way := _way(a, b, latency_ns)) is not None]
     return sorted(found, key=lambda pair: -abs(pair.way))
 
 
-def _way(a: _Rhythm, b: _Rhythm, latency_ns: int) -> float | None:
+def _way(a: _Beat, b: _Beat, latency_ns: int) -> float | None:
     """Return how far one rhythm wanders through the other, in periods; None: they keep step."""
     if abs(a.period / b.period - 1) > ALIKE:
         return None
@@ -213,7 +213,7 @@ def _both_near(at: I64, pairs: Sequence[_Pair], span: int) -> Mask:
     return out
 
 
-def _off(at: I64, rhythm: _Rhythm) -> I64:
+def _off(at: I64, rhythm: _Beat) -> I64:
     """Return how far moments are behind the nearest one at which a rhythm is due."""
     t = rhythm.t
     after = np.minimum(np.searchsorted(t, at), len(t) - 1)
