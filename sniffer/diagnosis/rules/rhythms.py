@@ -73,7 +73,7 @@ class _Beat(NamedTuple):
     period: float
 
 
-class _Pair(NamedTuple):
+class _Meeting(NamedTuple):
     """Two rhythms, and how far one wanders through the other, in periods."""
 
     one: _Beat
@@ -88,7 +88,7 @@ def rhythms_meet(case: Case) -> Iterator[Finding]:
         return
     at = np.array([d.t_ns for d in torn], np.int64)
     span = _exchange_ns(case)
-    best: tuple[float, list[int], int, int, int, _Pair] | None = None
+    best: tuple[float, list[int], int, int, int, _Meeting] | None = None
     for t, kind in case.ledger.exchanges.moments.stretches():
         pairs = _pairs(_rhythms(t, kind), case.latency_ns)
         here = np.flatnonzero((at >= t[0]) & (at <= t[-1])) if pairs else at[:0]
@@ -171,10 +171,10 @@ def _rows(t: I64, period: float) -> list[I64]:
     return [np.array(row, np.int64) for row in rows if len(row) >= LEAST]
 
 
-def _pairs(rhythms: Sequence[_Beat], latency_ns: int) -> list[_Pair]:
+def _pairs(rhythms: Sequence[_Beat], latency_ns: int) -> list[_Meeting]:
     """Return those that drift through each other."""
     both = [(a, b) for k, a in enumerate(rhythms) for b in rhythms[k + 1 :]]
-    found = [_Pair(a, b, way) for a, b in both if (way := _way(a, b, latency_ns)) is not None]
+    found = [_Meeting(a, b, way) for a, b in both if (way := _way(a, b, latency_ns)) is not None]
     return sorted(found, key=lambda pair: -abs(pair.way))
 
 
@@ -196,7 +196,7 @@ def _way(a: _Beat, b: _Beat, latency_ns: int) -> float | None:
     return float(way) if is_way else None
 
 
-def _both_due(at: I64, pairs: Sequence[_Pair], span: int) -> Mask:
+def _both_due(at: I64, pairs: Sequence[_Meeting], span: int) -> Mask:
     """Tell at which moments an exchange of each of two rhythms would be on the line."""
     out = np.zeros(len(at), bool)
     for a, b, _ in pairs:
@@ -204,7 +204,7 @@ def _both_due(at: I64, pairs: Sequence[_Pair], span: int) -> Mask:
     return out
 
 
-def _both_near(at: I64, pairs: Sequence[_Pair], span: int) -> Mask:
+def _both_near(at: I64, pairs: Sequence[_Meeting], span: int) -> Mask:
     """Tell in which cycles of two rhythms their exchanges would be on the line at once."""
     out = np.zeros(len(at), bool)
     for a, b, _ in pairs:
