@@ -55,12 +55,6 @@ FAR: Final = 6.0
 BLUR: Final = 8
 """Periods that are not so many times as long as stamps are late look uneven, or even, by that."""
 
-MANY: Final = 8
-WITHIN: Final = 0.02
-LOOSE: Final = 0.45
-"""Periods that are measured at once where stamps are late, how near to each other they must be, and
-which part of them: of some a request is missing, which was torn."""
-
 _NEAR: Final = 2
 """Bins beside the fullest one that are the same period: 3 %."""
 
@@ -112,14 +106,8 @@ def unrelated(case: Case) -> Iterator[Finding]:
     """Requests in two periods that do not belong together."""
     if not case.has_clock:
         return
-    blurred = case.latency_ns > EXACT_NS
     even = sorted(
-        (
-            r
-            for r in (_long_rhythms(case) if blurred else _rhythms(case))
-            if (r.tight >= TIGHT and r.period_ns > BLUR * case.latency_ns)
-            or (blurred and r.tight >= LOOSE)
-        ),
+        (r for r in _rhythms(case) if r.tight >= TIGHT and r.period_ns > BLUR * case.latency_ns),
         key=lambda r: r.period_ns,
     )
     if len(even) < 2:
@@ -142,24 +130,6 @@ def unrelated(case: Case) -> Iterator[Finding]:
             brief="requests in two unrelated rhythms",
         )
         return
-
-
-def _long_rhythms(case: Case) -> list[_Rhythm]:
-    """Return the rhythms of kinds over many periods at once, which late stamps blur less."""
-    out = []
-    kinds = case.ledger.exchanges.kinds
-    t, kind = case.ledger.exchanges.moments.stretches()[0]
-    for k in np.flatnonzero(np.bincount(kind[kind >= 0]) >= LEAST).tolist():
-        mine = t[kind == k]
-        once = float(mine[-1] - mine[0]) / (len(mine) - 1)
-        many = min(max(int(2 * BLUR * case.latency_ns / max(once, 1.0)), MANY), len(mine) // 3)
-        between = (mine[many:] - mine[:-many]) / many
-        period = float(np.median(between))
-        if period * many <= BLUR * case.latency_ns:
-            continue
-        tight = float((np.abs(between / period - 1) < WITHIN).mean())
-        out.append(_Rhythm(k, kinds.servo_id[k], period, tight, 0, 0, 0, period, len(mine)))
-    return out
 
 
 def _rhythms(case: Case) -> list[_Rhythm]:

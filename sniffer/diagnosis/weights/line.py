@@ -102,7 +102,6 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("line-break", 0.3, "a long pulse"),
         ("requests-run-together", -3.0, "two speak at once"),
         ("streams-apart", -1.0, "two loops keep two times"),
-        ("unrelated-periods", -2.0, "two loops keep two times"),
         ("answers-twice", -0.5, "a second answer tears others"),
         *_TORN,
         *_LOST,
