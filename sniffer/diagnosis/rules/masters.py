@@ -28,7 +28,7 @@ FINDINGS: Final = (
         "unrelated-periods",
         "pairing",
         "Requests come in two even periods of which neither is a multiple of the other.",
-        "Requests of at least two kinds, each within 3 % of its period in three of five cases, the periods 4 % off any multiple of each other; by late stamps over many periods at once. It counts little where less is torn than by two who do not listen.",
+        "Requests of at least two kinds, each within 3 % of its period in three of five cases, the periods 4 % off any multiple of each other. It counts little where less is torn than by two who do not listen.",
     ),
 )
 
