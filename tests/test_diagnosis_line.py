@@ -39,6 +39,7 @@ from sniffer.diagnosis.rules import (
     masters,
     motors,
     outages,
+    rhythms,
 )
 from tests.conversations import Conversation, robot
 from tests.diagnosed import codes, diagnosed, verdicts
@@ -75,8 +76,10 @@ def robot_of(protocol: str = "mightyzap", **fixed: Any) -> Plan:
     return plan("line", protocol, 5, **(told | fixed))
 
 
-def found(rows: Sequence[Heard], protocol: str = "mightyzap", baud: int = 115200) -> set[str]:
-    capture = HOSTS["exact"](Scenario("line", protocol, (), baud, lambda _: rows), rows, 5)
+def found(
+    rows: Sequence[Heard], protocol: str = "mightyzap", baud: int = 115200, host: str = "exact"
+) -> set[str]:
+    capture = HOSTS[host](Scenario("line", protocol, (), baud, lambda _: rows), rows, 5)
     return codes(diagnosed(capture.chunks, protocol, baud=baud))
 
 
@@ -114,6 +117,25 @@ def two_masters() -> set[str]:
 
     other = second(loop(15.7, "none", "state"), (200_000, 900_000), 0.0)
     return found(tapped(talked(it, 5, bench, other, pattern=loop(20, "each", "state"))))
+
+
+def two_of_one_period() -> set[str]:
+    """Two controllers of the same rate, but that their clocks differ by half a percent."""
+    it = robot_of(seconds=(12, 12))
+    bench = bench_of(it, 5, clash=Clash.MIX)
+
+    def loop(hz: float) -> Pattern:
+        return patterns.loop(bench, random.Random(hz), rate_hz=hz, goals="none", reads="state")
+
+    other = second(loop(20.1), (200_000, 900_000), 0.02)
+    return found(tapped(talked(it, 5, bench, other, pattern=loop(20))))
+
+
+def sparks_of_all() -> set[str]:
+    """All motors step at once, and for a moment nearly nothing gets by."""
+    path = steps(random.Random(1), 1.3)
+    it = robot_of(seconds=(14, 14))
+    return suffering(MotorNoise(ALWAYS, 1500), it=it, goals=lambda _: path)
 
 
 def two_loops() -> set[str]:
@@ -182,6 +204,7 @@ ALL: Final = frozenset(
         masters,
         motors,
         outages,
+        rhythms,
     )
     for entry in area.FINDINGS
 )
@@ -213,6 +236,8 @@ FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
         "late twins": lambda: twins(1_500_000, "mightyzap", Clash.AND),
         "two masters": two_masters,
         "two loops": two_loops,
+        "two of one period": two_of_one_period,
+        "sparks of all": sparks_of_all,
         "two makes": two_makes,
         "other protocol": lambda: as_other("mightyzap"),
         "other rate": lambda: as_other("rs30x", 2.0),
@@ -249,6 +274,7 @@ TOLD: Final = (
     ("streams-apart", "two loops", "contact"),
     ("interleaved-requests", "two masters", "contact"),
     ("unrelated-periods", "two loops", "contact"),
+    ("rhythms-meet", "two of one period", "two loops"),
     ("comes-and-goes", "contact", "noise"),
     ("lost-together", "loose branch", "contact of one"),
     ("away-unevenly", "contact", "restarts"),
@@ -257,6 +283,7 @@ TOLD: Final = (
     ("held-value", "held", "stuck"),
     ("line-babbles", "chatter", "sparks"),
     ("damage-while-moving", "sparks", "noise"),
+    ("damage-behind-steps", "sparks of all", "chatter"),
     ("two-protocols", "two makes", "other protocol"),
     ("foreign-frames", "other protocol", "noise"),
     ("nothing-holds", "other rate", "noise"),
@@ -303,6 +330,16 @@ def test_a_clock_that_is_off_is_known_where_there_is_one_servo_alone() -> None:
     heard = HOSTS["exact"](Scenario("line", "rs30x", (), it.baud, lambda _: rows), rows, 5)
     told = verdicts(diagnosed(heard.chunks, "rs30x", baud=it.baud).incidents())
     assert told == [("clock-drift", (4,))]
+
+
+@pytest.mark.parametrize("protocol", ["lss", "wck"])
+def test_strays_behind_requests_are_the_turns_by_late_stamps_too(protocol: str) -> None:
+    it = robot_of(protocol)
+    told = {}
+    for trouble in (StrayTurn(ALWAYS, share=0.7), Noise(ALWAYS, 60)):
+        rows = tapped(talked(it, 5, bench_of(it, 5, troubles=[trouble])))
+        told[type(trouble)] = "strays-at-turn" in found(rows, protocol, host="usb16")
+    assert told == {StrayTurn: True, Noise: False}
 
 
 def test_of_a_sound_line_nothing_is_told() -> None:

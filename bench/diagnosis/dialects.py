@@ -204,7 +204,7 @@ class Rs30x(Dialect):
     def answer(self, body: Body, request: bytes) -> bytes:
         servo_id, flag, address, length, data = (*request[2:6], request[7:-1])
         if servo_id == 0:
-            for k in range(0, len(data), length):
+            for k in range(0, len(data), max(length, 1)):  # noise may make it any
                 if data[k] == body.servo_id and address == self.GOAL:
                     self._go(body, data[k + 1 : k + 3])
             return b""

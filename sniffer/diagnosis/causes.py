@@ -159,7 +159,7 @@ _CAUSES: Final = (
         -3.0,
         "two controllers on one bus",
         "Two programs or boards ask on the same line, each by its own clock.",
-        "Requests in two periods that do not belong together; requests that run into each other or into answers.",
+        "Requests in two periods that do not belong together, or in two of one period that drift through each other; requests that run into each other or into answers.",
         "An impatient controller, a configuration tool left open.",
         "Stop one of them: a bus of this kind has one controller.",
         "Unplug one controller: the other's requests go on undisturbed.",

@@ -63,6 +63,9 @@ PAUSED: Final = 2.5
 STATED: Final = 0.6
 """Where fewer goals than so much of the usual number are stated, some are missing in between."""
 
+RETRIES: Final = 2
+"""Times that a usual client asks once more; it does so for a servo that is gone in every cycle."""
+
 DOUBT: Final = 3
 """Damaged places from which on another may have held by chance, where the checksum is weak or there
 is none."""
@@ -190,8 +193,9 @@ def _lacks_goals(case: Case, goals: Series, r: int) -> bool:
     if (goals.n[beside] < STATED * float(np.median(goals.n[near]))).any():
         return True
     since, until = int(goals.t_first[beside.start]), int(goals.t[r])
-    if any(run.t_ns < until and run.until_ns > since for run in case.ledger.exchanges.all_runs):
-        return True  # one goal was said again and again
+    runs = [run for run in case.ledger.exchanges.all_runs if run.again > RETRIES]
+    if any(run.t_ns < until and run.until_ns > since for run in runs):
+        return True  # one request was said again and again
     pauses = case.line["pause_max"]
     seen = pauses[pauses > 0]
     if not len(seen) or not case.has_clock:

@@ -13,7 +13,9 @@ from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
+from sniffer.diagnosis.rules.held import FALLS
 from sniffer.diagnosis.twins import of_twins
+from sniffer.ground.codes import REQUEST, RESPONSE
 from sniffer.ground.model import NS
 from sniffer.ground.wording import counted
 
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.rules import Rule
     from sniffer.ground.model import I64, Mask
 
@@ -53,7 +56,7 @@ FINDINGS: Final = (
         "strays-at-turn",
         "line",
         "Single bytes of nobody stand where the direction changes: between a request and its answer, or right behind a frame.",
-        "Three of them or more, and three times as many as elsewhere between frames.",
+        "Three of them or more, and three times as many as elsewhere between frames; or nearly all of them behind requests, where chance leaves some behind answers; or bytes that were pushed out of answers without a header.",
     ),
     FindingCode(
         "strays-anywhere",
@@ -97,6 +100,13 @@ ALONE_BYTES: Final = 3
 
 PULSE: Final = 1
 """Bytes that a pulse makes where nobody speaks; two who speak at once leave more."""
+
+NEARLY: Final = 0.95
+PUSHED: Final = 0.6
+"""Parts of the strays that stand behind requests, or were pushed out of answers, where it is the turn."""
+
+ALONE: Final = 0.8
+"""One servo with a greater part of them has a fault of its own."""
 
 SPARED: Final = 0.02
 """From so rare a chance on it counts that no frame is hit."""
@@ -217,6 +227,16 @@ def strays(case: Case) -> Iterator[Finding]:
             f"{between} times elsewhere: {shown}",
             f"{turns} stray bytes where the direction changes",
         )
+    elif behind := _behind_requests(case):
+        yield _damage(
+            case,
+            both,
+            "strays-at-turn",
+            None,
+            f"{behind} times of {turns + between} stray bytes stand where the direction changes from a "
+            f"request to its answer: {shown}",
+            f"{behind} stray bytes behind requests",
+        )
     elif turns + between >= MANY and (
         spared := sureness(_hits_none(case, torn, turns + between), CHANCE)
     ) >= sureness(SPARED, CHANCE):
@@ -239,6 +259,29 @@ def strays(case: Case) -> Iterator[Finding]:
             f"{turns + between} times stray bytes came while nobody spoke: {shown}",
             f"{turns + between} stray bytes",
         )
+
+
+def _behind_requests(case: Case) -> int:
+    """Return how many strays stand behind requests, if nearly all do, and chance leaves some elsewhere.
+
+    An answer without a header takes the stray for its first byte, and leaves its last one behind.
+    """
+    found = [x for x in case.damages if x.turn in STRAYS]
+    asks = int(case.traffic["requests"].sum())
+    share = asks / max(asks + case.total("ok"), 1)
+    behind = [x for x in found if x.behind == REQUEST]
+    if case.protocol.ordered:
+        behind += [x for x in found if x.behind == RESPONSE and _is_pushed(x)]
+        whose = Counter(x.asked_id for x in behind)
+        one = max(whose.values(), default=0) > ALONE * len(behind) and len(case.answering) > 1
+        return len(behind) if len(behind) >= max(MANY, PUSHED * len(found)) and not one else 0
+    rare = at_least(len(behind), len(found), share) < CHANCE
+    return len(behind) if rare and len(behind) >= NEARLY * len(found) else 0
+
+
+def _is_pushed(x: Damage) -> bool:
+    """Tell whether a byte is what a stray pushed out of an answer: no pulse makes such a one."""
+    return x.length == 1 and x.got[0] not in FALLS
 
 
 def strays_alone(case: Case) -> Iterator[Finding]:

@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import AT_TURN, HELD
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.model import NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sniffer.diagnosis.case import Case, Series
     from sniffer.diagnosis.rules import Rule
-    from sniffer.ground.model import F64
+    from sniffer.ground.model import F64, I64
 
 FINDINGS: Final = (
     FindingCode(
@@ -24,6 +26,12 @@ FINDINGS: Final = (
         "line",
         "Damage comes while motors work, and less while they rest.",
         "In quarters of a second: how much is damaged goes with how hard the motors work (load or current, speed, way, jumps of goals), more than two standard deviations over chance in three ways: as a correlation, by the count, and against the same motion shifted in time.",
+    ),
+    FindingCode(
+        "damage-behind-steps",
+        "line",
+        "Damage begins when goals jump: it stands behind the steps, and not before them.",
+        "Steps of goals behind a rest of the others: in three quarters of a second behind them more is damaged than in as long before, oftener than chance has it by step, and three times as much in all.",
     ),
 )
 
@@ -44,6 +52,19 @@ KNOWN: Final = 0.5
 
 CLIPPED: Final = 0.95
 """Levels beyond this share of the buckets are taken for it: one spike is no motion."""
+
+JUMPS: Final = 5
+FAR: Final = 0.15
+SELDOM: Final = 0.5
+"""Steps of goals that tell: so many, so great a part of the way, in no greater part of the time."""
+
+BEHIND_NS: Final = 3 * NS // 4
+"""For so long a motor pulls harder."""
+
+TIMES: Final = 3
+PLENTY: Final = 20
+CHANCE: Final = 0.02
+"""How many times as much is damaged behind them as before, how much at the least, and how likely chance is to have it so by step."""
 
 EFFORTS: Final = ("current", "load", "speed")
 WAYS: Final = ("position", "goal_position")
@@ -101,6 +122,59 @@ def damage_while_moving(case: Case) -> Iterator[Finding]:
     )
 
 
+def damage_behind_steps(case: Case) -> Iterator[Finding]:
+    """Compare the damage behind jumps of goals with that before them.
+
+    What is not heard tells no goals: behind a line that was held goals seem to jump, and the damage
+    stands before.
+    """
+    d = case.damage
+    mine = np.flatnonzero(d["turn"] != HELD)
+    jumps = _goal_steps(case)
+    if not case.has_clock or len(jumps) < JUMPS or int(d["n"][mine].sum()) < LEAST:
+        return
+    order = mine[np.argsort(d["t_first"][mine], kind="stable")]
+    t, n = d["t_first"][order], np.concatenate([[0], np.cumsum(d["n"][order])])
+    at, since, until = (np.searchsorted(t, jumps + k * BEHIND_NS) for k in (0, -1, 1))
+    before, behind = n[at] - n[since], n[until] - n[at]
+    more, less = int((behind > before).sum()), int((behind < before).sum())
+    chance = at_least(more, more + less, 0.5)
+    if chance > CHANCE or behind.sum() < max(TIMES * before.sum(), PLENTY):
+        return
+    yield Finding(
+        "damage-behind-steps",
+        None,
+        int(t[0]),
+        int(t[-1]),
+        int(behind.sum()),
+        f"{int(behind.sum())} torn places stand within {BEHIND_NS / 1e9:.2f} s behind {len(jumps)} steps "
+        f"of goals, {int(before.sum())} as long before; more behind {more} steps, more before {less}",
+        tuple(
+            Place(
+                int(d["at"][r]), int(d["length"][r]), int(d["t_first"][r]), "damaged behind a step"
+            )
+            for r in order[at[behind > before][:3]].tolist()
+        ),
+        strength=0.4 + 0.6 * sureness(chance, CHANCE**2),
+        brief="damage begins when goals jump",
+    )
+
+
+def _goal_steps(case: Case) -> I64:
+    """Return when goals jump far, behind a time in which none does."""
+    found: list[int] = []
+    for servo in case.measured_by("goal_position"):
+        goals = case.series(servo, "goal_position")
+        if goals is None or len(goals) < BUCKETS // 2:
+            continue
+        far = goals.step >= FAR * float(goals.high.max() - goals.low.min())
+        if 0 < far.sum() <= SELDOM * len(goals):
+            found += goals.t_first[far].tolist()
+    times = np.sort(np.array(found, np.int64))
+    alone: I64 = times[np.diff(times, prepend=times[:1] - 2 * BEHIND_NS) > BEHIND_NS]
+    return alone
+
+
 def _beyond(level: F64, hits: F64, said: F64) -> tuple[float, float, float]:
     """Return how far damage goes with a level beyond chance, in standard deviations, three ways."""
     usual = hits.sum() * said / max(said.sum(), 1.0)
@@ -149,5 +223,5 @@ def _per_kb(hits: F64, said: F64) -> float:
     return 1000 * float(hits.sum()) / max(float(said.sum()), 1.0)
 
 
-RULES: Final[tuple[Rule, ...]] = (damage_while_moving,)
+RULES: Final[tuple[Rule, ...]] = (damage_while_moving, damage_behind_steps)
 """The rules of this area."""

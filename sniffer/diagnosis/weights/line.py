@@ -98,6 +98,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("held-value", -1.5, "noise is short"),
         ("line-babbles", -4.0, "noise lets frames by now and then"),
         ("damage-while-moving", -2.0, "it comes with the motors"),
+        ("damage-behind-steps", -2.5, "it begins when goals jump"),
         ("line-break", 0.3, "a long pulse"),
         ("requests-run-together", -3.0, "two speak at once"),
         ("streams-apart", -1.0, "two loops keep two times"),
@@ -108,6 +109,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
     *for_(
         "emi-load",
         ("damage-while-moving", 5.0, "it comes while motors work, and not while they rest"),
+        ("damage-behind-steps", 5.0, "it begins when goals jump, and fades behind"),
         ("interleaved-requests", -3.0, "two controllers run into each other"),
         ("requests-run-together", -1.5, "two speak at once"),
         ("damage-everywhere", 1.0, "all senders are hit alike"),
@@ -134,6 +136,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         ("held-value", 4.0, "the line is held at a level"),
         ("line-babbles", 5.0, "the line falls all the time, and nobody gets by"),
         ("damage-while-moving", 0.1, "what is not heard moves nothing"),
+        ("damage-behind-steps", -4.0, "what holds the line does not wait for goals to jump"),
         ("line-break", 1.0, "the line was low for longer than a byte"),
         ("idle-tail", 0.5, "a frame is cut by a line that is held"),
         ("strays-anywhere", 0.5, "the line falls while nobody speaks"),
