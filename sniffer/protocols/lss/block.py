@@ -81,7 +81,7 @@ def frame(block: Block) -> tuple[Spans, int]:
     #
     #     edges    0  4  5  12 13 20 21 26 30 33
     #     byte     #  .  *  .  #  .  #  #  .  *
-    #     line     1  0  1  0  1  0  0  1  0         a mark whose next edge is a carriage return
+    #     line     0     2     4        7            marks whose next edge is a carriage return
     #     start    0     5     13       26
     #     end         5     13    21       31
     #
