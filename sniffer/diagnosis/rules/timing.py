@@ -76,8 +76,9 @@ FAILS_MOST: Final = 0.05
 FREE_RUNNING_NS: Final = 6 * MS
 """A controller that never rests longer has no cycle to keep: it asks as soon as it is answered."""
 
-SLOWEST_NS: Final = NS // 2
-"""What comes less often than twice a second is no control loop."""
+SLOWEST_NS: Final = NS // 5
+"""What comes less often than five times a second is no control loop: a program that sends a servo
+somewhere and looks where it got to rests for as long as that takes, 0.2 to 0.8 s."""
 
 BEAT: Final = 1 / 3
 """What is asked so many times as often as what is asked most may be what has the loop's cycle."""
