@@ -55,21 +55,7 @@ class Checksum:
 
     def good(self, block: U8, first: I64, at: I64) -> Mask:
         """Tell where ``block[first:at]`` sums to ``block[at]``."""
-        if not len(first):
-            return np.zeros(0, bool)
-        length = at - first
-        if length.min() > 0 and int(length.sum()) <= len(block):
-            # Edges in turn: every other stretch is one of ours, the rest lies between two of them.
-            edges = np.empty(2 * len(first), np.int64)
-            edges[::2], edges[1::2] = first, at
-            folded = self.fold.reduceat(block, edges, dtype=np.uint8)[::2]
-        else:
-            # Where candidates overlap time and again, one running sum is less than all of theirs.
-            run = self.fold.accumulate(block, dtype=np.uint8)
-            before = np.where(first > 0, run[first - 1], np.uint8(0))
-            folded = self.undo(run[at - 1], before)
-        # an empty run (first == at) folds to zero, which the subtraction gives as well
-        return np.asarray(self.seal(folded) == block[at])
+        return np.asarray(self.seal(self._folded(block, first, at)) == block[at])
 
     def over(self, block: U8, spans: Sequence[tuple[I64, I64]]) -> U8:
         """Return the checksums of packets, each of the stretches ``block[first:last]`` in order."""
@@ -78,19 +64,20 @@ class Checksum:
 
     def _folded(self, block: U8, first: I64, last: I64) -> U8:
         """Fold one stretch of each packet; an empty one folds to zero."""
+        if not len(first):
+            return np.zeros(0, np.uint8)
         length = last - first
-        if not len(first) or (length == 1).all():
-            return block[first]
-        out = np.zeros(len(first), np.uint8)
-        some = np.flatnonzero(length > 0)
-        if int(length.sum()) <= len(block):
-            edges = np.empty(2 * len(some), np.int64)
-            edges[::2], edges[1::2] = first[some], last[some]
-            if len(some):  # a last packet ends where the block does, and there is no byte there
-                out[some] = self.fold.reduceat(np.append(block, np.uint8(0)), edges)[::2]
-            return out
-        run = np.append(np.uint8(0), self.fold.accumulate(block, dtype=np.uint8))
-        return np.asarray(self.undo(run[last], run[first]))
+        if int(length.sum()) > len(block):
+            # Where candidates overlap time and again, one running sum is less than all of theirs.
+            run = np.append(np.uint8(0), self.fold.accumulate(block, dtype=np.uint8))
+            return np.asarray(self.undo(run[last], run[first]))
+        if last.max() == len(block):  # a packet may end where the block does: there is no byte
+            block = np.append(block, np.uint8(0))
+        # Edges in turn: every other stretch is one of ours, the rest lies between two of them.
+        edges = np.empty(2 * len(first), np.int64)
+        edges[::2], edges[1::2] = first, last
+        out: U8 = self.fold.reduceat(block, edges, dtype=np.uint8)[::2]
+        return out if length.min() > 0 else np.where(length > 0, out, np.uint8(0))
 
 
 def _xor(data: bytes) -> int:

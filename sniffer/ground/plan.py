@@ -7,7 +7,7 @@ expression and checksum are read from it. What the walker does not know it refus
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -59,9 +59,25 @@ class Sealed:
             return np.asarray(self.checksum.good(data, spans[0][0], at))
         want = self.checksum.over(data, spans)
         got = data[at].astype(np.int64)
-        if self.at[1].of(0, 0) - self.at[0].of(0, 0) == 2:
+        if self.width == 2:
             got |= data[at + 1].astype(np.int64) << 8
         return np.asarray(want == got)
+
+    @property
+    def width(self) -> int:
+        """Bytes of it."""
+        first, last = (edge.of(0, 0) for edge in self.at)
+        return int(last - first)
+
+    def covered(self, raw: bytes) -> bytes:
+        """Return the bytes of one packet that it covers."""
+        spans = [(first.of(0, len(raw)), last.of(0, len(raw))) for first, last in self.over]
+        return b"".join(raw[first:last] for first, last in spans)
+
+    def sent(self, raw: bytes) -> int:
+        """Return what stands in one packet where it is."""
+        first, last = (edge.of(0, len(raw)) for edge in self.at)
+        return int.from_bytes(raw[first:last], "little")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,16 +89,28 @@ class Plan:
     checks: tuple[Expression, ...]
     tail: Expression  # length of the one variable field
     tail_at: int
-    sum_from: int  # first byte under the checksum
-    checksum: Sum
     prefix: int  # bytes needed before length and guards can be read
     width: Mapping[str, int]  # bytes of each field; those of two have the low byte first
-    sum_width: int  # bytes of the checksum
     behind: int  # bytes behind the variable field
-    size: str = ""  # the field that the length follows from; empty: all packets are as long
-    seals: tuple[Sealed, ...] = ()  # where the one checksum is not at the end: all there are
-    constants: tuple[tuple[Edge, bytes], ...] = ()  # those behind the header
-    fields: Mapping[str, Stretch] = field(default_factory=dict)  # of a ``Packet``, by name
+    size: str  # the field that the length follows from; empty: all packets are as long
+    seals: tuple[Sealed, ...]  # all checks, the cheap ones first
+    constants: tuple[tuple[Edge, bytes], ...]  # those behind the header
+
+    @property
+    def checksum(self) -> Sum:
+        """The checksum, of several the dearest."""
+        told: Sum = self.seals[-1].checksum
+        return told
+
+    @property
+    def sum_from(self) -> int:
+        """First byte under the checksum."""
+        return self.seals[-1].over[0][0].bytes
+
+    @property
+    def sum_width(self) -> int:
+        """Bytes of the checksum."""
+        return self.seals[-1].width
 
     def columns(self, block: U8, start: I64) -> c.Container:
         """Read the fields that length and guards depend on, for frames beginning at ``start``."""
@@ -96,7 +124,7 @@ class Plan:
 
     def holds(self, data: U8, start: I64, end: I64) -> Mask:
         """Tell which packets ``data[start:end]`` hold what they should: constants and checks."""
-        if not self.seals and not self.constants:
+        if not self.constants:
             return self.sound(data, start, end)
         good = np.ones(len(start), bool)
         for edge, value in self.constants:
@@ -109,24 +137,13 @@ class Plan:
 
     def sound(self, data: U8, start: I64, end: I64) -> Mask:
         """Tell in which packets all checks hold."""
-        if not self.seals:
-            return self.checksum.good(data, start + self.sum_from, end - self.sum_width)
         # What is cheap comes first: of false headers few are left for a sum over the whole packet.
-        good = np.ones(len(start), bool)
-        for seal in self.seals:
+        first, *more = self.seals
+        good = first.good(data, start, end)
+        for seal in more:
             rows = np.flatnonzero(good)
             good[rows] = seal.good(data, start[rows], end[rows])
         return good
-
-    def covered(self, seal: Sealed, raw: bytes) -> bytes:
-        """Return the bytes of one packet that a check covers."""
-        spans = [(first.of(0, len(raw)), last.of(0, len(raw))) for first, last in seal.over]
-        return b"".join(raw[first:last] for first, last in spans)
-
-    def sealed_as(self, seal: Sealed, raw: bytes) -> int:
-        """Return what stands in one packet where a check is."""
-        first, last = (edge.of(0, len(raw)) for edge in seal.at)
-        return int.from_bytes(raw[first:last], "little")
 
 
 def plan_of(grammar: Any) -> Plan:
@@ -138,7 +155,7 @@ def plan_of(grammar: Any) -> Plan:
         at       id 3, size 4, code 5   each field's offset
         checks   id != 255, size >= 2   the grammar's own Checks, evaluated on columns
         tail     size - 2               length of ``factors``, which begins at ``tail_at`` 6
-        sum_from 3                      where the RawCopy under the checksum begins
+        seals    [3, end - 1)           what the checksum covers: the RawCopy's bytes
         prefix   5                      bytes that show length and guards: ``code`` is not needed
 
     In a ``Packet`` checks may stand anywhere. For example HerkuleX's, where two stand before what
@@ -168,6 +185,7 @@ class _PacketWalk:
         self.width: dict[str, int] = {}
         self.checks: list[Expression] = []
         self.tail: Expression | None = None
+        self.tail_name = ""
         self.checksum: Sum | None = None
         self.tail_at = self.sum_from = -1
         self.pos = self.sum_width = 0
@@ -202,7 +220,7 @@ class _PacketWalk:
             case c.Bytes() if self.tail is None:
                 size = con.length
                 self.tail = size if callable(size) else lambda _: size
-                self.tail_at = self.pos
+                self.tail_at, self.tail_name = self.pos, name
                 self.places[name] = self.pos, 0, False
                 self.pos = 0
             case c.FormatField() if con.fmtstr in (">B", "<H") and self.tail is None:
@@ -240,36 +258,33 @@ class _PacketWalk:
         seen = asked | {name for check in self.checks for name in asked_by(check)}
         if unknown := sorted(seen - self.at.keys()):
             raise TypeError(
-                f"the length and each Check ask fields before {self._tail_name()}, by this.NAME: "
+                f"the length and each Check ask fields before {self.tail_name}, by this.NAME: "
                 f"{unknown[0]} is none"
             )
         prefix = max([len(self.header), *(self.at[k] + self.width[k] for k in seen)])
-        seals = tuple(self._sealed(name, seal) for name, seal in self.seals)
+        seals = [self._sealed(name, seal) for name, seal in self.seals]
+        if self.checksum is not None:
+            seals.append(self._at_the_end(self.checksum))
         # The cheap ones first: those that the variable field has no part in.
-        last = self.places[self._tail_name()]
-        ordered = sorted(seals, key=lambda s: any(e.last or e == Edge(last[0]) for _, e in s.over))
+        front = Edge(self.places[self.tail_name][0])
+        seals.sort(key=lambda s: any(edge.last or edge == front for _, edge in s.over))
+        constants = [
+            (Edge(behind - at, last=True) if far else Edge(at), value)
+            for at, value, far in self.constants
+        ]
         return Plan(
-            self.header,
-            MappingProxyType(self.at),
-            tuple(self.checks),
-            tail,
-            self.tail_at,
-            self.sum_from,
-            self.checksum if self.checksum is not None else seals[0].checksum,
-            prefix,
-            MappingProxyType(self.width),
-            self.sum_width,
-            behind,
-            min(asked, default=""),
-            tuple(ordered),
-            tuple((Edge(behind - at, last=True) if far else Edge(at), value)
-                  for at, value, far in self.constants),
-            MappingProxyType({name: self._stretch(name) for name in self.places}),
-        )  # fmt: skip
-
-    def _tail_name(self) -> str:
-        return next(n for n, (at, size, far) in self.places.items()
-                    if not size and not far and at == self.tail_at)  # fmt: skip
+            header=self.header,
+            at=MappingProxyType(self.at),
+            checks=tuple(self.checks),
+            tail=tail,
+            tail_at=self.tail_at,
+            prefix=prefix,
+            width=MappingProxyType(self.width),
+            behind=behind,
+            size=min(asked, default=""),
+            seals=tuple(seals),
+            constants=tuple(constants),
+        )
 
     def _stretch(self, name: str) -> Stretch:
         """Return where a field stands: by the packet's first byte, or by its end."""
@@ -279,6 +294,11 @@ class _PacketWalk:
         if not size and at == self.tail_at:
             return Edge(at), Edge(self.pos, last=True)
         return Edge(at), Edge(at + size)
+
+    def _at_the_end(self, checksum: Sum) -> Sealed:
+        """Return the check of a Struct: over its RawCopy, and the last of the packet."""
+        at = Edge(self.sum_width, last=True)
+        return Sealed("checksum", checksum, (at, Edge(0, last=True)), ((Edge(self.sum_from), at),))
 
     def _sealed(self, name: str, seal: Seal) -> Sealed:
         """Return a check with the stretches that its fields make."""

@@ -195,6 +195,8 @@ class PacketFamily:
 
     def feedback_of(self, code: int) -> Any:
         """Return the grammar of what the answer to a command has for parameters."""
+        if self.answers is not None:  # the constant in front is the code
+            return c.Struct(*self.feedback.subcons[1:])
         command = self.commands.get(code)
         own = None if command is None else command.feedback
         return self.feedback if own is None else own

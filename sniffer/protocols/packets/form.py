@@ -197,8 +197,11 @@ def _check_answers(family: PacketFamily) -> None:
             )
     if family.tells_more and family.stuffing is not None:
         _refuse(family, f"stuffing goes with answers of code, error and data only; {BY_HAND}")
-    if family.tells_more and any(command.together for command in family.commands.values()):
-        _refuse(family, f"together goes with answers of code, error and data only; {BY_HAND}")
+    if any(command.together for command in family.commands.values()):
+        if family.tells_more:
+            _refuse(family, f"together goes with answers of code, error and data only; {BY_HAND}")
+        if isinstance(bare(family.packet), Packet):  # between two servos stands what ends a packet
+            _refuse(family, f"together goes with a Checksum at the end, not with Seals; {BY_HAND}")
 
 
 def _check_codes(family: PacketFamily) -> None:

@@ -145,15 +145,12 @@ class Slow:
         """Read an answer that says more than an error and data."""
         family = self.family
         out.op = family.asked_by.get(code, -1)
-        grammar, space = family.feedback_of(out.op), 0
-        key = 0
+        grammar, key, space = family.feedback_of(out.op), 0, 0
         if out.op < 0 and family.answers is None:  # it has the header of answers, and answers none
             out.flags |= MALFORMED
             out.token = len(params)
             return
-        if out.op < 0:
-            grammar = c.Struct(*family.feedback.subcons[1:])
-        else:
+        if out.op >= 0:
             key, space = KEY | out.op << CODE_AT, family.commands[out.op].space
         fields = parsed(grammar, params)
         if fields is None:

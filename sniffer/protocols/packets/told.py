@@ -91,7 +91,7 @@ def answer_of(grammar: Any) -> AnswerShape:
         raise TypeError(f"AllBut({keeps}) leaves {keeps} bytes, and {behind} stand behind the data")
     if data and keeps < 0 and behind and "length" not in at:
         raise TypeError(f'write "data" / AllBut({behind}): {behind} bytes stand behind the data')
-    if {"error"} & {k for k, place in (at | last).items() if place[1] != 1}:
+    if (at | last).get("error", (0, 1))[1] != 1:
         raise TypeError("the error is one byte; name what else there is otherwise")
     ends = {name: (behind - start, width) for name, (start, width) in last.items()}
     return AnswerShape(at, ends, tuple(constants), front if data else pos, behind, data)
@@ -110,10 +110,9 @@ class ToldAnswers:
         self.asked = np.full(256, -1, np.int64)
         for code, asked in family.asked_by.items():
             self.asked[code] = asked
-        self.states_address = False
         self.shapes: dict[int, AnswerShape] = {}
         if family.answers is not None:
-            self.shapes[family.answers] = answer_of(c.Struct(*family.feedback.subcons[1:]))
+            self.shapes[family.answers] = answer_of(family.feedback_of(-1))
         for code, asked in family.asked_by.items():
             self.shapes[code] = answer_of(family.feedback_of(asked))
         self._space = {code: family.commands[k].space for code, k in family.asked_by.items()}

@@ -172,7 +172,7 @@ def shape_of(grammar: Any, at: int = -1, space: int = 0) -> Shape:
     if least >= ROOM or ("address" in w.at and w.at["address"][0]):
         raise TypeError("an address stands first, and not behind hundreds of bytes")
     t = w.targets
-    if at >= 0 and ("address" in w.at or (t is not None and ({"address"} & {*t.at} or t.data))):
+    if at >= 0 and ("address" in w.at or (t is not None and ("address" in t.at or t.data))):
         raise TypeError("its packets name an address themselves: leave out `at`")
     likely = sorted(LIKE_ADDRESS & w.at.keys())
     if at < 0 and "address" not in w.at and t is None and (w.data or "length" in w.at) and likely:

@@ -69,12 +69,8 @@ class Words:
 
     def checksum_of(self, raw: bytes) -> tuple[Sum, bytes, int]:
         """Return the checksum, the bytes it covers, and what was sent."""
-        if self.plan.seals:
-            seal = self.plan.seals[-1]
-            return seal.checksum, self.plan.covered(seal, raw), self.plan.sealed_as(seal, raw)
-        end = len(raw) - self.plan.sum_width
-        got = int.from_bytes(raw[end:], "little")
-        return self.plan.checksum, raw[self.plan.sum_from : end], got
+        seal = self.plan.seals[-1]
+        return seal.checksum, seal.covered(raw), seal.sent(raw)
 
     def fields(self, raw: bytes, row: FrameView) -> dict[str, Any]:
         """Return address, length, option, or the error."""
@@ -118,7 +114,8 @@ class Words:
         if row.flags & MALFORMED:
             return {}
         out: dict[str, Any] = {}
-        grammar, params = self._answered(row), raw[self.plan.tail_at : len(raw) - self.plan.behind]
+        params = raw[self.plan.tail_at : len(raw) - self.plan.behind]
+        grammar = self.family.feedback_of(row.op)
         for leaf in leaves(grammar, params):
             if leaf.path == "error":
                 names = list(self.status_names(row.status))
@@ -128,13 +125,6 @@ class Words:
                 con = field_named(grammar, leaf.path)
                 out[leaf.path] = _worded(con, int.from_bytes(part, "little"))
         return out
-
-    def _answered(self, row: FrameView) -> Any:
-        """Return the grammar of an answer behind its code."""
-        family = self.family
-        if family.answers is not None:
-            return c.Struct(*family.feedback.subcons[1:])
-        return family.feedback_of(row.op)
 
     def telling_bytes(self, frames: Frames, data: U8) -> I64:
         """Return the bytes before those of registers: what these are, ``fields`` does not look at.
@@ -230,7 +220,7 @@ class Words:
 
     def _told_fields(self, wire: bytes, at: int, row: FrameView) -> list[FieldSpan]:
         """Split the parameters of an answer by its grammar."""
-        out, grammar = [], self._answered(row)
+        out, grammar = [], self.family.feedback_of(row.op)
         for part in leaves(grammar, wire):
             bits = flag_bits(field_named(grammar, part.path))
             if bits or part.path == "error":
@@ -289,10 +279,8 @@ class Words:
 
     def _broken(self, raw: bytes) -> dict[str, Any]:
         """Return which checksum of a packet does not hold, empty if all do."""
-        seals = [(s.checksum, self.plan.covered(s, raw), self.plan.sealed_as(s, raw))
-                 for s in self.plan.seals]  # fmt: skip
-        for checksum, body, got in seals or [self.checksum_of(raw)]:
-            expected = checksum(body)
+        for seal in self.plan.seals:
+            expected, got = seal.checksum(seal.covered(raw)), seal.sent(raw)
             if expected != got:
                 return {"checksum_expected": expected, "checksum_got": got}
         return {}
