@@ -24,7 +24,6 @@ from sniffer.protocols import PROTOCOLS
 from sniffer.protocols.base import ends_goal
 from sniffer.simulation.buses import BUSES
 from sniffer.statistics import Statistics
-from sniffer.statistics.commands import wilson
 from sniffer.statistics.flat import COLUMNS, rows
 from sniffer.statistics.told import as_dict
 from tests.commands import Ran, within
@@ -311,22 +310,6 @@ def test_how_long_a_rule_was_met_lies_between_the_values_around_it(stats: Counti
     assert rule["worst"]["value"] == 32
     done = stats.says(path, "--alarm", "3.temperature > 31")
     assert "3.temperature > 31" in done.out
-
-
-@pytest.mark.parametrize(
-    ("k", "n", "low", "high"),
-    # R: binom::binom.wilson(k, n), rounded to six places
-    [(0, 10, 0.0, 0.277533), (1, 10, 0.017876, 0.404150), (10, 10, 0.722467, 1.0)],
-)
-def test_a_share_has_the_interval_of_wilson(k: int, n: int, low: float, high: float) -> None:
-    assert wilson(k, n) == pytest.approx((low, high), abs=1e-6)
-
-
-@given(n=st.integers(0, 10**6), data=st.data())
-def test_the_share_itself_lies_in_its_interval(n: int, data: st.DataObject) -> None:
-    k = data.draw(st.integers(0, n))
-    low, high = wilson(k, n)
-    assert 0 <= low <= (k / n if n else 0) <= high <= 1 or not n
 
 
 def test_an_input_without_clock_has_no_rates_and_no_times(stats: Counting) -> None:

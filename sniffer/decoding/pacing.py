@@ -19,7 +19,7 @@ from sniffer.decoding.pairing import Pairing
 from sniffer.ground.codes import OK, RESPONSE
 from sniffer.ground.framing import Block
 from sniffer.ground.limits import chunks_of
-from sniffer.ground.model import I64, Chunk, Clock, MarkKind
+from sniffer.ground.model import I64, MS, Chunk, Clock, MarkKind
 from sniffer.ground.timing import LATENCY_NS, TOLERANCE, byte_time_ns, clock_of
 
 if TYPE_CHECKING:
@@ -37,8 +37,6 @@ FAR: Final = 4
 
 LOOK: Final = 4096
 """Chunks that are looked at: a minute of a bus that is asked fifty times a second."""
-
-MS: Final = 1_000_000
 
 ONE_READ_NS: Final = 300_000
 """Lines closer than this may be one read that a program printed piece by piece."""

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.ground.model import MS
+
 if TYPE_CHECKING:
     from sniffer.diagnosis.case import Case
     from sniffer.ground.model import I64
-
-MS: Final = 1_000_000
 
 EDGE: Final = 0.05
 """Where a spread is measured; a loop that became uneven late in a capture still shows there."""

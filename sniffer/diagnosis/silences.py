@@ -99,13 +99,10 @@ class Silences:
         one = self._open.pop(who)._replace(back_ns=t_ns)
         if who in self._unheard:
             self._unheard.remove(who)
-            late = self._late.setdefault(who, one)
-            self._late[who] = one._replace(
-                first_ns=late.first_ns,
-                at=late.at,
-                length=late.length,
-                missed=one.missed + (late.missed if late is not one else 0),
-            )
+            before = self._late.get(who)
+            if before is not None:
+                one = before._replace(missed=before.missed + one.missed, back_ns=one.back_ns)
+            self._late[who] = one
             return
         lengths = self._lengths.setdefault(who, [0] * LEAST)
         lengths[min(one.missed, LEAST) - 1] += 1

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from typing import Any
 
     from sniffer.ground.model import I64
@@ -44,3 +45,25 @@ def numbers(column: Any) -> I64:
     if len(column) <= FEW:
         return np.array(sorted({*column.tolist()}), np.int64)
     return distinct(column)[0]
+
+
+def groups_of(keys: I64, few: int) -> Iterator[I64]:
+    """Yield the row numbers of each distinct key, in order within a key.
+
+    A bus repeats itself: ``few`` comparisons find all keys sooner than sorting them would.
+    """
+    # In the example of ``by_shape``, whose keys are those of five values: [0 1 2 4] are as the
+    # first, [3] are as the first that is left. Each comparison is over what is left, so the order
+    # of keys does not matter; only where a few were not enough, many different ones are to be
+    # expected, and the rest is sorted.
+    left = np.arange(len(keys))
+    for _ in range(few):
+        if not len(left):
+            return
+        same = keys == keys[0]
+        yield left[same]
+        keys, left = keys[~same], left[~same]
+    if len(left):
+        _, which, count = distinct(keys)
+        small = which.astype(np.uint16) if len(count) < 1 << 16 else which  # radix sort below 64 Ki
+        yield from np.split(left[np.argsort(small, kind="stable")], np.cumsum(count[:-1]))

@@ -29,6 +29,7 @@ F64 = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 NS: Final = 1_000_000_000
+MS: Final = 1_000_000
 NEVER_NS: Final = 1 << 62
 """Later than any stamp."""
 

@@ -18,12 +18,12 @@ import numpy.typing as npt
 from google.protobuf.descriptor import FieldDescriptor
 from mcap.opcode import Opcode
 
-from sniffer.ground.distinct import distinct
+from sniffer.ground.distinct import distinct, groups_of
 from sniffer.mcapfile.rows import HEAD, RECORD, Heads, Loose, MessageRows, Void
 from sniffer.mcapfile.varints import narrow, spelled, varint, wide_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from google.protobuf.message import Message
 
@@ -251,7 +251,10 @@ class Encoder:
         varied = columns.keys() - alike.keys()
         out: list[MessageRows | Loose] = []
         few: list[I64] = []
-        for rows in _alike(have, code, length) if n > FEW else (np.arange(n),):
+        shapes = (
+            groups_of(_together(have, code, length), _FEW_SHAPES) if n > FEW else (np.arange(n),)
+        )
+        for rows in shapes:
             if len(rows) <= FEW:
                 few.append(rows)
                 continue
@@ -308,8 +311,8 @@ class Encoder:
         return shape
 
 
-def _alike(*columns: I64) -> Iterator[I64]:
-    """Yield the rows of each combination of values that occurs."""
+def _together(*columns: I64) -> I64:
+    """Return one number a row, the same where all columns have the same values."""
     key, span = np.zeros(len(columns[0]), np.int64), 1
     for column in columns:
         low = int(column.min())
@@ -322,22 +325,4 @@ def _alike(*columns: I64) -> Iterator[I64]:
             span = int(key.max()) + 1
         key = key * size + (column - low)
         span *= size
-    if span == 1:
-        yield np.arange(len(key))
-        return
-    # A bus repeats itself: comparing finds its few shapes sooner than sorting would.
-    left = np.arange(len(key))
-    for _ in range(_FEW_SHAPES):
-        same = key == key[0]
-        yield left[np.flatnonzero(same)]
-        rest = np.flatnonzero(~same)
-        if not len(rest):
-            return
-        key, left = key[rest], left[rest]
-    _, which, count = distinct(key)
-    small = which.astype(np.uint16) if len(count) < 1 << 16 else which  # radix sort below 64 Ki
-    order = left[np.argsort(small, kind="stable")]
-    end = 0
-    for n in count.tolist():
-        yield order[end : end + n]
-        end += n
+    return np.zeros(len(key), np.int64) if span == 1 else key

@@ -6,7 +6,7 @@ import contextlib
 import json
 import math
 import tomllib
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.ground.limits import IDS
@@ -41,13 +41,13 @@ class RosJoint:
     sign: int = 1
 
 
-_PLAIN: Final[Mapping[str, Any]] = {"quantity": "", "scale": None, "offset": 0.0, "sign": 1}
+_PLAIN: Final[Mapping[str, Any]] = {f.name: f.default for f in fields(RosJoint)}
 """What is not said of a joint where it is so."""
 
 FACT: Final = "joints"
 """The fact of a recording that has the topics of ROS 2: with which joints they were made."""
 
-_KEYS: Final = ("bus", "servo", "name", "quantity", "scale", "offset", "sign")
+_KEYS: Final = tuple(_PLAIN)
 
 
 def read_joints(path: Path) -> tuple[RosJoint, ...]:

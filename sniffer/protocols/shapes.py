@@ -9,7 +9,7 @@ import numpy as np
 
 from sniffer.ground.clues import Clues
 from sniffer.ground.codes import REQUEST, WHOLE
-from sniffer.ground.distinct import numbers
+from sniffer.ground.distinct import groups_of, numbers
 from sniffer.ground.registers import TYPES, Entry
 from sniffer.protocols.base import Sightings, Values
 
@@ -69,7 +69,7 @@ def by_shape(
     # that have it. Values are written where they belong in the end: ``first`` is known before any
     # is read, so nothing is sorted. What holds: values stand by part, and parts by row.
     data = block.data
-    groups = _alike(keys)
+    groups = list(groups_of(keys, FEW_SHAPES))
     plans = [shape(int(keys[g[0]])) for g in groups]
     per_part = np.zeros(len(keys), np.int64)
     for group, plan in zip(groups, plans, strict=True):
@@ -116,28 +116,6 @@ def _column(data: U8, kind: str, at: I64) -> I64:
     # ``at`` from that view reads them wherever they stand, aligned or not.
     column: I64 = np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, 0, (1,))[at]
     return column
-
-
-def _alike(keys: I64) -> list[I64]:
-    """Return the row numbers of each distinct key.
-
-    A bus repeats itself: a few comparisons find all keys sooner than sorting them would.
-    """
-    # In the example of ``by_shape``: [0 1 2 4] are as the first, [3] are as the first that is left.
-    # Each comparison is over what is left, so the order of keys does not matter; only where a dozen
-    # were not enough, many different ones are to be expected, and the rest is sorted.
-    out: list[I64] = []
-    left = np.arange(len(keys))
-    while len(left) and len(out) < FEW_SHAPES:
-        same = keys[left] == keys[left[0]]
-        out.append(left[same])
-        left = left[~same]
-    if len(left):
-        _, which = np.unique(keys[left], return_inverse=True)
-        order = np.argsort(which, kind="stable")
-        edges = np.flatnonzero(np.diff(which[order])) + 1
-        out += [left[part] for part in np.split(order, edges)]
-    return out
 
 
 class Addressed:

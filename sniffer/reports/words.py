@@ -6,7 +6,7 @@ import datetime
 import math
 from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.model import NS, Clock
+from sniffer.ground.model import MS, NS, Clock
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -62,7 +62,7 @@ def moment(t_ns: int, clock: Clock, *, date: bool = False) -> str:
         return f"{t_ns / NS:.3f} s"
     told = datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC)
     form = "%Y-%m-%d %H:%M:%S" if date else "%H:%M:%S"
-    return f"{told:{form}}.{t_ns % NS // 1_000_000:03d}"
+    return f"{told:{form}}.{t_ns % NS // MS:03d}"
 
 
 def lasting(ns: float) -> str:

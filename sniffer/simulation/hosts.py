@@ -5,9 +5,8 @@ from __future__ import annotations
 import random
 from typing import TYPE_CHECKING, Final, Protocol
 
-from sniffer.ground.model import NS
+from sniffer.ground.model import MS, NS
 from sniffer.simulation.render import USB_PACKET
-from sniffer.simulation.talk import MS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,7 +10,7 @@ import functools
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.model import MALFORMED, UNKNOWN
+from sniffer.ground.model import MALFORMED, MS, UNKNOWN
 from sniffer.protocols.lss.grammar import (
     BROADCAST,
     MODELS,
@@ -24,7 +24,6 @@ from sniffer.protocols.lss.grammar import (
 from sniffer.simulation import faults
 from sniffer.simulation.lss_servo import LssServo
 from sniffer.simulation.talk import (
-    MS,
     US,
     Ask,
     Bus,

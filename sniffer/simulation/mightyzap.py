@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from sniffer.ground.model import MALFORMED, UNKNOWN
+from sniffer.ground.model import MALFORMED, MS, UNKNOWN
 from sniffer.protocols.mightyzap.grammar import (
     BROADCAST,
     COMMANDS,
@@ -26,7 +26,6 @@ from sniffer.protocols.mightyzap.grammar import (
 from sniffer.simulation.memory import pack
 from sniffer.simulation.mightyzap_servo import TOP, MightyZapServo, command
 from sniffer.simulation.talk import (
-    MS,
     US,
     Ask,
     Broken,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 from typing import TYPE_CHECKING, Any, Final
 
-from sniffer.ground.model import MALFORMED, UNKNOWN
+from sniffer.ground.model import MALFORMED, MS, UNKNOWN
 from sniffer.protocols.rs30x.grammar import (
     ACK_TOKEN,
     ASKS_ACK,
@@ -30,7 +30,6 @@ from sniffer.protocols.rs30x.grammar import (
 from sniffer.simulation.memory import pack
 from sniffer.simulation.rs30x_servo import ON, Rs30xServo, tenths
 from sniffer.simulation.talk import (
-    MS,
     US,
     Ask,
     Bus,

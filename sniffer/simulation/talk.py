@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple, Self
 
 from sniffer.ground.codes import KINDS, MEASURED
-from sniffer.ground.model import NS
+from sniffer.ground.model import MS, NS
 from sniffer.simulation.motion import Joint, Rig, trajectory
 
 if TYPE_CHECKING:
@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
 REQUEST, RESPONSE = KINDS
 NOISE: Final = "noise"
-MS: Final = NS // 1000
-US: Final = NS // 1_000_000
+US: Final = MS // 1000
 
 USUAL: Final[Mapping[int | None, str]] = MappingProxyType({})
 """No servo (and not all of them, None) is of another model than the usual one."""

@@ -12,7 +12,7 @@ import functools
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
-from sniffer.ground.model import UNKNOWN
+from sniffer.ground.model import MS, UNKNOWN
 from sniffer.protocols.wck.grammar import (
     COMMANDS,
     INDEX,
@@ -24,7 +24,6 @@ from sniffer.protocols.wck.grammar import (
 from sniffer.simulation import faults
 from sniffer.simulation.memory import Memory
 from sniffer.simulation.talk import (
-    MS,
     US,
     Ask,
     Bus,

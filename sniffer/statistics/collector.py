@@ -16,7 +16,7 @@ from sniffer.diagnostics.found import SEVERITY, Anomalies
 from sniffer.ground.codes import NEVER, NO_RESPONSE, OK, OUTCOMES, RESPONSE, WHOLE
 from sniffer.ground.distinct import distinct
 from sniffer.ground.gaps import Gaps
-from sniffer.ground.model import MarkKind, Severity
+from sniffer.ground.model import MS, MarkKind, Severity
 from sniffer.statistics.figures import (
     BYTES,
     DRAWN,
@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from sniffer.decoding.pacing import Pace
     from sniffer.ground.model import I64, Batch, Chunk
     from sniffer.protocols.base import BusProtocol
-
-MS: Final = 1_000_000
 
 _SEVERITY: Final = np.array(SEVERITY, np.int64)
 

@@ -15,8 +15,8 @@ from bench.diagnosis.played.robot import ALL, PIPED, SELDOM, TURN, Habit, Robot
 from bench.diagnosis.played.stage import Stage
 from bench.diagnosis.played.tongues import TONGUES
 from bench.diagnosis.scenario import Heard, Scenario, Truth
-from sniffer.ground.model import NS
-from sniffer.simulation.talk import MS, US, Servo
+from sniffer.ground.model import MS, NS
+from sniffer.simulation.talk import US, Servo
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

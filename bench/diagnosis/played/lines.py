@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from bench.diagnosis.played.tongue import Say, Tongue
+from sniffer.ground.model import MS
 from sniffer.protocols.lss.grammar import command
 from sniffer.simulation.lss_servo import TRAVEL_DEG
-from sniffer.simulation.talk import MS
 
 if TYPE_CHECKING:
     import random

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 from bench.diagnosis.played.cases import EVERY, Cases
 from bench.diagnosis.played.draft import ALL, PIPED, SELDOM, TURN
 from bench.diagnosis.played.robot import LONGEST
-from sniffer.ground.model import NS
-from sniffer.simulation.talk import MS, US
+from sniffer.ground.model import MS, NS
+from sniffer.simulation.talk import US
 
 if TYPE_CHECKING:
     from bench.diagnosis.played.draft import Draft, Play

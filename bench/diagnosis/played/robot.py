@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
-from sniffer.ground.model import NS
-from sniffer.simulation.talk import MS, US
+from sniffer.ground.model import MS, NS
+from sniffer.simulation.talk import US
 
 if TYPE_CHECKING:
     import random

@@ -5,7 +5,7 @@ from __future__ import annotations
 import abc
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
-from sniffer.simulation.talk import MS
+from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
     import random

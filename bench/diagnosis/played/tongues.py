@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from bench.diagnosis.played.lines import LssTongue
 from bench.diagnosis.played.tongue import KEEPS_NS, Say, Tongue
+from sniffer.ground.model import MS
 from sniffer.protocols.mightyzap.grammar import (
     BROADCAST,
     ECHO,
@@ -21,7 +22,6 @@ from sniffer.simulation.memory import pack
 from sniffer.simulation.mightyzap_servo import TOP, command, packet
 from sniffer.simulation.rs30x import IDENTITY, PRESENT, flag_byte, joined, request
 from sniffer.simulation.rs30x_servo import OFF, ON, Rs30xServo, tenths
-from sniffer.simulation.talk import MS
 
 if TYPE_CHECKING:
     import random

@@ -131,7 +131,7 @@ def describe(block: Block, spans: Spans) -> Frames:
     sub = np.where((code == READ) | (code == WRITE), data[np.minimum(start + 1, block.n - 1)], 0)
     head = np.where(code == POSITION, 1, np.where(code == IDENTIFY, 1, 2))
     length = spans.end - start
-    return Frames.blank(len(start)).having(
+    return Frames.stating(
         start=start,
         length=length,
         kind=kind,

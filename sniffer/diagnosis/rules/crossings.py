@@ -13,7 +13,7 @@ from sniffer.diagnosis.damage import HELD, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.twins import of_twins
-from sniffer.ground.model import NS
+from sniffer.ground.model import MS, NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -107,8 +107,6 @@ MET: Final = 3
 TIMERS: Final = 0.3
 """How much two rhythms count that never meet: one program may have two timers, and does not run into
 itself."""
-
-MS: Final = 1_000_000
 
 
 def requests_run_together(case: Case) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ from sniffer.diagnosis.case import BUCKET_NS
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import HELD, IN_IDLE
 from sniffer.diagnosis.model import Finding, Place
-from sniffer.ground.model import NS
+from sniffer.ground.model import MS, NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -80,8 +80,6 @@ FALLS: Final = frozenset(0xFF << k & 0xFF for k in range(9))
 
 ONES: Final = 0.8
 """Part of the bits that are ones: in frames half of them are."""
-
-MS: Final = 1_000_000
 
 
 def held_low(case: Case) -> Iterator[Finding]:

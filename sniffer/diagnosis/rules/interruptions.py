@@ -15,7 +15,7 @@ from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.order import Order
 from sniffer.ground.codes import DAMAGED, RESPONSE
-from sniffer.ground.model import Clock
+from sniffer.ground.model import MS, Clock
 from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
@@ -56,8 +56,6 @@ FINDINGS: Final = (
         "Most torn answers begin as they should and differ in three bytes and more of those that never change; a pulse alters one or two.",
     ),
 )
-
-MS: Final = 1_000_000
 
 ENOUGH: Final = 2
 """One may be a stamp that is off."""

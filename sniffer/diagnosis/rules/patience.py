@@ -12,7 +12,7 @@ from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.twins import late_answers
 from sniffer.ground.codes import DAMAGED, NO_RESPONSE
-from sniffer.ground.model import NEVER_NS, NS
+from sniffer.ground.model import MS, NEVER_NS, NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,8 +50,6 @@ FINDINGS: Final = (
         "The waits behind all requests to a servo that never answered.",
     ),
 )
-
-MS: Final = 1_000_000
 
 KNOWN: Final = 5
 """Sound exchanges of a kind that say how long one takes."""

@@ -9,7 +9,8 @@ import numpy as np
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.placed import finding_of
-from sniffer.diagnosis.rules.crossings import EXACT_NS, LEAST, MS
+from sniffer.diagnosis.rules.crossings import EXACT_NS, LEAST
+from sniffer.ground.model import MS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -95,10 +96,8 @@ def rhythms_meet(case: Case) -> Iterator[Finding]:
         if len(here) < TORN:
             continue
         some = t[:: max(len(t) // CHECKED, 1)]
-        for meeting in (
-            _both_due,
-            _both_near,
-        ):  # who waits for what was torn is late, and tears more
+        # Who waits for what was torn is late, and tears more.
+        for meeting in (_both_due, _both_near):
             rows = here[meeting(at[here], pairs, span)]
             sound = int(meeting(some, pairs, span).sum())
             if len(rows) * (len(some) - sound) < CLEARLY * sound * (len(here) - len(rows)):

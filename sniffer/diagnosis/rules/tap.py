@@ -11,7 +11,7 @@ from sniffer.diagnosis.comparing import is_altered
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.ground.codes import NO_RESPONSE
-from sniffer.ground.model import MarkKind
+from sniffer.ground.model import MS, MarkKind
 from sniffer.ground.wording import counted
 
 if TYPE_CHECKING:
@@ -78,8 +78,6 @@ FINDINGS: Final = (
         "What the recorder marked (`late-read`).",
     ),
 )
-
-MS: Final = 1_000_000
 
 SWAPPED: Final = 0.8
 """Share of frames on the wrong wire that no echo and no lost order explains."""

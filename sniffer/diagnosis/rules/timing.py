@@ -22,7 +22,7 @@ from sniffer.diagnosis.cycles import (
 )
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.order import Order
-from sniffer.ground.model import NS, Clock, MarkKind
+from sniffer.ground.model import MS, NS, Clock, MarkKind
 from sniffer.ground.timing import byte_time_ns
 
 if TYPE_CHECKING:
@@ -67,8 +67,6 @@ FINDINGS: Final = (
         "The latency that was stated, that the stamps show, or that the kind of clock has.",
     ),
 )
-
-MS: Final = 1_000_000
 
 FAILS_MOST: Final = 0.05
 """Share of cycles with something that failed beyond which timeouts make them uneven."""

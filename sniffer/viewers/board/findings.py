@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rich.cells import cell_len
 
-from sniffer.ground.model import NS
+from sniffer.ground.model import MS, NS
 from sniffer.ground.wording import plain
 from sniffer.viewers.board.cells import WIDE, Cell, fitted
 from sniffer.viewers.board.state import RECENT_NS
@@ -99,7 +99,7 @@ class FindingLines:
         level = told.severity.name.lower()
         out: Line = [
             (f"{told.who:>3}  ", style or "id"),
-            (f"{moment:%H:%M:%S}.{told.t_ns % NS // 1_000_000:03d}  ", style),
+            (f"{moment:%H:%M:%S}.{told.t_ns % NS // MS:03d}  ", style),
             (f"{level:5}  ", named or level),
         ]
         if self._name:
