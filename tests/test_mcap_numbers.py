@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sniffer.mcapfile.encoder import Blob, Encoder
-from sniffer.mcapfile.rows import Heads, Loose
+from sniffer.mcapfile.encoder import Encoder
+from sniffer.mcapfile.rows import Blob, Heads, Loose
 from sniffer.messages.recording_pb2 import Frame
 from sniffer.messages.servo_state_pb2 import ServoState
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.ground.model import NS, Clock, DamagedInputError, SnifferError
 from sniffer.ground.runs import ChunkRun
-from sniffer.jobs.session import merged
+from sniffer.jobs.order import merged
 from sniffer.jobs.telling import Teller
 from sniffer.sources import SOURCES
 from sniffer.sources.text import Opened

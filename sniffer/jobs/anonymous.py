@@ -11,7 +11,7 @@ from sniffer.decoding.options import ALARM, SINCE
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.ground.model import DamagedInputError
 from sniffer.jobs.derived import Derived
-from sniffer.jobs.session import merged
+from sniffer.jobs.order import merged
 from sniffer.messages import OFFSET
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from sniffer.diagnostics.found import CODES, SEVERITY, Anomalies
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import DamagedInputError, InputError, SnifferError
 from sniffer.ground.wording import Sentence
-from sniffer.jobs.session import merged
+from sniffer.jobs.order import merged
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import FOUND, MOMENT, OF_DAY, CapturePlace, Window, ambiguous
 from sniffer.sinks import BYTES

@@ -8,7 +8,8 @@ from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.ground.needs import need_pyarrow
 from sniffer.jobs.asked import Extract
-from sniffer.jobs.session import merged, nothing_in, reads_on
+from sniffer.jobs.order import merged
+from sniffer.jobs.session import nothing_in, reads_on
 from sniffer.jobs.telling import Teller
 from sniffer.sources.several import open_capture
 

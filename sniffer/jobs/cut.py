@@ -18,8 +18,8 @@ from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.convert import Converted, convert_opened
 from sniffer.jobs.derived import Derived
+from sniffer.jobs.order import merged
 from sniffer.jobs.outputs import CUT
-from sniffer.jobs.session import merged
 from sniffer.jobs.telling import Teller
 from sniffer.messages import OFFSET
 from sniffer.sources import open_source

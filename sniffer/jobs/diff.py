@@ -11,8 +11,9 @@ from sniffer.ground.needs import need_rerun
 from sniffer.ground.wording import counted
 from sniffer.jobs.asked import Extract
 from sniffer.jobs.derived import Derived
+from sniffer.jobs.order import merged
 from sniffer.jobs.outputs import check_outputs, gone
-from sniffer.jobs.session import Ending, merged, run_source
+from sniffer.jobs.session import Ending, run_source
 from sniffer.jobs.telling import Teller
 from sniffer.reports.differing import RunDifference, differences
 from sniffer.reports.runs import RunFigures

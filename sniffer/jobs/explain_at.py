@@ -15,7 +15,7 @@ from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.model import NS, DamagedInputError, InputError
 from sniffer.ground.wording import and_
 from sniffer.jobs.asked import evidence_at
-from sniffer.jobs.session import merged
+from sniffer.jobs.order import merged
 from sniffer.jobs.telling import Teller
 from sniffer.selection.places import names_anomaly, place_in
 from sniffer.sources import open_source

@@ -18,7 +18,7 @@ from sniffer.ground.wording import Sentence
 from sniffer.jobs.anonymous import anonymous
 from sniffer.jobs.convert import Converted, convert_opened
 from sniffer.jobs.derived import Derived
-from sniffer.jobs.session import merged
+from sniffer.jobs.order import merged
 from sniffer.jobs.telling import Teller
 from sniffer.merging.aligning import MOST, aligned
 from sniffer.merging.merger import Merger

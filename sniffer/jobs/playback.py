@@ -17,9 +17,10 @@ from sniffer.jobs.asked import buses_of, only_bus
 from sniffer.jobs.copying import Copies
 from sniffer.jobs.cut import part_of
 from sniffer.jobs.derived import Derived
+from sniffer.jobs.order import merged
 from sniffer.jobs.outputs import open_all, session_facts
 from sniffer.jobs.replay import peek, spoken_by, timed, usual_baud
-from sniffer.jobs.session import Ending, merged, run_source
+from sniffer.jobs.session import Ending, run_source
 from sniffer.jobs.telling import Teller
 from sniffer.playback.controller import ControllerPlayer
 from sniffer.playback.exchanges import ExchangeSink

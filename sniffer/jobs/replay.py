@@ -21,8 +21,9 @@ from sniffer.ground.timing import byte_time_ns
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.asked import Extract, refuse_part_of
 from sniffer.jobs.copying import Copies
+from sniffer.jobs.order import merged
 from sniffer.jobs.outputs import open_all, session_facts, told_part
-from sniffer.jobs.session import Ending, merged, run_source
+from sniffer.jobs.session import Ending, run_source
 from sniffer.jobs.telling import Teller
 from sniffer.sources import open_source
 from sniffer.sources.several import name_of

@@ -16,8 +16,9 @@ from sniffer.decoding.pipeline import Options, Pipeline
 from sniffer.ground.files import open_text, writing
 from sniffer.ground.model import DamagedInputError, OutputError
 from sniffer.jobs.hearing import hear
+from sniffer.jobs.order import merged
 from sniffer.jobs.outputs import check_outputs, gone
-from sniffer.jobs.session import Ending, merged
+from sniffer.jobs.session import Ending
 from sniffer.jobs.telling import Teller
 from sniffer.messages import TOOL
 from sniffer.reports.content import Content

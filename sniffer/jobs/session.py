@@ -12,6 +12,7 @@ from sniffer.decoding.pipeline import Pipeline
 from sniffer.decoding.resuming import ResumablePipeline
 from sniffer.ground.model import DamagedInputError, InputError
 from sniffer.ground.wording import Sentence
+from sniffer.jobs.order import merged
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -82,17 +83,6 @@ class Patience:
         again, self.asked = self.asked, True
         if again or self._reading or not self._decoding:
             raise KeyboardInterrupt
-
-
-def merged(
-    source: Source, groups: Iterable[Sequence[Chunk]], options: Options, tell: Teller
-) -> Iterable[Sequence[Chunk]]:
-    """Return the groups of a source; lines of two taps that their host mixed are merged."""
-    if not source.is_mixed:
-        return groups
-    from sniffer.merging.wires import in_order
-
-    return in_order(groups, options, tell.talk)
 
 
 def reads_on(source: Source, summary: Summary) -> bool:

@@ -9,11 +9,11 @@ from sniffer.ground.model import NS
 from sniffer.ground.wording import Sentence
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
 
     from sniffer.decoding.detect import Detection
     from sniffer.decoding.rates import RateSearch
-    from sniffer.jobs.files import RecordingFiles
     from sniffer.tap.reader import Anchor
     from sniffer.tap.recorder import Recorder
     from sniffer.viewers.screen import Screen
@@ -96,7 +96,11 @@ class Teller:
 
 
 def result(
-    recorder: Recorder, ended: str, file: RecordingFiles | None, anchor: Anchor, tell: Teller
+    recorder: Recorder,
+    ended: str,
+    files: Sequence[Path] | None,
+    anchor: Anchor,
+    tell: Teller,
 ) -> None:
     """Say what there is now; what went wrong is said also where quiet was asked for."""
     if ended:
@@ -112,7 +116,7 @@ def result(
     anomalies = sum(sum(b.codes.values()) for b in totals)
     tell.talk(
         f"{size} bytes recorded, {frames} frames, {gaps} bytes in no frame, {anomalies} anomalies"
-        f"{_where(file)}"
+        f"{_where(files)}"
     )
     by_bus: dict[str, int] = {}
     for tap in taps:
@@ -139,11 +143,11 @@ def result(
         )
 
 
-def _where(file: RecordingFiles | None) -> str:
+def _where(files: Sequence[Path] | None) -> str:
     """Return which files there are now."""
-    if file is None:
+    if files is None:
         return ""
-    if not file.files:
+    if not files:
         return ": nothing happened that a file was to be written for"
-    last = ", ".join(str(path) for path in file.files[-3:])
-    return f": {len(file.files)} files, the last {last}" if len(file.files) > 3 else f": {last}"
+    last = ", ".join(str(path) for path in files[-3:])
+    return f": {len(files)} files, the last {last}" if len(files) > 3 else f": {last}"

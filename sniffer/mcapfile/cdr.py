@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.model import NS, OutputError
 from sniffer.ground.wording import Sentence
-from sniffer.mcapfile.container import MessageType
+from sniffer.mcapfile.kinds import MessageType
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -12,9 +12,8 @@ import contextlib
 import os
 import zlib
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, NamedTuple, cast
+from typing import TYPE_CHECKING, Final
 
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.records import (
     Attachment,
     AttachmentIndex,
@@ -30,26 +29,17 @@ from mcap.records import (
 from sniffer.ground.files import occupied, writing
 from sniffer.ground.model import OutputError
 from sniffer.mcapfile.index import MAGIC, FileSummary, as_bytes
+from sniffer.mcapfile.kinds import MessageType, type_of
 from sniffer.mcapfile.packing import ChunkContents, Packer, ready
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
-    from google.protobuf.descriptor import FileDescriptor
     from google.protobuf.message import Message
 
     from sniffer.mcapfile.packing import ReadyChunk
     from sniffer.mcapfile.queue import Sorted
-
-
-class MessageType(NamedTuple):
-    """A type of messages that are not protobuf's: its name, encodings, and definition."""
-
-    name: str
-    encoding: str
-    schema_encoding: str
-    definition: bytes
 
 
 class Container:
@@ -286,25 +276,3 @@ def _sync_folder(folder: Path) -> None:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
-
-
-def type_of(message: type[Message]) -> MessageType:
-    """Return a protobuf message as a file declares it."""
-    definition = _descriptors(cast("FileDescriptor", message.DESCRIPTOR.file))
-    return MessageType(message.DESCRIPTOR.full_name, "protobuf", "protobuf", definition)
-
-
-def _descriptors(file: FileDescriptor) -> bytes:
-    """Return the file's descriptor set, the files it imports before it."""
-    out = FileDescriptorSet()
-    seen: set[str] = set()
-
-    def add(one: FileDescriptor) -> None:
-        if one.name not in seen:
-            seen.add(one.name)
-            for imported in one.dependencies:
-                add(imported)
-            one.CopyToProto(out.file.add())
-
-    add(file)
-    return out.SerializeToString()

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import functools
 import struct
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -19,7 +18,7 @@ from google.protobuf.descriptor import FieldDescriptor
 from mcap.opcode import Opcode
 
 from sniffer.ground.distinct import distinct, groups_of
-from sniffer.mcapfile.rows import HEAD, RECORD, Heads, Loose, MessageRows, Void
+from sniffer.mcapfile.rows import HEAD, RECORD, Blob, Heads, Loose, MessageRows, Void
 from sniffer.mcapfile.varints import narrow, spelled, varint, wide_rows
 
 if TYPE_CHECKING:
@@ -52,26 +51,6 @@ _WIRE: Final[Mapping[int, tuple[int, str, str]]] = {
     _F.TYPE_ENUM: (0, "<u2", "H"),
 }
 """Wire type, numpy type and struct code of a field with a fixed width, by its declared type."""
-
-
-@dataclass(frozen=True, slots=True)
-class Blob:
-    """A bytes field: each row's part of ``data``."""
-
-    name: str
-    data: bytes
-    start: I64
-    length: I64
-
-    def take(self, rows: I64, size: int) -> Void:
-        """Return the bytes of ``rows``, all of one size."""
-        data = np.frombuffer(self.data, np.uint8)
-        return np.ndarray((len(data) - size + 1,), f"V{size}", data, 0, (1,))[self.start[rows]]
-
-    def each(self, rows: I64) -> list[bytes]:
-        """Return the bytes of ``rows``, each of its own size."""
-        at = zip(self.start[rows].tolist(), self.length[rows].tolist(), strict=True)
-        return [self.data[a : a + size] for a, size in at]
 
 
 class _Shape:

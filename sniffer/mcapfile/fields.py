@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from sniffer.ground.model import F64, I64, Mask
     from sniffer.ground.registers import Register
 
 UNITS: Final[Mapping[str, str]] = {
@@ -49,3 +50,19 @@ def state_field(register: Register) -> str | None:
     if not register.unit:
         return register.quantity
     return f"{register.quantity}_{UNITS.get(register.unit, register.unit)}"
+
+
+class KnownValues(NamedTuple):
+    """Values that frames made known, in their order: of which frame, of whom, what.
+
+    ``field`` is a place in ``States.names``.
+    """
+
+    row: I64
+    servo: I64
+    field: I64
+    value: F64
+
+    def take(self, which: Mask | I64) -> KnownValues:
+        """Return some of them."""
+        return KnownValues(self.row[which], self.servo[which], self.field[which], self.value[which])

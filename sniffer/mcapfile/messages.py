@@ -20,12 +20,12 @@ from sniffer.decoding.sink import bus_of
 from sniffer.ground.gaps import Gaps
 from sniffer.ground.model import I64, NS, Clock
 from sniffer.ground.timing import byte_time_ns
-from sniffer.mcapfile.encoder import Blob, Encoder
+from sniffer.mcapfile.encoder import Encoder
 from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds
 from sniffer.mcapfile.levels import LEVELS, SEVERITIES, whose
 from sniffer.mcapfile.orders import FRAME_ORDER, TRANSACTION_ORDER
 from sniffer.mcapfile.raw import HeldChunks
-from sniffer.mcapfile.rows import U16, Heads, Loose
+from sniffer.mcapfile.rows import U16, Blob, Heads, Loose
 from sniffer.mcapfile.states import States
 from sniffer.messages import FLAT
 from sniffer.messages.log_pb2 import Log
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from google.protobuf.message import Message
 
     from sniffer.ground.model import Batch, Chunk
-    from sniffer.mcapfile.container import MessageType
+    from sniffer.mcapfile.kinds import MessageType
     from sniffer.mcapfile.queue import Queue
     from sniffer.mcapfile.ros2 import RosWriter
     from sniffer.protocols.base import BusProtocol

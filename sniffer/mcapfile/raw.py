@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sniffer.mcapfile.encoder import Blob, Encoder
+from sniffer.mcapfile.encoder import Encoder
 from sniffer.mcapfile.orders import RAW_ORDER
-from sniffer.mcapfile.rows import Heads, Loose, MessageRows
+from sniffer.mcapfile.rows import Blob, Heads, Loose, MessageRows
 from sniffer.messages.recording_pb2 import Clock, Direction, Mark, RawChunk
 
 if TYPE_CHECKING:

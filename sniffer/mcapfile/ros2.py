@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from sniffer.ground.model import I64, Anomaly
-    from sniffer.mcapfile.container import MessageType
+    from sniffer.mcapfile.fields import KnownValues
+    from sniffer.mcapfile.kinds import MessageType
     from sniffer.mcapfile.queue import Queue
-    from sniffer.mcapfile.states import KnownValues
 
 JOINTS: Final = "/joint_states"
 ANOMALIES: Final = "/diagnostics"

@@ -149,3 +149,23 @@ class Loose:
         """Write each record to its place in ``out``."""
         for data, a in zip(self.data, at.tolist(), strict=True):
             out[a : a + len(data)] = data
+
+
+@dataclass(frozen=True, slots=True)
+class Blob:
+    """A bytes field: each row's part of ``data``."""
+
+    name: str
+    data: bytes
+    start: I64
+    length: I64
+
+    def take(self, rows: I64, size: int) -> Void:
+        """Return the bytes of ``rows``, all of one size."""
+        data = np.frombuffer(self.data, np.uint8)
+        return np.ndarray((len(data) - size + 1,), f"V{size}", data, 0, (1,))[self.start[rows]]
+
+    def each(self, rows: I64) -> list[bytes]:
+        """Return the bytes of ``rows``, each of its own size."""
+        at = zip(self.start[rows].tolist(), self.length[rows].tolist(), strict=True)
+        return [self.data[a : a + size] for a, size in at]

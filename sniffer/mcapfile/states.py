@@ -7,7 +7,7 @@ protobuf a viewer of Rerun plots nothing by itself: those of ``PLOTS`` hold posi
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from sniffer.ground.codes import OK
 from sniffer.ground.distinct import distinct
 from sniffer.mcapfile.cdr import NUMBERS
 from sniffer.mcapfile.encoder import Encoder
-from sniffer.mcapfile.fields import FIRST_VALUE, quantity_of, state_field
+from sniffer.mcapfile.fields import FIRST_VALUE, KnownValues, quantity_of, state_field
 from sniffer.mcapfile.reads import ReadValues
 from sniffer.mcapfile.rows import Heads, MessageRows
 from sniffer.messages import CHOICES, FLAT, PLOTS, TOPICS
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from google.protobuf.message import Message
 
-    from sniffer.ground.model import F64, I64, Batch, Mask
-    from sniffer.mcapfile.container import MessageType
+    from sniffer.ground.model import I64, Batch
+    from sniffer.mcapfile.kinds import MessageType
     from sniffer.mcapfile.queue import Queue
     from sniffer.mcapfile.ros2 import RosWriter
     from sniffer.protocols.base import BusProtocol
@@ -44,22 +44,6 @@ if TYPE_CHECKING:
 
 RESPONSE_TIME: Final = "response_time_ms"
 """A field of a state that is no register's."""
-
-
-class KnownValues(NamedTuple):
-    """Values that frames made known, in their order: of which frame, of whom, what.
-
-    ``field`` is a place in ``States.names``.
-    """
-
-    row: I64
-    servo: I64
-    field: I64
-    value: F64
-
-    def take(self, which: Mask | I64) -> KnownValues:
-        """Return some of them."""
-        return KnownValues(self.row[which], self.servo[which], self.field[which], self.value[which])
 
 
 class States:

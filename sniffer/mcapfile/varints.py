@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from google.protobuf.message import Message
 
     from sniffer.ground.model import I64, Mask
-    from sniffer.mcapfile.encoder import Blob
+    from sniffer.mcapfile.rows import Blob
 
 NARROW: Final = 1 << 14
 """Numbers below this one are varints of two bytes."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sniffer import __version__
 from sniffer.ground.model import NS, OutputError
-from sniffer.mcapfile.container import MessageType, type_of
+from sniffer.mcapfile.kinds import MessageType, type_of
 from sniffer.mcapfile.levels import LEVELS
 from sniffer.mcapfile.messages import DERIVED, BusWriter
 from sniffer.mcapfile.queue import Queue

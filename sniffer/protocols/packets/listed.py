@@ -9,7 +9,7 @@ A walk along targets takes one step a target for all rows at once:
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
     from sniffer.ground.framing import Block
     from sniffer.ground.model import I64, U8, Mask, Spans
-    from sniffer.protocols.packets.columns import FamilyColumns
+    from sniffer.ground.plan import Plan
+    from sniffer.protocols.packets.declare import PacketFamily
     from sniffer.protocols.packets.walk import Place, Shape
 
 
@@ -41,6 +42,18 @@ class Nth(NamedTuple):
     address: I64
     length: I64
     at: I64
+
+
+class Tables(Protocol):
+    """What is known of a family's commands before a byte is read.
+
+    ``shapes`` by code; ``together``, for each of the 256 codes, whether one packet answers for all.
+    """
+
+    family: PacketFamily
+    plan: Plan
+    shapes: dict[int, Shape]
+    together: Mask
 
 
 def column(data: U8, at: I64, width: int) -> I64:
@@ -115,7 +128,7 @@ def asked_by(block: Block, spans: Spans, request: Mask, reach: int) -> I64:
 
 
 def listed(
-    of: FamilyColumns, body: Bytes, code: U8, servo_id: U8, lists: Mask, asked: I64,
+    of: Tables, body: Bytes, code: U8, servo_id: U8, lists: Mask, asked: I64,
     length: I64, address: I64, token: I64,
 ) -> None:  # fmt: skip
     """Give those that a request lists, and that answer it as it says, their address and its token.
