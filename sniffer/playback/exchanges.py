@@ -66,11 +66,6 @@ class RecordedExchange:
     end_ns: int
     replies: list[PlayedReply] = field(default_factory=list)
 
-    @property
-    def answered_ns(self) -> int:
-        """When the first reply began, as a delay; -1 where none came."""
-        return self.replies[0].delay_ns if self.replies else -1
-
 
 class ExchangeSink:
     """A sink that keeps the exchanges of the buses of a recording.

@@ -94,8 +94,8 @@ class Screen:
         selection: Selection | None = None,
         color: bool | None = None,
     ) -> None:
-        self.dropped = self.dropped_batches = 0
-        """Frames, and batches, that were left out: nobody took what was written in time."""
+        self.dropped = 0
+        """Frames that were left out: nobody took what was written in time."""
         self.failure: Exception | None = None
         """What ended the screen although it should not have; the recording goes on without it."""
         self._ended: OSError | None = None
@@ -195,21 +195,16 @@ class Screen:
                 return
             full = self._records + records > RECORDS or self._bytes + size > BYTES
             if self._queue and (full or len(self._queue) >= ITEMS):
-                self._drop(item, frames)
+                self.dropped += frames
                 return
             self._records += records
             self._bytes += size
             self._queue.append((item, records, size, frames))
 
-    def _drop(self, item: tuple[Any, ...], frames: int) -> None:
-        self.dropped += frames
-        self.dropped_batches += len(item) == 3
-
     def _forget(self) -> None:
         """Leave out what waits, and what will come; the lock is held."""
         self._silent = True
-        for item, _, _, frames in self._queue:
-            self._drop(item, frames)
+        self.dropped += sum(frames for _, _, _, frames in self._queue)
         self._queue.clear()
 
     # From here on everything runs in the thread.

@@ -105,25 +105,26 @@ SYMMETRIC: Final = Struct(
 NEW_ID: Final = (1, 0)
 """Factory reset option bit 0: the servo's id goes back to 0. Source: (4) 6) Factory Reset."""
 
+ECHO, LOAD, STORE, SEND, EXECUTE, FACTORY_RESET = 0xF1, 0xF2, 0xF3, 0xF4, 0xF5, 0xF6
+RESTART, SDK_FACTORY_RESET, SYMMETRIC_STORE = 0xF8, 0xF9, 0x73
+
 COMMANDS: Final[Mapping[int, Command]] = MappingProxyType(
     {
-        0xF1: Command("echo", EMPTY, MUST),
-        0xF2: Command("load_data", ADDRESS_LENGTH, IF_READ),
-        0xF3: Command("store_data", ADDRESS_DATA, IF_ALL),
-        0xF4: Command("send_data", ADDRESS_DATA, IF_ALL, STAGED),
-        0xF5: Command("execution", EMPTY, IF_ALL, RELEASES),
-        0xF6: Command("factory_reset", OPTION, IF_ALL, RESETS, NEW_ID),
-        0xF8: Command("restart", EMPTY, IF_ALL),
+        ECHO: Command("echo", EMPTY, MUST),
+        LOAD: Command("load_data", ADDRESS_LENGTH, IF_READ),
+        STORE: Command("store_data", ADDRESS_DATA, IF_ALL),
+        SEND: Command("send_data", ADDRESS_DATA, IF_ALL, STAGED),
+        EXECUTE: Command("execution", EMPTY, IF_ALL, RELEASES),
+        FACTORY_RESET: Command("factory_reset", OPTION, IF_ALL, RESETS, NEW_ID),
+        RESTART: Command("restart", EMPTY, IF_ALL),
         # the vendor's own software development kit sends this one; no manual has it
-        0xF9: Command("mightyzap_factory_reset", OPTION, IF_ALL, RESETS, NEW_ID),
-        0x73: Command("symmetric_store", SYMMETRIC, NEVER),
+        SDK_FACTORY_RESET: Command("mightyzap_factory_reset", OPTION, IF_ALL, RESETS, NEW_ID),
+        SYMMETRIC_STORE: Command("symmetric_store", SYMMETRIC, NEVER),
     }
 )
 """Command codes. Replies follow the Feedback Return Mode (0: echo only, 1: also load data, 2: all).
 Source: user manual v1.02, (2) 4. COMMAND, and (5) 8) Feedback Return Mode."""
 
-ECHO, LOAD, STORE, SEND, EXECUTE, FACTORY_RESET = 0xF1, 0xF2, 0xF3, 0xF4, 0xF5, 0xF6
-SDK_FACTORY_RESET, SYMMETRIC_STORE = 0xF9, 0x73
 OPTION_ID: Final = NEW_ID[0]
 
 WINDOW_NS: Final = 10_000_000
