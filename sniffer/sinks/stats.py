@@ -10,7 +10,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from sniffer.decoding.summary import Bounds
+from sniffer.decoding.durations import Bounds
 from sniffer.ground.model import NS
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
@@ -31,6 +31,16 @@ MOST: Final = 24
 
 BARS_MOST: Final = 64
 """Bars of a line at most; where there are more slices, a bar is several."""
+
+BARS_LEAST: Final = 16
+"""Bars over time that are shorter show nothing."""
+
+COUNTED_OF: Final = {"missing": "transactions", "errors": "anomalies", "warnings": "anomalies"}
+"""The rows that a column over time counts, where that is not the frames."""
+
+REPLY_FIGURES: Final = ("p50", "p95", "max")
+SPARED: Final = ("bytes", "frames", "reply max")
+"""Columns over time that are left out where there is no room, these first: load says as much."""
 
 ROOMY: Final = 100
 """From so many columns on there are two blanks between those of a table, and bars over time."""
@@ -54,13 +64,14 @@ def print_stats(
     those that are left out, behind how many they are.
     """
     console = console or console_for()
+    tables = figures.get("selection", {}).get("tables")
     room = room_in(console)  # None: nobody's window, nothing is folded
     console.width = WIDE if room is None else max(room, NARROWEST)
     with console.capture() as printed:
         for nth, bus in enumerate(figures["buses"]):
             if nth:
                 console.print()
-            _print_bus(bus, statistics, console, most, how)
+            _print_bus(bus, statistics, console, most, how, tables)
     # tables are padded to their width: nobody wants that in a file
     text = "".join(line.rstrip() + "\n" for line in printed.get().splitlines())
     if not console.encoding.lower().startswith("utf"):
@@ -69,7 +80,12 @@ def print_stats(
 
 
 def _print_bus(
-    bus: Mapping[str, Any], statistics: Statistics, console: Console, most: int | None, how: str
+    bus: Mapping[str, Any],
+    statistics: Statistics,
+    console: Console,
+    most: int | None,
+    how: str,
+    tables: Sequence[str] | None,
 ) -> None:
     title = f"{bus['bus']}: {' + '.join(bus['protocols'])} at {bus['baud']} baud"
     console.print(Text(short(plain(title)), style="bold"))
@@ -78,7 +94,7 @@ def _print_bus(
     many = len(bus["protocols"]) > 1
     first = bus["first_ns"] or 0
     for heading, table in (
-        ("over time", _over_time(bus, console.width)),
+        ("over time (response times in ms)", _over_time(bus, console.width, tables)),
         (
             "traffic, most bus time first (jitter: 95 % of periods change by less)",
             _traffic(bus, many=many),
@@ -125,21 +141,38 @@ def _about(bus: Mapping[str, Any], width: int) -> Iterable[str]:
         yield drawn
 
 
-def _over_time(bus: Mapping[str, Any], width: int) -> _Tabulated | None:
+def _over_time(
+    bus: Mapping[str, Any], width: int, tables: Sequence[str] | None
+) -> _Tabulated | None:
     slices = bus.get("slices")
     if slices is None:
         return None
-    counts = {name: column for name, column in slices.items() if isinstance(column, list)}
-    table = _Tabulated("from", "load", *counts)
-    drawn = min(width - 80, BARS_MOST)
-    if width >= ROOMY:
+    first_ns, width_ns, shares = slices["first_ns"], slices["slice_ns"], bus["load"]["shares"]
+    columns = {
+        "from": [_of_day(first_ns + k * width_ns, width_ns) for k in range(len(shares))],
+        "load": [_percent(share) for share in shares],
+    }
+    for name, column in slices.items():
+        # none of what nobody asked for is no finding
+        if isinstance(column, list) and (
+            tables is None or COUNTED_OF.get(name, tables[0]) in tables
+        ):
+            columns[name] = [*map(str, column)]
+    replies = slices["response_time_ns"]
+    for name in REPLY_FIGURES if any(replies["count"]) else ():
+        columns[f"reply {name}"] = ["" if q is None else Bounds(*q).ms() for q in replies[name]]
+    apart = 2 if width >= ROOMY else 1
+    for name in ("", *SPARED):  # a number that is cut off says something else
+        columns.pop(name, None)
+        taken = sum(max(map(len, [name, *cells])) + apart for name, cells in columns.items()) + 1
+        if taken <= width:
+            break
+    table = _Tabulated(*columns)
+    drawn = min(width - taken - apart, BARS_MOST)
+    if width >= ROOMY and drawn >= BARS_LEAST:
         table.add_column("", left=True)
-    first_ns, width_ns = slices["first_ns"], slices["slice_ns"]
-    for k, share in enumerate(bus["load"]["shares"]):
-        row = [_of_day(first_ns + k * width_ns, width_ns), _percent(share)]
-        row += [str(column[k]) for column in counts.values()]
-        if width >= ROOMY:
-            row.append("█" * int(np.ceil(min(share, 1.0) * drawn)))
+        columns[""] = ["█" * int(np.ceil(min(share, 1.0) * drawn)) for share in shares]
+    for row in zip(*columns.values(), strict=True):
         table.add_row(*row)
     return table
 
