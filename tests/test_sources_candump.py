@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from sniffer.decoding.decoder import Decoder
 from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import NS, Chunk, Clock, Direction
-from sniffer.sources import open_source
 from sniffer.protocols import protocol_named
 from sniffer.sinks.raw import LogFile
+from sniffer.sources import open_source
 from sniffer.sources.candump import CandumpLog
 from sniffer.sources.text import LineBlock
 from tests.inputs import chunks, read, until_damage

@@ -36,8 +36,8 @@ class LogCount(NamedTuple):
 class LogStretch:
     """Whole lines of a log, read as the whole is.
 
-    ``before`` is what stands in front of them, ``places`` what the first lines of the log say of its
-    stamps; ``bases`` and ``due`` are as a ``Stretch`` has them.
+    ``before`` is what stands in front of them, ``places`` how many digits the log's stamps have;
+    ``bases`` and ``due`` are as a ``Stretch`` has them.
     """
 
     path: Path
