@@ -42,9 +42,9 @@ SPY_LINE: Final = later(
 COLOURS: Final = later(rb"\x1b\[\d+m")
 """What the option ``color`` puts in front of the lines."""
 
-# the first line of a call, as nearly all are: what is odd is read line by line
+# a line of a call, as nearly all are: what is odd is read line by line
 _ENTRY: Final = later(
-    rb"(\d{5,9})\.(\d{3}) (TX|RX)   0000  "
+    rb"(\d{5,9})\.(\d{3}) (TX|RX)   ([0-9A-F]{4})  "
     rb"((?:[0-9A-F]{2} ){1,8}(?: (?:[0-9A-F]{2} ){1,8})?)( *)([^\n]*)\n"
 )
 _BYTES: Final = later(rb"([0-9A-F]{4,12})  (.*)")
@@ -83,20 +83,35 @@ class _Calls(TextLog):
         while walk.is_inside:
             found = _ENTRY.match(block.text, walk.at)
             if found is not None:
-                seconds, thousandths, label, row, blanks, gutter = found.groups()
-                if not gutter or len(row) + len(blanks) >= _COLUMNS:
+                told = self._entry(found.groups())
+                if told is not None:
                     walk.at = found.end()
-                    if self._held is not None:
-                        yield self._held
-                    t_ns = (int(seconds) * 1000 + int(thousandths)) * _MS + _MS // 2
-                    data = bytes.fromhex(row.decode("ascii"))
-                    direction = _DIRECTIONS[label]
-                    self._due[direction] = len(data)
-                    self._begin(direction, t_ns, data)
+                    yield from told
                     continue
             line, number = walk.line()
             text = COLOURS.sub(b"", line) if b"\x1b" in line else line
             yield from self._line(text, number, block.cut_off)
+
+    def _entry(self, said: tuple[bytes, ...]) -> tuple[Chunk, ...] | None:
+        """Take a line that is as usual; return the call that is over. None: look closer."""
+        seconds, thousandths, label, offset, row, blanks, gutter = said
+        if gutter and len(row) + len(blanks) < _COLUMNS:
+            return None
+        data, direction, held = bytes.fromhex(row.decode("ascii")), _DIRECTIONS[label], self._held
+        if offset == b"0000":
+            t_ns = (int(seconds) * 1000 + int(thousandths)) * _MS + _MS // 2
+            self._due[direction] = len(data)
+            self._begin(direction, t_ns, data)
+            return () if held is None else (held,)
+        at = int(offset, 16)
+        if held is None or held.direction is not direction or len(held.data) >= PIECE:
+            return None
+        if self._due.get(direction) != at:
+            return None
+        self._due[direction] = at + len(data)
+        whole = held.data + data
+        self._held = Chunk(whole, held.t_ns, Clock.FILE, self._bus, direction, held.marks)
+        return ()
 
     def rest(self) -> Iterator[Chunk]:
         """Yield the call that no line continues."""

@@ -254,7 +254,7 @@ class _Changes:
             )
             row, value, at = row[order], value[order], at[order]
         levels = self._levels.copy()
-        begins = np.flatnonzero(np.diff(row, prepend=-1))
+        begins = np.flatnonzero(np.diff(row, prepend=-1) != 0)
         first = row[begins]
         is_initial = ~self._is_known[first] & (at[begins] <= self._begun)
         levels[first[is_initial]] = value[begins[is_initial]]
