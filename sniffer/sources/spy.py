@@ -47,6 +47,7 @@ _ENTRY: Final = later(
     rb"(\d{5,9})\.(\d{3}) (TX|RX)   ([0-9A-F]{4})  "
     rb"((?:[0-9A-F]{2} ){1,8}(?: (?:[0-9A-F]{2} ){1,8})?)( *)([^\n]*)\n"
 )
+_SURE: Final = later(rb"\d{6}\.\d{3} [TR]X   0000  [0-9A-F]{2} ")
 _BYTES: Final = later(rb"([0-9A-F]{4,12})  (.*)")
 _ROW: Final = later(rb"(?:[0-9A-F]{2} ){1,8}(?: (?:[0-9A-F]{2} ){0,8})?")
 _COLUMNS: Final = 49  # of hex: 16 bytes with a blank each, and one in the middle
@@ -57,6 +58,12 @@ _STAMPED: Final = later(rb"-?\d{5,}")
 _DIRECTIONS: Final = {b"TX": Direction.TX, b"RX": Direction.RX}
 _MS: Final = NS // 1000
 _BREAKS: Final = (b"send_break", b"active")
+
+
+def is_log(lines: list[bytes]) -> bool:
+    """Tell whether a log begins in these lines: what the program says may stand before it."""
+    plain = [COLOURS.sub(b"", line) for line in lines]
+    return bool(SPY_LINE.fullmatch(plain[0])) or any(_SURE.match(line) for line in plain)
 
 
 @functools.cache
