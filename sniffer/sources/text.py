@@ -150,25 +150,25 @@ def quoted(text: bytes) -> str:
     return shown if len(text) <= 40 else shown + "..."
 
 
-def blocks(stream: Stream, *, size: int = BLOCK) -> Iterator[LineBlock]:
+def blocks(stream: Stream, *, size: int = 0) -> Iterator[LineBlock]:
     """Yield the text in whole lines; see ``arriving``."""
     return (block for block in arriving(stream, size=size) if block is not None)
 
 
 def arriving(
-    stream: Stream, part: Callable[[bytes], int] | None = None, *, size: int = BLOCK
+    stream: Stream, part: Callable[[bytes], int] | None = None, *, size: int = 0
 ) -> Iterator[LineBlock | None]:
     """Yield the text in whole lines, None where nothing more has come yet.
 
     ``part`` says where in a buffer without a line end an endless line may be parted; without it
-    such a line raises :class:`DamagedLine`. ``size``: bytes that are read at once.
+    such a line raises :class:`DamagedLine`. ``size``: bytes that are read at once, left out ``BLOCK``.
     """
     held = b""
     number, column, first = 1, 0, True
     while True:
         if pauses(stream):
             yield None
-        read = stream.read(size)
+        read = stream.read(size or BLOCK)
         if first:
             read = read.removeprefix(UTF8_BOM)
             first = False
