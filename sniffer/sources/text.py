@@ -161,7 +161,7 @@ def arriving(
     """Yield the text in whole lines, None where nothing more has come yet.
 
     ``part`` says where in a buffer without a line end an endless line may be parted; without it
-    such a line raises :class:`DamagedLine`. ``size``: bytes that are read at once, left out ``BLOCK``.
+    such a line raises :class:`DamagedLine`. ``size``: bytes that are read at once, ``BLOCK`` if 0.
     """
     held = b""
     number, column, first = 1, 0, True
