@@ -223,7 +223,7 @@ end
 
 local function in_micros(value) return floor(value * 1e6 + 0.5) / 1e6 end
 
-local function show_value(state, tree, tvb, v, id)
+local function show_value(state, tree, tvb, v, id, is_seen)
   local servo, reg, at, width, raw = v[1], v[2], v[3], v[4], v[5]
   local range = tvb(at, width)
   local value = nil
@@ -231,13 +231,15 @@ local function show_value(state, tree, tvb, v, id)
   local item
   if value then
     item = tree:add(reg.field, range, in_micros(value))
-    if reg.unit then item:append_text(" " .. reg.unit) end
   else
     item = tree:add(F.register, range, reg.name)
-    if v[6] then item:append_text(", a part of it") end
   end
-  local words = name_of(reg, raw)
-  item:append_text(format(" (raw %d%s)", raw, words and not v[6] and (", " .. words) or ""))
+  if is_seen then
+    local words = not v[6] and name_of(reg, raw)
+    item:append_text((value and reg.unit and " " .. reg.unit or "")
+      .. (v[6] and ", a part of it" or "")
+      .. " (raw " .. raw .. (words and ", " .. words or "") .. ")")
+  end
   if servo and servo ~= id then item:add(F.target, range, servo) end
   if not value then item:add(F.raw, range, Int64.new(raw)) end
 end
@@ -288,10 +290,27 @@ local function show_status(spec, top, tvb, f)
   item:add_proto_expert_info(E_STATUS)
 end
 
+-- There always is a tree, also where nobody looks into it: then Wireshark throws away what is added,
+-- at the price of adding it. It is asked once a packet whether any field of ours is wanted.
+local own
+
+local function is_wanted(tree)
+  if not tree.referenced then return true end
+  own = own or Dissector.get("servo")
+  return tree:referenced(own)
+end
+
+local function is_worth_a_word(me)  -- what is told to experts, who look at no field
+  local f = me.frame
+  return not f or (f.status or 0) ~= 0 or (f.sum and f.sum[1] ~= f.sum[2])
+    or (f.kind == 1 and me.outcome == "unsolicited")
+end
+
 local function show(spec, me, tvb, tree, values, op, address)
   local f = me.frame
   local whole = tvb()
   local top = tree:add(P, whole, spec.title)
+  if not is_wanted(tree) and not is_worth_a_word(me) then return end
   top:add(F.protocol, spec.name):set_generated()
   top:add(F.kind, f and f.kind or 2):set_generated()
   if not f then
@@ -311,7 +330,12 @@ local function show(spec, me, tvb, tree, values, op, address)
   if f.count then top:add(F.count, whole, f.count) end
   if f.text then top:add(F.text, tvb(f.at, f.width), f.text) end
   if f.data_length and f.data_length > 0 then top:add(F.data, tvb(f.data_at, f.data_length)) end
-  for _, v in ipairs(values) do show_value(me.state, top, tvb, v, f.id) end
+  local is_seen = tree.visible ~= false or not tree.referenced  -- texts, too, not only fields
+  local all = is_seen or tree:referenced(F.register) or tree:referenced(F.raw)
+    or tree:referenced(F.target)
+  for _, v in ipairs(values) do
+    if all or tree:referenced(v[2].field) then show_value(me.state, top, tvb, v, f.id, is_seen) end
+  end
   show_sum(top, tvb, f.sum)
   if f.kind == 1 then
     top:add(F.outcome, me.outcome):set_generated()
