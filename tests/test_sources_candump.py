@@ -3,34 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sniffer.decoding.decoder import Decoder
 from sniffer.ground.limits import TIME_END_NS
-from sniffer.ground.model import NS, Chunk, Clock, Direction
-from sniffer.protocols import protocol_named
-from sniffer.sinks.raw import LogFile
+from sniffer.ground.model import Chunk, Clock, Direction
 from sniffer.sources import open_source
 from sniffer.sources.candump import CandumpLog
 from sniffer.sources.text import LineBlock
 from tests.inputs import chunks, read, refusal, until_damage
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from sniffer.ground.model import Batch
-
-T_NS = 1795215306_719482651
-ASK, ANSWER = "FFFFFF0102F10B", "FFFFFF010200FC"
-
-
-def decoded(text: bytes) -> list[Batch]:
-    decoder = Decoder(protocol_named("mightyzap"))
-    return [decoder.feed(*chunks(text)), decoder.close()]
 
 
 def test_log_lines_keep_time_direction_and_bus_and_not_the_id() -> None:
@@ -102,47 +85,3 @@ def test_the_first_group_is_small_where_somebody_waits_for_it_and_nothing_else_c
     assert [chunk for group in parts for chunk in group] == whole[0]
     hasty.hasten(1 << 20, 70)
     assert len(next(iter(hasty))) == 70
-
-
-@pytest.mark.parametrize("rounds", [False, True])
-@pytest.mark.parametrize("places", [0, 2, 3, 4])
-def test_times_are_as_uncertain_as_the_digits_of_the_stamps_leave_them(
-    places: int, rounds: bool
-) -> None:
-    tick = 10 ** (9 - places)
-    true = [T_NS + k * 7_318_407 for k in range(60)]  # of the last byte of each line
-    lines = []
-    for k, t_ns in enumerate(true):
-        shown = (t_ns + rounds * tick // 2) // tick * tick
-        stamp = f"{shown // NS}.{shown % NS:09}"[: places - 9 or None].removesuffix(".")
-        lines.append(f"({stamp}) bus0 #{ANSWER if k % 2 else ASK}\r\n")
-    for count in (2, 60):  # a short log has no more to go by than its digits
-        frames = [
-            frame
-            for batch in decoded("".join(lines[:count]).encode())
-            for frame in zip(batch.frames.t_end, batch.frames.uncertainty, strict=True)
-        ]
-        assert len(frames) == count
-        for (t_end, uncertainty), t_ns in zip(frames, true, strict=False):
-            assert t_end - uncertainty <= t_ns <= t_end
-            assert uncertainty <= tick + tick // 2 + NS // 1000  # and what any log's host is late
-
-
-def test_a_number_that_lost_its_zeros_is_as_exact_as_those_beside_it() -> None:
-    text = b"(1795215306.4999) b #FF\n(1795215306.5) b #FF\n(1795215307) b #FF\n(0.500001) b #FF\n"
-    whole = chunks(text)
-    assert [chunk.t_ns for chunk in whole[1:3]] == [1795215306_500000000, 1795215307_000000000]
-    assert not any(chunk.marks for chunk in whole)
-
-
-@pytest.mark.parametrize("text", ["(7) a #FF\n(8) b TX#FEFF\n", "(7.002) a #FF\n(8.130) a #FE\n"])
-def test_a_log_of_coarse_stamps_is_written_with_as_many_digits(text: str, tmp_path: Path) -> None:
-    path = tmp_path / "x.log"
-    file = LogFile(path)
-    file.take(chunks(text.encode()))
-    file.close()
-    assert (path.read_text(), file.lost()) == (text, "")
-    file = LogFile(path)
-    file.take([*chunks(text.encode()), *chunks(b"(9.000001) a #FF\n")])
-    file.close()
-    assert "how coarse the stamps of some lines are" in file.lost()

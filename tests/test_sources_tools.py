@@ -119,17 +119,6 @@ def test_what_a_program_says_before_spy_does_is_left_out() -> None:
     assert "2 lines" in notes(log)
 
 
-@pytest.mark.parametrize("places", [0, 2, 6])
-def test_stamps_of_socat_are_as_uncertain_as_their_digits_leave_them(places: int) -> None:
-    said = "> 2026/11/20 22:55:10%s  length=2 from=0 to=1\n ff ff\n"
-    (chunk,) = chunks((said % f".{'123456'[:places]}" if places else said % "").encode())
-    coarse = [mark.count for mark in chunk.marks if mark.kind == MarkKind.COARSE]
-    assert coarse == ([15 * 10 ** (8 - places)] if places < 5 else [])
-    assert chunk.t_ns is not None
-    truth = 1795215310_123456000 // 10 ** (9 - places) * 10 ** (9 - places)
-    assert chunk.t_ns == truth + (10 ** (9 - places) - 1 if coarse else 0)
-
-
 @pytest.mark.parametrize("odd", ["1e9999999", "1e999999", "1e30", "nan"])
 def test_a_number_beyond_all_exponents_is_no_time(odd: str) -> None:
     table = f'name,type,start_time,duration,data\n"a","data",{odd},1e-4,0xFF\n'

@@ -249,8 +249,7 @@ class _Look:
         together = number[chunk_of[0]] == number[chunk_of[1]]
         merged = together.sum() >= 2 and together.mean() >= MERGED and closest >= PROMPT_NS
         grid = np.gcd.reduce(np.abs(self.t - self.t[0]))
-        told = self.coarse > 0  # then it is in the uncertainty
-        resolution = int(grid) if PROMPT_NS <= grid < 60_000 * MS and not told else 0
+        resolution = int(grid) if grid >= PROMPT_NS and grid < 60_000 * MS else 0
         if merged and closest > PROMPT_NS and _share_on(between, closest) > 1 - 2 * MERGED:
             timer = closest if closest <= LONGEST_NS else TIMER_NS
         elif merged or packed:

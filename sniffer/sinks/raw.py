@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from sniffer.ground.files import open_binary, writing
 from sniffer.ground.model import NS, Chunk, Clock, Direction, OutputError
-from sniffer.ground.ticks import NANO, places_of
 from sniffer.ground.wording import Sentence, and_, counted
 
 if TYPE_CHECKING:
@@ -65,8 +64,7 @@ class _Left:
 class LogFile:
     """Lines as ``candump -L`` writes them: ``(1732142106.123456789) bus0 RX#FAAF``.
 
-    Read back they are the same chunks: times to the nanosecond, buses, wires, bytes. A time of few
-    digits is written with as many: what a log's stamps tell is counted by them.
+    Read back they are the same chunks: times to the nanosecond, buses, wires, bytes.
     """
 
     def __init__(self, path: Path) -> None:
@@ -74,7 +72,6 @@ class LogFile:
         self._file = open_binary(path)
         self._names: dict[str, str] = {}
         self._left = _Left(path, "log lines")
-        self._places: set[int] = set()
 
     def take(self, chunks: Iterable[Chunk]) -> None:
         """Write a line for each chunk that has bytes.
@@ -84,29 +81,25 @@ class LogFile:
         """
         lines: list[str] = []
         for chunk in chunks:
-            places = places_of(chunk)
-            if chunk.data and chunk.t_ns is not None:
-                self._places.add(places)
-            if chunk.marks and places == NANO:
+            if chunk.marks:
                 self._left.count("tap mark", len(chunk.marks))
             if chunk.clock in (Clock.READ, Clock.SAMPLE):
                 self._left.count("who stamped the times (they are read as a log's)", 0)
             lines += (
-                self._line(chunk, chunk.data[at : at + LINE_BYTES], places)
+                self._line(chunk, chunk.data[at : at + LINE_BYTES])
                 for at in range(0, len(chunk.data), LINE_BYTES)
             )
         with writing(self._path):
             self._file.write("".join(lines).encode())
 
-    def _line(self, chunk: Chunk, data: bytes, places: int) -> str:
+    def _line(self, chunk: Chunk, data: bytes) -> str:
         t_ns = None if chunk.clock == Clock.NONE else chunk.t_ns
         time = ""
         if t_ns is not None:
             if t_ns < 0:
                 told = "{file}: log lines have no times before 1970: say {anonymise:True}"
                 raise OutputError(Sentence(told, file=self._path))
-            fraction = f".{t_ns % NS:09}"[: places + 1] if places else ""
-            time = f"({t_ns // NS}{fraction}) "
+            time = f"({t_ns // NS}.{t_ns % NS:09}) "
         name = self._name(chunk.bus, timed=bool(time))
         return f"{time}{name} {_LABELS[chunk.direction]}#{data.hex().upper()}\n"
 
@@ -130,8 +123,6 @@ class LogFile:
 
     def lost(self) -> str:
         """Return in a sentence what was left out."""
-        if len(self._places) > 1:
-            self._left.count("how coarse the stamps of some lines are", 0)
         return self._left.told()
 
 

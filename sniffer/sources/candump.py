@@ -2,9 +2,6 @@
 
 In front of the ``#`` stands a direction, a CAN id or nothing; an id is no payload. The time is
 read digit by digit into integer nanoseconds: a float has no room for them.
-
-A stamp says no more than its digits. Those of a log are counted by its first lines: where one has
-seven, the writer left zeros out of another that has fewer.
 """
 
 from __future__ import annotations
@@ -19,7 +16,6 @@ from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import NS, Chunk, Clock, Direction
 from sniffer.ground.patterns import later
 from sniffer.ground.runs import ChunkRun
-from sniffer.ground.ticks import NANO, coarse_marks, end_of_tick, tick_ns
 from sniffer.sources.text import (
     CUT_OFF,
     DamagedLine,
@@ -51,6 +47,7 @@ _DIRECTIONS: Final = {
 _ERROR_FRAME: Final = 0x2000_0000  # CAN_ERR_FLAG of linux/can.h: its bytes were on no wire
 
 _WIRES: Final = {b"": 0, b"TX": 1, b"RX": 2}
+_NANO: Final = 9  # digits of a fraction that are kept
 
 _Row = tuple[bytes, bytes, bytes, bytes, bytes, bytes, bytes, bytes]
 
@@ -61,13 +58,9 @@ def is_line(line: bytes) -> bool:
 
 
 class CandumpLog(TextLog):
-    """The lines of a log, block by block.
+    """The lines of a log, block by block."""
 
-    ``places`` is how many digits its stamps have behind the point, as far as that is known.
-    """
-
-    def __init__(self, places: int | None = None) -> None:
-        self.places = places
+    def __init__(self) -> None:
         self._buses: dict[bytes, str] = {}
         self.errors = 0
         self.cut_off = False
@@ -75,7 +68,6 @@ class CandumpLog(TextLog):
     def parts(self, block: LineBlock) -> Iterator[Chunk | ChunkRun]:
         """Yield one chunk a line, all of them together where the lines are as usual."""
         rows: list[_Row] = _LINE.findall(block.text)
-        self._count_places(rows)
         run = self._run(rows) if len(rows) == block.text.count(b"\n") + 1 else None
         if run is None:
             yield from self._chunks(rows, block)
@@ -84,33 +76,22 @@ class CandumpLog(TextLog):
 
     def chunks(self, block: LineBlock) -> Iterator[Chunk]:
         """Yield one chunk a line."""
-        rows: list[_Row] = _LINE.findall(block.text)
-        self._count_places(rows)
-        return self._chunks(rows, block)
-
-    def _count_places(self, rows: list[_Row]) -> None:
-        """Find out of the first lines with stamps how many digits these have."""
-        if self.places is None:
-            self.places = max((len(row[1]) for row in rows if row[0]), default=None)
-
-    def _tick(self, places: int) -> int:
-        """Return what a stamp with so many digits shows at once, in ns."""
-        return tick_ns(max(places, self.places or 0))
+        return self._chunks(_LINE.findall(block.text), block)
 
     def _run(self, rows: list[_Row]) -> ChunkRun | None:
         """Return rows of one bus with bytes, times alike and no ids; None: look closer."""
         seconds, fractions, buses, labels, _, digits, _, flags = zip(*rows, strict=True)
         places = len(fractions[0])
-        if len({*buses}) > 1 or any({*flags}) or places > NANO:
+        if len({*buses}) > 1 or any({*flags}) or places > _NANO:
             return None
         if not _WIRES.keys() >= {*labels} or {*map(len, fractions)} != {places}:
             return None
-        if not places or self._tick(places) or not all(seconds) or not all(digits):
+        if not places or not all(seconds) or not all(digits):
             return None
         whole = np.array([*map(int, seconds)], np.int64)
         if whole.max() >= TIME_END_NS // NS:
             return None
-        t_ns = whole * NS + np.array([*map(int, fractions)], np.int64) * 10 ** (NANO - places)
+        t_ns = whole * NS + np.array([*map(int, fractions)], np.int64) * 10 ** (_NANO - places)
         ends = np.cumsum([*map(len, digits)]) // 2
         ways = np.array([_WIRES[label] for label in labels], np.uint8)
         data = bytes.fromhex(b"".join(digits).decode("ascii"))
@@ -174,11 +155,7 @@ class CandumpLog(TextLog):
         t_ns = int(seconds) * NS + int(fraction[:9].ljust(9, b"0"))
         if t_ns >= TIME_END_NS:
             raise DamagedLine(number, f"{quoted(seconds)} seconds are beyond the year 2257")
-        tick = self._tick(len(fraction))
-        if not tick:
-            return Chunk(data, t_ns, Clock.FILE, name, direction)
-        marks = coarse_marks(len(data), tick)
-        return Chunk(data, end_of_tick(t_ns, tick), Clock.FILE, name, direction, marks)
+        return Chunk(data, t_ns, Clock.FILE, name, direction)
 
     def notes(self) -> Iterator[str]:
         """Yield what was left out."""

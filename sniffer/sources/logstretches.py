@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 from collections import Counter
 from dataclasses import dataclass, field
@@ -36,8 +35,7 @@ class LogCount(NamedTuple):
 class LogStretch:
     """Whole lines of a log, read as the whole is.
 
-    ``before`` is what stands in front of them, ``places`` how many digits the log's stamps have;
-    ``bases`` and ``due`` are as a ``Stretch`` has them.
+    ``before`` is what stands in front of them; ``bases`` and ``due`` are as a ``Stretch`` has them.
     """
 
     path: Path
@@ -45,7 +43,6 @@ class LogStretch:
     bus: str
     begin: int
     end: int
-    places: int | None = None
     before: LogCount = field(default_factory=lambda: LogCount(Counter()))
     bases: dict[str, int] = field(default_factory=dict)
     due: dict[str, int] = field(default_factory=dict)
@@ -57,7 +54,7 @@ class LogStretch:
         held = 0
         try:
             with self.path.open("rb", buffering=0) as file:
-                part, log = _Bounded(file, self.begin, self.end), CandumpLog(self.places)
+                part, log = _Bounded(file, self.begin, self.end), CandumpLog()
                 for chunk in read_log(Opened(part, self.name, bus=self.bus), log):
                     self.bases.setdefault(chunk.bus, self.before.sizes[chunk.bus])
                     group.append(chunk)
@@ -120,17 +117,6 @@ def line_behind(file: BinaryIO, at: int) -> int:
             return at + end
         at += len(data)
     return at - 1
-
-
-def places_in(path: Path) -> int | None:
-    """Return how many digits the stamps of a log have, as who reads all of it sees it."""
-    log = CandumpLog()
-    with path.open("rb", buffering=0) as file, contextlib.suppress(DamagedInputError):
-        for block in blocks(file):
-            next(log.chunks(block), None)
-            if log.places is not None:
-                break
-    return log.places
 
 
 def summed(counts: Sequence[LogCount]) -> list[LogCount]:

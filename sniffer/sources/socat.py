@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Final
 from sniffer.ground.limits import OFFSET_END
 from sniffer.ground.model import Chunk, Clock, Direction, Mark, MarkKind
 from sniffer.ground.patterns import later
-from sniffer.ground.ticks import coarse_marks, end_of_tick, tick_ns
 from sniffer.sources.sides import handed_over, oriented
 from sniffer.sources.text import (
     PIECE,
@@ -167,13 +166,10 @@ class _SocatLog(TextLog):
             self._micro = fraction.startswith(_MICRO)
             fraction = fraction[3:] if self._micro else fraction
         t_ns = self._clock.ns(day, time, fraction, number)
-        marks: tuple[Mark, ...] = ()
-        if tick := tick_ns(len(fraction)):
-            t_ns, marks = end_of_tick(t_ns, tick), coarse_marks(size, tick)
         self._stamp = b"%s %s" % (day, time)
-        self._stamp_ns = self._clock.ns(day, time, b"", number)
+        self._stamp_ns = t_ns - int(fraction.ljust(_NINE, b"0"))
         side = _SIDES[mark]
-        self._block = _Block(t_ns, side, size, self._hole(side, first, size, number) + marks)
+        self._block = _Block(t_ns, side, size, self._hole(side, first, size, number))
         self._due[side] = last + 1
         self._size += size
         self._heard[side] = self._size

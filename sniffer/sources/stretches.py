@@ -193,16 +193,14 @@ def _of_binary(source: Source, path: Path, sizes: Sizes, jobs: int) -> Stretches
 
 
 def _of_log(source: Source, path: Path, sizes: Sizes, jobs: int) -> Stretches | str:
-    from sniffer.sources.logstretches import LogStretch, is_one_way, line_behind, places_in
+    from sniffer.sources.logstretches import LogStretch, is_one_way, line_behind
 
     size, head = path.stat().st_size, sizes.head * WRITTEN
     if size - head < 2 * sizes.least * WRITTEN:
         return ""
 
-    places = places_in(path)
-
     def stretch(begin: int, end: int) -> LogStretch:
-        return LogStretch(path, source.name, source.bus, begin, end, places)
+        return LogStretch(path, source.name, source.bus, begin, end)
 
     each = sizes.each((size - head) // WRITTEN, jobs) * WRITTEN
     with path.open("rb") as file:
