@@ -8,15 +8,9 @@ import pytest
 
 from sniffer.ground.model import NS, Direction, MarkKind
 from sniffer.sources import open_source
-from tests.inputs import SAMPLES, chunks, read, refusal, until_damage
+from tests.inputs import SAMPLES, chunks, notes, read, refusal, until_damage
 
 TX, RX = Direction.TX, Direction.RX
-
-
-def notes(log: bytes) -> str:
-    source = open_source(log)
-    list(source)
-    return "; ".join(source.notes)
 
 
 # --- Docklight --------------------------------------------------------------------------------
