@@ -13,7 +13,7 @@ from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.tracks import in_force
-from sniffer.diagnosis.twins import beginnings, telling
+from sniffer.diagnosis.twins import beginnings, telling, twins
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.gaps import NOISE
@@ -184,7 +184,7 @@ def chatty(case: Case) -> Iterator[Finding]:
         since, until = int(told.t_ns.min()), int(told.t_ns.max())
         within = (answers["t_last"] >= since) & (answers["t_first"] <= until)
         ok = int(answers["ok"][within & (answers["servo_id"] == servo)].sum())
-        twin = case.twins.get(servo)
+        twin = twins(case).get(servo)
         # a second answer may come so late that another one is being asked by then
         late = {d.at for d in twin.stray} if twin is not None else set()
         more = n + sum(
