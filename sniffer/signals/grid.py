@@ -21,10 +21,11 @@ FEWEST: Final = 32
 ENOUGH: Final = 1 << 14
 """So many are looked at."""
 
-_OF_24: Final = (24, 12, 8, 6, 4, 3, 2, 1)  # MHz of the many that divide 24 or 48 MHz
-_OF_500: Final = (6.25, 12.5, 1.5625, 3.125, 10, 16, 20, 25, 32, 48, 50, 100)
-RATES: Final = tuple(sorted({mega * 1e6 for mega in (*_OF_24, *_OF_500)}))
-"""Rates of analysers whose samples are no whole numbers of nanoseconds, and others, ascending."""
+_DIVIDED: Final = (*(1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48), *(10, 20, 25, 50, 100))
+_HALVED: Final = (1.5625, 3.125, 6.25, 12.5)
+RATES: Final = tuple(sorted(mega * 1e6 for mega in (*_DIVIDED, *_HALVED)))
+"""Rates of analysers in Hz, ascending: what clocks of 48, 96 and 100 MHz are divided into, and 100
+MHz halved time and again. They are tried where rounded times have no common divisor."""
 
 LEAST: Final = 8
 """Ticks of a sample at least: of fewer, times that were rounded lie on any grid."""

@@ -45,19 +45,22 @@ def numbers(data: U8, end: I64, size: I64) -> tuple[I64, Mask]:
             there = np.clip(size - behind, 0, _EIGHT).astype(np.uint64)
             fronts = (_EIGHT - np.maximum(there, 1)) * _EIGHT
             eight = np.where(there > 0, eight >> fronts << fronts, 0)
-        # the first digits of numbers that follow each other, as times do, are mostly the same
-        new = np.flatnonzero(eight[1:] != eight[:-1]) + 1 if behind else np.arange(0)
-        if behind and len(new) < len(eight) // _EIGHT:
-            runs = np.diff(new, prepend=0, append=len(eight))
-            value, strange = _values(eight[np.concatenate([[0], new])])
-            value, strange = np.repeat(value, runs), np.repeat(strange, runs)
-        else:
-            value, strange = _values(eight)
+        value, strange = _first_digits(eight) if behind else _values(eight)
         if behind:
             value *= np.uint64(10**behind)
         out += value
         wrong |= strange
     return out.view(np.int64), wrong
+
+
+def _first_digits(eight: npt.NDArray[np.uint64]) -> tuple[npt.NDArray[np.uint64], Mask]:
+    """Return the same as ``_values``, sooner where most are as the one before: those of times."""
+    new = np.flatnonzero(eight[1:] != eight[:-1]) + 1
+    if len(new) >= len(eight) // _EIGHT:
+        return _values(eight)
+    runs = np.diff(new, prepend=0, append=len(eight))
+    value, strange = _values(eight[np.concatenate([[0], new])])
+    return np.repeat(value, runs), np.repeat(strange, runs)
 
 
 def _values(eight: npt.NDArray[np.uint64]) -> tuple[npt.NDArray[np.uint64], Mask]:
