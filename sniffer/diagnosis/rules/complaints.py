@@ -153,12 +153,14 @@ def chatty(case: Case) -> Iterator[Finding]:
         events = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
         unasked[servo] += len(pieces.get(servo, ())) - len(ends & set(events.at.tolist()))
     for servo, n in unasked.items():
+        if n < UNASKED:
+            continue
         others = sum(unasked.values()) - n
         missing = case.total("missing", servo) + case.total("damaged", servo)
         # a request that was damaged leaves an answer behind, too: of anybody's, as often as asked
         share = case.total("asked", servo) / max(case.total("asked"), 1)
         is_sure = not others and share ** (n - 1) < SURE and case.total("missing", servo) < n / 2
-        if n < UNASKED or others > n / 5 or (missing > n / 2 and not is_sure):
+        if others > n / 5 or (missing > n / 2 and not is_sure):
             continue
         if torn > n and (others or share ** (n - 1) > CHANCE):
             continue
