@@ -18,11 +18,12 @@ PROTOS := $(sort $(shell find schemas/messages -name '*.proto' 2>/dev/null))
 
 # What decodes, with few processes and ports; and the part of it that is done in a minute.
 CORE := tests/plugins $(addprefix tests/test_, $(addsuffix .py, alarms amounts asking batches \
-	capture_edges conformance_kit cut cutting damage_columns declarations detect diagnostics echo edges \
-	examples_protocols golden laws limits lines lss lss_models lss_values malformed matching mixed packet_forms \
-	mixed_wires models models_laws pacing parts pipelined plugins rates registers remarks rs30x \
-	rs30x_acks rs30x_values selection siblings sources_columns staged_ids state streaming times \
-	times_live toml vectors wck wck_controller wck_gaps wck_values cli_known cli_text cli_jsonl))
+	capture_edges cli_jsonl cli_known cli_text conformance_kit cut cutting damage_columns \
+	declarations detect diagnostics echo edges examples_protocols golden laws limits lines lss \
+	lss_models lss_values malformed matching mixed mixed_wires models models_laws pacing \
+	packet_forms parts pipelined plugins rates registers remarks rs30x rs30x_acks rs30x_values \
+	selection siblings sources_columns staged_ids state streaming times times_live toml vectors \
+	wck wck_controller wck_gaps wck_values))
 QUICK := $(addprefix tests/test_, $(addsuffix .py, architecture detect golden lss matching registers \
 	rs30x staged_ids times vectors vectors_data wck))
 

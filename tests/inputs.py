@@ -29,6 +29,13 @@ def read(text: bytes | Path, input_format: str = "auto") -> bytes:
     return b"".join(chunk.data for chunk in chunks(text, input_format))
 
 
+def notes(log: bytes) -> str:
+    """Return what is told of a log that was read to its end."""
+    source = open_source(log)
+    list(source)
+    return "; ".join(source.notes)
+
+
 def until_damage(text: bytes, input_format: str = "auto") -> tuple[bytes, str]:
     """Return what is read before the damage, and the message."""
     got: list[bytes] = []

@@ -52,6 +52,16 @@ def join(target: Path, captures: Sequence[str]) -> None:
     subprocess.run(command, check=True, capture_output=True, timeout=60)
 
 
+def summed_up(script: Path, capture: Path, *arguments: str) -> str:
+    """Return what tshark says of all packets with such options; skips without tshark."""
+    if shutil.which("tshark") is None:
+        pytest.skip("needs tshark")
+    command = ["tshark", "-X", f"lua_script:{script}", "-r", str(capture), "-q", *arguments]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout
+
+
 def counted(script: Path, capture: Path, filters: Sequence[str]) -> list[int]:
     """Return how many packets each filter shows, all in one go; skips without tshark."""
     if shutil.which("tshark") is None:

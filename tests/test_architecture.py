@@ -175,12 +175,16 @@ def test_imports_go_down_only(name: str) -> None:
                 assert floor(room(there)) < floor(here), f"{file} imports {module}"
 
 
-def test_inside_a_room_nothing_goes_round_in_circles() -> None:
+@pytest.mark.parametrize("typing", [False, True])
+def test_inside_a_room_nothing_goes_round_in_circles(typing: bool) -> None:
     arrows = {
         file: {
             there
-            for module in imports(file, typing=False)
-            if (there := file_named(module)) is not None and there != file
+            for module in imports(file, typing=typing)
+            if (there := file_named(module)) is not None
+            and there != file
+            # for types a part of a package may name its face, which hands out what parts have
+            and not (typing and there.name == "__init__.py")
         }
         for file in FILES
     }

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from sniffer.ground.model import Mark, MarkKind, Severity
+from sniffer.ground.model import NS, Mark, MarkKind, Severity
 from tests.conversations import (
     MS,
     TONGUES,
@@ -155,3 +155,17 @@ def test_a_line_without_a_pause_is_full_and_only_a_note(protocol: str) -> None:
 
 def test_a_line_that_is_busy_half_of_the_time_is_not_full() -> None:
     assert not robot("mightyzap", 6, rate_hz=60).diagnosed().incidents()
+
+
+def test_a_clock_that_is_set_while_damage_is_heard_costs_no_memory() -> None:
+    """A computer without a clock of its own begins in 1970 until the network tells it the time."""
+    rng = random.Random(5)
+    heard = []
+    for n, chunk in enumerate(robot("mightyzap", 8).chunks):
+        data = bytearray(chunk.data)
+        if rng.random() < 0.02:
+            data[rng.randrange(len(data))] ^= 0x10
+        unset = chunk.t_ns if n < 300 else (chunk.t_ns or 0) + 1_790_000_000 * NS
+        heard.append(replace(chunk, data=bytes(data), t_ns=unset))
+    told = robot("mightyzap", 1).diagnosed(heard)
+    assert told.incidents()

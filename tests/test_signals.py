@@ -13,6 +13,7 @@ from sniffer.ground.model import NS, Clock, MarkKind
 from sniffer.protocols import PROTOCOLS
 from sniffer.signals.chunking import Chunker
 from sniffer.signals.glitches import GlitchFilter
+from sniffer.signals.grid import grid_in
 from sniffer.signals.rates import (
     BitTime,
     WireEdges,
@@ -211,6 +212,19 @@ def test_chunks_state_no_more_than_the_edges_tell(off: float, stops: float, data
             at += 1
     first = chunks[0]
     assert abs((first.t_ns or 0) - byte_ns - wire.starts[0] * NS) <= sample_ns + 1
+
+
+@pytest.mark.parametrize("rate", [1_000_000, 2_500_000, 6_250_000, 24_000_000, 12_500_000])
+def test_edges_that_lie_on_a_grid_say_how_often_they_were_looked_at(rate: int) -> None:
+    talk = b"".join(TALK.values())
+    wire = spoken(talk, 115200)
+    at = np.rint(edges_of(sampled(wire, rate)) * (NS / rate)).astype(np.int64)
+    assert grid_in(at, 1, NS / 115200, 3) == pytest.approx(NS / rate)
+    true = np.rint(np.array(wire.toggles) * NS).astype(np.int64)  # of a simulator: on no grid
+    assert grid_in(true, 1, NS / 115200, 3) == 0
+    own = spoken(talk, 125_000)  # whole microseconds: the wire's, and not those of samples
+    assert grid_in(np.rint(np.array(own.toggles) * 1e6).astype(np.int64), 1e3, 8, 3) == 0
+    assert grid_in(at[:20], 1, NS / 115200, 3) == 0  # so few may lie there by chance
 
 
 def test_errors_become_marks_of_their_chunks() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,7 +13,7 @@ from sniffer.ground.model import Chunk, Clock, Direction
 from sniffer.sources import open_source
 from sniffer.sources.candump import CandumpLog
 from sniffer.sources.text import LineBlock
-from tests.inputs import chunks, read, until_damage
+from tests.inputs import chunks, read, refusal, until_damage
 
 
 def test_log_lines_keep_time_direction_and_bus_and_not_the_id() -> None:
@@ -52,6 +53,18 @@ def test_lines_read_together_say_what_each_says_alone(
     text = "\n".join(lines).encode()
     alone = [*CandumpLog().chunks(LineBlock(text, 1, 0, cut_off=False))]
     assert chunks(text + b"\n", "candump") == alone
+
+
+def test_a_stamp_may_have_a_decimal_comma() -> None:
+    text = b"(1795215306,000100) bus0 RX#FAAF\n(1795215306,000200) bus0 #01\n"
+    assert chunks(text) == chunks(text.replace(b",", b"."))
+
+
+@pytest.mark.parametrize(
+    "line", ["(1.5) bus0 RX#FA AF", "(-1.5) b #FF", "(1795219199000.000) b #FF"]
+)
+def test_a_line_of_another_form_is_refused_with_the_form_that_is_read(line: str) -> None:
+    assert "ten digits of seconds, bytes without blanks" in refusal(f"{line}\n".encode())
 
 
 def test_a_log_that_breaks_off_is_read_as_far_as_it_goes() -> None:

@@ -8,15 +8,9 @@ import pytest
 
 from sniffer.ground.model import NS, Direction, MarkKind
 from sniffer.sources import open_source
-from tests.inputs import SAMPLES, chunks, read, refusal, until_damage
+from tests.inputs import SAMPLES, chunks, notes, read, refusal, until_damage
 
 TX, RX = Direction.TX, Direction.RX
-
-
-def notes(log: bytes) -> str:
-    source = open_source(log)
-    list(source)
-    return "; ".join(source.notes)
 
 
 # --- Docklight --------------------------------------------------------------------------------
@@ -51,6 +45,23 @@ def test_a_date_of_docklight_is_read_as_windows_wrote_it(
     log = LINE % day + further
     assert chunks(log)[0].t_ns == 1_551_449_368_633_000_000
     assert ("month first" in notes(log)) == is_month_first
+
+
+@pytest.mark.parametrize(
+    ("time", "hour"),
+    [(b"12:09:28.633 AM", 0), (b"2:09:28,633 PM", 14), (b"12:09:28.633 p.m.", 12)],
+)
+def test_a_time_of_docklight_may_be_of_half_a_day(time: bytes, hour: int) -> None:
+    log = (LINE % b"3/1/2019").replace(b"14:09:28.633", time)
+    assert chunks(log)[0].t_ns == 1_551_449_368_633_000_000 + (hour - 14) * 3600 * NS
+    assert "no time" in refusal(log.replace(time, b"14:09:28.633 PM"))
+
+
+def test_a_line_of_docklight_with_a_time_of_another_kind_is_no_comment() -> None:
+    log = b"Docklight Log File (HEX) - Started 1.3.2019 14:09:26 \n"
+    odd = b"Fr 1 Mrz 14:09:28.633 [TX] - FF FF \n"
+    assert "no line of a Docklight log" in refusal(log + odd)
+    assert until_damage(log + (LINE % b"01.03.2019") * 9 + odd)[0] == b"\xff\xff" * 9
 
 
 def test_a_log_of_docklight_may_call_its_channels_anything_but_has_two() -> None:

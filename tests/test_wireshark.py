@@ -17,7 +17,7 @@ import sniffer
 from sniffer.decoding.options import AUTO, Options
 from sniffer.protocols.wck.grammar import build
 from sniffer.wireshark.lua import lua
-from tests.sharks import join, tshark
+from tests.sharks import join, summed_up, tshark
 from tests.streams.mightyzap import packet
 
 if TYPE_CHECKING:
@@ -243,6 +243,21 @@ def test_registers_have_the_values_of_the_samples(packets: list[Compared]) -> No
         assert p.shown["servo.target"] == [str(servo) for servo in others], p
     assert count > 20_000
     assert refused > 0
+
+
+def test_where_no_field_is_asked_for_experts_and_protocols_are_told_all_the_same(
+    dissector: Path, tmp_path: Path
+) -> None:
+    capture = tmp_path / "x.pcapng"
+    log = Path(sniffer.__file__).parents[1] / "sample_captures" / "mightyzap_damaged.log"
+    sniffer.convert(log, [capture])
+    asked = ("-z", "expert,error", "-z", "expert,warn", "-z", "io,phs")
+    plain = summed_up(dissector, capture, *asked)
+    all_laid_out = summed_up(dissector, capture, *asked, "-z", "io,stat,0,servo")
+    assert re.search(r"\d+ +Checksum .*The checksum does not hold", plain)
+    assert re.search(r"servo +frames:\d{3}", plain)
+    for line in plain.splitlines():
+        assert line in all_laid_out
 
 
 def test_texts_that_servos_answer_are_shown(packets: list[Compared]) -> None:

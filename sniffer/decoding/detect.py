@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.decoding.names import AND
+from sniffer.decoding.translations import translated
 from sniffer.ground.framing import Block
 from sniffer.ground.model import MALFORMED, UNKNOWN, Chunk, InputError
 from sniffer.ground.timing import ChunkColumns, Stamps
@@ -137,6 +138,7 @@ class Scores:
         taken = _first(chunks)
         heard = b"".join(c.data for c in taken)
         self.size = len(heard)
+        self._data = heard
         each = {p.name: p for p in (*PROTOCOLS.candidates(heard), *also)}
         told, data = ChunkColumns(taken), np.frombuffer(heard, np.uint8)
         self._heard = {name: _Heard(p, told, data) for name, p in each.items()} if taken else {}
@@ -175,10 +177,12 @@ class Scores:
             return found
         shown = _shares(self.shares, [n for n in names[:2] if self.shares[n] >= 0.001])
         why = f" ({shown or 'none explains any of them'})"
-        told = (
-            "cannot tell the protocol of these {size} bytes{why}: name it with {protocol}, or "
-            "check that this is a bus capture"
-        )
+        altered = translated(self._data)
+        if altered is None:
+            told = "name it with {protocol}, or check that this is a bus capture"
+        else:
+            told = f"they are not as they were on a wire: {altered.what} ({altered.shown})"
+        told = f"cannot tell the protocol of these {{size}} bytes{{why}}: {told}"
         raise UndecidedError(Sentence(told, size=self.size, why=why))
 
     def _found(self, first: str, others: Sequence[str]) -> Detection | None:

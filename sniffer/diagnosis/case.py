@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 
@@ -12,23 +12,22 @@ from sniffer.diagnosis.events import ANOMALY, REMARK, SETTING, Happenings
 from sniffer.diagnosis.ledger import MILLI, Ledger
 from sniffer.diagnosis.misread import misread
 from sniffer.diagnosis.model import Place
-from sniffer.diagnosis.twins import twins
 from sniffer.diagnostics.found import CODES, NUMBER
 from sniffer.ground.model import NS, Clock
 from sniffer.ground.register import unseen_scale
 from sniffer.ground.timing import LATENCY_NS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from sniffer.diagnosis.damage import Damage
     from sniffer.diagnosis.misread import Misread
-    from sniffer.diagnosis.twins import Twin
     from sniffer.ground.model import F64, I64, Mask
     from sniffer.ground.register import Register
     from sniffer.protocols.base import BusProtocol
 
 Table = dict[str, "I64"]
+T = TypeVar("T")
 
 QUIET_NS: Final = 2 * NS
 """Moments closer than that are one episode."""
@@ -84,6 +83,14 @@ class Case:
         """Of protocols that share a bus: what concerns both is told of this one."""
         self.bus = ledger.bus
         self.protocol: BusProtocol = ledger.protocol
+        self._found: dict[Callable[[Case], Any], Any] = {}
+
+    def once(self, find: Callable[[Case], T]) -> T:
+        """Return what ``find`` finds in this case; it looks once, however many rules ask."""
+        if find not in self._found:
+            self._found[find] = find(self)
+        found: T = self._found[find]
+        return found
 
     # ------------------------------------------------------------------- what is known of the whole
 
@@ -184,11 +191,6 @@ class Case:
     def misreads(self) -> Sequence[Misread]:
         """The first torn frames of each sender by their bits."""
         return misread(self.protocol, self.damages, self.ledger.damages.likes.known)
-
-    @functools.cached_property
-    def twins(self) -> Mapping[int, Twin]:
-        """The servos that answer twice, by what was heard."""
-        return twins(self)
 
     @functools.cached_property
     def happenings(self) -> Happenings:

@@ -489,6 +489,19 @@ _CAUSES: Final = (
         "Record the same run with a second tap.",
     ),
     Cause(
+        "tap-not-raw",
+        TAP,
+        WARN,
+        -1.5,
+        "the capture is not raw",
+        "On the wire all was well: a terminal, telnet or a program that takes bytes for text altered them behind it.",
+        "Values that are never seen, or always doubled; frames hold as soon as the exchange is undone.",
+        "A wrong baud rate, noise, bytes that are lost, commands of the wrong form.",
+        "Capture anew with a port that is raw: `sniffer record PORT`, or `stty raw -echo -ixon` before another "
+        "program reads it; a TCP port without telnet (ser2net: `raw`); files opened as bytes (`rb`, not text).",
+        "Record a few seconds of the same bus with `sniffer record PORT`: if all frames hold there, it was the program.",
+    ),
+    Cause(
         "tap-swapped",
         TAP,
         WARN,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
@@ -9,6 +10,9 @@ if TYPE_CHECKING:
 
 ALTERED: Final = 0.5
 """Share of bytes that are still as they were in a request that noise has altered."""
+
+SEQUENCE: Final = 6
+"""Bytes of which a sequence is that comes again in a conversation, and not in noise."""
 
 
 def alike(a: bytes, b: bytes) -> int:
@@ -31,3 +35,11 @@ def is_altered(got: bytes, whole: bytes) -> bool:
 def header_of(known: Sequence[bytes]) -> int:
     """Return how many first bytes several requests share: a header tells nothing."""
     return min((alike(known[0], other) for other in known[1:]), default=0)
+
+
+def repeated(data: bytes) -> float:
+    """Return which part of short sequences is met more than once; runs of one value are none."""
+    seen = Counter(data[k : k + SEQUENCE] for k in range(len(data) - SEQUENCE + 1))
+    telling = {s: n for s, n in seen.items() if len(set(s)) > 2}
+    total = sum(telling.values())
+    return sum(n for n in telling.values() if n > 1) / total if total else 0.0

@@ -93,6 +93,10 @@ class Twin:
 
 def twins(case: Case) -> Mapping[int, Twin]:
     """Return the servos that answer twice by what was heard."""
+    return case.once(_twins)
+
+
+def _twins(case: Case) -> Mapping[int, Twin]:
     found = {servo: Twin(servo) for servo in case.servos}
     known = case.ledger.damages.likes.known
     begins = beginnings(case)
@@ -210,8 +214,9 @@ def _is_neighbour(t: Twin, surest: Twin | None) -> bool:
 
 def of_twins(case: Case, d: Damage) -> bool:
     """Tell whether a torn place is a twin's, or in the exchange behind a twin's."""
-    behind = d.behind == RESPONSE and d.asked_id in case.twins
-    return behind or d.servo_id in case.twins or d.earlier_id in case.twins
+    found = twins(case)
+    behind = d.behind == RESPONSE and d.asked_id in found
+    return behind or d.servo_id in found or d.earlier_id in found
 
 
 def _behind_whom(d: Damage) -> int:

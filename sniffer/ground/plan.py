@@ -102,6 +102,11 @@ class Plan:
         told: Sum = self.seals[-1].checksum
         return told
 
+    def checksum_of(self, raw: bytes) -> tuple[Sum, bytes, int]:
+        """Return the checksum of one packet, the bytes it covers, and what was sent."""
+        seal = self.seals[-1]
+        return seal.checksum, seal.covered(raw), seal.sent(raw)
+
     @property
     def sum_from(self) -> int:
         """First byte under the checksum."""

@@ -230,10 +230,10 @@ class Encoder:
         varied = columns.keys() - alike.keys()
         out: list[MessageRows | Loose] = []
         few: list[I64] = []
-        shapes = (
-            groups_of(_together(have, code, length), _FEW_SHAPES) if n > FEW else (np.arange(n),)
-        )
-        for rows in shapes:
+        groups: Iterable[I64] = (np.arange(n),)
+        if n > FEW:
+            groups = groups_of(_together(have, code, length), _FEW_SHAPES)
+        for rows in groups:
             if len(rows) <= FEW:
                 few.append(rows)
                 continue
@@ -304,4 +304,4 @@ def _together(*columns: I64) -> I64:
             span = int(key.max()) + 1
         key = key * size + (column - low)
         span *= size
-    return np.zeros(len(key), np.int64) if span == 1 else key
+    return key

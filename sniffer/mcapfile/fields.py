@@ -1,4 +1,4 @@
-"""Which field of ServoState holds a register."""
+"""Which field of ServoState holds a register, and what became known of such fields."""
 
 from __future__ import annotations
 

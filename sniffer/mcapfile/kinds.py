@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class MessageType(NamedTuple):
-    """A type of messages that are not protobuf's: its name, encodings, and definition."""
+    """A type of messages: its name, how they and their definition are encoded, the definition."""
 
     name: str
     encoding: str

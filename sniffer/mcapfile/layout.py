@@ -18,6 +18,9 @@ from sniffer.mcapfile.states import RESPONSE_TIME
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
+LEGEND: Final = 170
+"""How wide the names of curves are beside a plot, in pixels."""
+
 ATTACHED: Final = "foxglove-layout.json"
 """The attachment of a recording that holds its layout."""
 
@@ -172,7 +175,8 @@ def _plot(title: str, paths: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "showXAxisLabels": True,
         "showYAxisLabels": True,
         "showLegend": True,
-        "legendDisplay": "floating",
+        "legendDisplay": "left",  # a floating one covers half of a plot of this height
+        "sidebarDimension": LEGEND,
         "showPlotValuesInLegend": False,
     }
     return _panel(title, shown)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from sniffer.ground.model import I64, Anomaly
     from sniffer.mcapfile.fields import KnownValues
     from sniffer.mcapfile.kinds import MessageType
-    from sniffer.mcapfile.queue import Queue
+    from sniffer.mcapfile.queue import Queue, Sorted
 
 JOINTS: Final = "/joint_states"
 ANOMALIES: Final = "/diagnostics"
@@ -156,6 +156,17 @@ class RosWriter:
         self._queue = queue
         self._open = open_channel
         self._sequences: dict[str, int] = {}
+        self._until = 0
+
+    def take(self) -> Sorted | None:
+        """Return what waits, of all buses in the order of time, and nothing before what was taken.
+
+        It is all that waits: what else there was has been taken kind by kind.
+        """
+        rows = self._queue.take(None, self._until)
+        if rows is not None:
+            self._until = int(rows.log[-1])
+        return rows
 
     def states(
         self, bus: str, names: Sequence[str], told: KnownValues, log: I64, publish: I64

@@ -53,6 +53,7 @@ from sniffer.messages import (
     FLAT,
     INCIDENTS,
     OFFSET,
+    PLOTS,
     SESSION,
     SHOWN,
     TOOL,
@@ -145,7 +146,6 @@ class McapSink:
             places = JointPlaces.of(joints, self._session)
             self._session |= places.facts()
             self._ros2 = RosWriter(places, self._queue, self._file.channel)
-        self._ros2_until = 0
         self._closed = False
         self._encoded_at = time.monotonic_ns()
         self._since: int | None = None
@@ -364,12 +364,9 @@ class McapSink:
         if final or time.monotonic_ns() - self._encoded_at >= self._flush_ns:
             self._encode(final=final)
             self._write_all(self._queue.lots(BULK), indexed=False)
-            self._write_all(self._queue.lots((*SHOWN, FLAT)), indexed=True)
-            # what is left is in the words of ROS 2, of all buses in the order of time
-            rows = self._queue.take(None, self._ros2_until)
-            if rows is not None:
-                self._ros2_until = int(rows.log[-1])
-                self._write_all(rows, indexed=True)
+            self._write_all(self._queue.lots((*SHOWN, FLAT, PLOTS)), indexed=True)
+            if self._ros2 is not None:
+                self._write_all(self._ros2.take(), indexed=True)
         self._file.sync()
 
     def _flush(self, until: int | None) -> None:

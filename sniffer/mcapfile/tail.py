@@ -144,7 +144,6 @@ class _Rest:
         self._queue = Queue([topic for topic in wanted if topic != "raw"])
         self._buses: dict[str, BusWriter] = {}
         self._ros2: RosWriter | None = None
-        self._ros2_until = 0
         if (joints := joints_in(facts)) is not None:
             places = JointPlaces.of(joints, facts)
             self._ros2 = RosWriter(places, self._queue, file.channel)
@@ -204,11 +203,8 @@ class _Rest:
             bus.encode(final=final)
         for topics, indexed in ((BULK, False), ((*SHOWN, FLAT, PLOTS), True)):
             self._write(self._queue.lots(topics), indexed=indexed)
-        # what is left is in the words of ROS 2, of all buses in the order of time
-        rows = self._queue.take(None, self._ros2_until)
-        if rows is not None:
-            self._ros2_until = int(rows.log[-1])
-        self._write(rows, indexed=True)
+        if self._ros2 is not None:
+            self._write(self._ros2.take(), indexed=True)
 
     def _write(self, rows: Sorted | None, *, indexed: bool) -> None:
         """Write what is missing of records."""

@@ -168,7 +168,7 @@ class Channels:
         for channel in self._read():
             told = self._told(channel)
             out.setdefault(f"baud.{channel.bus}", str(told.baud))
-            out.setdefault(f"latency_ns.{channel.bus}", str(self._late_ns))
+            out.setdefault(f"latency_ns.{channel.bus}", str(self._late_ns(channel)))
         return out
 
     def notes(self) -> list[str]:
@@ -194,10 +194,9 @@ class Channels:
             out.append("TX and RX are two buses here: name one bus for both if they are its wires")
         return out
 
-    @property
-    def _late_ns(self) -> int:
-        """By how much an edge may be older than its sample."""
-        return math.ceil((self._sample or 1) * self._tick_ns)
+    def _late_ns(self, channel: SignalChannel) -> int:
+        """Return by how much an edge may be older than its sample."""
+        return math.ceil((channel.sample or 1) * self._tick_ns)
 
     def _read(self) -> list[SignalChannel]:
         return [channel for channel in self._heard.values() if channel.is_read]

@@ -9,7 +9,8 @@ import numpy as np
 from sniffer.ground.model import Direction
 from sniffer.signals.chunking import Chunker
 from sniffer.signals.glitches import SHORTEST, GlitchFilter
-from sniffer.signals.rates import BitTime, WireEdges
+from sniffer.signals.grid import grid_in
+from sniffer.signals.rates import SAMPLES_LEAST, BitTime, WireEdges
 from sniffer.signals.uart import Receiver
 
 if TYPE_CHECKING:
@@ -41,6 +42,8 @@ class SignalChannel:
         self.is_left_out = False
         self.count = 0
         """Edges that were gathered."""
+        self.sample = 0.0
+        """Ticks of a sample, 0 where neither the file nor its edges say."""
         self._machine: tuple[GlitchFilter, Receiver, Chunker] | None = None
         self._level = 1
         self._is_open_ended = False
@@ -95,6 +98,7 @@ class SignalChannel:
         found = self.found()
         self._edges.clear()
         self._is_open_ended = given.is_open_ended
+        self.sample = given.sample or grid_in(found.edges, given.tick_ns, told.bit, SAMPLES_LEAST)
         self._machine = (
             GlitchFilter(SHORTEST * told.bit if glitch is None else glitch),
             Receiver(told.bit, found.level, invert=told.invert, parity=told.parity),

@@ -40,7 +40,7 @@ class EdgesByWire(Sequence[I64]):
     """
 
     def __init__(self, wires: I64, at: I64, size: int) -> None:
-        first = np.flatnonzero(np.diff(wires, prepend=-1))  # they ascend: nothing is to be sorted
+        first = np.flatnonzero(np.diff(wires, prepend=-1) != 0)  # they ascend: nothing is sorted
         self.active = wires[first]
         self._spans = dict(
             zip(self.active.tolist(), itertools.pairwise([*first.tolist(), len(at)]), strict=True)

@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
 # time, its fraction, bus, label, CAN FD flags, bytes, remote request, direction of candump -x
 _LINE: Final = later(
-    rb"^(?:\(([0-9]{1,10})(?:\.([0-9]*))?\)[ \t]+)?([^\s#()]+)[ \t]+"
+    rb"^(?:\(([0-9]{1,10})(?:[.,]([0-9]*))?\)[ \t]+)?([^\s#()]+)[ \t]+"
     rb"([TtRr][Xx]|[0-9A-Fa-f]{1,8}|)#(#[0-9A-Fa-f])?((?:[0-9A-Fa-f]{2})*)(R[0-9A-Fa-f]?)?"
     rb"(?:[ \t]+([RT]))?[ \t]*$",
     re.MULTILINE,
 )
 # what a line looks like that broke off while it was written, before its "#"
-_HALF: Final = later(rb"\([0-9]*\.?[0-9]*(\)[ \t]*([^\s#()]+([ \t]+[0-9A-Za-z]*)?)?)?$")
+_HALF: Final = later(rb"\([0-9]*[.,]?[0-9]*(\)[ \t]*([^\s#()]+([ \t]+[0-9A-Za-z]*)?)?)?$")
 _DIRECTIONS: Final = {
     b"TX": Direction.TX,
     b"T": Direction.TX,

@@ -30,16 +30,18 @@ if TYPE_CHECKING:
 
 _HEAD: Final = later(rb"(?:<title>)?Docklight Log File \(([^)]*)\) - (Started|Stopped) ")
 _STAMP: Final = (
-    rb"(\d{1,4})([./-])(\d\d?)[./-](\d{1,4}) (\d\d?:\d\d:\d\d)(?:[.,](\d{1,9}))? \[([^\]]{1,40})\]"
-    rb" -(?: |$)"
+    rb"(\d{1,4})([./-])(\d\d?)[./-](\d{1,4}) (\d\d?:\d\d:\d\d)"
+    rb"(?:[.,](\d{1,9}))?(?: ?([AaPp])\.?[Mm]\.?)? \[([^\]]{1,40})\] -(?: |$)"
 )
 LINE: Final = later(_STAMP + rb"((?:[0-9A-F]{2} )*(?:[0-9A-F]{2}$)?)(?: .*)?")
-"""Date by its parts, time of day, fraction, channel, bytes; a comment stands behind two blanks."""
+"""Date by its parts, time of day, fraction, half of the day, channel, bytes; a comment stands
+behind two blanks."""
 
 _STAMPED: Final = later(_STAMP)
 _STROKES: Final = later(rb"^(\d\d?)/(\d\d?)/\d", re.MULTILINE)
 _FURTHER: Final = later(rb"(?:[0-9A-F]{2} )+(?: .*)?")  # no comment: those begin with a blank
 _HALF: Final = later(_STAMP + rb"((?:[0-9A-F]{2} )*)[0-9A-F]?$")
+_OTHERWISE: Final = later(rb"\S.{0,40}\d:\d\d.{0,20}\[[^\]]{1,40}\] -(?: [0-9A-F]{2})+(?: |$)")
 _TORN: Final = later(rb"Docklight.*$|\d[\d./: -]*(?:\[.{0,40})?(?:\] ?-? ?)?$")
 _PLAIN: Final = "log it as plain text in the representation HEX"
 _SIDES: Final = (Direction.TX, Direction.RX)
@@ -93,9 +95,9 @@ class _Turns(StampedLog):
             self.cut_off = found is not None or _TORN.match(line) is not None
         if found:
             yield from self._block.begin(
-                self._time(found.groups(), number), self._bus, self._side(found[7], number)
+                self._time(found.groups(), number), self._bus, self._side(found[8], number)
             )
-            yield from self._block.add(bytes.fromhex(found[8].decode("ascii")))
+            yield from self._block.add(bytes.fromhex(found[9].decode("ascii")))
         elif _FURTHER.fullmatch(line) and self._block.direction != Direction.UNKNOWN:
             yield from self._block.add(bytes.fromhex(line.partition(b"  ")[0].decode("ascii")))
         elif not self.cut_off:
@@ -107,7 +109,7 @@ class _Turns(StampedLog):
         if head and head[1] != b"HEX":
             shown = quoted(head[1])
             raise DamagedLine(number, f"a log in {shown} begins here: {_PLAIN}", nonsense=False)
-        if not head and _STAMPED.match(line):
+        if not head and (_STAMPED.match(line) or _OTHERWISE.match(line)):
             raise DamagedLine(number, f"{quoted(line)} is no line of a Docklight log in HEX")
         self.comments += bool(line.strip()) and head is None
 
@@ -128,13 +130,18 @@ class _Turns(StampedLog):
             self._month_first = not any(first > 12 for first, _ in dates)
 
     def _time(self, parts: tuple[bytes | None, ...], number: int) -> int:
-        first, mark, second, third, time, fraction = (part or b"" for part in parts[:6])
+        first, mark, second, third, time, fraction, half = (part or b"" for part in parts[:7])
         year, month, day = third, second, first
         if len(first) == 4:
             year, day = first, third
         elif mark == b"/" and self._month_first:
             month, day = first, second
         year = b"20" + year if len(year) == 2 else year
+        if half:
+            hour, _, rest = time.partition(b":")
+            if not 1 <= int(hour) <= 12:
+                raise DamagedLine(number, f"there is no time {quoted(time)} of half a day")
+            time = b"%d:%s" % (int(hour) % 12 + 12 * (half in b"Pp"), rest)
         return self._clock.ns(b"-".join((year, month, day)), time, fraction, number)
 
     def notes(self) -> Iterator[str]:

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.ground.model import NS, DamagedInputError, InputError
-from sniffer.signals.stretch import LogicInput, Sampler
+from sniffer.signals.stretch import LogicInput, Stretch
 from sniffer.sources.archives import SampleArchive
 from sniffer.sources.sigrok import rate_in, unlike
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from sniffer.signals.stretch import Stretch
+    from sniffer.ground.model import I64, U8
     from sniffer.sources.text import Opened
 
 AT_ONCE: Final = 1 << 17
@@ -74,23 +74,58 @@ def _stretches(
     archive: SampleArchive, probes: list[list[str]], total: int, name: str
 ) -> Iterator[Stretch]:
     """Yield all channels together, a million samples at a time."""
-    samplers = [Sampler([0], 1) for _ in probes]
+    samplers = [_Bits() for _ in probes]
     left = total
     with archive:
         for parts in zip_longest(*(_even(archive.pieces(entries)) for entries in probes)):
             if any(part is None or len(part) != len(parts[0] or b"") for part in parts):
                 raise DamagedInputError(f"{name}: its channels are not of one length")
-            taken = []
-            for part, sampler in zip(parts, samplers, strict=True):
-                bits = np.unpackbits(np.frombuffer(part, np.uint8), bitorder="little")
-                taken.append(sampler.take(bits[:left].tobytes()))
-            left -= 8 * len(parts[0])
-            one = [stretch for stretch in taken if stretch is not None]
-            if not one:
+            count = min(8 * len(parts[0] or b""), left)
+            if not count:
                 return
-            yield one[0]._replace(
-                levels=[s.levels[0] for s in one], edges=[s.edges[0] for s in one]
+            taken = [
+                sampler.take(part, count)
+                for part, sampler in zip(parts, samplers, strict=True)
+                if part is not None
+            ]
+            left -= count
+            yield Stretch(
+                [level for level, _ in taken], [edges for _, edges in taken], total - left - 1
             )
+
+
+class _Bits:
+    """The packed bits of a channel, piece by piece, as edges: only what changes is unpacked."""
+
+    def __init__(self) -> None:
+        self._last: int | None = None
+        self._at = 0
+
+    def take(self, data: bytes, count: int) -> tuple[int, I64]:
+        """Return the level before ``count`` bits, and the samples that begin another one."""
+        packed = np.frombuffer(data, np.uint8)
+        before = int(packed[0] & 1) if self._last is None else self._last
+        flips = packed << np.uint8(1)
+        flips[1:] |= packed[:-1] >> np.uint8(7)
+        flips[0] |= before
+        flips ^= packed
+        rows = np.flatnonzero(flips != 0)
+        if len(rows) > len(flips) // 8:
+            edges = _set_in(flips)
+        else:
+            bits = _set_in(flips[rows])
+            edges = 8 * rows[bits >> 3] + (bits & 7)
+        if count < 8 * len(packed):
+            edges = edges[edges < count]
+        edges += self._at
+        self._last = int(packed[(count - 1) >> 3] >> ((count - 1) & 7) & 1)
+        self._at += count
+        return before, edges
+
+
+def _set_in(packed: U8) -> I64:
+    """Return which bits are set."""
+    return np.flatnonzero(np.unpackbits(packed, bitorder="little").view(bool))
 
 
 def _even(pieces: Iterator[bytes]) -> Iterator[bytes]:

@@ -21,6 +21,9 @@ class _Kind(NamedTuple):
 
 _PCAPNG: Final = "write it anew: `editcap -F pcapng FILE new.pcapng`"
 _LINES: Final = "write it as lines `(seconds.fraction) bus0 #HEX`, or keep only the hex bytes"
+_FORM: Final = (
+    "write `(1732142106.123456) bus0 RX#FAAF01`: ten digits of seconds, bytes without blanks"
+)
 _SIGROK: Final = "write raw bytes with `sigrok-cli -i FILE -P uart:rx=... -B uart=rx > bus.bin`"
 _CAPTURE: Final = "give the file that your logger wrote"
 _WORDS: Final = "dump it again with `hexdump -C`, `xxd` or `od -tx1`"
@@ -77,6 +80,7 @@ _LOGS: Final = tuple(
         (rb"date [A-Z][a-z]{2} ", "a Vector ASC log", "log it with `candump -L` instead"),
         (rb"libsigrok \d", "sigrok's output as text", _SESSION),
         (rb"; ?Rate: ?\d+", "a capture of the OLS client", "export it from there as VCD"),
+        (rb"\(-?\d[\d.,]*\)[ \t]+\S+[ \t]+[^\s#]*#", "a log line of another form", _FORM),
         (_TRACED, "a trace of system calls", "log with `socat -x` between program and port"),
         (_STAMPED + _SOME, "a log whose times are of an unknown kind", _LINES),
         (_WAY + _SOME, "a log whose directions are of an unknown kind", _LINES),

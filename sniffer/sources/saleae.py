@@ -13,7 +13,7 @@ Both stamp where a byte begins. The duration of Logic 2 ends in the middle of th
 from __future__ import annotations
 
 import itertools
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal, DecimalException
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -164,7 +164,7 @@ class _ByteTable:
             number = Decimal(text) * NS
             if number.is_finite() and abs(number) < 1 << 62:
                 return round(number)
-        except InvalidOperation:
+        except DecimalException:
             pass  # told below
         raise DamagedLine(line, f"{quoted(text.encode())} is no number of seconds")
 

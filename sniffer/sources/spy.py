@@ -42,11 +42,12 @@ SPY_LINE: Final = later(
 COLOURS: Final = later(rb"\x1b\[\d+m")
 """What the option ``color`` puts in front of the lines."""
 
-# the first line of a call, as nearly all are: what is odd is read line by line
+# a line of a call, as nearly all are: what is odd is read line by line
 _ENTRY: Final = later(
-    rb"(\d{5,9})\.(\d{3}) (TX|RX)   0000  "
+    rb"(\d{5,9})\.(\d{3}) (TX|RX)   ([0-9A-F]{4})  "
     rb"((?:[0-9A-F]{2} ){1,8}(?: (?:[0-9A-F]{2} ){1,8})?)( *)([^\n]*)\n"
 )
+_SURE: Final = later(rb"\d{6}\.\d{3} [TR]X   0000  [0-9A-F]{2} ")
 _BYTES: Final = later(rb"([0-9A-F]{4,12})  (.*)")
 _ROW: Final = later(rb"(?:[0-9A-F]{2} ){1,8}(?: (?:[0-9A-F]{2} ){0,8})?")
 _COLUMNS: Final = 49  # of hex: 16 bytes with a blank each, and one in the middle
@@ -57,6 +58,12 @@ _STAMPED: Final = later(rb"-?\d{5,}")
 _DIRECTIONS: Final = {b"TX": Direction.TX, b"RX": Direction.RX}
 _MS: Final = NS // 1000
 _BREAKS: Final = (b"send_break", b"active")
+
+
+def is_log(lines: list[bytes]) -> bool:
+    """Tell whether a log begins in these lines: what the program says may stand before it."""
+    plain = [COLOURS.sub(b"", line) for line in lines]
+    return bool(SPY_LINE.fullmatch(plain[0])) or any(_SURE.match(line) for line in plain)
 
 
 @functools.cache
@@ -83,20 +90,35 @@ class _Calls(TextLog):
         while walk.is_inside:
             found = _ENTRY.match(block.text, walk.at)
             if found is not None:
-                seconds, thousandths, label, row, blanks, gutter = found.groups()
-                if not gutter or len(row) + len(blanks) >= _COLUMNS:
+                told = self._entry(found.groups())
+                if told is not None:
                     walk.at = found.end()
-                    if self._held is not None:
-                        yield self._held
-                    t_ns = (int(seconds) * 1000 + int(thousandths)) * _MS + _MS // 2
-                    data = bytes.fromhex(row.decode("ascii"))
-                    direction = _DIRECTIONS[label]
-                    self._due[direction] = len(data)
-                    self._begin(direction, t_ns, data)
+                    yield from told
                     continue
             line, number = walk.line()
             text = COLOURS.sub(b"", line) if b"\x1b" in line else line
             yield from self._line(text, number, block.cut_off)
+
+    def _entry(self, said: tuple[bytes, ...]) -> tuple[Chunk, ...] | None:
+        """Take a line that is as usual; return the call that is over. None: look closer."""
+        seconds, thousandths, label, offset, row, blanks, gutter = said
+        if gutter and len(row) + len(blanks) < _COLUMNS:
+            return None
+        data, direction, held = bytes.fromhex(row.decode("ascii")), _DIRECTIONS[label], self._held
+        if offset == b"0000":
+            t_ns = (int(seconds) * 1000 + int(thousandths)) * _MS + _MS // 2
+            self._due[direction] = len(data)
+            self._begin(direction, t_ns, data)
+            return () if held is None else (held,)
+        at = int(offset, 16)
+        if held is None or held.direction is not direction or len(held.data) >= PIECE:
+            return None
+        if self._due.get(direction) != at:
+            return None
+        self._due[direction] = at + len(data)
+        whole = held.data + data
+        self._held = Chunk(whole, held.t_ns, Clock.FILE, self._bus, direction, held.marks)
+        return ()
 
     def rest(self) -> Iterator[Chunk]:
         """Yield the call that no line continues."""

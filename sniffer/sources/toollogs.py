@@ -23,7 +23,7 @@ def tool_log(lines: list[bytes]) -> str:
 
     Raises InputError where the tool was told to write what cannot be read.
     """
-    if spy.SPY_LINE.fullmatch(spy.COLOURS.sub(b"", lines[0])):
+    if spy.is_log(lines[:FIRST_LINES]):
         return "spy"
     if _is_jpnevulator(lines[:FIRST_LINES]):
         return "jpnevulator"

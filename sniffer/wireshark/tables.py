@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from sniffer.protocols.base import BusProtocol
     from sniffer.protocols.packets.declare import Command
 
-ENGINE: Final = ("1_values.lua", "2_protocols.lua", "3_packets.lua")
+ENGINE: Final = ("1_values.lua", "2_protocols.lua", "3_packets.lua", "4_tree.lua")
 """The parts of the engine, in order: they become one file."""
 
 HERE: Final = "-- @TABLES@"

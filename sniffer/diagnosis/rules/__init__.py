@@ -40,6 +40,7 @@ from sniffer.diagnosis.rules import (
     symptoms,
     tap,
     timing,
+    translated,
     warmth,
 )
 
@@ -79,6 +80,7 @@ _AREAS: Final = (
     rhythms,
     slowness,
     supply,
+    translated,
     warmth,
 )
 

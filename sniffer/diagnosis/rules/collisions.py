@@ -9,7 +9,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.misread import BITS_FEW, FRONT
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.interruptions import torn_requests
-from sniffer.diagnosis.twins import LEAST, PART, torn_answers
+from sniffer.diagnosis.twins import LEAST, PART, torn_answers, twins
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -51,7 +51,7 @@ PLAIN: Final = 0.5
 
 def answers_twice(case: Case) -> Iterator[Finding]:
     """Find servos of which two answers come."""
-    for servo, twin in case.twins.items():
+    for servo, twin in twins(case).items():
         if twin.twice < LEAST:
             continue
         told = [
@@ -85,7 +85,7 @@ def answers_twice(case: Case) -> Iterator[Finding]:
 
 def answers_mixed(case: Case) -> Iterator[Finding]:
     """Find servos whose torn answers are two of theirs at once."""
-    for servo, twin in case.twins.items():
+    for servo, twin in twins(case).items():
         if len(twin.mixed) < max(LEAST, PART * twin.tried):
             continue
         shifts = sorted(mix.shift for _, mix in twin.mixed)

@@ -13,7 +13,7 @@ from sniffer.diagnosis.damage import IN_REQUEST
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.tracks import in_force
-from sniffer.diagnosis.twins import beginnings, telling
+from sniffer.diagnosis.twins import beginnings, telling, twins
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import RESPONSE
 from sniffer.ground.gaps import NOISE
@@ -153,12 +153,14 @@ def chatty(case: Case) -> Iterator[Finding]:
         events = case.anomalies("unsolicited-response", "duplicate-response", servo_id=servo)
         unasked[servo] += len(pieces.get(servo, ())) - len(ends & set(events.at.tolist()))
     for servo, n in unasked.items():
+        if n < UNASKED:
+            continue
         others = sum(unasked.values()) - n
         missing = case.total("missing", servo) + case.total("damaged", servo)
         # a request that was damaged leaves an answer behind, too: of anybody's, as often as asked
         share = case.total("asked", servo) / max(case.total("asked"), 1)
         is_sure = not others and share ** (n - 1) < SURE and case.total("missing", servo) < n / 2
-        if n < UNASKED or others > n / 5 or (missing > n / 2 and not is_sure):
+        if others > n / 5 or (missing > n / 2 and not is_sure):
             continue
         if torn > n and (others or share ** (n - 1) > CHANCE):
             continue
@@ -184,7 +186,7 @@ def chatty(case: Case) -> Iterator[Finding]:
         since, until = int(told.t_ns.min()), int(told.t_ns.max())
         within = (answers["t_last"] >= since) & (answers["t_first"] <= until)
         ok = int(answers["ok"][within & (answers["servo_id"] == servo)].sum())
-        twin = case.twins.get(servo)
+        twin = twins(case).get(servo)
         # a second answer may come so late that another one is being asked by then
         late = {d.at for d in twin.stray} if twin is not None else set()
         more = n + sum(

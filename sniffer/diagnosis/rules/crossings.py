@@ -115,7 +115,7 @@ def requests_run_together(case: Case) -> Iterator[Finding]:
         d
         for d in case.damages
         if d.turn in (IN_REQUEST, IN_REPLY) and d.turn != HELD and d.length <= len(d.got)
-        if not (case.twins and of_twins(case, d))
+        if not of_twins(case, d)
     ]
     known = case.ledger.exchanges.kinds.requests
     shared = header_of(known)
@@ -167,7 +167,7 @@ def spoken_into(case: Case) -> Iterator[Finding]:
     for d in case.damages:
         whole = d.length == len(d.got) > HEAD and d.turn == IN_REQUEST
         begun = [q for q in known if alike(d.got, q) >= shared] if whole else []
-        if not begun or (case.twins and of_twins(case, d)):
+        if not begun or of_twins(case, d):
             continue
         judged += 1
         shown += [] if _is_one(d.got, begun, known) else [d]

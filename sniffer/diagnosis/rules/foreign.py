@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.comparing import SEQUENCE, repeated
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.unclaimed import first_low
 from sniffer.ground.framing import Block
@@ -65,7 +66,6 @@ HELD: Final = 0.2
 VALUES: Final = 4
 """Different values: a line that is stuck gives one or two."""
 
-SEQUENCE: Final = 6
 REPEATS: Final = 0.15
 """Part of sequences of so many bytes that come again; in noise there is none."""
 
@@ -156,7 +156,7 @@ def nothing_holds(case: Case) -> Iterator[Finding]:
     values = Counter(head)
     if len(values) < VALUES:
         return
-    again = _repeated(head)
+    again = repeated(head)
     slower = _slower(case, head)
     # bits that a wrong rate cuts anew each time repeat little, but nothing ever holds by them
     if again < REPEATS and slower is None and (total - lost > NONE * total or total < PLENTY):
@@ -189,14 +189,6 @@ def nothing_holds(case: Case) -> Iterator[Finding]:
             brief=f"the line runs at about {told} baud",
             values=(("baud", told),),
         )
-
-
-def _repeated(data: bytes) -> float:
-    """Return which part of short sequences is met more than once; runs of one value are none."""
-    seen = Counter(data[k : k + SEQUENCE] for k in range(len(data) - SEQUENCE + 1))
-    telling = {s: n for s, n in seen.items() if len(set(s)) > 2}
-    total = sum(telling.values())
-    return sum(n for n in telling.values() if n > 1) / total if total else 0.0
 
 
 def _slower(case: Case, data: bytes) -> tuple[float, int] | None:

@@ -124,7 +124,7 @@ def who_is_damaged(case: Case) -> Iterator[Finding]:
     d = case.damage
     in_reply, in_request = d["turn"] == IN_REPLY, d["turn"] == IN_REQUEST
     others = Counter(  # what twins tear is a matter of its own
-        (x.turn, x.servo_id) for x in case.damages if case.twins and of_twins(case, x)
+        (x.turn, x.servo_id) for x in case.damages if of_twins(case, x)
     )
     torn = {
         s: n - others[IN_REPLY, s]
@@ -210,7 +210,7 @@ def strays(case: Case) -> Iterator[Finding]:
     """Tell where single bytes of nobody stand."""
     d = case.damage
     at_turn, idle = d["turn"] == AT_TURN, d["turn"] == IN_IDLE
-    if case.twins and sum(of_twins(case, x) for x in case.damages if x.turn in STRAYS) >= LEAST:
+    if sum(of_twins(case, x) for x in case.damages if x.turn in STRAYS) >= LEAST:
         return  # they are what is left of second answers
     turns, between = int(d["n"][at_turn].sum()), int(d["n"][idle].sum())
     torn = int(d["n"][np.isin(d["turn"], (IN_REPLY, IN_REQUEST))].sum())
@@ -292,11 +292,7 @@ def strays_alone(case: Case) -> Iterator[Finding]:
         for d in case.damages
         if d.turn == IN_IDLE and d.length <= PULSE and min(d.since_ns, d.until_ns) >= rest_ns
     ]
-    if (
-        not case.has_clock
-        or len(alone) <= LEAST
-        or (case.twins and any(of_twins(case, d) for d in alone))
-    ):
+    if not case.has_clock or len(alone) <= LEAST or any(of_twins(case, d) for d in alone):
         return
     yield finding_of(
         alone,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.diagnosis.buckets import FINE
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.damage import AT_TURN, HELD
@@ -40,6 +41,10 @@ LEAST: Final = 8
 
 BUCKETS: Final = 16
 """Quarters of a second that are enough to compare."""
+
+LONGEST: Final = 2 * FINE
+"""So many are compared at most, the last ones: those before are joined, and a clock that was not set
+yet when it all began is years behind."""
 
 CORRELATED: Final = 2.0
 COUNTED: Final = 3.5
@@ -78,11 +83,12 @@ def damage_while_moving(case: Case) -> Iterator[Finding]:
     if not case.has_clock or int(d["n"][mine].sum()) < LEAST:
         return
     bucket, n = d["bucket"][mine], d["n"][mine]
-    first, count = int(bucket.min()), int(bucket.max() - bucket.min()) + 1
+    first = max(int(bucket.min()), int(bucket.max()) - LONGEST + 1)
+    count = int(bucket.max()) - first + 1
     if count < BUCKETS:
         return
     hits, said = np.zeros(count), np.zeros(count)
-    np.add.at(hits, bucket - first, n)
+    np.add.at(hits, bucket[bucket >= first] - first, n[bucket >= first])
     line = case.line
     within = (line["bucket"] >= first) & (line["bucket"] < first + count)
     np.add.at(said, line["bucket"][within] - first, line["bytes"][within])
@@ -185,7 +191,8 @@ def _beyond(level: F64, hits: F64, said: F64) -> tuple[float, float, float]:
         return 0.0, 0.0, 0.0
     correlated = float(np.corrcoef(level, clipped)[0, 1]) * math.sqrt(len(level) - 1)
     counted = together / math.sqrt(max(float((usual * level**2).sum()), 1e-9))
-    shifts = np.array([(np.roll(level, k) * more).sum() for k in range(2, len(level) - 1)])
+    around = np.fft.irfft(np.fft.rfft(more) * np.fft.rfft(level).conj(), len(level))
+    shifts = around[2:-1]  # at k, the level k buckets later; the next ones are no other time
     shifted = (together - float(shifts.mean())) / max(float(shifts.std()), 1e-9)
     return correlated, counted, shifted
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Final
 
+from sniffer.decoding.holding import held
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.chances import at_least, sureness
 from sniffer.diagnosis.comparing import alike, is_altered
 from sniffer.diagnosis.damage import HELD, IN_REPLY
-from sniffer.diagnosis.misread import held
 from sniffer.diagnosis.placed import finding_of
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ import numpy as np
 from sniffer.diagnosis.case import episodes
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.rules.complaints import COMPLAINTS
+from sniffer.diagnosis.twins import twins
 from sniffer.diagnostics.catalogue import CATALOGUE
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ PLENTY: Final = 20
 def symptoms(case: Case) -> Iterator[Finding]:
     """Return what the decoder reported, by code and servo."""
     alarms = case.alarms
-    of_whom = {s: servo for servo, twin in case.twins.items() for s in twin.before}
+    of_whom = {s: servo for servo, twin in twins(case).items() for s in twin.before}
     key = alarms["code"] * 512 + alarms["servo_id"] + 1
     for one in np.unique(key).tolist():
         rows = np.flatnonzero(key == one)

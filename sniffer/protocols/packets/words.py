@@ -69,8 +69,7 @@ class Words:
 
     def checksum_of(self, raw: bytes) -> tuple[Sum, bytes, int]:
         """Return the checksum, the bytes it covers, and what was sent."""
-        seal = self.plan.seals[-1]
-        return seal.checksum, seal.covered(raw), seal.sent(raw)
+        return self.plan.checksum_of(raw)
 
     def fields(self, raw: bytes, row: FrameView) -> dict[str, Any]:
         """Return address, length, option, or the error."""

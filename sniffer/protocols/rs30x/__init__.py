@@ -171,7 +171,7 @@ class Rs30x:
         """Return the checksum, the bytes from the id on, and the last byte; an ACK has none."""
         if len(raw) == 1:
             return None
-        return PLAN.checksum, raw[PLAN.sum_from : -1], raw[-1]
+        return PLAN.checksum_of(raw)
 
 
 def _grammar(raw: bytes, row: FrameView) -> Any:

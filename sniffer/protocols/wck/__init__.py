@@ -151,7 +151,7 @@ class Wck:
         if len(raw) <= REPLY:
             return None
         if controller.is_packet(raw):
-            return controller.PLAN.checksum, raw[controller.PLAN.sum_from : -1], raw[-1]
+            return controller.PLAN.checksum_of(raw)
         kind, body = block.KIND[raw[block.DATA2] << 8 | raw[block.DATA1]], raw[1:-1]
         if kind == block.SYNC:
             body = raw[block.PARAMS : -1]

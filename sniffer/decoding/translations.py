@@ -1,0 +1,346 @@
+"""What programs between the wire and a capture make of bytes: terminals, telnet, text files.
+
+A terminal that is not raw turns one control character into another or swallows it, telnet doubles
+FF, a program that takes bytes for text writes two for one or a mark for what it cannot read. The
+frames tell which it was: what can be undone is undone, and holds; where bytes are gone, torn frames
+hold, one by one, as soon as the byte that is never seen is put back.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections import Counter
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from sniffer.decoding.holding import held
+from sniffer.ground.framing import Block
+from sniffer.protocols import PROTOCOLS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from sniffer.protocols.base import BusProtocol
+
+CR, LF = b"\r", b"\n"
+
+LEAST_BYTES: Final = 64
+"""Of fewer bytes nothing is said."""
+
+HOLDS: Final = 0.95
+"""Part of the bytes that frames claim once a translation is undone."""
+
+FEWER: Final = 4
+"""By which factor the bytes that no frame claims become fewer by it."""
+
+LONGEST: Final = 40
+"""Bytes of a torn frame that is tried: each try takes its square."""
+
+TRIED: Final = 24
+"""Different torn frames that are tried."""
+
+MENDED: Final = 0.6
+"""Part of the torn frames that must hold once a byte is put back. Of frames torn otherwise one in
+six does by chance: a sum of eight bits, fifteen values, up to three of one."""
+
+LEAST_MENDED: Final = 5
+
+MOST_MISSING: Final = 3
+"""Bytes of one value that are put back into one frame; into a long one fewer."""
+
+SHORT: Final = 14
+"""Bytes of a frame into which so many are put back."""
+
+READABLE: Final = 0x80
+"""Bytes below are text in ASCII."""
+
+UNREADABLE: Final = "\N{REPLACEMENT CHARACTER}".encode()
+"""What programs write for bytes that are no UTF-8 text (Unicode 15, 23.8)."""
+
+LEAST_UNREADABLE: Final = 0.02
+"""Part of a capture that these are where bytes were taken for text."""
+
+
+class Translated(NamedTuple):
+    """How a capture was altered: what was done, as words, and what is known by.
+
+    ``at`` is where the first torn places are, offset and length.
+    """
+
+    what: str
+    shown: str
+    at: tuple[tuple[int, int], ...] = ()
+
+
+class _Whole(NamedTuple):
+    """A translation of a whole stream that can be undone; ``may_be`` tells what cannot be one."""
+
+    what: str
+    may_be: Callable[[bytes], bool]
+    undo: Callable[[bytes], bytes]
+
+
+class _Swallowed(NamedTuple):
+    """Values that are swallowed where they stand; those that are seen were not."""
+
+    what: str
+    values: bytes
+
+
+class _Swapped(NamedTuple):
+    """A value that was written for another one, which is never seen then."""
+
+    what: str
+    wrote: int
+    meant: int
+
+
+def _text_of(data: bytes) -> str | None:
+    """Return bytes as UTF-8 text, None where they are none; the last character may be cut."""
+    for cut in range(4):
+        try:
+            return data[: len(data) - cut].decode("utf-8")
+        except UnicodeDecodeError:
+            continue
+    return None
+
+
+def _is_latin(data: bytes) -> bool:
+    """Tell whether bytes are text of none but the first 256 characters, and not all ASCII."""
+    text = _text_of(data)
+    return text is not None and READABLE <= max(map(ord, text), default=0) < 256
+
+
+def _runs_are_even(data: bytes) -> bool:
+    """Tell whether FF stands in pairs only, but at the ends of what is looked at."""
+    runs = re.findall(rb"\xff+", data[data.find(b"\xff\xff") :].rstrip(b"\xff"))
+    return bool(runs) and all(len(run) % 2 == 0 for run in runs)
+
+
+def _pairs_turned(data: bytes) -> bytes:
+    even = len(data) & ~1
+    return np.frombuffer(data[:even], np.uint8).reshape(-1, 2)[:, ::-1].tobytes()
+
+
+def _mirrored(data: bytes) -> bytes:
+    bits = np.unpackbits(np.frombuffer(data, np.uint8), bitorder="little")
+    return np.packbits(bits, bitorder="big").tobytes()
+
+
+WHOLE: Final = (
+    _Whole(
+        "bytes were written as text in UTF-8, two for each from 80 on",
+        _is_latin,
+        lambda data: (_text_of(data) or "").encode("latin-1", "ignore"),
+    ),
+    _Whole(
+        "every FF stands there twice, as telnet and terminals with PARMRK write it",
+        _runs_are_even,
+        lambda data: data.replace(b"\xff\xff", b"\xff"),
+    ),
+    _Whole(
+        "a 0D stands before every 0A, as text files and terminals (ONLCR) have it",
+        lambda data: data.count(LF) == data.count(CR + LF) > 0,
+        lambda data: data.replace(CR + LF, LF),
+    ),
+    _Whole(
+        "every 0D came as 0A, as terminals with ICRNL and text files make it",
+        lambda data: CR not in data and LF in data,
+        lambda data: data.replace(LF, CR),
+    ),
+    _Whole(
+        "the ends of lines (0D) were taken away",
+        lambda data: CR not in data and LF not in data,
+        lambda data: re.sub(rb"(?=[#*])", CR, data),
+    ),
+    _Whole(
+        "the two bytes of each pair are exchanged, as in dumps of 16 bit words",
+        lambda data: True,
+        _pairs_turned,
+    ),
+    _Whole(
+        "the bits of each byte stand in the other order (the first sent is taken for the highest)",
+        lambda data: True,
+        _mirrored,
+    ),
+    _Whole(
+        "all bits of each byte are inverted",
+        lambda data: True,
+        lambda data: bytes(255 - value for value in data),
+    ),
+)
+"""What can be undone. Sources: RFC 854 (telnet: IAC doubled), termios(3), PEP 278."""
+
+SWAPPED: Final = (
+    _Swapped("every 0D came as 0A, as terminals with ICRNL and text files make it", 0x0A, 0x0D),
+    _Swapped("every 0A came as 0D, as terminals with INLCR make it", 0x0D, 0x0A),
+)
+
+SWALLOWED: Final = (
+    _Swallowed("the byte 00 is left out, as programs do that end text with it", b"\x00"),
+    _Swallowed("the byte 0D is left out, as terminals with IGNCR and text files do", CR),
+    _Swallowed(
+        "the bytes 11 and 13 are left out, as flow control by XON and XOFF does", b"\x11\x13"
+    ),
+    _Swallowed(
+        "control characters are left out, as terminals do that are not raw (ISIG, ICANON, IEXTEN)",
+        b"\x03\x04\x08\x0f\x11\x12\x13\x15\x16\x17\x19\x1a\x1c\x7f",
+    ),
+)
+"""What is left out, the narrower first. Source: termios(3), ``stty -a``."""
+
+
+_FOUND: Final[dict[tuple[str, bytes], Translated | None]] = {}
+"""What was found: a live bus is judged again and again, and begins with the same bytes."""
+
+REMEMBERED: Final = 64
+
+
+def translated(head: bytes, protocol: BusProtocol | None = None) -> Translated | None:
+    """Return how the beginning of a capture was altered, None where it does not look so.
+
+    Args:
+        head: the first bytes, some thousand.
+        protocol: by which it is decoded; where it does not hold, others are tried, too.
+    """
+    key = "" if protocol is None else protocol.name, head
+    if key not in _FOUND:
+        if len(_FOUND) >= REMEMBERED:
+            _FOUND.clear()
+        _FOUND[key] = _looked_for(head, protocol)
+    return _FOUND[key]
+
+
+def _looked_for(head: bytes, protocol: BusProtocol | None) -> Translated | None:
+    if len(head) < LEAST_BYTES:
+        return None
+    own = [] if protocol is None else [protocol]
+    some = {p.name: p for p in (*map(PROTOCOLS.__getitem__, PROTOCOLS.built_in), *own)}
+    lost = {name: _unclaimed(p, head) for name, p in some.items()}
+    if not min(lost.values()):
+        return None
+    found = _undone(some.values(), head, min(lost.values()))
+    for one in own if found is None else ():
+        found = _mended(one, head)
+    return found or _mended_of(some.values(), head, lost) or _replaced(head)
+
+
+def _spans(protocol: BusProtocol, data: bytes) -> list[tuple[int, int]]:
+    block = Block(np.frombuffer(data, np.uint8), np.empty(0, np.int64), True)
+    spans, _ = protocol.frame(block)
+    return list(zip(spans.start.tolist(), spans.end.tolist(), strict=True))
+
+
+def _unclaimed(protocol: BusProtocol, data: bytes) -> int:
+    """Return how many bytes are in no frame."""
+    return len(data) - sum(b - a for a, b in _spans(protocol, data))
+
+
+def _undone(some: Iterable[BusProtocol], head: bytes, lost: int) -> Translated | None:
+    """Look for a translation of all bytes: undone, they hold."""
+    for whole in WHOLE:
+        if not whole.may_be(head):
+            continue
+        data = whole.undo(head)
+        for protocol in some:
+            left = _unclaimed(protocol, data)
+            if left <= (1 - HOLDS) * len(data) and left * FEWER < lost:
+                share = 100 * (1 - left / len(data))
+                told = f"read otherwise, {share:.1f} % of the bytes are {protocol.name} frames"
+                return Translated(whole.what, f"{told}, else {_part(head, lost)}", ((0, 1),))
+    return None
+
+
+def _part(head: bytes, lost: int) -> str:
+    return f"{100 * (1 - lost / len(head)):.1f} %"
+
+
+def _mended_of(some: Iterable[BusProtocol], head: bytes, lost: dict[str, int]) -> Translated | None:
+    """Look for what is missing in frames of another protocol, where none holds."""
+    if min(lost.values()) < len(head) / 2:
+        return None
+    found = (_mended(protocol, head) for protocol in some)
+    return next((one for one in found if one is not None), None)
+
+
+def _mended(protocol: BusProtocol, head: bytes) -> Translated | None:
+    """Look for a value that is never seen, and with which torn frames hold."""
+    torn = _torn(protocol, head)
+    counts = Counter(got for _, got in torn)
+    if sum(counts.values()) < LEAST_MENDED:
+        return None
+    seen = set(head)
+    common = [got for got, _ in counts.most_common(TRIED)]
+    of = sum(counts[got] for got in common)
+    ways: list[tuple[str, str, list[list[bytes]]]] = []
+    for swap in SWAPPED:
+        if swap.meant not in seen and swap.wrote in seen:
+            told = f"hold with {swap.meant:02X} for a {swap.wrote:02X}"
+            ways.append((swap.what, told, [_swaps(got, swap) for got in common]))
+    for swallowed in SWALLOWED:
+        values = [v for v in swallowed.values if v not in seen]
+        if values:
+            told = f"hold with {' or '.join(f'{v:02X}' for v in values)} put in"
+            ways.append((swallowed.what, told, [_filled(got, values) for got in common]))
+    for what, told, tries in ways:
+        good = {got for got, own in zip(common, tries, strict=True) if _holds(protocol, own)}
+        mended = sum(counts[got] for got in good)
+        if mended >= max(LEAST_MENDED, MENDED * of):
+            at = tuple((at, len(got)) for at, got in torn if got in good)[:3]
+            shown = f"{mended} of {of} torn frames {told}, which is never seen"
+            return Translated(what, shown, at)
+    return None
+
+
+def _torn(protocol: BusProtocol, head: bytes) -> list[tuple[int, bytes]]:
+    """Return what no frame claims, cut where frames begin; short pieces, with their places."""
+    spans = _spans(protocol, head)
+    behind = [0, *(b for _, b in spans)]
+    before = [*(a for a, _ in spans), len(head)]
+    out = []
+    for a, b in zip(behind, before, strict=True):
+        gaps = protocol.explain(head[a:b], a) if b > a else []
+        begins = [a, *(gap.start for gap in gaps[1:] if gap.reason != "noise"), b]
+        out += [(c, head[c:d]) for c, d in itertools.pairwise(begins) if 2 < d - c <= LONGEST]
+    return out
+
+
+def _swaps(got: bytes, swap: _Swapped) -> list[bytes]:
+    """Return a frame with the meant value at one to three of the places of the other."""
+    at = [k for k, value in enumerate(got) if value == swap.wrote]
+    out = []
+    for n in range(1, min(len(at), MOST_MISSING) + 1):
+        for some in itertools.combinations(at, n):
+            one = bytearray(got)
+            for k in some:
+                one[k] = swap.meant
+            out.append(bytes(one))
+    return out
+
+
+def _filled(got: bytes, values: Sequence[int]) -> list[bytes]:
+    """Return a frame with one to three bytes of one value put in, behind its first byte."""
+    most = MOST_MISSING if len(got) <= SHORT and len(values) == 1 else 1 + (len(got) <= LONGEST)
+    out = []
+    for value, n in itertools.product(values, range(1, most + 1)):
+        for some in itertools.combinations_with_replacement(range(1, len(got) + 1), n):
+            edges = (0, *some, len(got))
+            pieces = (got[a:b] for a, b in itertools.pairwise(edges))
+            out.append(bytes((value,)).join(pieces))
+    return out
+
+
+def _holds(protocol: BusProtocol, tries: Sequence[bytes]) -> bool:
+    return any(held(protocol, tries, [len(one) for one in tries]))
+
+
+def _replaced(head: bytes) -> Translated | None:
+    """Look for what programs write for bytes that they cannot read as text."""
+    marks = head.count(UNREADABLE)
+    if _text_of(head) is None or marks * len(UNREADABLE) < LEAST_UNREADABLE * len(head):
+        return None
+    what = "bytes were read as text: EF BF BD stands for each that is none, and these are lost"
+    shown = f"EF BF BD stands there {marks} times, and all is UTF-8"
+    return Translated(what, shown, ((head.index(UNREADABLE), len(UNREADABLE)),))

@@ -1,0 +1,80 @@
+"""Captures that are not what was on the wire: programs between took bytes for text."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sniffer.decoding.translations import READABLE, Translated, translated
+from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.comparing import SEQUENCE, repeated
+from sniffer.diagnosis.model import Finding, Place
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.rules import Rule
+
+FINDINGS: Final = (
+    FindingCode(
+        "bytes-translated",
+        "tap",
+        "The capture is not what was on the wire: a terminal, telnet or a program that takes bytes for "
+        "text has exchanged, doubled or left out some of them.",
+        "Frames hold once the exchange is undone; or torn frames hold, one by one, once a value is put "
+        "back that is never seen; or all bytes are text, and no frame holds.",
+    ),
+)
+
+
+PLENTY: Final = 500
+"""So many bytes without an eighth bit are no chance."""
+
+CHANCE: Final = 0.1
+"""Part of the bytes that holds by chance, at most."""
+
+AGAIN: Final = 0.15
+"""Part of sequences of six bytes that come again in a conversation."""
+
+
+def bytes_translated(case: Case) -> Iterator[Finding]:
+    """Look whether a translation explains what no frame claims."""
+    lost = case.line["gap_bytes"]
+    if case.ledger.is_shared or not lost.any():
+        return
+    found = translated(case.ledger.head, case.protocol) or _without_eighth_bit(case)
+    if found is None:
+        return
+    torn = lost > 0
+    first_ns, last_ns = int(case.line["t_first"][torn].min()), int(case.line["t_last"][torn].max())
+    yield Finding(
+        "bytes-translated",
+        None,
+        first_ns,
+        last_ns,
+        int(case.line["gaps"].sum()),
+        f"{found.what}: {found.shown}",
+        tuple(Place(at, length, first_ns, "not as it was on the wire") for at, length in found.at),
+        brief="bytes are not as they were on the wire",
+    )
+
+
+def _without_eighth_bit(case: Case) -> Translated | None:
+    """Tell whether this is a conversation in seven bits that no protocol knows."""
+    head, total = case.ledger.head, case.ledger.bytes
+    lost = int(case.line["gap_bytes"].sum())
+    if len(head) < PLENTY or max(head) >= READABLE or lost < (1 - CHANCE) * total:
+        return None
+    again = repeated(head)
+    if again < AGAIN:
+        return None
+    return Translated(
+        "the eighth bit of each byte is lost, or bytes from 80 on are left out or replaced",
+        f"none of {len(head)} bytes is over 7F, hardly one is in a frame, and {100 * again:.0f} % of "
+        f"their sequences of {SEQUENCE} come again",
+        ((0, 1),),
+    )
+
+
+RULES: Final[tuple[Rule, ...]] = (bytes_translated,)
+"""The rules of this file."""

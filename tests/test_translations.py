@@ -1,0 +1,133 @@
+"""A capture that a terminal, telnet or a text file has altered is known by what was done to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from sniffer.decoding.translations import translated
+from sniffer.protocols import PROTOCOLS
+from tests.commands import within
+from tests.conversations import TONGUES, robot, without_clock
+from tests.diagnosed import codes, found, verdicts
+from tests.test_diagnosis_tap import holes, one_wire
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from sniffer.ground.model import Chunk
+
+    Alter = Callable[[bytes], bytes]
+
+BINARY = tuple(name for name in TONGUES if name != "lss")
+HEADED = ("mightyzap", "rs30x")
+"""Protocols whose answers have a checksum: of others hardly a torn frame can be tried."""
+
+
+def turned(data: bytes) -> bytes:
+    """Write each byte with its bits in the other order."""
+    return bytes(int(f"{value:08b}"[::-1], 2) for value in data)
+
+
+def pairs(data: bytes) -> bytes:
+    """Exchange the bytes of each pair."""
+    even = np.frombuffer(data[: len(data) & ~1], "<u2")
+    return even.byteswap().tobytes()
+
+
+def without(*values: int) -> Alter:
+    """Leave some values out."""
+    return lambda data: bytes(v for v in data if v not in values)
+
+
+WHOLE: dict[str, tuple[tuple[str, ...], Alter]] = {
+    "written as text in UTF-8": (BINARY, lambda data: data.decode("latin-1").encode()),
+    "every FF stands there twice": (BINARY, lambda data: data.replace(b"\xff", b"\xff\xff")),
+    "a 0D stands before every 0A": (HEADED, lambda data: data.replace(b"\n", b"\r\n")),
+    "every 0D came as 0A": (("lss", "rs30x"), lambda data: data.replace(b"\r", b"\n")),
+    "the ends of lines (0D) were taken away": (("lss",), without(0x0D)),
+    "the two bytes of each pair": (tuple(TONGUES), pairs),
+    "the bits of each byte stand in the other order": (tuple(TONGUES), turned),
+    "all bits of each byte are inverted": (tuple(TONGUES), lambda d: bytes(255 - v for v in d)),
+    "EF BF BD stands for each": (BINARY, lambda data: data.decode(errors="replace").encode()),
+    "the eighth bit of each byte is lost": (BINARY, lambda data: bytes(v & 127 for v in data)),
+    "bytes from 80 on are left out": (BINARY, lambda data: data.decode("ascii", "ignore").encode()),
+    "the byte 00 is left out": (HEADED, without(0)),
+    "the byte 0D is left out": (HEADED, without(0x0D)),
+    "the bytes 11 and 13 are left out": (HEADED, without(0x11, 0x13)),
+    "control characters are left out": (HEADED, without(0x03, 0x04, 0x1A, 0x1C)),
+}  # fmt: skip
+"""By what is said of it: how bytes are altered, and in which protocols it can be seen."""
+
+CASES = [(told, name, alter) for told, (names, alter) in WHOLE.items() for name in names]
+
+
+def heard(protocol: str) -> list[Chunk]:
+    """Return a few seconds of a sound bus, on one wire."""
+    return one_wire(robot(protocol, 6))
+
+
+def altered(chunks: list[Chunk], alter: Alter) -> list[Chunk]:
+    """Return a capture as a program leaves it: all bytes at once, without times."""
+    (first, *_) = without_clock(chunks)
+    data = alter(b"".join(chunk.data for chunk in chunks))
+    return [replace(first, data=data[k : k + 256]) for k in range(0, len(data), 256)]
+
+
+@pytest.mark.parametrize(("told", "protocol", "alter"), CASES, ids=lambda v: str(v)[:30])
+def test_what_altered_a_capture_is_named_and_nobody_else_is_accused(
+    told: str, protocol: str, alter: Alter
+) -> None:
+    talk = robot(protocol, 6)
+    diagnosis = talk.diagnosed(altered(one_wire(talk), alter))
+    assert verdicts(diagnosis.incidents())[0] == ("tap-not-raw", ())
+    (finding,) = (f for f in found(diagnosis) if f.code == "bytes-translated")
+    assert told in finding.what
+    assert diagnosis.incidents()[0].causes[0].confidence > 0.9
+
+
+@pytest.mark.parametrize("protocol", TONGUES)
+def test_a_capture_as_it_was_on_the_wire_was_not_altered(protocol: str) -> None:
+    data = b"".join(chunk.data for chunk in heard(protocol))
+    assert translated(data, PROTOCOLS[protocol]) is None
+
+
+@pytest.mark.parametrize("protocol", TONGUES)
+def test_lost_and_misread_bytes_are_no_translation(protocol: str) -> None:
+    talk = robot(protocol, 6)
+    lost = holes(one_wire(talk))
+    rng = np.random.default_rng(3)
+    noisy = []
+    for chunk in one_wire(talk):
+        hit = rng.random(len(chunk.data)) < 0.01
+        bits = (1 << rng.integers(0, 8, len(chunk.data)) * hit) * hit
+        noisy.append(replace(chunk, data=bytes(np.frombuffer(chunk.data, np.uint8) ^ bits)))
+    for chunks in (lost, noisy, without_clock(lost), without_clock(noisy)):
+        assert "bytes-translated" not in codes(talk.diagnosed(chunks))
+
+
+def test_noise_on_a_bus_that_never_says_some_values_leaves_them_unsaid() -> None:
+    """A short conversation has few values: what is torn in it does not hold by those it lacks."""
+    talk = robot("mightyzap", 2, goals=False)
+    data = bytearray(b"".join(chunk.data for chunk in one_wire(talk)))
+    for at in range(20, len(data), 90):
+        del data[at]
+    assert translated(bytes(data), PROTOCOLS["mightyzap"]) is None
+
+
+@pytest.mark.parametrize("told", ["written as text in UTF-8", "all bits of each byte"])
+def test_who_cannot_tell_the_protocol_says_what_was_done_to_the_bytes(
+    told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    alter = next(alter for key, (_, alter) in WHOLE.items() if key.startswith(told) or told in key)
+    file = tmp_path / "saved.bin"
+    file.write_bytes(alter(b"".join(chunk.data for chunk in heard("mightyzap"))))
+    done = within(capsys, "decode", str(file))
+    assert done.status == 2
+    assert "not as they were on a wire" in done.complaint
+    assert told in done.complaint
+    assert "100.0 % of the bytes are mightyzap frames" in done.complaint
