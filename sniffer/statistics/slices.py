@@ -115,9 +115,7 @@ class ReplyBook:
         low, high = np.maximum(ns - spread, 0), ns + spread
         for side, bound in enumerate((low, high)):
             self._bins.add((2 * number + side) * BINS + bins_of(bound), n=1)
-        self._ends.add(
-            number, n=1, least=low, least_of_most=high, most_of_least=low, most=high
-        )
+        self._ends.add(number, n=1, least=low, least_of_most=high, most_of_least=low, most=high)
 
     def figures(self, first: int, count: int) -> tuple[I64, dict[str, list[Bounds | None]]]:
         """Return of so many slices how many times each has, and their quantiles."""
