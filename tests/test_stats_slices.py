@@ -124,7 +124,7 @@ def test_response_times_of_a_slice_lie_within_what_a_sort_of_them_tells(
     frames = records(within(capsys, "decode", path, "--format", "jsonl").out)
     rows = [row for row in rows if row["type"] == "transaction"]
     rows += [row for row in frames if row["type"] == "frame"]
-    argv = ("stats", path, *asked, "--every", every)
+    argv: tuple[str | Path, ...] = ("stats", path, *asked, "--every", every)
     told = json.loads(within(capsys, *argv, "--format", "json").out)
     jsonschema.validate(told, SCHEMA)
     table = [*csv.DictReader(io.StringIO(within(capsys, *argv, "--format", "csv").out))]
