@@ -125,6 +125,43 @@ def test_a_place_is_where_something_was_found(whole: list[dict[str, Any]], capsy
 
 
 @pytest.mark.parametrize(
+    ("options", "where", "servo"),
+    [
+        (["--servo", "3", "--from", "@first-error"], " where servo_id = 3", 3),
+        (["--from", "@first-error:servo=2"], "", 2),
+        (
+            ["--servo", "2", "--op", "store_data", "--from", "@first-error"],
+            " where servo_id = 2",
+            2,
+        ),
+        (
+            [
+                *("--where", "kind = 'request' AND (length > 2 AND servo_id BETWEEN 2 AND 2)"),
+                *("--from", "@error:1"),
+            ],
+            " where servo_id BETWEEN 2 AND 2",
+            2,
+        ),
+        (["--op", "store_data", "--from", "@first-error"], "", None),
+        (["--kind", "request", "--from", "@error:1:servo=3"], "", 3),
+    ],
+)
+def test_the_first_error_is_that_of_what_is_selected(
+    options: list[str],
+    where: str,
+    servo: int | None,
+    whole: list[dict[str, Any]],
+    capsys: Capsys,
+) -> None:
+    asked = told(capsys, *options, "--around", "200ms")[-1]["selection"]
+    errors = [row for row in whole if row.get("severity") == "error"]
+    one = next(row for row in errors if servo in (None, row["servo_id"]))
+    middle = one["t_ns"]
+    assert (asked["from_ns"], asked["to_ns"]) == (middle - 200_000_000, middle + 200_000_000)
+    assert asked["part"] == f"0.2 s around {options[-1]}{where}"
+
+
+@pytest.mark.parametrize(
     ("options", "complaint"),
     [
         (["--servo", "300"], "300 is not in the range"),
@@ -151,6 +188,17 @@ def test_a_place_is_where_something_was_found(whole: list[dict[str, Any]], capsy
         (["--from", "@byte:arm:5"], "no record of bus arm has this byte"),
         (["--from", "@no-response:10"], "@no-response:10: the capture has 9 of them"),
         (["--from", "@no-response:x"], "write which of them is meant, as in @no-response:7"),
+        (
+            ["--from", "@no-response:9", "--servo", "3"],
+            "@no-response:9: the capture has 1 of them where servo_id = 3",
+        ),
+        (
+            ["--from", "@first-error:3"],
+            "of servo 3 it is @first-error:servo=3; number 3 of them all is @error:3",
+        ),
+        (["--from", "@first-error:x"], "write @first-error, or of a servo @first-error:servo=3"),
+        (["--from", "@noise:servo=arm"], "write the id of a servo, as in @noise:servo=3"),
+        (["--from", "@byte:7:servo=3"], "'@byte:7' is one place, of whatever servo: leave"),
         (["--servo", "3..5"], "'3..5' is no servo id: write ids as 3,5 or 3-6"),
         (["--servo", "3-"], "'3-' is no servo id: write ids as 3,5 or 3-6"),
         (["--from", "25:00"], "is no place in a capture: write it like 10, 10min, 20:35:20.5"),
@@ -244,9 +292,10 @@ def test_the_byte_that_a_message_names_is_explained(capsys: Capsys) -> None:
 
 def test_what_an_anomaly_is_about_is_explained_without_asking_for_its_byte(capsys: Capsys) -> None:
     rows = told(capsys, "--code", "bad-checksum")[:-1]
-    assert len(rows) == 2
-    for nth, row in enumerate(rows, 1):
-        ran = within(capsys, "explain", f"{CAPTURE}@bad-checksum:{nth}")
+    assert [row["servo_id"] for row in rows] == [1, 1]
+    places = ("bad-checksum:1", "bad-checksum:2", "bad-checksum:2:servo=1")
+    for place, row in zip(places, [*rows, rows[1]], strict=True):
+        ran = within(capsys, "explain", f"{CAPTURE}@{place}")
         (at, _), *_ = row["evidence"]
         head, what, *rest = ran.out.splitlines()
         assert head == f"{CAPTURE}, byte {at} of bus0"

@@ -159,12 +159,25 @@ def test_a_filter_line_is_completed_by_what_was_met(
         ("@no-response:1", 81),
         ("@byte:bus0:1052", 81),
         ("@anomaly:1", 81),
+        ("@first-error:servo=2", 90),
         ("0", 1),
         ("+0ms", 1),
     ],
 )
 def test_a_place_may_be_a_time_a_byte_or_a_line(place: str, line: int, index: CaptureIndex) -> None:
     assert line_of(place, index) == line - 1
+
+
+@pytest.mark.parametrize("exchanges", [False, True])
+def test_the_first_error_is_that_of_the_lines_shown(exchanges: bool, index: CaptureIndex) -> None:
+    view = LineView(index)
+    view.choose(filter_of("servo=2"), exchanges=exchanges)
+    judged(view)
+    first = line_of("@first-error:servo=2", index)
+    assert line_of("@first-error", index, view=view) == first
+    assert line_of("@anomaly:1", index, view=view) == 80, "it is one of the capture"
+    with pytest.raises(InputError, match="none was found so far in the lines shown"):
+        line_of("@first-error:servo=1", index, view=view)
 
 
 @pytest.mark.parametrize(

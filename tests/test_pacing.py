@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Final
 import pytest
 
 from sniffer.decoding.decoder import Decoder
+from sniffer.decoding.durations import Bounds, Quantiles
 from sniffer.decoding.joining import joined
 from sniffer.decoding.pacing import ASSUMED, ESTIMATED, STATED, Pace, exchanges_in
 from sniffer.decoding.pipeline import Options, Pipeline
-from sniffer.decoding.summary import Bounds, Quantiles
 from sniffer.ground.codes import OK
 from sniffer.ground.model import NS, Chunk, Clock
 from sniffer.protocols import PROTOCOLS

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sniffer.decoding.durations import Quantiles
 from sniffer.decoding.pipeline import Options, Pipeline
-from sniffer.decoding.summary import Quantiles
 from sniffer.ground.model import Chunk, Clock
 from sniffer.reports import svg, words
 from sniffer.reports.curves import Charts

@@ -171,6 +171,27 @@ def test_an_expression_selects_the_rows_that_sql_selects(name: str, text: str) -
     assert capture.by_us(selection) == capture.by_sql(text, selection.tables), text
 
 
+@settings(max_examples=100, deadline=None)
+@given(text=ANY)
+@example("servo_id = 1 AND length BETWEEN 3 AND 9 AND (kind = 'request' AND servo_id < 9)")
+@example("(servo_id = 1) AND (op = 'x') OR length > 3")
+@example("(servo_id = 1 OR servo_id = 2) AND kind = 'request'")
+@example("op = ' AND servo_id = 3 AND ' AND servo_id = 2")
+def test_what_is_asked_of_another_table_is_true_of_all_that_is_selected(text: str) -> None:
+    capture, selection = told(DAMAGED[0]), Selection.parse(text)
+    for table in TABLES:
+        about = selection.about(table)
+        if about is None or table in selection.tables:
+            assert about in (None, selection)
+            continue
+        assert table in about.tables
+        for held in selection.tables:
+            if held in about.tables:
+                missed = f"({text}) AND NOT coalesce(({about.text}), FALSE)"
+                sql = f"SELECT count(*) FROM {held} WHERE {missed}"
+                assert capture.base.sql(sql).fetchall() == [(0,)]
+
+
 def test_not_to_have_a_status_is_no_status_that_differs() -> None:
     capture = told("mightyzap_damaged.log")
     differ = capture.by_us(Selection.parse("NOT status = 99"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,7 @@ import pytest
 
 import sniffer
 from sniffer.ground.model import NS, SnifferError
-from sniffer.statistics.slices import COUNTED
+from sniffer.statistics.slices import COUNTED, QUANTILES
 from tests.commands import records, two_buses, within
 from tests.golden import captures
 from tests.test_stats import SCHEMA
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 Capsys = pytest.CaptureFixture[str]
+Interval = tuple[int, int]
 
 (DAMAGED,) = (path for path in captures() if path.name == "mightyzap_damaged.log")
 
@@ -48,6 +50,19 @@ def by_hand(rows: list[dict[str, Any]], bus: str, width: int) -> dict[str, Count
             count("missing", ends[row["request_offset"]])
         if kind == "anomaly" and row["severity"] != "note":
             count({"error": "errors", "warn": "warnings"}[row["severity"]], row["t_ns"])
+    return out
+
+
+def replies_by_hand(rows: list[dict[str, Any]], bus: str, width: int) -> dict[int, list[Interval]]:
+    """Return the bounds of response times slice by slice, by when the answer ended."""
+    rows = [row for row in rows if row.get("bus") == bus]
+    ends = {row["offset"]: row["t_ns"] for row in rows if row["type"] == "frame"}
+    out: dict[int, list[Interval]] = {}
+    for row in rows:
+        if row["type"] == "transaction" and row["outcome"] == "ok":
+            took, spread = row["response_time_ns"], row["uncertainty_ns"]
+            at = ends[row["response_offset"]] // width * width
+            out.setdefault(at, []).append((max(took - spread, 0), took + spread))
     return out
 
 
@@ -79,7 +94,8 @@ def test_slices_have_what_a_slow_count_of_the_rows_has(
     found = {
         (row["bus"], row["figure"], int(row["t_ns"])): int(row["value"])
         for row in csv.DictReader(io.StringIO(table))
-        if row["about"] == "slice" and row["value"] != "0"
+        if row["about"] == "slice" and row["value"] not in ("", "0")
+        if row["figure"] in COUNTED
     }
     assert found == {
         (bus["bus"], figure, t_ns): n
@@ -98,6 +114,44 @@ def test_of_a_selection_in_slices_what_is_selected_is_counted(capsys: Capsys) ->
     assert in_slices(bus)["requests"] == by_hand(rows, "bus0", NS)["requests"]
 
 
+@pytest.mark.parametrize(("every", "width"), [("1s", NS), ("100ms", NS // 10)])
+@pytest.mark.parametrize("asked", [(), ("--servo", "3"), ("--op", "load_data")])
+def test_response_times_of_a_slice_lie_within_what_a_sort_of_them_tells(
+    asked: tuple[str, ...], every: str, width: int, tmp_path: Path, capsys: Capsys
+) -> None:
+    path = two_buses(tmp_path / "two.log", DAMAGED)
+    rows = records(within(capsys, "decode", path, *asked, "--format", "jsonl").out)
+    frames = records(within(capsys, "decode", path, "--format", "jsonl").out)
+    rows = [row for row in rows if row["type"] == "transaction"]
+    rows += [row for row in frames if row["type"] == "frame"]
+    argv: tuple[str | Path, ...] = ("stats", path, *asked, "--every", every)
+    told = json.loads(within(capsys, *argv, "--format", "json").out)
+    jsonschema.validate(told, SCHEMA)
+    table = [*csv.DictReader(io.StringIO(within(capsys, *argv, "--format", "csv").out))]
+    for bus in told["buses"]:
+        slices = bus["slices"]
+        replies, first = slices["response_time_ns"], slices["first_ns"]
+        known = replies_by_hand(rows, bus["bus"], width)
+        assert sum(replies["count"]) == sum(map(len, known.values())) > 0
+        for k, n in enumerate(replies["count"]):
+            mine = known.get(first + k * width, [])
+            assert n == len(mine)
+            for name, share in QUANTILES.items():
+                one = replies[name][k]
+                if not mine:
+                    assert one is None
+                    continue
+                for side, bound in enumerate(one):
+                    true = sorted(m[side] for m in mine)[math.ceil(share * n) - 1]
+                    assert bound == pytest.approx(true, rel=0.023), "a bin is 2 % wide"
+                    assert (bound <= true) if side == 0 else (bound >= true)
+        shown = [
+            r for r in table if (r["bus"], r["figure"]) == (bus["bus"], "response_time_ns.max")
+        ]
+        of_slices = [[int(r["low"]), int(r["high"])] for r in shown if r["about"] == "slice"]
+        assert of_slices == [one for one in replies["max"] if one]
+
+
 @pytest.mark.parametrize("columns", [80, 140])
 def test_the_text_has_a_line_for_each_slice_within_the_terminal(
     columns: int, capsys: Capsys, monkeypatch: pytest.MonkeyPatch
@@ -105,10 +159,13 @@ def test_the_text_has_a_line_for_each_slice_within_the_terminal(
     monkeypatch.setenv("COLUMNS", str(columns))
     lines = within(capsys, "stats", DAMAGED, "--every", "2s").out.splitlines()
     assert max(map(len, lines)) <= columns
-    begin = next(n for n, line in enumerate(lines) if line.strip() == "over time")
+    begin = next(n for n, line in enumerate(lines) if line.startswith(" over time"))
     words = [line.split() for line in lines[begin + 2 : begin + 7]]
     assert [w[0] for w in words] == [f"22:55:{s:02}" for s in (6, 8, 10, 12, 14)]
-    assert words[0][1:9] == ["40.9", "%", "4713", "367", "209", "1", "5", "13"]
+    said = ["4713", "367"] if columns == 140 else []  # there is no room for what load tells as well
+    row = ["40.9", "%", *said, "209", "1", "5", "13", "<1.00", "<1.27"]
+    assert words[0][1 : 1 + len(row)] == row
+    assert ("16.82" in words[0]) == (columns == 140)
     assert lines[begin + 7] == ""
 
 

@@ -29,6 +29,7 @@ from sniffer.selection.places import Window
     epilog=examples(
         "sniffer cut run.mcap --from 10 --to 20 -o part.mcap",
         "sniffer cut run.mcap --from @first-error --around 200ms -o error.mcap",
+        "sniffer cut run.mcap --from @first-error:servo=3 --around 200ms -o three.mcap",
         "sniffer cut capture.log --to 1.5 -o begin.log",
         "sniffer cut run.mcap --from @first-error --around 2s --anonymise -o shared.mcap",
     ),

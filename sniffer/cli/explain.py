@@ -54,8 +54,8 @@ def explain(
     """Draw the frame HEX byte by byte: offsets, fields, values, units, checksum arithmetic.
 
     FILE@12175 draws the frame of a capture that has this byte, behind the request that it answers;
-    FILE@arm:12175 where there are several buses. FILE@first-error, FILE@no-response:3 and
-    FILE@anomaly:7 draw what was wrong there.
+    FILE@arm:12175 where there are several buses. FILE@first-error, FILE@first-error:servo=3,
+    FILE@no-response:3 and FILE@anomaly:7 draw what was wrong there.
 
     Exit status 1: not every byte belongs to a frame that holds; what is wrong with it is shown.
     LSS lines may be given as text.

@@ -64,8 +64,8 @@ def _width(context: click.Context, parameter: click.Parameter, given: str | None
     "every_ns",
     callback=_width,
     metavar="TIME",
-    help="Also tell the load, the missing answers and the anomalies slice by slice of time: 1s, "
-    "100ms, 1min.",
+    help="Also tell load, missing answers, anomalies and response times slice by slice of time: "
+    "1s, 100ms, 1min.",
 )
 @click.option("--all", "all_rows", is_flag=True, help="Print all rows of long tables.")
 def stats(
@@ -84,8 +84,8 @@ def stats(
     Of each bus its load and where the bytes went; of each servo and command how often, how
     regularly, how fast and how much is missing; of each servo how far it is from its goals, how
     its goals settle, and its extremes; of each anomaly when and how often. With --alarm RULE also
-    how long each servo met the rule; with --every 1s load, missing answers and anomalies second by
-    second. Of a selection (--servo, --where ...) what is selected is
+    how long each servo met the rule; with --every 1s load, missing answers, anomalies and response
+    times second by second. Of a selection (--servo, --where ...) what is selected is
     counted: rates and loads of that, over all the time.
 
     Exit status: 0 done; 2 a mistake of yours; 3 an input breaks off (what could be read is

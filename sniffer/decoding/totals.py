@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
+from sniffer.decoding.durations import Quantiles
 from sniffer.decoding.names import AND
-from sniffer.decoding.summary import BusTotals, Quantiles
+from sniffer.decoding.summary import BusTotals
 
 if TYPE_CHECKING:
     from sniffer.decoding.summary import Summary

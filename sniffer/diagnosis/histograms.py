@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.decoding.summary import Bounds
+from sniffer.decoding.durations import Bounds
 
 if TYPE_CHECKING:
     from sniffer.ground.model import I64

@@ -258,7 +258,7 @@ class LookingGlass(App[None]):
             if asked == "filter":
                 self._choose(text)
             elif asked == "go":
-                self._go(line_of(text, self.index, self._bus))
+                self._go(line_of(text, self.index, self._bus, self.view))
             elif asked == "find":
                 self._find(text)
             else:
@@ -297,9 +297,9 @@ class LookingGlass(App[None]):
         """Go where the cursor is to begin, as soon as that was read."""
         is_read = self.reading.done
         try:
-            line = line_of(self._start, self.index)
+            line = line_of(self._start, self.index, view=self.view)
         except InputError as error:
-            if is_read:
+            if is_read and not self.view.is_behind:
                 self._start = ""
                 self.say(complaint(error), bad=True)
             else:

@@ -13,15 +13,19 @@ from sniffer.selection.places import FOUND, CapturePlace, ambiguous, place_in
 
 if TYPE_CHECKING:
     from sniffer.inside.index import CaptureIndex
+    from sniffer.inside.view import LineView
 
 
-def line_of(text: str, index: CaptureIndex, bus: int | None = None) -> int:
+def line_of(
+    text: str, index: CaptureIndex, bus: int | None = None, view: LineView | None = None
+) -> int:
     """Return the line that a place means, the one behind it where none is exactly there.
 
     Args:
         text: a place (``selection.places``), ``@12175`` (a byte), or ``#300`` (a line).
         index: the capture.
         bus: whose bytes an offset counts where it names none; None: nobody looks at any.
+        view: the lines that are shown: the first error is one of theirs; None: of all.
 
     Raises:
         InputError: it is no place, or lies outside of the capture, or several buses have it.
@@ -35,12 +39,14 @@ def line_of(text: str, index: CaptureIndex, bus: int | None = None) -> int:
     byte = re.fullmatch(r"@(\d+)", text)
     place = place_in(f"@byte:{byte[1]}" if byte else text.removeprefix("+"))
     if place.kind == FOUND:
-        return _sought(place, index, bus)
+        return _sought(place, index, bus, view)
     t_ns = place.at(int(lines["t"][0]) if index.has_clock else None)
     return _within(int(np.searchsorted(lines["t"], t_ns, "left")), len(lines), text)
 
 
-def _sought(place: CapturePlace, index: CaptureIndex, bus: int | None) -> int:
+def _sought(
+    place: CapturePlace, index: CaptureIndex, bus: int | None, view: LineView | None
+) -> int:
     if place.sought == "byte":
         if place.bus and place.bus not in index.buses:
             told = f"there is no bus {place.bus}, only {', '.join(index.buses)}"
@@ -55,9 +61,15 @@ def _sought(place: CapturePlace, index: CaptureIndex, bus: int | None) -> int:
         return _line_of(found[place.number - 1], index)
     named = [n for n, code in enumerate(CODES) if place.sought in (code, SEVERITY[n].name.lower())]
     mine = np.flatnonzero(np.isin(found["code"], named))
+    if place.servo is not None:
+        mine = mine[found["servo"][mine] == place.servo]
+    where = ""
+    if view is not None and not view.is_whole:
+        mine = mine[view.shows(found["line"][mine])]
+        where = " in the lines shown"
     if len(mine) < place.number:
         there = f"{len(mine)} were" if len(mine) else "none was"
-        raise InputError(f"{place.text}: {there} found so far")
+        raise InputError(f"{place.text}: {there} found so far{where}")
     return _line_of(found[int(mine[place.number - 1])], index)
 
 

@@ -86,6 +86,14 @@ class LineView:
             return min(line, self.end)
         return int(np.searchsorted(self._shown[: self._count], line))
 
+    def shows(self, lines: I64) -> Mask:
+        """Tell which of some lines are shown so far; of an exchange both halves are."""
+        shown = np.isin(lines, self.shown())
+        if self.exchanges:
+            partner = self.index.lines["partner"][np.maximum(lines, 0)]
+            shown |= (lines >= 0) & (partner >= 0) & np.isin(partner, self.shown())
+        return shown
+
     def steps(self, slice_s: float = SLICE_S) -> bool:
         """Judge lines for a while; tell whether there is more to do."""
         until = time.monotonic() + slice_s

@@ -7,6 +7,8 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sniffer.decoding.pipeline import Pipeline
 from sniffer.decoding.sink import Narrowed
 from sniffer.decoding.slicing import Narrowing, Slice
@@ -16,6 +18,7 @@ from sniffer.ground.model import DamagedInputError, InputError, SnifferError
 from sniffer.ground.wording import Sentence
 from sniffer.jobs.order import merged
 from sniffer.jobs.telling import Teller
+from sniffer.selection.columns import Rows
 from sniffer.selection.places import FOUND, MOMENT, OF_DAY, CapturePlace, Window, ambiguous
 from sniffer.sinks import BYTES
 
@@ -23,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.decoding.options import Options
-    from sniffer.ground.model import Batch, Chunk
+    from sniffer.ground.model import Batch, Chunk, Mask
     from sniffer.protocols.base import BusProtocol
     from sniffer.selection.selection import Selection
     from sniffer.sources import Source
@@ -56,6 +59,12 @@ class Extract:
         return self.start is not None or self.stop is not None
 
     @property
+    def of_places(self) -> Selection | None:
+        """The anomalies that an end of it is one of, as ``@first-error``; None: of all."""
+        counted = any(p is not None and p.is_counted for p in (self.start, self.stop))
+        return self.selection.about("anomalies") if self.selection and counted else None
+
+    @property
     def seeks(self) -> bool:
         """Whether it begins or ends where something is found: the capture is read twice."""
         return any(place is not None and place.kind == FOUND for place in (self.start, self.stop))
@@ -69,9 +78,14 @@ class Extract:
         start = "its beginning" if self.start is None else _words(self.start)
         stop = "its end" if self.stop is None else _words(self.stop)
         if self.around_ns and self.start == self.stop:
-            return f"{self.around_ns / 1e9:g} s around {start}"
+            return f"{self.around_ns / 1e9:g} s around {start}{self._told}"
         wider = f", {self.around_ns / 1e9:g} s wider" if self.around_ns else ""
-        return f"from {start} to {stop}{wider}"
+        return f"from {start} to {stop}{wider}{self._told}"
+
+    @property
+    def _told(self) -> str:
+        of = self.of_places
+        return f" where {of.text}" if of is not None else ""
 
     def ends(self, first_ns: int | None) -> tuple[int | None, int | None]:
         """Return the first and the last time, None where the capture's own is meant.
@@ -112,7 +126,8 @@ class Extract:
         """
         if not self.seeks:
             return self
-        finder = _Finder([p for p in (self.start, self.stop) if p is not None and p.kind == FOUND])
+        places = [p for p in (self.start, self.stop) if p is not None and p.kind == FOUND]
+        finder = _Finder(places, self.of_places)
         _look(finder, opened, options)
         return replace(self, start=finder.found(self.start), stop=finder.found(self.stop))
 
@@ -151,8 +166,9 @@ def _words(place: CapturePlace) -> str:
 class _Finder:
     """A sink that looks for places, and counts anomalies in the order of the output."""
 
-    def __init__(self, places: Sequence[CapturePlace]) -> None:
+    def __init__(self, places: Sequence[CapturePlace], among: Selection | None = None) -> None:
         self._places = tuple(dict.fromkeys(places))
+        self._among = among
         self._times: dict[CapturePlace, int] = {}
         self.evidence: dict[CapturePlace, tuple[str, int, str]] = {}
         """Of anomalies that are found the bus, the first byte, and what they say."""
@@ -204,7 +220,8 @@ class _Finder:
         if place.sought == "anomaly":
             return f"the capture has {self._anomalies} anomalies"
         there = self._met[place]
-        return f"the capture has {there} of them" if there else "there is none in the capture"
+        told = f"the capture has {there} of them" if there else "there is none in the capture"
+        return told if self._among is None else f"{told} where {self._among.text}"
 
     def raw(self, bus: str, chunks: Sequence[Chunk]) -> None:
         """Take nothing."""
@@ -212,21 +229,29 @@ class _Finder:
     def write(self, bus: str, protocol: BusProtocol, batch: Batch) -> None:
         """Look through a batch."""
         found = Anomalies.of(batch.anomalies)
+        mine = np.ones(len(found), bool)
+        if self._among is not None:
+            mine = self._among.mask("anomalies", Rows(bus, protocol, batch))
         for place in self._places:
             if place not in self._times:
-                t_ns = self._in(place, bus, batch, found)
+                t_ns = self._in(place, bus, batch, found, mine)
                 if t_ns is not None:
                     self._times[place] = t_ns
         self._anomalies += len(found)
 
-    def _in(self, place: CapturePlace, bus: str, batch: Batch, found: Anomalies) -> int | None:
+    def _in(
+        self, place: CapturePlace, bus: str, batch: Batch, found: Anomalies, mine: Mask
+    ) -> int | None:
         if place.sought == "byte":
             return time_at(batch, place.number) if place.bus in ("", bus) else None
         if place.sought == "anomaly":
             nth = place.number - 1 - self._anomalies
             return self._take(place, bus, found, nth) if nth < len(found) else None
-        for nth, code in enumerate(found.code.tolist()):
-            if place.sought in (CODES[code], SEVERITY[code].name.lower()):
+        if place.servo is not None:
+            mine = mine & (found.servo_id == place.servo)
+        code = found.code.tolist()
+        for nth in mine.nonzero()[0].tolist():
+            if place.sought in (CODES[code[nth]], SEVERITY[code[nth]].name.lower()):
                 self._met[place] += 1
                 if self._met[place] == place.number:
                     return self._take(place, bus, found, nth)

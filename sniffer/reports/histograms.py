@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.decoding.summary import BINS_SHOWN, FIGURES
+from sniffer.decoding.durations import BINS_SHOWN, FIGURES
 from sniffer.ground.wording import counted
 from sniffer.reports import svg, words
 from sniffer.reports.curves import Ink, keys
@@ -19,7 +19,7 @@ from sniffer.reports.markup import Markup, tag
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.decoding.summary import Quantiles
+    from sniffer.decoding.durations import Quantiles
     from sniffer.ground.model import I64
 
 MS: Final = 1e6

@@ -12,7 +12,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sniffer.decoding.summary import FIGURES
+from sniffer.decoding.durations import FIGURES
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.model import Clock
 from sniffer.ground.wording import counted

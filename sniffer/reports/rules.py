@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
-from sniffer.decoding.summary import FIGURES
+from sniffer.decoding.durations import FIGURES
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.limits import IDS

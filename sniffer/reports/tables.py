@@ -6,8 +6,8 @@ from collections import Counter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from sniffer.decoding.durations import FIGURES
 from sniffer.decoding.pacing import ASSUMED, ESTIMATED
-from sniffer.decoding.summary import FIGURES
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import OBSERVED
 from sniffer.ground.model import Clock, Severity

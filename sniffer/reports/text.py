@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.decoding.summary import FIGURES
+from sniffer.decoding.durations import FIGURES
 from sniffer.ground.wording import counted, plain
 from sniffer.reports import tables, words
 from sniffer.reports.content import tale, titled

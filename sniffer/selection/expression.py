@@ -11,12 +11,11 @@ from __future__ import annotations
 
 import difflib
 import math
-import re
 from fractions import Fraction
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.ground.model import InputError
-from sniffer.ground.wording import Sentence, one_line
+from sniffer.ground.wording import Sentence
 from sniffer.selection.columns import IS_TEXT, REALS, VALUES
 from sniffer.selection.conditions import (
     COMPARE,
@@ -31,6 +30,7 @@ from sniffer.selection.conditions import (
     one_of,
     texts,
 )
+from sniffer.selection.tokens import Token, conjuncts, tokens_of, wrong
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -44,23 +44,8 @@ DEPTH_MOST: Final = 50
 DIGITS_MOST: Final = 40
 """Characters of a number: 64-bit integers have 20."""
 
-SHOWN: Final = 20
-"""Characters that are shown from the place of a mistake on."""
-
 EXAMPLE: Final = "servo_id = 3 AND op = 'read'"
 """Shown to who writes nothing."""
-
-_TOKEN: Final = re.compile(
-    r"""\s*(?:
-    (?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\w.]))
-    |(?P<text>'(?:[^']|'')*')
-    |(?P<quoted>"(?:[^"]|"")+")
-    |(?P<word>[A-Za-z_]\w*)
-    |(?P<sign><=|>=|<>|!=|==|[=<>(),+-])
-    |(?P<end>$)
-    )""",
-    re.VERBOSE,
-)
 
 _RESERVED: Final = frozenset(
     ("and", "between", "false", "from", "group", "in", "is", "like", "not", "null", "offset")
@@ -74,20 +59,10 @@ _OPPOSITE: Final = {"=": "<>", "<>": "=", "<": ">=", ">=": "<", ">": "<=", "<=":
 _TURNED: Final = {"=": "=", "<>": "<>", "<": ">", ">": "<", "<=": ">=", ">=": "<="}
 
 
-class _Token(NamedTuple):
-    kind: str
-    text: str
-    at: int
-
-    @property
-    def lower(self) -> str:
-        return self.text.lower() if self.kind == "word" else ""
-
-
 class _Operand(NamedTuple):
     """A column (``name``) or a literal (``value``, a text, an integer or a fraction)."""
 
-    token: _Token
+    token: Token
     name: str = ""
     value: str | int | Fraction = 0
 
@@ -102,6 +77,8 @@ class Expression(NamedTuple):
     text: str
     columns: tuple[str, ...]
     holds: Condition
+    ands: tuple[str, ...]
+    """What must be true of a row for all of it to be: the text is these, joined with AND."""
 
 
 def read(text: str) -> Expression:
@@ -139,36 +116,12 @@ class _Parser:
 
     def __init__(self, text: str) -> None:
         self._text = text
-        self._tokens: list[_Token] = []
         self._at = 0
         self._depth = 0
         self._columns: dict[str, None] = {}
         if len(text) > LENGTH_MOST:
             raise InputError(Sentence("{where} takes {most} characters", most=LENGTH_MOST))
-        self._split()
-
-    def _split(self) -> None:
-        at = 0
-        while True:
-            match = _TOKEN.match(self._text, at)
-            if match is None or match.lastgroup is None:
-                at += len(self._text[at:]) - len(self._text[at:].lstrip())
-                raise self._wrong(_Token("", "", at), self._unread(at))
-            kind, found = match.lastgroup, match.group(match.lastgroup)
-            self._tokens.append(_Token(kind, found, match.start(match.lastgroup)))
-            if kind == "end":
-                return
-            at = match.end()
-
-    def _unread(self, at: int) -> str:
-        rest = self._text[at:]
-        if rest[0] in "'\"":
-            return "a quote that is opened here is not closed"
-        if rest[0].isdigit():
-            return "this is no number"
-        if rest[0] in "*/%|":
-            return "there is no arithmetic: compare columns with numbers, texts or each other"
-        return f"{rest[0]!r} is nothing that an expression can have"
+        self._tokens = tokens_of(text)
 
     def whole(self) -> Expression:
         if self._now.kind == "end":
@@ -178,15 +131,17 @@ class _Parser:
         if token.kind != "end":
             why = "a parenthesis too many" if token.text == ")" else "expected AND, OR or the end"
             raise self._wrong(token, why)
-        return Expression(self._text.strip(), tuple(self._columns), holds)
+        return Expression(
+            self._text.strip(), tuple(self._columns), holds, conjuncts(self._text, self._tokens)
+        )
 
     # what stands where
 
     @property
-    def _now(self) -> _Token:
+    def _now(self) -> Token:
         return self._tokens[self._at]
 
-    def _next(self) -> _Token:
+    def _next(self) -> Token:
         token = self._now
         self._at += token.kind != "end"
         return token
@@ -204,10 +159,8 @@ class _Parser:
         if not self._took(word):
             raise self._wrong(self._now, why)
 
-    def _wrong(self, token: _Token, why: str) -> InputError:
-        rest = one_line(self._text[token.at : token.at + SHOWN].strip())
-        there = f"at {rest!r} (character {token.at + 1})" if rest else "at its end"
-        return InputError(Sentence("{where}, {there}: {why}", there=there, why=why))
+    def _wrong(self, token: Token, why: str) -> InputError:
+        return wrong(self._text, token.at, why)
 
     # grammar, from the loosest to the tightest
 
@@ -270,7 +223,7 @@ class _Parser:
             raise self._wrong(sign, self._no_comparison(left, sign))
         return self._compare(left, word, self._operand(left), flip)
 
-    def _no_comparison(self, left: _Operand, sign: _Token) -> str:
+    def _no_comparison(self, left: _Operand, sign: Token) -> str:
         told = left.name or left.token.text
         if sign.text in ("+", "-"):
             return "there is no arithmetic: compare columns with numbers, texts or each other"
@@ -363,7 +316,7 @@ class _Parser:
             return self._word(token, left)
         raise self._wrong(token, "expected a column, a number or a text")
 
-    def _word(self, token: _Token, left: _Operand | None) -> _Operand:
+    def _word(self, token: Token, left: _Operand | None) -> _Operand:
         name = token.lower
         if name in _RESERVED:
             if name in IS_TEXT:
@@ -379,11 +332,11 @@ class _Parser:
             raise self._wrong(token, f"a text stands in single quotes: '{token.text}'")
         raise self._wrong(token, _no_column(name))
 
-    def _column(self, token: _Token, name: str) -> _Operand:
+    def _column(self, token: Token, name: str) -> _Operand:
         self._columns[name] = None
         return _Operand(token, name)
 
-    def _amount(self, token: _Token) -> int | Fraction:
+    def _amount(self, token: Token) -> int | Fraction:
         if len(token.text) > DIGITS_MOST:
             raise self._wrong(token, f"a number has {DIGITS_MOST} characters at most")
         if token.text.isdecimal():

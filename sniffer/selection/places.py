@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 from sniffer.ground.amounts import time_in
-from sniffer.ground.limits import OFFSET_END, TIME_END_NS
+from sniffer.ground.limits import IDS, OFFSET_END, TIME_END_NS
 from sniffer.ground.model import NS, InputError
 from sniffer.ground.wording import Sentence, and_
 from sniffer.selection.columns import SEVERITIES, VALUES
@@ -36,6 +36,9 @@ _FORMS: Final = "10, 10min, 20:35:20.5, 2026-01-31T20:35:20Z, @first-error, @byt
 FRESH: Final = "pty"
 """The port that stands for a pseudo-terminal which is made for it."""
 
+_OF_SERVO: Final = ":servo="
+"""Behind the place of an anomaly: of one servo's."""
+
 _PORT: Final = re.compile(rf"{FRESH}|COM[0-9]+|\.{{0,2}}/.*", re.IGNORECASE)
 
 SINCE, OF_DAY, MOMENT, FOUND = "since", "of_day", "moment", "found"
@@ -48,7 +51,8 @@ class CapturePlace:
     """A place in a capture; ``text`` is how it was written, ``kind`` what ``ns`` counts from.
 
     What is to be looked for is ``sought``: ``byte`` (of ``bus``, if one is named), ``anomaly``, a
-    severity or a code; ``number`` is that of the byte, or which of them is meant, from 1.
+    severity or a code; ``number`` is that of the byte, or which of them is meant, from 1; where
+    ``servo`` is told, of those that are about this one.
     """
 
     text: str
@@ -57,6 +61,12 @@ class CapturePlace:
     sought: str = ""
     number: int = 0
     bus: str = ""
+    servo: int | None = None
+
+    @property
+    def is_counted(self) -> bool:
+        """Whether it is one of the anomalies of a kind, of which a selection may have fewer."""
+        return self.sought not in ("", "byte", "anomaly")
 
     def at(self, first_ns: int | None) -> int:
         """Return the time that is meant; ``first_ns`` is when the capture begins, None: no clock.
@@ -116,12 +126,17 @@ def place_in(text: str) -> CapturePlace:
 
 
 def _sought(text: str) -> CapturePlace:
+    place, told, who = text.partition(_OF_SERVO)
+    if told:
+        return _of_servo(text, _sought(place), who)
     word, colon, number = text[1:].partition(":")
     if word == "byte":
         bus, _, number = number.rpartition(":")
         return CapturePlace(text, FOUND, sought=word, number=_number(text, word, number), bus=bus)
     known = [f"first-{level}" for level in SEVERITIES]
-    if word in known and not colon:
+    if word in known:
+        if colon:
+            raise InputError(_no_first(text, word, number))
         return CapturePlace(text, FOUND, sought=word.removeprefix("first-"), number=1)
     if names_anomaly(word) and (colon or word not in SEVERITIES):
         nth = _number(text, word, number, 1) if colon or word == "anomaly" else 1
@@ -130,6 +145,24 @@ def _sought(text: str) -> CapturePlace:
     close = near(word, [*known, *VALUES["code"]])
     hint = close if close.startswith("did") else f"one of @{', @'.join(names)}, @CODE or @CODE:3"
     raise InputError(f"{_cut(text)}: there is no such place: {hint}")
+
+
+def _of_servo(text: str, place: CapturePlace, who: str) -> CapturePlace:
+    if not place.is_counted:
+        told = f"{_cut(place.text)} is one place, of whatever servo: leave {_OF_SERVO}{who} out"
+        raise InputError(f"{_cut(text)}: {told}")
+    if not re.fullmatch("[0-9]{1,3}", who) or int(who) >= IDS:
+        raise InputError(f"{_cut(text)}: write the id of a servo, as in {place.text}{_OF_SERVO}3")
+    return replace(place, text=text, servo=int(who))
+
+
+def _no_first(text: str, word: str, number: str) -> str:
+    """Return what is wrong with a first one that has a number: a servo is meant, or the nth."""
+    if not re.fullmatch("[0-9]{1,3}", number) or not 0 < int(number) < IDS:
+        return f"{_cut(text)}: write @{word}, or of a servo @{word}{_OF_SERVO}3"
+    level = word.removeprefix("first-")
+    told = f"of servo {int(number)} it is @{word}{_OF_SERVO}{int(number)}"
+    return f"{_cut(text)}: {told}; number {int(number)} of them all is @{level}:{int(number)}"
 
 
 def _number(text: str, word: str, number: str, least: int = 0) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -27,6 +28,10 @@ SHORTHANDS: Final = {
     "buses": "bus",
 }
 """The column that each shorthand is about; several of them are joined with AND."""
+
+
+WHOSE: Final = frozenset(("bus", "protocol", "servo_id", "t_ns"))
+"""Columns that say of whatever rows whose they are, and when."""
 
 
 class Selection:
@@ -56,6 +61,18 @@ class Selection:
         if table in self.tables:
             return ()
         return tuple(name for name in self._expression.columns if name not in TABLES[table])
+
+    def about(self, table: str) -> Selection | None:
+        """Return what of it can be asked of a table's rows, None: nothing.
+
+        That is all of it where it is about them, else those of the parts joined with AND that say
+        whose rows are meant, or when.
+        """
+        if table in self.tables:
+            return self
+        known = WHOSE & TABLES[table].keys()
+        parts = [part for part in _parts(self._expression) if set(part.columns) <= known]
+        return Selection.parse(" AND ".join(part.text for part in parts)) if parts else None
 
     @classmethod
     def parse(cls, text: str) -> Selection:
@@ -130,6 +147,18 @@ class Selection:
         found = self._expression.holds(ask)
         mask = np.full(n, found) if isinstance(found, bool) else found
         return mask & rows.batch.values.accepted if table == "samples" else mask
+
+
+def _parts(expression: Expression) -> list[Expression]:
+    """Return what is joined with AND, outermost and in parentheses that hold nothing else."""
+    if len(expression.ands) > 1:
+        return [part for text in expression.ands for part in _parts(read(text))]
+    text = expression.text
+    if text.startswith("(") and text.endswith(")"):
+        with contextlib.suppress(InputError):  # the two are no pair: (a) OR (b)
+            inside = _parts(read(text[1:-1]))
+            return inside if len(inside) > 1 else [expression]
+    return [expression]
 
 
 def complaint(error: InputError) -> str:

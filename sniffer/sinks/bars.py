@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from rich.text import Text
 
-from sniffer.decoding.summary import BINS_SHOWN
+from sniffer.decoding.durations import BINS_SHOWN
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -11,8 +11,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from sniffer.decoding.durations import FIGURES
 from sniffer.decoding.pacing import ASSUMED, ESTIMATED
-from sniffer.decoding.summary import FIGURES
 from sniffer.diagnosis.causes import CAUSES
 from sniffer.diagnostics.catalogue import CATALOGUE
 from sniffer.ground.codes import OBSERVED

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import datetime
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from rich.padding import Padding
-from rich.table import Table
 from rich.text import Text
 
-from sniffer.decoding.summary import Bounds
+from sniffer.decoding.durations import Bounds
 from sniffer.ground.model import NS
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
 from sniffer.sinks.consoles import NARROWEST, console_for, room_in
+from sniffer.sinks.overtime import BARS_MOST, over_time
+from sniffer.sinks.tabulated import ROOMY, Tabulated, number, percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -28,12 +28,6 @@ WIDE: Final = 140
 
 MOST: Final = 24
 """Rows of a table, unless all are asked for: what is worst and what is most fits on a screen."""
-
-BARS_MOST: Final = 64
-"""Bars of a line at most; where there are more slices, a bar is several."""
-
-ROOMY: Final = 100
-"""From so many columns on there are two blanks between those of a table, and bars over time."""
 
 _COLOUR: Final = {"error": "red", "warn": "yellow", "note": "cyan"}
 
@@ -54,13 +48,14 @@ def print_stats(
     those that are left out, behind how many they are.
     """
     console = console or console_for()
+    tables = figures.get("selection", {}).get("tables")
     room = room_in(console)  # None: nobody's window, nothing is folded
     console.width = WIDE if room is None else max(room, NARROWEST)
     with console.capture() as printed:
         for nth, bus in enumerate(figures["buses"]):
             if nth:
                 console.print()
-            _print_bus(bus, statistics, console, most, how)
+            _print_bus(bus, statistics, console, most, how, tables)
     # tables are padded to their width: nobody wants that in a file
     text = "".join(line.rstrip() + "\n" for line in printed.get().splitlines())
     if not console.encoding.lower().startswith("utf"):
@@ -69,7 +64,12 @@ def print_stats(
 
 
 def _print_bus(
-    bus: Mapping[str, Any], statistics: Statistics, console: Console, most: int | None, how: str
+    bus: Mapping[str, Any],
+    statistics: Statistics,
+    console: Console,
+    most: int | None,
+    how: str,
+    tables: Sequence[str] | None,
 ) -> None:
     title = f"{bus['bus']}: {' + '.join(bus['protocols'])} at {bus['baud']} baud"
     console.print(Text(short(plain(title)), style="bold"))
@@ -78,7 +78,7 @@ def _print_bus(
     many = len(bus["protocols"]) > 1
     first = bus["first_ns"] or 0
     for heading, table in (
-        ("over time", _over_time(bus, console.width)),
+        ("over time (response times in ms)", over_time(bus, console.width, tables)),
         (
             "traffic, most bus time first (jitter: 95 % of periods change by less)",
             _traffic(bus, many=many),
@@ -113,7 +113,7 @@ def _about(bus: Mapping[str, Any], width: int) -> Iterable[str]:
         yield "no clock in the input: no rates and no times"
         return
     yield f"over {bus['seconds']:.3f} s"
-    told = f"load {_percent(load['mean'])}, at most {_percent(load['peak'])} "
+    told = f"load {percent(load['mean'])}, at most {percent(load['peak'])} "
     width_ns = load["slice_ns"]
     told += f"in {width_ns / 1e6:.0f} ms" if width_ns < NS else f"in {width_ns / NS:g} s"
     shares = load["shares"]
@@ -125,78 +125,24 @@ def _about(bus: Mapping[str, Any], width: int) -> Iterable[str]:
         yield drawn
 
 
-def _over_time(bus: Mapping[str, Any], width: int) -> _Tabulated | None:
-    slices = bus.get("slices")
-    if slices is None:
-        return None
-    counts = {name: column for name, column in slices.items() if isinstance(column, list)}
-    table = _Tabulated("from", "load", *counts)
-    drawn = min(width - 80, BARS_MOST)
-    if width >= ROOMY:
-        table.add_column("", left=True)
-    first_ns, width_ns = slices["first_ns"], slices["slice_ns"]
-    for k, share in enumerate(bus["load"]["shares"]):
-        row = [_of_day(first_ns + k * width_ns, width_ns), _percent(share)]
-        row += [str(column[k]) for column in counts.values()]
-        if width >= ROOMY:
-            row.append("█" * int(np.ceil(min(share, 1.0) * drawn)))
-        table.add_row(*row)
-    return table
-
-
-def _of_day(t_ns: int, step_ns: int) -> str:
-    """Return a time of day (UTC) as finely as steps need it."""
-    digits = next((n for n in (0, 3) if step_ns % 10 ** (9 - n) == 0), 6)
-    part = f".{t_ns % NS // 10 ** (9 - digits):0{digits}}" if digits else ""
-    return f"{datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC):%H:%M:%S}{part}"
-
-
-class _Tabulated:
-    """Rows under headings: what is a word stands left and is folded, numbers stand right."""
-
-    def __init__(self, *columns: str, left: Iterable[str] = ()) -> None:
-        self._columns = [*columns]
-        self._left = frozenset(left)
-        self.rows: list[tuple[Text | str, ...]] = []
-
-    def add_column(self, name: str, *, left: bool = False) -> None:
-        self._columns.append(name)
-        self._left |= {name} if left else set()
-
-    def add_row(self, *cells: Text | str) -> None:
-        self.rows.append(cells)
-
-    def table(self, most: int | None, width: int) -> Table:
-        """Return the first rows."""
-        out = Table(box=None, pad_edge=True, padding=(0, 0, 0, 2 if width >= ROOMY else 1))
-        for column in self._columns:
-            if column in self._left:
-                out.add_column(column, overflow="fold")
-            else:
-                out.add_column(column, justify="right", no_wrap=True)
-        for row in self.rows[:most]:
-            out.add_row(*row)
-        return out
-
-
 def _who(row: Mapping[str, Any], *, many: bool = False) -> str:
     who = "-" if row["servo_id"] is None else str(row["servo_id"])
     return f"{row['protocol']} {who}" if many else who
 
 
-def _traffic(bus: Mapping[str, Any], *, many: bool) -> _Tabulated | None:
+def _traffic(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
     clocked = bus["load"] is not None
     columns = ("sent", "per s", "bus time") if clocked else ("sent", "bytes")
-    table = _Tabulated("servo", "command", *columns, left=("command",))
+    table = Tabulated("servo", "command", *columns, left=("command",))
     timed = any(c["period_ns"] for c in bus["commands"])
     for column in ("period ms", "longest", "jitter") if timed else ():
         table.add_column(column)
     for c in sorted(bus["commands"], key=lambda c: (-c["bytes"], c["servo_id"] or -1, c["op"])):
         row = [_who(c, many=many), c["op"], str(c["requests"])]
         if clocked:
-            row += [_number(c["rate_hz"]), _percent(c["bus_time_share"])]
+            row += [number(c["rate_hz"]), percent(c["bus_time_share"])]
         else:
-            row.append(_percent(c["bytes_share"]))
+            row.append(percent(c["bytes_share"]))
         if timed:
             row += [_ms(c["period_ns"], "p50"), _ms(c["period_ns"], "max")]
             row += [_ms(c["jitter_ns"], "p95")]
@@ -204,20 +150,20 @@ def _traffic(bus: Mapping[str, Any], *, many: bool) -> _Tabulated | None:
     return table if bus["commands"] else None
 
 
-def _missing(bus: Mapping[str, Any], *, many: bool) -> _Tabulated | None:
+def _missing(bus: Mapping[str, Any], *, many: bool) -> Tabulated | None:
     asked = [c for c in bus["commands"] if c["asked"]]
     worst = [c for c in asked if c["failed"] or c["retries"]]
     if not asked:
         return None
-    table = _Tabulated(
+    table = Tabulated(
         "servo", "command", "asked", "missing", "share", "95 % sure", left=("command",)
     )
     for column in ("failed", "retries"):
         table.add_column(column)
     for c in sorted(worst, key=lambda c: (-c["missing_interval"][0], -c["failed"])):
         low, high = c["missing_interval"]
-        told = f"{100 * low:.2g}-{_percent(high)}"
-        counts = str(c["asked"]), str(c["missing"]), _percent(c["missing_share"]), told
+        told = f"{100 * low:.2g}-{percent(high)}"
+        counts = str(c["asked"]), str(c["missing"]), percent(c["missing_share"]), told
         table.add_row(
             _who(c, many=many), c["op"], *counts, str(c["failed"]), str(c["retries"] or "")
         )
@@ -226,18 +172,18 @@ def _missing(bus: Mapping[str, Any], *, many: bool) -> _Tabulated | None:
         from sniffer.statistics.commands import wilson
 
         n = sum(c["asked"] for c in asked if c not in worst)
-        told = f"at most {_percent(wilson(0, n)[1])}"
+        told = f"at most {percent(wilson(0, n)[1])}"
         name = "all others" if worst else "all"
         table.add_row("", name, str(n), "0", "0 %", told, "0", "")
     return table
 
 
-def _replies(bus: Mapping[str, Any], first: int, width: int, *, many: bool) -> _Tabulated | None:
+def _replies(bus: Mapping[str, Any], first: int, width: int, *, many: bool) -> Tabulated | None:
     timed = [c for c in bus["commands"] if c["response_time_ns"]]
     if not timed:
         return None
     names = ("min", "p50", "p95", "p99", "max")
-    table = _Tabulated("servo", "command", "answers", *names, left=("command",))
+    table = Tabulated("servo", "command", "answers", *names, left=("command",))
     places = ("at s", "at byte") if width >= ROOMY else ("at s",)
     for column in places if any(c["slowest"] for c in timed) else ():
         table.add_column(column)
@@ -250,26 +196,26 @@ def _replies(bus: Mapping[str, Any], first: int, width: int, *, many: bool) -> _
     return table
 
 
-def _errors(bus: Mapping[str, Any], first: int) -> _Tabulated | None:
+def _errors(bus: Mapping[str, Any], first: int) -> Tabulated | None:
     rows: list[Row] = [(s, e) for s in bus["servos"] for e in s["following_error"]]
     if not rows:
         return None
-    table = _Tabulated("servo", "unit", "values", "p50", "p95", "max", "at s", "at byte")
+    table = Tabulated("servo", "unit", "values", "p50", "p95", "max", "at s", "at byte")
     for s, e in sorted(rows, key=lambda r: -r[1]["size"]["max"][1]):
         size, worst = e["size"], e["worst"]
         half = [_middle(size[name]) for name in ("p50", "p95")]
         place = _seconds(worst["t_ns"], first, bus), str(worst["offset"])
-        values = str(size["count"]), *half, _number(worst["value"])
+        values = str(size["count"]), *half, number(worst["value"])
         table.add_row(_who(s), e["unit"], *values, *place)
     return table
 
 
-def _steps(bus: Mapping[str, Any]) -> _Tabulated | None:
+def _steps(bus: Mapping[str, Any]) -> Tabulated | None:
     rows: list[Row] = [(s, e) for s in bus["servos"] for e in s["steps"] if e["count"]]
     if not rows:
         return None
     columns = ("servo", "steps", "settled", "in ms p50", "max", "overshoot p50", "max", "not")
-    table = _Tabulated(*columns, left=("not",))
+    table = Tabulated(*columns, left=("not",))
 
     def rank(row: Row) -> tuple[float, ...]:
         settled = row[1]["fates"].get("settled", 0) / row[1]["count"]
@@ -285,11 +231,11 @@ def _steps(bus: Mapping[str, Any]) -> _Tabulated | None:
     return table
 
 
-def _values(bus: Mapping[str, Any], first: int) -> _Tabulated | None:
+def _values(bus: Mapping[str, Any], first: int) -> Tabulated | None:
     rows: list[Row] = [(v["quantity"], s, v) for s in bus["servos"] for v in s["values"]]
     if not rows:
         return None
-    table = _Tabulated(
+    table = Tabulated(
         "quantity",
         "servo",
         "values",
@@ -303,37 +249,37 @@ def _values(bus: Mapping[str, Any], first: int) -> _Tabulated | None:
     told = ""
     for quantity, s, v in sorted(rows, key=lambda r: (r[0], r[2]["unit"], -r[2]["max"]["value"])):
         ends = (v["min"], v["max"])
-        cells = [x for e in ends for x in (_number(e["value"]), _seconds(e["t_ns"], first, bus))]
+        cells = [x for e in ends for x in (number(e["value"]), _seconds(e["t_ns"], first, bus))]
         name = quantity if quantity != told else ""
         table.add_row(name, _who(s), str(v["count"]), *cells, v["unit"])
         told = quantity
     return table
 
 
-def _alarms(bus: Mapping[str, Any]) -> _Tabulated | None:
+def _alarms(bus: Mapping[str, Any]) -> Tabulated | None:
     if not bus["alarms"]:
         return None
-    table = _Tabulated("rule", "servo", "times", "met for s", "of s", "worst", left=("rule",))
+    table = Tabulated("rule", "servo", "times", "met for s", "of s", "worst", left=("rule",))
     for e in bus["alarms"]:
         low, high = e["met_ns"]
         lasted = f"{low / NS:.3f}" if low == high else f"{low / NS:.3f}-{high / NS:.3f}"
-        worst = "" if e["worst"] is None else f"{_number(e['worst']['value'])} {e['unit']}"
+        worst = "" if e["worst"] is None else f"{number(e['worst']['value'])} {e['unit']}"
         heard = f"{e['heard_ns'] / NS:.3f}"
         table.add_row(e["rule"], _who(e), str(e["times"]), lasted, heard, worst)
     return table
 
 
-def _anomalies(bus: Mapping[str, Any], first: int, width: int) -> _Tabulated | None:
+def _anomalies(bus: Mapping[str, Any], first: int, width: int) -> Tabulated | None:
     if not bus["anomalies"]:
         return None
     drawn = "over time" if width >= ROOMY else ""
     columns = ("anomaly", "servo", "count", "per s", "first s", "last s", "at byte")
-    table = _Tabulated(*columns, left=("anomaly",))
+    table = Tabulated(*columns, left=("anomaly",))
     if drawn:
         table.add_column(drawn, left=True)
     for a in bus["anomalies"]:
         name = Text(a["code"], style=_COLOUR[a["severity"]])
-        rate = "" if a["rate_hz"] is None else _number(a["rate_hz"])
+        rate = "" if a["rate_hz"] is None else number(a["rate_hz"])
         ends = [_seconds(a[k], first, bus) for k in ("first_ns", "last_ns")]
         row: list[Text | str] = [name, _who(a), str(a["count"]), rate, *ends]
         row.append(str(a["offsets"][0]))
@@ -353,17 +299,4 @@ def _ms(q: Mapping[str, Any] | None, name: str) -> str:
 
 def _middle(bounds: Sequence[float]) -> str:
     """Return a number that is known to 2 %; what is no more than a thousandth is nothing."""
-    return _number(sum(bounds) / 2 if bounds[1] > 1e-3 else 0.0)
-
-
-def _percent(share: float) -> str:
-    return f"{_number(100 * share)} %"
-
-
-def _number(value: float) -> str:
-    """Return a number with three digits, more where it is longer."""
-    if value == 0:
-        return "0"
-    digits = max(0, 2 - int(np.floor(np.log10(abs(value)))))
-    shown = f"{value:.{min(digits, 6)}f}"
-    return shown.rstrip("0").rstrip(".") if "." in shown else shown
+    return number(sum(bounds) / 2 if bounds[1] > 1e-3 else 0.0)

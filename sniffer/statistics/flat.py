@@ -61,6 +61,8 @@ def rows(figures: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             for figure, counts in slices.items():
                 if isinstance(counts, list):
                     yield row | {"figure": figure, "value": counts[k]}
+            for name, bounds in slices.get("response_time_ns", {}).items():
+                yield from _told(row, {name: bounds[k]}, "response_time_ns.")
         for key, (about, name) in _LISTS.items():
             for each in bus[key]:
                 yield from _told(_keyed(fixed, about, name, each), each)

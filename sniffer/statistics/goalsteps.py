@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.decoding.summary import Quantiles
+from sniffer.decoding.durations import Quantiles
 from sniffer.ground.register import unseen_scale
 from sniffer.statistics.figures import POSITION, Extreme
 

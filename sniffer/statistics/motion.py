@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.decoding.summary import Quantiles
+from sniffer.decoding.durations import Quantiles
 from sniffer.statistics.figures import Extreme
 from sniffer.statistics.following import Follower
 from sniffer.statistics.goalsteps import GoalSteps

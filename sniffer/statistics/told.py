@@ -17,7 +17,7 @@ from sniffer.statistics.motion import MILLI
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from sniffer.decoding.summary import Quantiles
+    from sniffer.decoding.durations import Quantiles
     from sniffer.statistics.collector import LaneFigures
     from sniffer.statistics.commands import CommandFigures, Slowest
     from sniffer.statistics.exceeding import ExceedingFigures
@@ -102,7 +102,11 @@ def _load(told: Statistics, bus: str, wire: WireBytes, slices: EverySlice | None
 
 def _slices(slices: EverySlice) -> dict[str, Any]:
     counts = {name: column.tolist() for name, column in slices.counts.items()}
-    return {"first_ns": slices.first_ns, "slice_ns": slices.width_ns, **counts}
+    replies: dict[str, Any] = {"count": slices.answers.tolist()}
+    for name, bounds in slices.replies.items():
+        replies[name] = [None if one is None else list(one) for one in bounds]
+    told = {"first_ns": slices.first_ns, "slice_ns": slices.width_ns}
+    return {**told, **counts, "response_time_ns": replies}
 
 
 def _command(

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.decoding.durations import FIGURES, Quantiles
 from sniffer.decoding.sink import bus_of
-from sniffer.decoding.summary import FIGURES, Quantiles
 from sniffer.ground.codes import OK, RESPONSE, WHOLE
 from sniffer.ground.colours import Colours, Rgb
 from sniffer.ground.files import open_binary

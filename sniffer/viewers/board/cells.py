@@ -16,7 +16,7 @@ from sniffer.viewers.board.state import QUANTITIES, RECENT_NS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sniffer.decoding.summary import Bounds
+    from sniffer.decoding.durations import Bounds
     from sniffer.ground.registers import Register
     from sniffer.viewers.board.state import BusTally
 

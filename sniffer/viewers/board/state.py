@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.decoding.summary import Bounds, accounted
+from sniffer.decoding.durations import Bounds
+from sniffer.decoding.summary import accounted
 from sniffer.ground.codes import (
     DAMAGED,
     MISMATCHED,

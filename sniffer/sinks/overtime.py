@@ -1,0 +1,75 @@
+"""A bus slice by slice of time, as people read it: ``sniffer stats --every``."""
+
+from __future__ import annotations
+
+import datetime
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from sniffer.decoding.durations import Bounds
+from sniffer.ground.model import NS
+from sniffer.sinks.tabulated import ROOMY, Tabulated, percent
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+BARS_MOST: Final = 64
+"""Bars of a line at most; where there are more slices, a bar is several."""
+
+BARS_LEAST: Final = 16
+"""Bars over time that are shorter show nothing."""
+
+COUNTED_OF: Final = {"missing": "transactions", "errors": "anomalies", "warnings": "anomalies"}
+"""The rows that a column over time counts, where that is not the frames."""
+
+REPLY_FIGURES: Final = ("p50", "p95", "max")
+"""Response times that have a column."""
+
+SPARED: Final = ("bytes", "frames", "reply max")
+"""Columns over time that are left out where there is no room, these first: load says as much."""
+
+
+def over_time(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> Tabulated | None:
+    """Return a row a slice, as wide as there is room; None: nobody asked for slices.
+
+    ``tables`` are those that rows were selected of, None: all.
+    """
+    slices = bus.get("slices")
+    if slices is None:
+        return None
+    first_ns, width_ns, shares = slices["first_ns"], slices["slice_ns"], bus["load"]["shares"]
+    columns = {
+        "from": [_of_day(first_ns + k * width_ns, width_ns) for k in range(len(shares))],
+        "load": [percent(share) for share in shares],
+    }
+    for name, column in slices.items():
+        # none of what nobody asked for is no finding
+        if isinstance(column, list) and (
+            tables is None or COUNTED_OF.get(name, tables[0]) in tables
+        ):
+            columns[name] = [*map(str, column)]
+    replies = slices["response_time_ns"]
+    for name in REPLY_FIGURES if any(replies["count"]) else ():
+        columns[f"reply {name}"] = ["" if q is None else Bounds(*q).ms() for q in replies[name]]
+    apart = 2 if width >= ROOMY else 1
+    for name in ("", *SPARED):  # a number that is cut off says something else
+        columns.pop(name, None)
+        taken = sum(max(map(len, [name, *cells])) + apart for name, cells in columns.items()) + 1
+        if taken <= width:
+            break
+    table = Tabulated(*columns)
+    drawn = min(width - taken - apart, BARS_MOST)
+    if width >= ROOMY and drawn >= BARS_LEAST:
+        table.add_column("", left=True)
+        columns[""] = ["█" * int(np.ceil(min(share, 1.0) * drawn)) for share in shares]
+    for row in zip(*columns.values(), strict=True):
+        table.add_row(*row)
+    return table
+
+
+def _of_day(t_ns: int, step_ns: int) -> str:
+    """Return a time of day (UTC) as finely as steps need it."""
+    digits = next((n for n in (0, 3) if step_ns % 10 ** (9 - n) == 0), 6)
+    part = f".{t_ns % NS // 10 ** (9 - digits):0{digits}}" if digits else ""
+    return f"{datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC):%H:%M:%S}{part}"
