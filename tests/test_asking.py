@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -305,3 +306,28 @@ def test_what_an_anomaly_is_about_is_explained_without_asking_for_its_byte(capsy
     nothing = within(capsys, "explain", f"{CAPTURE}@bad-checksum:9")
     assert (nothing.status, nothing.out) == (2, "")
     assert nothing.complaint == "@bad-checksum:9: the capture has 2 of them"
+
+
+def test_a_line_that_is_there_for_a_value_says_that_value_and_no_other(
+    whole: list[dict[str, Any]], capsys: Capsys
+) -> None:
+    low = [r for r in whole if r["type"] == "sample" and r["quantity"] == "voltage"]
+    low = [row for row in low if row["value"] < 10]
+    ran = within(capsys, "decode", CAPTURE, "--where", "quantity = 'voltage' AND value < 10")
+    lines = ran.out.splitlines()[1 : 1 + len(low)]
+    assert all(
+        f"load_data voltage {row['value']:.4g} V " in re.sub(" +", " ", line) + " "
+        for row, line in zip(low, lines, strict=True)
+    )
+    assert not any("position" in line for line in lines)
+    goals = within(capsys, "decode", CAPTURE, "--servo", "3", "--where", "quantity = 'goal_position'").out
+    shared = [line for line in goals.splitlines() if "symmetric_store" in line]
+    assert shared
+    assert all(" 3: " in line and " 2: " not in line for line in shared)
+
+
+def test_figures_of_anomalies_alone_do_not_tell_of_no_bytes(capsys: Capsys) -> None:
+    said = within(capsys, "stats", CAPTURE, "--code", "no-response").out
+    assert "bytes" not in said
+    assert "load" not in said
+    assert said.count("no-response") == 1 + 3

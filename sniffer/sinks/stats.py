@@ -73,7 +73,7 @@ def _print_bus(
 ) -> None:
     title = f"{bus['bus']}: {' + '.join(bus['protocols'])} at {bus['baud']} baud"
     console.print(Text(short(plain(title)), style="bold"))
-    for line in _about(bus, console.width):
+    for line in _about(bus, console.width, tables):
         console.print(Padding(Text(line), (0, 0, 0, 2)))
     many = len(bus["protocols"]) > 1
     first = bus["first_ns"] or 0
@@ -102,7 +102,9 @@ def _print_bus(
             print_histograms(bus, statistics, console)
 
 
-def _about(bus: Mapping[str, Any], width: int) -> Iterable[str]:
+def _about(bus: Mapping[str, Any], width: int, tables: Sequence[str] | None) -> Iterable[str]:
+    if tables is not None and not bus["bytes"]:  # none of what nobody asked for is no finding
+        return
     held = np.floor(10000 * bus["bytes_in_frames"] / bus["bytes"]) / 100 if bus["bytes"] else 0.0
     gaps = ", ".join(f"{n} {reason}" for reason, n in bus["gaps"].items())
     line = f"{counted(bus['bytes'], 'byte')} = {bus['bytes_in_frames']} in "

@@ -17,7 +17,7 @@ from sniffer.ground.model import NS, Anomaly, Batch, Chunk, Clock, Severity
 from sniffer.ground.wording import plain, short
 from sniffer.sinks.consoles import console_for, room_in
 from sniffer.sinks.report import print_summary, selected
-from sniffer.sinks.words import FrameWords, fit, took_in_words
+from sniffer.sinks.words import FrameWords, fit, selected_in_words, took_in_words
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -147,6 +147,7 @@ class TextSink:
         verdicts = _verdicts(batch)
         rows = np.flatnonzero(meant(batch)).tolist()
         words = FrameWords.of(protocol).told(batch, rows)
+        asked = selected_in_words(protocol, batch)
         whose = f"{protocol.name}: " * batch.is_shared
         ops: dict[int, str] = {}
         columns = (c[rows].tolist() for c in (f.start, f.end, f.t_end, f.kind, f.servo_id, f.op))
@@ -158,7 +159,7 @@ class TextSink:
                 str(servo) if servo >= 0 else "-",
                 "<" if response else ">",
                 command,
-                whose + told,
+                whose + asked.get(i, told),
                 word,
             )
             style = style or ("response" if response else "request")

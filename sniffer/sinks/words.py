@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from sniffer.ground.wording import plain
 from sniffer.sinks.kept import Kept, OfProtocol, packed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from sniffer.ground.model import Batch, Samples
     from sniffer.ground.registers import Register
@@ -58,8 +59,38 @@ def _errors(protocol: BusProtocol, status: int) -> str:
 
 def values_in_words(protocol: BusProtocol, batch: Batch, i: int, values: range) -> str:
     """Return what frame ``i`` states in a line; ``values`` are its rows in the batch's."""
-    f, v = batch.frames, batch.values
+    f = batch.frames
     own = int(f.servo_id[i])
+    told = _stated(protocol, batch, i, values)
+    status = int(f.status[i])
+    if status > 0:
+        told.insert(0, _errors(protocol, status))
+    if not told:
+        op = protocol.op_name(int(f.op[i]))
+        fields = frame_fields(batch, protocol, i, values)
+        if fields.get("text") == fields.get("value"):
+            fields = {k: x for k, x in fields.items() if k != "value"}
+        told = [text for k, x in fields.items() if (text := _plainly(k, x, op, own))]
+    return ", ".join(told)
+
+
+def selected_in_words(protocol: BusProtocol, batch: Batch) -> dict[int, str]:
+    """Return, of frames that are shown for some of their values only, these values in a line."""
+    if batch.chosen is None:
+        return {}
+    mine = np.flatnonzero(batch.chosen("samples") & ~batch.chosen("frames")[batch.values.row])
+    row = batch.values.row[mine]
+    edges = np.flatnonzero(np.diff(row, prepend=-1, append=-1)).tolist()
+    return {
+        int(row[a]): ", ".join(_stated(protocol, batch, int(row[a]), mine[a:b].tolist()))
+        for a, b in itertools.pairwise(edges)
+    }
+
+
+def _stated(protocol: BusProtocol, batch: Batch, i: int, values: Iterable[int]) -> list[str]:
+    """Return some of the values of frame ``i``, those of its own servo first."""
+    v = batch.values
+    own = int(batch.frames.servo_id[i])
     mine: list[str] = []
     others: dict[int, list[str]] = {}
     for k in values:
@@ -75,16 +106,7 @@ def values_in_words(protocol: BusProtocol, batch: Batch, i: int, values: range) 
     for number in sorted(others, key=lambda r: not protocol.registers[r].unit):
         first, *rest = others[number]
         told += [f"{protocol.registers[number].name} {first}", *rest]
-    status = int(f.status[i])
-    if status > 0:
-        told.insert(0, _errors(protocol, status))
-    if not told:
-        op = protocol.op_name(int(f.op[i]))
-        fields = frame_fields(batch, protocol, i, values)
-        if fields.get("text") == fields.get("value"):
-            fields = {k: x for k, x in fields.items() if k != "value"}
-        told = [text for k, x in fields.items() if (text := _plainly(k, x, op, own))]
-    return ", ".join(told)
+    return told
 
 
 class FrameWords(OfProtocol):
