@@ -320,7 +320,9 @@ def test_a_line_that_is_there_for_a_value_says_that_value_and_no_other(
         for row, line in zip(low, lines, strict=True)
     )
     assert not any("position" in line for line in lines)
-    goals = within(capsys, "decode", CAPTURE, "--servo", "3", "--where", "quantity = 'goal_position'").out
+    goals = within(
+        capsys, "decode", CAPTURE, "--servo", "3", "--where", "quantity = 'goal_position'"
+    ).out
     shared = [line for line in goals.splitlines() if "symmetric_store" in line]
     assert shared
     assert all(" 3: " in line and " 2: " not in line for line in shared)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import pytest
 
 from tests.diagnosed import codes, verdicts
-from tests.servos import finding, lss, polled
+from tests.servos import finding, heard, lss, polled
+from tests.streams import wck
 
 HANGS = {"joint-limp", "joint-stalled", "joint-not-following", "joint-limp-after-restart"}
 
@@ -94,6 +96,45 @@ def test_a_sound_joint_is_not_told_to_hang(what: str, place: object, goal: objec
     d = lss(*polled(place, goal, milliampere=works))
     assert not codes(d) & HANGS, what
     assert not d.incidents()
+
+
+GOALS: Final = (
+    *(68.2, 50.4, 32.6, 25.7, 46.6, 71.6, 71.6, 66.7, 62.1, 62.1, 64.9, 68.2, 68.2, 65.6, 47.8),
+    *(30.0, 25.7, 50.8, 71.6, 71.6, 65.8, 62.1, 62.1, 65.6, 68.2, 68.2, 63.0, 45.2, 27.4),
+)
+"""What a joint was told every 0.4 s; it was there when the next goal came."""
+
+LOOKED_AT: Final = (1, 3, 6, 7, 8, 9, 12, 21, 23, 28)
+"""Behind which goals it was looked at, a few milliseconds later."""
+
+
+def test_a_joint_that_is_looked_at_right_behind_a_goal_is_where_the_goal_before_was() -> None:
+    told = [(0.4 * k, f"#5D{round(goal * 10)}") for k, goal in enumerate(GOALS)]
+    told += [(0.4 * k + 0.002, "#5QD") for k in LOOKED_AT]
+    told += [(0.4 * k + 0.004, f"*5QD{round(GOALS[k - 1] * 10)}") for k in LOOKED_AT]
+    assert not lss(*told).incidents()
+    hangs = [(t, "*5QD622" if text.startswith("*5QD") else text) for t, text in told]
+    assert "joint-not-following" in codes(lss(*hangs))
+
+
+@pytest.mark.parametrize("stands", [False, True])
+def test_who_looks_once_a_second_at_what_moves_once_a_second_does_not_see_it_hang(
+    stands: bool,
+) -> None:
+    """By its other register, which is read oftener, the joint moves all the time."""
+    said: list[tuple[float, bytes]] = []
+    for k in range(280):
+        t = 0.05 * k
+        place = 127 + 50 * math.sin(math.tau * t)
+        said.append((t, wck.command(2 << 5 | 31, 2, bytes((round(place), round(place))))))
+        if k % 3 == 0:
+            ten = 512 if stands else round(place * 4.02)
+            said.append((t + 0.01, wck.command(0xE0, 0xC9, bytes((1, 1)))))
+            said.append((t + 0.012, bytes((ten >> 7, ten & 127))))
+        if k % 20 == 0:
+            said.append((t + 0.02, wck.command(5 << 5 | 1, 0)))
+            said.append((t + 0.022, bytes((1, 152))))
+    assert ("joint-limp" in codes(heard(said, "wck"))) == stands
 
 
 @pytest.mark.parametrize("order", ["#5L", "#5H", "#5WD900", "#5MD300", "#5RESET"])

@@ -108,7 +108,7 @@ class JointTrack:
             began = max(int(t[a]) - self._window_ns, int(self.position.t_first[0]))
             if int(t[b]) - began >= WINDOW_NS:
                 out.append(Away(a, b, began, int(t[b]), float(np.median(self._error[part]))))
-        return out
+        return [one for one in out if not self._moves_elsewhere(one)]
 
     def _stays(self, since: I64, until: I64) -> Mask:
         """Tell whether it stood still from one row to another, whatever its goals did."""
@@ -117,6 +117,19 @@ class JointTrack:
         kept = np.cumsum(told)[until] - np.cumsum(told)[since] == until - since
         stays: Mask = (high - low < self.far / 2) & kept
         return stays
+
+    def _moves_elsewhere(self, away: Away) -> bool:
+        """Tell whether another register has the joint moving while it stands by this one.
+
+        Who looks once a second at what moves once a second sees it stand.
+        """
+        for other in self._case.every(self.servo_id, "position"):
+            if other.index == self.position.index or other.unit != self.position.unit:
+                continue
+            rows = np.flatnonzero((other.t_first >= away.first_ns) & (other.t <= away.last_ns))
+            if len(rows) and float(other.high[rows].max() - other.low[rows].min()) > self.far:
+                return True
+        return False
 
     @functools.cached_property
     def _window_ns(self) -> int:
@@ -203,7 +216,10 @@ class JointTrack:
         began = np.maximum(np.searchsorted(p.t_first, told_ns, "right") - 1, 0)
         was = np.where(p.t[began] <= told_ns, p.last[began], p.first[began])
         nearer = np.abs(goal - was) - np.abs(goal - p.last)
-        is_there = (np.abs(goal - p.last) < self.far / 2) & (p.t - told_ns > LAG_NS // 4)
+        # what it was told right before it is looked at it has not done, but what it was told before
+        known = np.searchsorted(g.t[changed], p.t - LAG_NS // 4, "right") - 1
+        in_time = g.last[changed[np.maximum(known, 0)]]
+        is_there = (np.abs(in_time - p.last) < self.far / 2) & (known >= 0)
         obeys: Mask = (told_ns <= p.t) & ((nearer > self.far / 8) | is_there)
         return obeys
 
