@@ -333,3 +333,23 @@ def test_figures_of_anomalies_alone_do_not_tell_of_no_bytes(capsys: Capsys) -> N
     assert "bytes" not in said
     assert "load" not in said
     assert said.count("no-response") == 1 + 3
+
+
+def test_a_part_that_has_an_anomaly_and_not_a_byte_is_told_as_it_is(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    """The clock went back: when the first error was found, nothing was said."""
+    path = tmp_path / "back.log"
+    path.write_text("(5.404) bus0 #FFFFFF0205F386360346\n(2.881) bus0 #FFFFFF0204003303C3\n")
+    ran = within(
+        capsys,
+        "decode",
+        path,
+        "--from",
+        "@first-error",
+        "--around",
+        "1s",
+        "--protocol",
+        "mightyzap",
+    )
+    assert ran.status == 0, ran.err

@@ -255,7 +255,7 @@ class Pipeline:
         out = []
         for bus, chunks in self.first.kept.items():
             totals = self.summary.buses.get(bus)
-            if totals is None or totals.bytes_in_frames > CLEAR * totals.bytes:
+            if totals is None or not totals.bytes or totals.bytes_in_frames > CLEAR * totals.bytes:
                 continue
             with contextlib.suppress(UndecidedError):
                 found = detect(chunks, self._stated(bus))
