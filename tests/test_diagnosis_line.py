@@ -43,6 +43,7 @@ from sniffer.diagnosis.rules import (
 )
 from tests.conversations import Conversation, robot
 from tests.diagnosed import codes, diagnosed, verdicts
+from tests.test_sums import alone, longer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -241,6 +242,7 @@ FAULTS: Final[Mapping[str, Callable[[], set[str]]]] = MappingProxyType(
         "two makes": two_makes,
         "other protocol": lambda: as_other("mightyzap"),
         "other rate": lambda: as_other("rs30x", 2.0),
+        "wrong lengths": lambda: codes(alone("rs30x", longer).diagnosed()),
     }
 )
 
@@ -287,6 +289,7 @@ TOLD: Final = (
     ("two-protocols", "two makes", "other protocol"),
     ("foreign-frames", "other protocol", "noise"),
     ("nothing-holds", "other rate", "noise"),
+    ("begins-hold", "wrong lengths", "other rate"),
     ("bits-of-another-rate", "other rate", "other protocol"),
 )
 """A finding, a fault that brings it, and one that looks alike and does not."""

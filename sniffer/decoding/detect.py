@@ -20,7 +20,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.decoding import beginnings, sums
+from sniffer.decoding.beginnings import most_begun
 from sniffer.decoding.names import AND
+from sniffer.decoding.sums import wrong_sums
 from sniffer.decoding.translations import translated
 from sniffer.ground.framing import Block
 from sniffer.ground.model import MALFORMED, UNKNOWN, Chunk, InputError
@@ -117,7 +120,28 @@ class Mistake:
 
 
 class UndecidedError(InputError):
-    """No protocol explains the bytes well enough, or two do."""
+    """No protocol explains the bytes well enough, or two do.
+
+    ``likely`` names the one whose frames are meant although none holds; empty: nobody knows.
+    """
+
+    def __init__(self, told: str, *, likely: str = "") -> None:
+        super().__init__(told)
+        self.likely = likely
+
+
+def _hint(head: bytes) -> tuple[str, str]:
+    """Return whose frames are meant though none holds, and what is to be done, as a template."""
+    altered = translated(head)
+    if altered is not None:
+        return "", f"they are not as they were on a wire: {altered.what} ({altered.shown})"
+    failed = wrong_sums(head)
+    if failed is not None:
+        return failed.protocol, f"name it with {{protocol}}; {sums.in_words(failed)}"
+    begun = most_begun(head)
+    if begun is not None:
+        return begun.protocol, f"name it with {{protocol}}; {beginnings.in_words(begun)}"
+    return "", "name it with {protocol}, or check that this is a bus capture"
 
 
 class Scores:
@@ -177,13 +201,9 @@ class Scores:
             return found
         shown = _shares(self.shares, [n for n in names[:2] if self.shares[n] >= 0.001])
         why = f" ({shown or 'none explains any of them'})"
-        altered = translated(self._data)
-        if altered is None:
-            told = "name it with {protocol}, or check that this is a bus capture"
-        else:
-            told = f"they are not as they were on a wire: {altered.what} ({altered.shown})"
+        likely, told = _hint(self._data)
         told = f"cannot tell the protocol of these {{size}} bytes{{why}}: {told}"
-        raise UndecidedError(Sentence(told, size=self.size, why=why))
+        raise UndecidedError(Sentence(told, size=self.size, why=why), likely=likely)
 
     def _found(self, first: str, others: Sequence[str]) -> Detection | None:
         """Return what the best candidate is taken for, if it is clear enough that it is that."""

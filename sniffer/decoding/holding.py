@@ -1,4 +1,4 @@
-"""Do some bytes hold as one frame? Asked of the protocol, thousands of tries at once."""
+"""Which bytes hold as frames of a protocol: of a stretch, and of thousands of tries at once."""
 
 from __future__ import annotations
 
@@ -12,6 +12,19 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.protocols.base import BusProtocol
+
+
+def spans_in(protocol: BusProtocol, data: bytes) -> list[tuple[int, int]]:
+    """Return the frames of a protocol in some bytes, in order: from, and up to which byte."""
+    block = Block(np.frombuffer(data, np.uint8), np.empty(0, np.int64), True)
+    spans, _ = protocol.frame(block)
+    return list(zip(spans.start.tolist(), spans.end.tolist(), strict=True))
+
+
+def between(protocol: BusProtocol, data: bytes) -> list[tuple[int, int]]:
+    """Return the stretches that no frame claims."""
+    edges = [0, *(k for span in spans_in(protocol, data) for k in span), len(data)]
+    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
 
 
 def held(protocol: BusProtocol, tries: Sequence[bytes], sizes: Sequence[int]) -> list[bool]:

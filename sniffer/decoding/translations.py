@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.decoding.holding import held
-from sniffer.ground.framing import Block
+from sniffer.decoding.holding import between, held, spans_in
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -227,15 +226,9 @@ def _looked_for(head: bytes, protocol: BusProtocol | None) -> Translated | None:
     return found or _mended_of(some.values(), head, lost) or _replaced(head)
 
 
-def _spans(protocol: BusProtocol, data: bytes) -> list[tuple[int, int]]:
-    block = Block(np.frombuffer(data, np.uint8), np.empty(0, np.int64), True)
-    spans, _ = protocol.frame(block)
-    return list(zip(spans.start.tolist(), spans.end.tolist(), strict=True))
-
-
 def _unclaimed(protocol: BusProtocol, data: bytes) -> int:
     """Return how many bytes are in no frame."""
-    return len(data) - sum(b - a for a, b in _spans(protocol, data))
+    return len(data) - sum(b - a for a, b in spans_in(protocol, data))
 
 
 def _undone(some: Iterable[BusProtocol], head: bytes, lost: int) -> Translated | None:
@@ -296,12 +289,9 @@ def _mended(protocol: BusProtocol, head: bytes) -> Translated | None:
 
 def _torn(protocol: BusProtocol, head: bytes) -> list[tuple[int, bytes]]:
     """Return what no frame claims, cut where frames begin; short pieces, with their places."""
-    spans = _spans(protocol, head)
-    behind = [0, *(b for _, b in spans)]
-    before = [*(a for a, _ in spans), len(head)]
     out = []
-    for a, b in zip(behind, before, strict=True):
-        gaps = protocol.explain(head[a:b], a) if b > a else []
+    for a, b in between(protocol, head):
+        gaps = protocol.explain(head[a:b], a)
         begins = [a, *(gap.start for gap in gaps[1:] if gap.reason != "noise"), b]
         out += [(c, head[c:d]) for c, d in itertools.pairwise(begins) if 2 < d - c <= LONGEST]
     return out

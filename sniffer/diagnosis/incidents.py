@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 SURE: Final = 0.8
 """From this confidence on the next step is the remedy, below it what settles the matter."""
 
+LOOKS_SO: Final = 0.1
+"""What counts no more for a cause only looks so in what it has torn: it is no step of a story."""
+
 TOLD: Final = 5
 """Findings that a story has."""
 
@@ -70,7 +73,9 @@ def _story(explained: Explained, by_time: Sequence[Finding]) -> str:
     who = and_([f"servo {i}" for i in explained.servo_ids])
     title = f"{cause.title} ({who})" if who else cause.title
     in_order = sorted(by_time, key=lambda f: f.first_ns - AHEAD_NS.get(f.code, 0))
-    steps = list(dict.fromkeys(f.brief for f in in_order if f.brief))[:TOLD]
+    weights = WEIGHTS[cause.slug]
+    telling = [f for f in in_order if weights[f.code].weight > LOOKS_SO] or in_order
+    steps = list(dict.fromkeys(f.brief for f in telling if f.brief))[:TOLD]
     return f"{title}: {' -> '.join(steps)}" if steps else f"{title}: {explained.key.what}"
 
 

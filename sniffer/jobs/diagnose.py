@@ -72,13 +72,14 @@ def diagnose(
     )
     try:
         done = hear(diagnosis, options)
-    except UndecidedError:
+    except UndecidedError as error:
         if name_of(source) == name_of("-"):
             raise  # standard input can be read only once
         # What nothing explains may have been read at a wrong rate. Whose frames it is not is the
-        # same then: it is judged as the first protocol's.
+        # same then: unless any begin well, it is judged as the first protocol's.
         diagnosis = Diagnosis()
-        done = hear(diagnosis, replace(options, protocol=next(iter(PROTOCOLS))))
+        likely = error.likely or next(iter(PROTOCOLS))
+        done = hear(diagnosis, replace(options, protocol=likely))
         if not diagnosis.incidents():
             raise
     return Diagnosed(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.decoding.beginnings import in_words, most_begun
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.comparing import SEQUENCE, repeated
 from sniffer.diagnosis.model import Finding, Place
@@ -40,6 +41,12 @@ FINDINGS: Final = (
         "line",
         "Hardly a byte belongs to a frame, from the first one on, and yet the same sequences come again and again, as in a conversation.",
         "Less than a fifth of all bytes in frames, many different values, and sequences of six bytes that repeat.",
+    ),
+    FindingCode(
+        "begins-hold",
+        "line",
+        "Hardly a byte belongs to a frame, and yet frames begin as they should, again and again: the rate is right.",
+        "Twenty beginnings and more of frames of one protocol, with header, id and command, in three tenths of the bytes.",
     ),
     FindingCode(
         "bits-of-another-rate",
@@ -176,7 +183,19 @@ def nothing_holds(case: Case) -> Iterator[Finding]:
         strength=min(0.6 + again, 1.0),
         brief=f"nothing holds at {rate} baud",
     )
-    if slower is not None:
+    begun = most_begun(head)
+    if begun is not None:
+        yield Finding(
+            "begins-hold",
+            None,
+            int(t[0]),
+            int(t[1]),
+            begun.n,
+            in_words(begun),
+            (place,),
+            brief="frames begin well, and do not end so",
+        )
+    elif slower is not None:
         times, told = slower
         yield Finding(
             "bits-of-another-rate",

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 from sniffer.diagnosis.causes import CAUSES
-from sniffer.diagnosis.weights import controller, device, line, raw, tap, wire
+from sniffer.diagnosis.weights import controller, device, line, proven, tap, wire
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,7 +20,7 @@ LINES: Final = (
     *wire.WEIGHTS,
     *device.WEIGHTS,
     *controller.WEIGHTS,
-    *raw.WEIGHTS,
+    *proven.WEIGHTS,
 )
 """All lines of all areas; none stands in two."""
 

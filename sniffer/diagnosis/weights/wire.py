@@ -57,6 +57,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         "wrong-baud",
         ("nothing-holds", 5.0, "the same conversation all the time, and no frame"),
         ("bits-of-another-rate", 3.0, "the line is slower than the receiver"),
+        ("begins-hold", -9.0, "at a wrong rate no frame begins as it should"),
         ("foreign-frames", -6.0, "another protocol holds at this rate"),
         ("damage-behind-steps", -5.0, "a rate is wrong whatever moves"),
         ("line-babbles", 0.2, "a line that is much slower, or faster"),

@@ -1,0 +1,83 @@
+"""Weights of what frames themselves prove: whoever else could have torn them is acquitted."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from sniffer.diagnosis.weights import controller, line, tap, wire
+from sniffer.diagnosis.weights.table import Weight, for_
+
+TAP_NOT_RAW, MALFORMED = "tap-not-raw", "malformed-command"
+
+TRANSLATED, SUMS_WRONG = "bytes-translated", "sums-wrong"
+"""The proofs: of a program behind the tap, and of the controller's."""
+
+_TORN: Final = tuple(
+    dict.fromkeys(
+        w.finding
+        for w in (*tap.WEIGHTS, *wire.WEIGHTS)
+        if w.cause in ("tap-loss", "wrong-baud") and w.weight > 0
+    )
+)
+"""What follows where frames of all senders are torn alike."""
+
+_UNHEARD: Final = tuple(
+    w.finding for w in (*tap.WEIGHTS, *wire.WEIGHTS) if w.cause == "wrong-baud" and w.weight > 0
+)
+"""What follows where no frame holds."""
+
+_APART: Final = ("port-lost", "port-back", "not-decoded")
+"""What tears frames by itself."""
+
+_BEFORE: Final = ("line-error", "line-break", "bytes-lost")
+"""What the UART or its driver finds."""
+
+_KNOWN: Final = frozenset(
+    w.finding
+    for w in (*tap.WEIGHTS, *line.WEIGHTS, *wire.WEIGHTS, *controller.WEIGHTS)
+    if w.cause == MALFORMED
+)
+
+_SUSPECTS: Final = (
+    *("wrong-baud", "bus-noise", "emi-load", "signal-integrity", "turnaround", "line-stuck"),
+    *("mixed-protocols", "bad-cable", "clock-drift", "duplicate-id", "chatty-device"),
+    *("two-masters", "impatient-controller", "retry-storm", "servo-refuses"),
+    *("tap-loss", "tap-one-way", "echo"),
+)
+"""Causes that are concluded from torn frames, or from frames that are missing."""
+
+WEIGHTS: Final[tuple[Weight, ...]] = (
+    *for_(
+        TAP_NOT_RAW,
+        (TRANSLATED, 9.0, "frames hold as soon as the exchange is undone"),
+        *(
+            (code, 0.1, "frames are torn by it")
+            for code in _TORN
+            if code not in {*_BEFORE, *_APART}
+        ),
+        *((code, -2.0, "bytes were torn before any program had them") for code in _BEFORE),
+        (SUMS_WRONG, -5.0, "only the checksums are wrong"),
+    ),
+    *for_("impatient-controller", ("begins-hold", 2.5, "answers run into the next requests")),
+    *for_(
+        MALFORMED,
+        ("begins-hold", 3.5, "what begins well, and never ends so, was sent so"),
+        (
+            SUMS_WRONG,
+            9.0,
+            "packets are right but for their checksums, which follow another formula",
+        ),
+        *((code, 0.1, "no frame holds") for code in _UNHEARD if code not in {*_KNOWN, *_BEFORE}),
+        (TRANSLATED, -7.0, "what is torn here was whole on the wire"),
+    ),
+    *(
+        weight
+        for cause in _SUSPECTS
+        for weight in for_(
+            cause,
+            (TRANSLATED, -7.0, "what is torn here was whole on the wire"),
+            (SUMS_WRONG, -7.0, "packets are as they were sent: their checksums are computed so"),
+        )
+    ),
+)
+"""One line each."""
