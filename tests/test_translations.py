@@ -11,7 +11,7 @@ import pytest
 from sniffer.decoding.translations import translated
 from sniffer.protocols import PROTOCOLS
 from tests.commands import within
-from tests.conversations import TONGUES, robot, without_clock
+from tests.conversations import TONGUES, Conversation, robot, without_clock
 from tests.diagnosed import codes, found, verdicts
 from tests.test_diagnosis_tap import holes, one_wire
 
@@ -62,6 +62,9 @@ WHOLE: dict[str, tuple[tuple[str, ...], Alter]] = {
     "control characters are left out": (HEADED, without(0x03, 0x04, 0x1A, 0x1C)),
 }  # fmt: skip
 """By what is said of it: how bytes are altered, and in which protocols it can be seen."""
+
+WRITTEN = tuple(WHOLE)[:2] + tuple(WHOLE)[3:5]
+"""What programs also do to bytes that they write."""
 
 CASES = [(told, name, alter) for told, (names, alter) in WHOLE.items() for name in names]
 
@@ -131,3 +134,26 @@ def test_who_cannot_tell_the_protocol_says_what_was_done_to_the_bytes(
     assert "not as they were on a wire" in done.complaint
     assert told in done.complaint
     assert "100.0 % of the bytes are mightyzap frames" in done.complaint
+
+
+@pytest.mark.parametrize(
+    ("told", "protocol", "alter"),
+    [case for case in CASES if case[0] in WRITTEN],
+    ids=lambda v: str(v)[:30],
+)
+def test_what_nobody_answers_was_altered_before_it_was_sent(
+    told: str, protocol: str, alter: Alter
+) -> None:
+    """A controller writes bytes as text, or to a terminal that is not raw."""
+    talk = Conversation(protocol)
+    for n in range(200):
+        talk.say(alter(talk.tongue.ask(1 + n % 5)))
+        talk.rest(5)
+        talk.say(alter(talk.tongue.goal(1 + n % 5, n % 50 / 50)))
+        talk.rest(5)
+    diagnosis = talk.diagnosed()
+    first, second, *_ = diagnosis.incidents()[0].causes
+    assert (first.cause, second.cause) == ("malformed-command", "tap-not-raw")
+    (finding,) = (f for f in found(diagnosis) if f.code == "sent-translated")
+    assert told in finding.what
+    assert finding.what.endswith(" requests is answered")

@@ -63,14 +63,17 @@ LEAST_UNREADABLE: Final = 0.02
 
 
 class Translated(NamedTuple):
-    """How a capture was altered: what was done, as words, and what is known by.
+    """How a capture was altered: what was done, as words, and what it is known by.
 
-    ``at`` is where the first torn places are, offset and length.
+    ``at`` is where the first torn places are, offset and length. ``undone`` are the bytes as they
+    were, frames of ``protocol``, where all of it can be undone.
     """
 
     what: str
     shown: str
     at: tuple[tuple[int, int], ...] = ()
+    undone: bytes = b""
+    protocol: str = ""
 
 
 class _Whole(NamedTuple):
@@ -242,7 +245,8 @@ def _undone(some: Iterable[BusProtocol], head: bytes, lost: int) -> Translated |
             if left <= (1 - HOLDS) * len(data) and left * FEWER < lost:
                 share = 100 * (1 - left / len(data))
                 told = f"read otherwise, {share:.1f} % of the bytes are {protocol.name} frames"
-                return Translated(whole.what, f"{told}, else {_part(head, lost)}", ((0, 1),))
+                shown = f"{told}, else {_part(head, lost)}"
+                return Translated(whole.what, shown, ((0, 1),), data, protocol.name)
     return None
 
 

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
+from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.translations import READABLE, Translated, translated
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.comparing import SEQUENCE, repeated
 from sniffer.diagnosis.model import Finding, Place
+from sniffer.ground.codes import NEVER, REQUEST
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,8 +28,17 @@ FINDINGS: Final = (
         "Frames hold once the exchange is undone; or torn frames hold, one by one, once a value is put "
         "back that is never seen; or all bytes are text, and no frame holds.",
     ),
+    FindingCode(
+        "sent-translated",
+        "controller",
+        "Commands are exchanged, doubled or left out in part before they are sent: nobody understands them.",
+        "The same, and none of eight requests and more is answered.",
+    ),
 )
 
+
+ASKED: Final = 8
+"""Requests of which one at least would be answered, if servos heard them as they are meant."""
 
 PLENTY: Final = 500
 """So many bytes without an eighth bit are no chance."""
@@ -47,16 +60,35 @@ def bytes_translated(case: Case) -> Iterator[Finding]:
         return
     torn = lost > 0
     first_ns, last_ns = int(case.line["t_first"][torn].min()), int(case.line["t_last"][torn].max())
+    code, brief, told = "bytes-translated", "bytes are not as they were on the wire", ""
+    asked, answered = _exchanges(case, found)
+    if asked >= ASKED and not answered:
+        code, brief = "sent-translated", "commands are altered before they are sent"
+        told = f"; none of {asked} requests is answered"
+    where = "not as it was meant" if told else "not as it was on the wire"
     yield Finding(
-        "bytes-translated",
+        code,
         None,
         first_ns,
         last_ns,
         int(case.line["gaps"].sum()),
-        f"{found.what}: {found.shown}",
-        tuple(Place(at, length, first_ns, "not as it was on the wire") for at, length in found.at),
-        brief="bytes are not as they were on the wire",
+        f"{found.what}: {found.shown}{told}",
+        tuple(Place(at, length, first_ns, where) for at, length in found.at),
+        brief=brief,
     )
+
+
+def _exchanges(case: Case, found: Translated) -> tuple[int, int]:
+    """Return how many requests want an answer, and how many answers there are."""
+    if not found.undone:
+        asked = case.total("asked")
+        return asked, asked - case.total("missing")
+    decoder = Decoder(found.protocol)
+    batches = decoder.feed(found.undone), decoder.close()
+    kinds = np.concatenate([b.frames.kind for b in batches])
+    replies = np.concatenate([b.frames.reply for b in batches])
+    asks = kinds == REQUEST
+    return int((asks & (replies != NEVER)).sum()), int((~asks).sum())
 
 
 def _without_eighth_bit(case: Case) -> Translated | None:

@@ -9,7 +9,8 @@ from sniffer.diagnosis.weights.table import Weight, for_
 
 TAP_NOT_RAW, MALFORMED = "tap-not-raw", "malformed-command"
 
-TRANSLATED, SUMS_WRONG = "bytes-translated", "sums-wrong"
+TRANSLATED = "bytes-translated"
+SENT_SO, SUMS_WRONG = "sent-translated", "sums-wrong"
 """The proofs: of a program behind the tap, and of the controller's."""
 
 _TORN: Final = tuple(
@@ -56,6 +57,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             if code not in {*_BEFORE, *_APART}
         ),
         *((code, -2.0, "bytes were torn before any program had them") for code in _BEFORE),
+        (SENT_SO, 8.0, "a tap that hears the controller only has no answers"),
         (SUMS_WRONG, -5.0, "only the checksums are wrong"),
     ),
     *for_("impatient-controller", ("begins-hold", 2.5, "answers run into the next requests")),
@@ -68,6 +70,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
             "packets are right but for their checksums, which follow another formula",
         ),
         *((code, 0.1, "no frame holds") for code in _UNHEARD if code not in {*_KNOWN, *_BEFORE}),
+        (SENT_SO, 9.5, "what is sent is not what is meant, and nobody answers"),
         (TRANSLATED, -7.0, "what is torn here was whole on the wire"),
     ),
     *(
@@ -76,6 +79,7 @@ WEIGHTS: Final[tuple[Weight, ...]] = (
         for weight in for_(
             cause,
             (TRANSLATED, -7.0, "what is torn here was whole on the wire"),
+            (SENT_SO, -7.0, "frames hold as soon as the exchange is undone"),
             (SUMS_WRONG, -7.0, "packets are as they were sent: their checksums are computed so"),
         )
     ),
