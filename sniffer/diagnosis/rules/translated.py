@@ -43,6 +43,9 @@ ASKED: Final = 8
 PLENTY: Final = 500
 """So many bytes without an eighth bit are no chance."""
 
+WITHOUT_ANY: Final = 2000
+"""So many are none even where values are so different that no sequence comes again."""
+
 CHANCE: Final = 0.1
 """Part of the bytes that holds by chance, at most."""
 
@@ -98,7 +101,7 @@ def _without_eighth_bit(case: Case) -> Translated | None:
     if len(head) < PLENTY or max(head) >= READABLE or lost < (1 - CHANCE) * total:
         return None
     again = repeated(head)
-    if again < AGAIN:
+    if again < AGAIN and len(head) < WITHOUT_ANY:
         return None
     return Translated(
         "the eighth bit of each byte is lost, or bytes from 80 on are left out or replaced",
