@@ -9,8 +9,10 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from sniffer.fleet.places import FILE, Grounds, is_remote, place_of
 from sniffer.fleet.store import Store
 from sniffer.ground.model import InputError
+from sniffer.ground.wording import Sentence
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -38,41 +40,82 @@ class FoundCapture(NamedTuple):
 
 
 class FoundCaptures(NamedTuple):
-    """The captures that are meant, each once, in order; how many other files are beside them."""
+    """The captures that are meant, each once, in order, and how many other files are beside them.
+
+    ``left_out`` are files of folders that are not called like captures, ``in_dataset`` are those
+    of the data set itself.
+    """
 
     captures: list[FoundCapture]
     left_out: int
+    in_dataset: int
 
 
 def find_captures(inputs: Iterable[str | Path], dataset: Store) -> FoundCaptures:
     """Return the captures of files, patterns and folders; what lies in the data set is none.
 
     Raises:
-        InputError: there is no such file, or nothing matches a pattern.
+        InputError: there is no such file, nothing matches a pattern, or only what is in the data
+            set does.
         OSError: a folder cannot be looked into.
     """
     found: dict[str, FoundCapture] = {}
-    left_out = 0
+    left_out = in_dataset = 0
+    itself = ""
+    grounds = Grounds(dataset.root)
     for given in map(str, inputs):
+        if not given:
+            told = "'' names no captures: name files, patterns or folders (`.` is this one)"
+            raise InputError(f"{told}; a variable that is empty says nothing")
+        if _is_dataset(given, dataset, grounds):  # as a shell's * has it
+            itself = given
+            continue
+        if _is_in(given if is_remote(given) else place_of(given), dataset, grounds):
+            raise InputError(Sentence(_WITHIN, given=given, root=dataset.uri))
         is_any = False
-        for capture, is_named in _remote(given) if "://" in given else _local(given, dataset.root):
-            if capture.uri.startswith((f"{dataset.root}/", f"{dataset.uri}/")):
-                continue
-            if is_named or _is_called_so(capture.uri):
+        own = 0
+        for capture, is_named in _remote(given) if is_remote(given) else _local(given, grounds):
+            if _is_in(capture.uri, dataset, grounds):
+                own += 1
+            elif is_named or _is_called_so(capture.uri):
                 found[capture.uri] = capture
                 is_any = True
             else:
                 left_out += 1
+        in_dataset += own
         if not is_any:
-            raise InputError(f"{given}: there are no captures: name files, folders or patterns")
-    return FoundCaptures([found[uri] for uri in sorted(found)], left_out)
+            told = "{given}: there are no captures: name files, folders or patterns"
+            raise InputError(Sentence(_WITHIN if own else told, given=given, root=dataset.uri))
+    if itself and not found:
+        raise InputError(Sentence(_ITSELF, given=itself))
+    return FoundCaptures([found[uri] for uri in sorted(found)], left_out, in_dataset)
 
 
-def _local(given: str, dataset: str) -> Iterator[tuple[FoundCapture, bool]]:
+_ITSELF: Final = "{given}: this is the data set itself: give {dataset} a folder of its own"
+
+_WITHIN: Final = "{given}: this lies in the data set {root}: give {dataset} a folder of its own"
+
+
+def _is_dataset(given: str, dataset: Store, grounds: Grounds) -> bool:
+    if dataset.is_local:
+        return not is_remote(given) and grounds.is_at(place_of(given))
+    return given.rstrip("/") == dataset.uri
+
+
+def _is_in(uri: str, dataset: Store, grounds: Grounds) -> bool:
+    """Tell whether a file lies in the data set."""
+    if dataset.is_local:
+        return not is_remote(uri) and grounds.have(posixpath.dirname(uri))
+    return uri.startswith(f"{dataset.uri}/")
+
+
+def _local(given: str, grounds: Grounds) -> Iterator[tuple[FoundCapture, bool]]:
     """Yield files of this machine, and whether each was meant by its name or a pattern."""
-    path = Path(given)
+    path = Path(place_of(given) if given.startswith(FILE) else given)
     if path.is_dir():
-        yield from ((capture, False) for capture in _inside(path.absolute().as_posix(), dataset))
+        folder = place_of(path)
+        inside = _inside(folder, grounds.seen_from(folder))
+        yield from ((capture, False) for capture in inside)
     elif path.is_file():
         yield _file(path), True
     elif path.exists():
@@ -80,12 +123,12 @@ def _local(given: str, dataset: str) -> Iterator[tuple[FoundCapture, bool]]:
     elif not _PATTERN.search(given):
         raise InputError(f"{given}: there is no such file")
     else:
-        for name in glob.glob(given, recursive=True):  # noqa: PTH207 - absolute ones, too
+        for name in glob.glob(str(path), recursive=True):  # noqa: PTH207 - absolute ones, too
             if Path(name).is_file():
                 yield _file(Path(name)), True
 
 
-def _inside(folder: str, dataset: str) -> Iterator[FoundCapture]:
+def _inside(folder: str, dataset: str | None) -> Iterator[FoundCapture]:
     """Yield the files below a folder that are not hidden, nor in the data set."""
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -102,7 +145,7 @@ def _inside(folder: str, dataset: str) -> Iterator[FoundCapture]:
 
 def _file(path: Path) -> FoundCapture:
     told = path.stat()
-    return FoundCapture(path.absolute().as_posix(), told.st_size, told.st_mtime_ns)
+    return FoundCapture(place_of(path), told.st_size, told.st_mtime_ns)
 
 
 def _remote(given: str) -> Iterator[tuple[FoundCapture, bool]]:

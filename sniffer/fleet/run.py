@@ -54,7 +54,10 @@ SHARES: Final = 4
 BATCH_CAPTURES: Final = 64
 """Captures of a batch at most: small ones take some 10 ms each, however small they are."""
 
-HOPELESS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS})
+FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
+"""There is no room: whoever makes some goes on with the same command."""
+
+HOPELESS: Final = FULL | {errno.EROFS}
 """What no other capture would fare better with: no room, or nothing may be written."""
 
 
@@ -76,7 +79,7 @@ class FleetProgress(NamedTuple):
     def seconds_left(self) -> float | None:
         """How long it will take at that rate, None where that cannot be told yet."""
         rate = self.bytes_per_second
-        return (self.of_bytes - self.bytes) / rate if rate else None
+        return max(self.of_bytes - self.bytes, 0) / rate if rate else None  # they may grow
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,14 +164,17 @@ def decode_fleet(
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
     chosen = engine_named(engine, workers, scheduler) if isinstance(engine, str) else engine
+    if not str(dataset):
+        raise OutputError(Sentence("'' names no data set: give {dataset} a folder of its own"))
     store = Store.of(dataset)
     tasks = _tasks(inputs, store, options, selection, input_format, robot, shard, tell)
     try:
         store.probe()
     except OSError as error:
-        if error.errno not in HOPELESS:  # of these the run tells at its end
+        if error.errno not in FULL:  # of these the run tells at its end
+            told = "{root}: cannot be written ({why}): give {dataset} a folder that can be"
             why = error.strerror or error
-            raise OutputError(f"{dataset}: cannot be written ({why})") from None
+            raise OutputError(Sentence(told, root=dataset, why=why)) from None
     try:
         store.sweep()
         listed = CaptureList(store)
@@ -214,6 +220,9 @@ def _tasks(
     if found.left_out:
         what = counted(found.left_out, "file")
         tell.talk(f"left out {what} of folders, called like no capture: *.log, *.mcap and so on")
+    if found.in_dataset:
+        what = counted(found.in_dataset, "file")
+        tell.talk(f"left out {what} of the data set itself: what lies in it is no capture")
     tasks = tasks_of(found.captures, store, recipe, decoder, whose)
     return [task for task in tasks if int(task.fingerprint, 16) % of == nth - 1]
 

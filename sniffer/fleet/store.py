@@ -20,6 +20,7 @@ import pyarrow as pa
 import pyarrow.fs as pafs
 
 from sniffer.fleet.objects import ObjectPlace, find_objects, send_object
+from sniffer.fleet.places import is_remote, place_of
 from sniffer.ground.model import InputError
 
 if TYPE_CHECKING:
@@ -62,9 +63,9 @@ class Store:
             InputError: nobody knows such a URI.
         """
         told = str(uri)
-        if "://" not in told:
-            here = ObjectPlace(pafs.LocalFileSystem(), Path(told).absolute().as_posix(), 0)
-            return cls(told, here)
+        if not is_remote(told):
+            return cls(told, ObjectPlace(pafs.LocalFileSystem(), place_of(told), 0))
+        told = told.rstrip("/")
         try:
             place = find_objects(told)
         except (pa.ArrowInvalid, pa.ArrowNotImplementedError, OSError) as error:
