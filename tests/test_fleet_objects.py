@@ -133,6 +133,9 @@ def test_a_place_that_is_none_is_told_in_a_line(
     ran = within(capsys, "fleet", good, "-o", "nowhere://bucket/out")
     assert ran.status == 2
     assert ran.complaint.startswith("nowhere://bucket/out: no place for files (")
+    ran = within(capsys, "fleet", good, "-o", "s3://nobody/out")
+    assert ran.status == 2
+    assert ran.complaint.startswith("s3://nobody/out: cannot be written (there is no bucket nobody")
     for nothing in ("s3://nobody/in", "s3://bucket/none"):
         ran = within(capsys, "fleet", nothing, "-o", tmp_path / "data")
         assert ran.status == 2
