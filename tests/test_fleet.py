@@ -178,6 +178,11 @@ def test_a_capture_that_changes_or_is_decoded_otherwise_replaces_what_was_of_it(
     assert content(data) == content(tmp_path / "fresh")
 
 
+def test_what_breaks_off_before_anything_of_it_was_read_failed(tmp_path: Path) -> None:
+    (tmp_path / "cut.sr").write_bytes(b"PK\x03\x04" + bytes(50))
+    assert serial(tmp_path, tmp_path / "data").statuses == {"failed": 1}
+
+
 def test_equal_captures_are_one_in_the_tables_of_a_robot_and_a_day(tmp_path: Path) -> None:
     for name, day in (("r=a/1.bin", 5), ("r=a/copy.bin", 5), ("r=a/late.bin", 6), ("r=b/1.bin", 5)):
         path = tmp_path / "in" / name

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
+from unittest.mock import Mock
 
 import pyarrow.parquet as pq
 import pytest
@@ -83,6 +84,53 @@ def test_a_data_set_is_never_read_as_captures(
         done = within(capsys, "fleet", "a.bin", wrong, "-o", dataset)
         assert done.status == 2
         assert "lies in the data set" in done.complaint
+
+
+def test_what_nobody_may_look_into_stops_nobody_and_is_told(
+    tmp_path: Path, capsys: Capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inputs, data = tmp_path / "in", tmp_path / "data"
+    for robot in ("r1", "closed"):
+        (inputs / robot).mkdir(parents=True)
+        (inputs / robot / "a.bin").write_bytes(talk(2))
+    (inputs / "self.bin").symlink_to("self.bin")
+    (inputs / "nowhere.bin").symlink_to("gone.bin")
+    (inputs / "nowhere.md").symlink_to("gone.md")
+    scandir = os.scandir
+
+    def refusing(path: str) -> os._ScandirIterator[str]:  # root may look into all folders
+        if str(path).endswith("closed"):
+            raise PermissionError(13, "Permission denied", path)
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", refusing)
+    done = within(capsys, "fleet", inputs, "-o", data, "--workers", "1")
+    assert done.out == "1 capture: 1 ok (1 decoded, 0 there already)\n"
+    assert done.err.splitlines() == [
+        "sniffer: left out 2 links called like captures: where they lead nothing can be read",
+        f"sniffer: {inputs}/closed: cannot be looked into (Permission denied)",
+        f"sniffer: not all done: what is in {data} stays; run it again to go on",
+    ]
+    assert done.status == 3
+    done = within(capsys, "fleet", inputs / "closed", "-o", data)
+    assert (done.status, done.complaint) == (
+        2,
+        f"{inputs}/closed: cannot be read (Permission denied)",
+    )
+
+
+def test_a_capture_that_may_not_be_read_is_tried_again_by_every_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a.bin").write_bytes(talk(2))
+    with monkeypatch.context() as patch:
+        refused = PermissionError(13, "Permission denied")
+        patch.setattr("sniffer.fleet.task._content", Mock(side_effect=refused))
+        done = serial(tmp_path / "a.bin", tmp_path / "data")
+    told = f"failed: {tmp_path}/a.bin: cannot be read (Permission denied)"
+    assert (done.is_whole, done.failures, done.troubles) == (True, 1, (told,))
+    done = serial(tmp_path / "a.bin", tmp_path / "data")
+    assert (done.decoded, done.statuses) == (1, {"ok": 1})
 
 
 def test_a_file_may_have_a_name_that_is_no_text(tmp_path: Path) -> None:

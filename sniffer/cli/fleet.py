@@ -128,8 +128,8 @@ def fleet(
         click.echo(_told(done))
     if not done.is_whole:
         ended = "interrupted: " if done.is_interrupted else ""
-        left = counted(len(done.undone), "capture")
-        say(f"{ended}{left} not done: what is in {dataset} stays; run it again to go on")
+        left = f"{counted(len(done.undone), 'capture')} not done" if done.undone else "not all done"
+        say(f"{ended}{left}: what is in {dataset} stays; run it again to go on")
         return INTERRUPTED if done.is_interrupted else DAMAGED
     return FAILURES if done.failures else DONE
 

@@ -6,6 +6,7 @@ import glob
 import os
 import posixpath
 import re
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -40,15 +41,18 @@ class FoundCapture(NamedTuple):
 
 
 class FoundCaptures(NamedTuple):
-    """The captures that are meant, each once, in order, and how many other files are beside them.
+    """The captures that are meant, each once, in order, and what is beside them.
 
     ``left_out`` are files of folders that are not called like captures, ``in_dataset`` are those
-    of the data set itself.
+    of the data set itself, ``astray`` are links called like captures that lead nowhere: so many.
+    ``unread`` has a sentence for each folder within others that cannot be looked into.
     """
 
     captures: list[FoundCapture]
     left_out: int
     in_dataset: int
+    astray: int
+    unread: list[str]
 
 
 def find_captures(inputs: Iterable[str | Path], dataset: Store) -> FoundCaptures:
@@ -57,11 +61,12 @@ def find_captures(inputs: Iterable[str | Path], dataset: Store) -> FoundCaptures
     Raises:
         InputError: there is no such file, nothing matches a pattern, or only what is in the data
             set does.
-        OSError: a folder cannot be looked into.
+        OSError: a folder that is named cannot be looked into.
     """
     found: dict[str, FoundCapture] = {}
     left_out = in_dataset = 0
     itself = ""
+    missed = _Missed()
     grounds = Grounds(dataset.root)
     for given in map(str, inputs):
         if not given:
@@ -73,8 +78,9 @@ def find_captures(inputs: Iterable[str | Path], dataset: Store) -> FoundCaptures
         if _is_in(given if is_remote(given) else place_of(given), dataset, grounds):
             raise InputError(Sentence(_WITHIN, given=given, root=dataset.uri))
         is_any = False
-        own = 0
-        for capture, is_named in _remote(given) if is_remote(given) else _local(given, grounds):
+        own, unread = 0, len(missed.unread)
+        looked = _remote(given) if is_remote(given) else _local(given, grounds, missed)
+        for capture, is_named in looked:
             if _is_in(capture.uri, dataset, grounds):
                 own += 1
             elif is_named or _is_called_so(capture.uri):
@@ -83,12 +89,21 @@ def find_captures(inputs: Iterable[str | Path], dataset: Store) -> FoundCaptures
             else:
                 left_out += 1
         in_dataset += own
-        if not is_any:
+        if not is_any and len(missed.unread) == unread:
             told = "{given}: there are no captures: name files, folders or patterns"
             raise InputError(Sentence(_WITHIN if own else told, given=given, root=dataset.uri))
     if itself and not found:
         raise InputError(Sentence(_ITSELF, given=itself))
-    return FoundCaptures([found[uri] for uri in sorted(found)], left_out, in_dataset)
+    captures = [found[uri] for uri in sorted(found)]
+    return FoundCaptures(captures, left_out, in_dataset, missed.astray, missed.unread)
+
+
+@dataclass(slots=True)
+class _Missed:
+    """What a walk through folders could not get at."""
+
+    astray: int = 0
+    unread: list[str] = field(default_factory=list)
 
 
 _ITSELF: Final = "{given}: this is the data set itself: give {dataset} a folder of its own"
@@ -109,13 +124,14 @@ def _is_in(uri: str, dataset: Store, grounds: Grounds) -> bool:
     return uri.startswith(f"{dataset.uri}/")
 
 
-def _local(given: str, grounds: Grounds) -> Iterator[tuple[FoundCapture, bool]]:
+def _local(given: str, grounds: Grounds, missed: _Missed) -> Iterator[tuple[FoundCapture, bool]]:
     """Yield files of this machine, and whether each was meant by its name or a pattern."""
     path = Path(place_of(given) if given.startswith(FILE) else given)
     if path.is_dir():
         folder = place_of(path)
-        inside = _inside(folder, grounds.seen_from(folder))
-        yield from ((capture, False) for capture in inside)
+        with os.scandir(folder) as entries:
+            inside = _inside(entries, grounds.seen_from(folder), missed)
+            yield from ((capture, False) for capture in inside)
     elif path.is_file():
         yield _file(path), True
     elif path.exists():
@@ -128,19 +144,31 @@ def _local(given: str, grounds: Grounds) -> Iterator[tuple[FoundCapture, bool]]:
                 yield _file(Path(name)), True
 
 
-def _inside(folder: str, dataset: str | None) -> Iterator[FoundCapture]:
-    """Yield the files below a folder that are not hidden, nor in the data set."""
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            if entry.name.startswith("."):
-                continue
-            path = entry.path.replace(os.sep, "/")  # of many files, objects for paths take longest
+def _inside(
+    entries: Iterable[os.DirEntry[str]], dataset: str | None, missed: _Missed
+) -> Iterator[FoundCapture]:
+    """Yield the files of a folder, and of those in it, that are not hidden, nor in the data set."""
+    for entry in entries:
+        if entry.name.startswith("."):
+            continue
+        path = entry.path.replace(os.sep, "/")  # of many files, objects for paths take longest
+        try:
             if entry.is_dir(follow_symlinks=False):
                 if path != dataset:
-                    yield from _inside(path, dataset)
+                    with os.scandir(path) as deeper:
+                        yield from _inside(deeper, dataset, missed)
             elif entry.is_file():
                 told = entry.stat()
                 yield FoundCapture(path, told.st_size, told.st_mtime_ns)
+            elif entry.is_symlink() and not os.path.lexists(os.path.realpath(path)):
+                missed.astray += _is_called_so(path)
+        except FileNotFoundError:
+            continue  # it was there a moment ago
+        except OSError as error:
+            if entry.is_symlink():  # it leads to itself, or where nobody may look
+                missed.astray += _is_called_so(path)
+            else:
+                missed.unread.append(f"{path}: cannot be looked into ({error.strerror or error})")
 
 
 def _file(path: Path) -> FoundCapture:

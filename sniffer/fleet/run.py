@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import os
 import re
 import time
 from collections import Counter
@@ -167,7 +168,7 @@ def decode_fleet(
     if not str(dataset):
         raise OutputError(Sentence("'' names no data set: give {dataset} a folder of its own"))
     store = Store.of(dataset)
-    tasks = _tasks(inputs, store, options, selection, input_format, robot, shard, tell)
+    tasks, unread = _tasks(inputs, store, options, selection, input_format, robot, shard, tell)
     try:
         store.probe()
     except OSError as error:
@@ -179,15 +180,16 @@ def decode_fleet(
         store.sweep()
         listed = CaptureList(store)
         withdrawal = Withdrawal(store, listed.known)
-        again = (FAILED, CRASHED) if retry_failed else (CRASHED,)
         for task in tasks:
             known = listed.known.get(task.fingerprint)
-            if known is not None and known.status in again:
+            if known is None:
+                continue
+            if not known.was_read or (retry_failed and known.status == FAILED):
                 withdrawal.take(task.fingerprint)
     except OSError as error:
         raise InputError(f"{dataset}: cannot be read ({error.strerror or error})") from None
     todo = [task for task in tasks if task.fingerprint not in listed.known]
-    work = _Work(store, todo, withdrawal, progress, began)
+    work = _Work(store, todo, withdrawal, progress, began, reasons=unread)
     work.decode(chosen, batches_of(todo, workers or cores()))
     return work.finished(tasks, listed)
 
@@ -201,8 +203,8 @@ def _tasks(
     robot: str,
     shard: tuple[int, int] | None,
     tell: Teller,
-) -> list[CaptureTask]:
-    """Return the captures that this run sees to, the biggest first."""
+) -> tuple[list[CaptureTask], list[str]]:
+    """Return the captures that this run sees to, the biggest first; what it cannot look into."""
     from sniffer.fleet.inputs import find_captures
     from sniffer.fleet.recipe import decoder_name, write_recipe
 
@@ -223,8 +225,11 @@ def _tasks(
     if found.in_dataset:
         what = counted(found.in_dataset, "file")
         tell.talk(f"left out {what} of the data set itself: what lies in it is no capture")
+    if found.astray:
+        what = counted(found.astray, "link")
+        tell.talk(f"left out {what} called like captures: where they lead nothing can be read")
     tasks = tasks_of(found.captures, store, recipe, decoder, whose)
-    return [task for task in tasks if int(task.fingerprint, 16) % of == nth - 1]
+    return [t for t in tasks if int(t.fingerprint, 16) % of == nth - 1], found.unread
 
 
 def tasks_of(
@@ -342,7 +347,7 @@ class _Work:
 
     def _refused(self, error: OSError | UndoneError) -> str:
         """Return in a line what a data set that cannot be written to means."""
-        why = error.strerror if isinstance(error, OSError) else str(error).rpartition(": ")[2]
+        why = error.strerror if isinstance(error, OSError) else os.strerror(error.errno)
         return f"{self.store.uri}: cannot be written ({why or error})"
 
     def finished(self, tasks: Sequence[CaptureTask], listed: CaptureList) -> FleetRun:

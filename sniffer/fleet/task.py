@@ -7,6 +7,7 @@ is the same each time, and it counts when the commit is there.
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import functools
 import hashlib
@@ -44,7 +45,7 @@ from sniffer.sources import open_source
 from sniffer.sources.stretches import stretches_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from sniffer.decoding.options import Options
     from sniffer.decoding.summary import Summary
@@ -100,7 +101,8 @@ def _committed(tasks: Sequence[CaptureTask], jobs: int = 1) -> list[CaptureRow]:
                 began = time.monotonic()
                 row = _decoded(task, store, folder, jobs)
                 row = replace(row, seconds=round(time.monotonic() - began, 3))
-                commit(store, row, folder)
+                with _putting(task):
+                    commit(store, row, folder)
                 store.empty(folder)
                 out.append(row)
     except _MACHINE as error:
@@ -154,7 +156,8 @@ def _decoded(task: CaptureTask, store: Store, folder: Path, jobs: int) -> Captur
     files = []
     for table, stretch, file in tables:
         path = table_path(table, row.robot, row.date, row.capture, row.decoder, stretch)
-        store.put(path, file)
+        with _putting(task):
+            store.put(path, file)
         files.append(path)
     return replace(row, files=tuple(files))
 
@@ -225,7 +228,8 @@ def _tabled(
     row = replace(_totalled(row, heard.summary, task.mtime_ns), status=OK)
     if heard.damage:
         told = one_line(heard.damage.replace(str(source), task.path))
-        row = replace(row, status=DAMAGED, error=told)
+        is_any = heard.summary.as_dict()["frames"] or row.bytes_in_gaps
+        row = replace(row, status=DAMAGED if is_any else FAILED, error=told)
     counts: dict[str, Any] = {table: tables.rows(table) for table in TABLES}
     return replace(row, **counts), tables.files
 
@@ -295,6 +299,17 @@ def _totalled(row: CaptureRow, summary: Summary, mtime_ns: int) -> CaptureRow:
 def _day(t_ns: int) -> str:
     t_ns = min(max(t_ns, 0), TIME_END_NS)  # a file may be of any time
     return datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC).date().isoformat()
+
+
+@contextlib.contextmanager
+def _putting(task: CaptureTask) -> Iterator[None]:
+    """Blame the data set, not the capture, for what cannot be put there."""
+    try:
+        yield
+    except OSError as error:
+        why = error.strerror or error
+        told = f"{task.dataset}: cannot be written ({why})"
+        raise UndoneError(told, error.errno or 0) from error
 
 
 def _undone(task: CaptureTask, error: OSError | MemoryError) -> UndoneError:
