@@ -128,7 +128,7 @@ def test_what_cannot_be_read_has_a_row_that_says_why_and_is_tried_again_when_tha
     done = within(capsys, "fleet", inputs, "-o", data, "--workers", "1")
     assert done.status == 1
     *_, told, broken, empty, prose = done.err.splitlines()
-    assert re.fullmatch(r"sniffer: 4 of 4 captures, [\d.]+ MB/s, 0 s left", told)
+    assert re.fullmatch(r"sniffer: 4 of 4 captures, \d+ a second, 0 s left", told)
     assert broken.startswith(f"sniffer: damaged: {inputs / 'broken.log'}, line ")
     assert empty.startswith(f"sniffer: failed: {inputs / 'empty.bin'}")
     assert prose.startswith(f"sniffer: failed: {inputs / 'prose.txt'}: this is text, but no")
@@ -340,6 +340,16 @@ def test_a_terminal_shows_on_one_line_how_far_it_is_and_how_long_it_will_take(
         "30 of 4000 captures, 0.3 MB/s, 3 h 40 min left\x1b[K",
         "\x1b[K",
     ]
+
+
+def test_small_captures_are_reckoned_by_their_number(
+    capsys: Capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    big_ones_done = sniffer.FleetProgress(40, 10_040, 200_000_000, 201_000_000, 20.0)
+    assert 50 < (big_ones_done.seconds_left or 0) < 70
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    Progress(quiet=False).progress(sniffer.FleetProgress(680, 6000, 136_000, 1_200_000, 10.0))
+    assert "680 of 6000 captures, 68 a second, 1 min 18 s left" in capsys.readouterr().err
 
 
 def test_batches_are_small_enough_for_every_worker_to_have_some() -> None:

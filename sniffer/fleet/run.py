@@ -9,11 +9,12 @@ import re
 import time
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.options import Options
 from sniffer.fleet import rows
 from sniffer.fleet.engines import cores, engine_named
+from sniffer.fleet.progress import FleetProgress
 from sniffer.fleet.rows import (
     CRASHED,
     FAILED,
@@ -60,27 +61,6 @@ FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 HOPELESS: Final = FULL | {errno.EROFS}
 """What no other capture would fare better with: no room, or nothing may be written."""
-
-
-class FleetProgress(NamedTuple):
-    """How far it is: captures and bytes of files, done and in all, and the time it took so far."""
-
-    captures: int
-    of_captures: int
-    bytes: int
-    of_bytes: int
-    seconds: float
-
-    @property
-    def bytes_per_second(self) -> float:
-        """Bytes of files a second, so far."""
-        return self.bytes / self.seconds if self.seconds else 0.0
-
-    @property
-    def seconds_left(self) -> float | None:
-        """How long it will take at that rate, None where that cannot be told yet."""
-        rate = self.bytes_per_second
-        return max(self.of_bytes - self.bytes, 0) / rate if rate else None  # they may grow
 
 
 @dataclass(frozen=True, slots=True)
