@@ -75,6 +75,37 @@ def test_captures_and_data_set_in_an_object_store_are_what_they_are_on_a_disk(
     assert not [path for _, path in server.requests if "a b.log" in path]
 
 
+def test_a_capture_that_is_replaced_while_it_is_copied_is_copied_again(
+    server: ObjectServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    there, file = find_objects("s3://bucket/replaced/a.log"), tmp_path / "next"
+    lengths = iter(range(4, 40))
+
+    def replaced() -> None:
+        file.write_text(log(talk(next(lengths))), encoding="utf-8")
+        send_object(there, file)
+
+    fetch, left = Store.fetch, 0
+
+    def slowly(store: Store, path: str, folder: Path) -> Path:
+        nonlocal left
+        copy = fetch(store, path, folder)
+        if left:
+            left -= 1
+            replaced()
+        return copy
+
+    monkeypatch.setattr(Store, "fetch", slowly)
+    monkeypatch.setattr("sniffer.fleet.task.SENT_AT_ONCE", 0)  # it comes with many requests
+    for left, statuses in ((1, {"ok": 1}), (9, {})):
+        replaced()
+        done = serial("s3://bucket/replaced", tmp_path / f"{left}")
+        assert done.statuses == statuses
+    assert "it is changed again and again while it is copied" in done.reasons[0]
+    (row,) = pq.read_table(tmp_path / "1" / "captures.parquet").to_pylist()
+    assert row["bytes"] == len(log(talk(5)))
+
+
 def nth_write(nth: int) -> Callable[[str, str], bool]:
     writes = itertools.count()
     return lambda method, path: method == "PUT" and next(writes) == nth
