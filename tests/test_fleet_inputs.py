@@ -35,6 +35,8 @@ def test_a_folder_has_the_files_that_are_called_like_captures(tmp_path: Path) ->
     assert names("") == ["a.MCAP", "b.log.gz", "deep/c.bin"]
     assert names("", "README.md", "*.MCAP") == ["README.md", "a.MCAP", "b.log.gz", "deep/c.bin"]
     assert names("**/*.bin") == ["deep/c.bin"]
+    assert names("d*") == ["deep/c.bin"]  # folders, of which one is the data set
+    assert names("*") == ["README.md", "a.MCAP", "b.log.gz", "deep/c.bin", "x.json.gz"]
     assert find_captures([tmp_path / "in"], data).left_out == 2
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pyarrow.parquet as pq
 import pytest
 
+from sniffer.fleet.inputs import find_captures
 from sniffer.fleet.objects import AT_ONCE, find_objects, send_object
 from sniffer.fleet.store import Store
 from tests.commands import damaged, log, talk, within
@@ -71,6 +72,8 @@ def test_captures_and_data_set_in_an_object_store_are_what_they_are_on_a_disk(
     server.requests.clear()
     ran = within(capsys, "fleet", "s3://bucket/in/**/*.log", "-o", "s3://bucket/out")
     assert ran.out == "1 capture: 1 ok (0 decoded, 1 there already)\n"
+    folders = find_captures(["s3://bucket/i*"], Store.of("s3://bucket/out")).captures
+    assert [capture.uri for capture in folders] == [there]
     assert not [path for method, path in server.requests if method == "PUT"]
     assert not [path for _, path in server.requests if "a b.log" in path]
 

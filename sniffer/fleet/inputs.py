@@ -105,6 +105,10 @@ class _Missed:
     astray: int = 0
     unread: list[str] = field(default_factory=list)
 
+    def folder(self, path: str, error: OSError) -> None:
+        """Note a folder that cannot be looked into."""
+        self.unread.append(f"{path}: cannot be looked into ({error.strerror or error})")
+
 
 _ITSELF: Final = "{given}: this is the data set itself: give {dataset} a folder of its own"
 
@@ -128,10 +132,7 @@ def _local(given: str, grounds: Grounds, missed: _Missed) -> Iterator[tuple[Foun
     """Yield files of this machine, and whether each was meant by its name or a pattern."""
     path = Path(place_of(given) if given.startswith(FILE) else given)
     if path.is_dir():
-        folder = place_of(path)
-        with os.scandir(folder) as entries:
-            inside = _inside(entries, grounds.seen_from(folder), missed)
-            yield from ((capture, False) for capture in inside)
+        yield from _walked(path, grounds, missed)
     elif path.is_file():
         yield _file(path), True
     elif path.exists():
@@ -140,8 +141,26 @@ def _local(given: str, grounds: Grounds, missed: _Missed) -> Iterator[tuple[Foun
         raise InputError(f"{given}: there is no such file")
     else:
         for name in glob.glob(str(path), recursive=True):  # noqa: PTH207 - absolute ones, too
-            if Path(name).is_file():
-                yield _file(Path(name)), True
+            matched = Path(name)
+            if matched.is_file():
+                yield _file(matched), True
+            elif "**" not in given and matched.is_dir() and not grounds.have(place_of(matched)):
+                try:  # files in it are matched by ** themselves
+                    yield from _walked(matched, grounds, missed)
+                except OSError as error:
+                    missed.folder(name, error)
+
+
+def _walked(path: Path, grounds: Grounds, missed: _Missed) -> Iterator[tuple[FoundCapture, bool]]:
+    """Yield files of a folder, which nobody has named.
+
+    Raises:
+        OSError: it cannot be looked into.
+    """
+    folder = place_of(path)
+    with os.scandir(folder) as entries:
+        for capture in _inside(entries, grounds.seen_from(folder), missed):
+            yield capture, False
 
 
 def _inside(
@@ -168,7 +187,7 @@ def _inside(
             if entry.is_symlink():  # it leads to itself, or where nobody may look
                 missed.astray += _is_called_so(path)
             else:
-                missed.unread.append(f"{path}: cannot be looked into ({error.strerror or error})")
+                missed.folder(path, error)
 
 
 def _file(path: Path) -> FoundCapture:
@@ -184,11 +203,14 @@ def _remote(given: str) -> Iterator[tuple[FoundCapture, bool]]:
     if fixed == given and (alone := store.itself()) is not None:
         yield FoundCapture(given, alone.size, alone.mtime_ns), True
         return
-    matches = re.compile(glob_pattern(given))
+    pattern = glob_pattern(given)
+    matches = re.compile(pattern)
+    lies_in = re.compile(f"{pattern}/.*")  # a folder matches
     for file in store.files(deep=True):
         uri = f"{base.rstrip('/')}/{file.path}"
-        if fixed == given or matches.fullmatch(uri):
-            yield FoundCapture(uri, file.size, file.mtime_ns), fixed != given
+        is_named = fixed != given and matches.fullmatch(uri) is not None
+        if is_named or fixed == given or lies_in.fullmatch(uri):
+            yield FoundCapture(uri, file.size, file.mtime_ns), is_named
 
 
 def glob_pattern(pattern: str) -> str:
