@@ -160,6 +160,10 @@ MISTAKES: list[tuple[Iterable[str], str]] = [
     (["--scheduler", "a"], "--scheduler is for an engine of many machines: --engine"),
     (["--where", "xx = 1"], "--where, at 'xx = 1' (character 1): there is no such column"),
     (["-o", "a.log/x"], "a.log/x: cannot be written (Not a directory): give -o a folder that can"),
+    (
+        ["-o", "robot=r7/ds"],
+        "robot=r7/ds: readers of tables would take robot=r7 for that",
+    ),
     (["-o", ""], "'' names no data set: give -o a folder of its own"),
     ([""], "'' names no captures: name files, patterns or folders (`.` is this one); a variable"),
     (["data"], "data: this is the data set itself: give -o a folder of its own"),

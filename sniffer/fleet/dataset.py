@@ -80,6 +80,15 @@ def table_path(
     return f"{table}/robot={whose}/date={date}/{capture}-{decoder}{number}.parquet"
 
 
+def hive_folder(root: str) -> str | None:
+    """Return the folder on a path that is called like those of tables, None where there is none.
+
+    >>> hive_folder("/captures/robot=r07/dataset")
+    'robot=r07'
+    """
+    return next((n for n in root.split("/") if n.startswith(("robot=", "date="))), None)
+
+
 def commit_path(fingerprint: str) -> str:
     """Return where a capture's commit lies, below the root."""
     return f"{DONE}/{fingerprint}.json"

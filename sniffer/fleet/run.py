@@ -138,7 +138,7 @@ def decode_fleet(
     """
     began = time.monotonic()
     need_pyarrow()
-    from sniffer.fleet.dataset import CaptureList, Withdrawal
+    from sniffer.fleet.dataset import CaptureList, Withdrawal, hive_folder
     from sniffer.fleet.store import Store
 
     options = options or Options()
@@ -148,6 +148,10 @@ def decode_fleet(
     if not str(dataset):
         raise OutputError(Sentence("'' names no data set: give {dataset} a folder of its own"))
     store = Store.of(dataset)
+    if (within := hive_folder(store.root)) is not None:
+        told = "{root}: readers of tables would take {within} for that of each row: give {dataset} "
+        told += "a folder that does not lie in it"
+        raise OutputError(Sentence(told, root=dataset, within=within))
     tasks, unread = _tasks(inputs, store, options, selection, input_format, robot, shard, tell)
     try:
         store.probe()
