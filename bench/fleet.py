@@ -31,7 +31,7 @@ from sniffer.fleet.store import Store
 from sniffer.fleet.task import decode_batch
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
 FLEET: Final = Path(__file__).parent / "FLEET.md"
 
@@ -72,6 +72,7 @@ def main() -> None:
     parser.add_argument("--captures", type=int, help="how many captures of 5 MB")
     parser.add_argument("--huge", type=int, metavar="MB", help="how large a huge capture is")
     parser.add_argument("--rounds", type=int, help="how often each is measured")
+    parser.add_argument("--only", choices=PARTS, nargs="+", help="rows that are printed, alone")
     told = parser.parse_args()
     amounts = QUICK if told.quick else Amounts()
     amounts = replace(
@@ -80,14 +81,14 @@ def main() -> None:
         huge=told.huge * 1_000_000 if told.huge else amounts.huge,
         rounds=told.rounds or amounts.rounds,
     )
-    page = "\n".join(_page(amounts)) + "\n"
-    if told.quick:
+    page = "\n".join(_page(amounts, told.only or tuple(PARTS))) + "\n"
+    if told.quick or told.only:
         sys.stdout.write(page)
     else:
         FLEET.write_text(page, encoding="utf-8")
 
 
-def _page(amounts: Amounts) -> Iterator[str]:
+def _page(amounts: Amounts, parts: Sequence[str]) -> Iterator[str]:
     yield "# What a data set of captures costs"
     yield ""
     yield (
@@ -100,13 +101,8 @@ def _page(amounts: Amounts) -> Iterator[str]:
     yield "| | measured | aim |"
     yield "|---|---|---|"
     with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
-        yield _workers(place, amounts)
-        yield _huge(place, amounts)
-        yield from _tables(place, amounts)
-        yield from _small(place, amounts)
-        yield _skipped(place, amounts)
-        yield _start(place, amounts)
+        for part in parts:
+            yield from PARTS[part](Path(folder), amounts)
 
 
 def _loop() -> float:
@@ -130,14 +126,14 @@ def written(folder: Path, count: int, size: int) -> Path:
     return folder
 
 
-def _workers(place: Path, amounts: Amounts) -> str:
+def _workers(place: Path, amounts: Amounts) -> Iterator[str]:
     """Measure one worker against two on captures of one size."""
     inputs = written(place / "big", amounts.captures, amounts.size)
     told = _one_and_two(inputs, place / "data", amounts.captures * amounts.size, amounts.rounds)
-    return f"| 1 to 2 workers, {amounts.captures} x {amounts.size / 1e6:g} MB | {told} | >= 1.8x |"
+    yield f"| 1 to 2 workers, {amounts.captures} x {amounts.size / 1e6:g} MB | {told} | >= 1.8x |"
 
 
-def _huge(place: Path, amounts: Amounts) -> str:
+def _huge(place: Path, amounts: Amounts) -> Iterator[str]:
     """Measure one worker against two on one capture, which they decode together."""
     inputs = place / "huge.bin"
     with inputs.open("wb") as file:
@@ -145,7 +141,7 @@ def _huge(place: Path, amounts: Amounts) -> str:
             file.write(STREAMS["mightyzap"](min(amounts.huge, PIECE)))
     told = _one_and_two(inputs, place / "together", inputs.stat().st_size, amounts.rounds)
     inputs.unlink()
-    return f"| 1 to 2 workers, one capture of {amounts.huge / 1e6:g} MB | {told} | >= 1.7x |"
+    yield f"| 1 to 2 workers, one capture of {amounts.huge / 1e6:g} MB | {told} | >= 1.7x |"
 
 
 def _one_and_two(inputs: Path, data: Path, size: int, rounds: int) -> str:
@@ -212,7 +208,7 @@ def _small(place: Path, amounts: Amounts) -> Iterator[str]:
         yield f"| a capture of {SMALL // 1000} kB, {told} | {ms:.1f} ms | <= 10 ms |"
 
 
-def _skipped(place: Path, amounts: Amounts) -> str:
+def _skipped(place: Path, amounts: Amounts) -> Iterator[str]:
     """Measure a run that finds everything done: the whole command, in its own process."""
     inputs = written(place / "done", amounts.done, 100)
     dataset = place / "dataset"
@@ -244,15 +240,26 @@ def _skipped(place: Path, amounts: Amounts) -> str:
             sys.exit(f"not all of it was skipped: {told}")
     cpu, wall = statistics.median(took), statistics.median(walls)
     took_s = f"{cpu:.2f} s ({wall:.2f} s by the clock)"
-    return f"| {amounts.done} captures skipped, whole command | {took_s} | <= 2 s |"
+    yield f"| {amounts.done} captures skipped, whole command | {took_s} | <= 2 s |"
 
 
-def _start(place: Path, amounts: Amounts) -> str:
+def _start(place: Path, amounts: Amounts) -> Iterator[str]:
     """Measure the time by the clock from the call to the first capture, which is small."""
     inputs = written(place / "first", 1, SMALL)
     took = [decode_fleet([inputs], place / f"first{n}").seconds for n in range(amounts.rounds)]
     first = f"{statistics.median(took):.2f} s"
-    return f"| the first capture of `local`, by the clock | {first} | <= 0.5 s |"
+    yield f"| the first capture of `local`, by the clock | {first} | <= 0.5 s |"
+
+
+PARTS: Final[Mapping[str, Callable[[Path, Amounts], Iterator[str]]]] = {
+    "workers": _workers,
+    "huge": _huge,
+    "tables": _tables,
+    "small": _small,
+    "skipped": _skipped,
+    "start": _start,
+}
+"""What is measured, each a few rows of the page."""
 
 
 if __name__ == "__main__":

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from sniffer.doctor.examine import Examined, examine
     from sniffer.doctor.records import Level, Observation
     from sniffer.fleet.delta import register_delta
-    from sniffer.fleet.run import FleetProgress, FleetRun, decode_fleet
+    from sniffer.fleet.progress import FleetProgress
+    from sniffer.fleet.run import FleetRun, decode_fleet
     from sniffer.ground.codes import Kind, Outcome, Provenance, Reply, Role
     from sniffer.ground.model import (
         Anomaly,
@@ -150,7 +151,8 @@ __all__ = [
 _ROOMS: Final = {
     "ground.codes": ("Kind", "Outcome", "Provenance", "Reply", "Role"),
     "fleet.delta": ("register_delta",),
-    "fleet.run": ("FleetProgress", "FleetRun", "decode_fleet"),
+    "fleet.progress": ("FleetProgress",),
+    "fleet.run": ("FleetRun", "decode_fleet"),
     "jobs.batches": ("read_batches",),
     "jobs.check": ("Checked", "check"),
     "jobs.convert": ("Converted", "convert"),

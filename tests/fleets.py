@@ -121,7 +121,7 @@ class Serial:
         return
 
 
-def serial(inputs: Path, dataset: Path | str, **options: Any) -> sniffer.FleetRun:
+def serial(inputs: Path | str, dataset: Path | str, **options: Any) -> sniffer.FleetRun:
     """Decode captures here, one after the other."""
     return sniffer.decode_fleet([inputs], dataset, engine=Serial(), **options)
 

@@ -6,6 +6,7 @@ import datetime
 from typing import TYPE_CHECKING, Final, Self
 
 import sniffer
+from sniffer.fleet.run import ROBOT
 from sniffer.fleet.task import decode_batch
 from sniffer.simulation import faults as f
 from sniffer.simulation.buses import simulate
@@ -82,6 +83,6 @@ def make_captures(folder: Path) -> None:
     (folder / "robot=r03" / "notes.log").write_text("left knee replaced\n", encoding="ascii")
 
 
-def make_dataset(captures: Path, dataset: Path) -> sniffer.FleetRun:
+def make_dataset(captures: Path, dataset: Path, robot: str = ROBOT) -> sniffer.FleetRun:
     """Decode captures into a data set."""
-    return sniffer.decode_fleet([captures], dataset, engine=Inline())
+    return sniffer.decode_fleet([captures], dataset, engine=Inline(), robot=robot)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -19,12 +20,11 @@ from sniffer.cli.fleet import Progress
 from sniffer.decoding.options import Options
 from sniffer.diagnostics.alarms import alarm_in
 from sniffer.fleet import tables as fleet_tables
+from sniffer.fleet import task as fleet_task
 from sniffer.fleet.dataset import CAPTURES
-from sniffer.fleet.inputs import find_captures
 from sniffer.fleet.recipe import decoder_name, read_recipe, write_recipe
 from sniffer.fleet.rows import CaptureRow, CaptureTask
 from sniffer.fleet.run import batches_of
-from sniffer.fleet.store import Store
 from sniffer.fleet.tables import TABLES, CaptureTables
 from sniffer.ground.registers import RegisterMap
 from sniffer.ground.wiring import Wiring
@@ -35,9 +35,6 @@ from tests.fleets import captures, content, serial
 from tests.golden import CAPTURES as SAMPLES
 from tests.golden import ROOT
 from tests.plugin import table
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 Capsys = pytest.CaptureFixture[str]
 
@@ -65,6 +62,11 @@ def rows(dataset: Path) -> list[dict[str, Any]]:
 def by_name(dataset: Path) -> dict[str, dict[str, Any]]:
     """Return the same by the names of their files."""
     return {Path(row["path"]).name: row for row in rows(dataset)}
+
+
+def row_files(dataset: Path, row: dict[str, Any], table: str) -> list[Path]:
+    """Return a capture's files of a table."""
+    return [dataset / file for file in row["files"] if file.startswith(f"{table}/")]
 
 
 def test_the_tables_of_a_data_set_hold_the_records_of_its_captures(made: Path) -> None:
@@ -126,7 +128,7 @@ def test_what_cannot_be_read_has_a_row_that_says_why_and_is_tried_again_when_tha
     done = within(capsys, "fleet", inputs, "-o", data, "--workers", "1")
     assert done.status == 1
     *_, told, broken, empty, prose = done.err.splitlines()
-    assert re.fullmatch(r"sniffer: 4 of 4 captures, [\d.]+ MB/s, 0 s left", told)
+    assert re.fullmatch(r"sniffer: 4 of 4 captures, \d+ a second, 0 s left", told)
     assert broken.startswith(f"sniffer: damaged: {inputs / 'broken.log'}, line ")
     assert empty.startswith(f"sniffer: failed: {inputs / 'empty.bin'}")
     assert prose.startswith(f"sniffer: failed: {inputs / 'prose.txt'}: this is text, but no")
@@ -176,6 +178,61 @@ def test_a_capture_that_changes_or_is_decoded_otherwise_replaces_what_was_of_it(
     assert content(data) == content(tmp_path / "fresh")
 
 
+def test_what_breaks_off_before_anything_of_it_was_read_failed(tmp_path: Path) -> None:
+    (tmp_path / "cut.sr").write_bytes(b"PK\x03\x04" + bytes(50))
+    assert serial(tmp_path, tmp_path / "data").statuses == {"failed": 1}
+
+
+def test_equal_captures_are_one_in_the_tables_of_a_robot_and_a_day(tmp_path: Path) -> None:
+    for name, day in (("r=a/1.bin", 5), ("r=a/copy.bin", 5), ("r=a/late.bin", 6), ("r=b/1.bin", 5)):
+        path = tmp_path / "in" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(talk(5))  # without times: the day is that of the file
+        os.utime(path, (day * 86_400, day * 86_400))
+    data = tmp_path / "data"
+    assert serial(tmp_path / "in", data, robot="r=([^/]+)").is_whole
+    assert len({row["capture"] for row in rows(data)}) == 1 < len(rows(data)) == 4
+    frames = (
+        pq.read_table(data / "frames").group_by(["robot", "date"]).aggregate([([], "count_all")])
+    )
+    held = {(r["robot"], str(r["date"])): r["count_all"] for r in frames.to_pylist()}
+    assert held == dict.fromkeys(
+        [("a", "1970-01-06"), ("a", "1970-01-07"), ("b", "1970-01-06")], rows(data)[0]["frames"]
+    )
+    (tmp_path / "in/r=a/1.bin").write_bytes(talk(6))
+    assert serial(tmp_path / "in", data, robot="r=([^/]+)").decoded == 1
+    (copy,) = (row for row in rows(data) if row["path"].endswith("copy.bin"))
+    assert (data / copy["files"][0]).exists(), "the other one still needs it"
+
+
+def test_a_capture_that_grows_while_it_is_decoded_has_the_tables_of_its_id(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    capture, data = tmp_path / "a.bin", tmp_path / "data"
+    capture.write_bytes(talk(5))
+    heard = fleet_task._heard
+    seen: list[Path] = []
+
+    def growing(task: CaptureTask, file: Path, *others: Any) -> Any:
+        if not seen:  # it is hashed by now
+            with capture.open("ab") as more:
+                more.write(talk(6, seed=1))
+        seen.append(file)
+        return heard(task, file, *others)
+
+    monkeypatch.setattr(fleet_task, "_heard", growing)
+    assert serial(capture, data).is_whole
+    (row,) = rows(data)
+    whole = capture.read_bytes()
+    assert (row["bytes"], row["sha256"]) == (len(whole), hashlib.sha256(whole).hexdigest())
+    assert row["frames"] == len(pq.read_table(row_files(data, row, "frames")))
+    assert row["frames"] == sniffer.decode(whole).summary.as_dict()["frames"]
+    assert seen[0] == capture != seen[1]
+    assert serial(capture, data).decoded == 1  # it is another file than the first run found
+    assert len(rows(data)) == 1
+    assert content(data) == (serial(capture, tmp_path / "fresh") and content(tmp_path / "fresh"))
+
+
 def test_a_selection_is_what_the_tables_have_and_a_pattern_says_whose_they_are(
     robots: Path, tmp_path: Path
 ) -> None:
@@ -191,70 +248,6 @@ def test_a_selection_is_what_the_tables_have_and_a_pattern_says_whose_they_are(
         "lss": by_name(tmp_path / "data")["lss_damaged.log"]["errors"],
         "wck": 0,
     }
-
-
-def test_a_folder_has_the_files_that_are_called_like_captures(tmp_path: Path) -> None:
-    data = Store.of(tmp_path / "in" / "data")
-    for name in ("a.MCAP", "b.log.gz", "deep/c.bin", "README.md", "x.json.gz", "data/d.log"):
-        (tmp_path / "in" / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / "in" / name).touch()
-    (tmp_path / "in" / ".hidden.log").touch()
-
-    def names(*inputs: str) -> list[str]:
-        found = find_captures([str(tmp_path / "in" / name) for name in inputs], data)
-        return [Path(c.uri).relative_to(tmp_path / "in").as_posix() for c in found.captures]
-
-    assert names("") == ["a.MCAP", "b.log.gz", "deep/c.bin"]
-    assert names("", "README.md", "*.MCAP") == ["README.md", "a.MCAP", "b.log.gz", "deep/c.bin"]
-    assert names("**/*.bin") == ["deep/c.bin"]
-    assert find_captures([tmp_path / "in"], data).left_out == 2
-
-
-def test_a_file_may_have_a_name_that_is_no_text(tmp_path: Path) -> None:
-    (tmp_path / "in").mkdir()
-    try:
-        name = os.fsdecode(b"caf\xe9.bin")
-        (tmp_path / "in" / name).write_bytes(talk(5))
-    except OSError:
-        pytest.skip("file names are text here")
-    for skipped in (0, 1):
-        assert serial(tmp_path / "in", tmp_path / "data").skipped == skipped
-    assert by_name(tmp_path / "data").keys() == {r"caf\xe9.bin"}
-
-
-MISTAKES: list[tuple[Iterable[str], str]] = [
-    (["x.bin"], "x.bin: there is no such file"),
-    (["*.nothing"], "*.nothing: there are no captures: name files, folders or patterns"),
-    (["/dev/null"], "/dev/null is no file: a data set is made of captures that stay"),
-    (["."], ".: there are no captures: name files, folders or patterns"),
-    (["--shard", "0/2"], "Invalid value for '--shard': '0/2': parts are counted from 1, as 1/4"),
-    (["--shard", "half"], "Invalid value for '--shard': 'half': parts are counted from 1, as 1/4"),
-    (["--robot", "r[0"], "--robot: no regular expression (unterminated character set"),
-    (["--robot", "r0"], "--robot: the robot is what a group in parentheses matches"),
-    (["--scheduler", "a"], "--scheduler is for an engine of many machines: --engine"),
-    (["--where", "xx = 1"], "--where, at 'xx = 1' (character 1): there is no such column"),
-    (["-o", "a.log"], "a.log: cannot be written (Not a directory)"),
-    (["-o", "nowhere://x"], "nowhere://x: no place for files"),
-]
-
-
-@pytest.mark.parametrize(("arguments", "said"), MISTAKES, ids=lambda v: " ".join(v)[:20])
-def test_what_cannot_be_meant_is_told_before_anything_is_decoded(
-    arguments: list[str],
-    said: str,
-    tmp_path: Path,
-    capsys: Capsys,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "a.log").write_text(log(talk(2)), encoding="ascii")
-    given = [] if not arguments[0].startswith("-") else ["a.log"]
-    (tmp_path / "empty").mkdir()
-    monkeypatch.chdir(tmp_path / "empty" if arguments == ["."] else tmp_path)
-    done = within(capsys, "fleet", "-o", "data", *given, *arguments)
-    assert (done.status, done.out) == (2, "")
-    assert done.complaint.startswith(said)
-    assert not list(tmp_path.rglob("_done"))
 
 
 def test_a_recipe_says_all_that_options_say(tmp_path: Path) -> None:
@@ -347,6 +340,16 @@ def test_a_terminal_shows_on_one_line_how_far_it_is_and_how_long_it_will_take(
         "30 of 4000 captures, 0.3 MB/s, 3 h 40 min left\x1b[K",
         "\x1b[K",
     ]
+
+
+def test_small_captures_are_reckoned_by_their_number(
+    capsys: Capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    big_ones_done = sniffer.FleetProgress(40, 10_040, 200_000_000, 201_000_000, 20.0)
+    assert 50 < (big_ones_done.seconds_left or 0) < 70
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    Progress(quiet=False).progress(sniffer.FleetProgress(680, 6000, 136_000, 1_200_000, 10.0))
+    assert "680 of 6000 captures, 68 a second, 1 min 18 s left" in capsys.readouterr().err
 
 
 def test_batches_are_small_enough_for_every_worker_to_have_some() -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pyarrow.parquet as pq
 import pytest
 
+from sniffer.fleet.inputs import find_captures
 from sniffer.fleet.objects import AT_ONCE, find_objects, send_object
 from sniffer.fleet.store import Store
 from tests.commands import damaged, log, talk, within
@@ -71,8 +72,41 @@ def test_captures_and_data_set_in_an_object_store_are_what_they_are_on_a_disk(
     server.requests.clear()
     ran = within(capsys, "fleet", "s3://bucket/in/**/*.log", "-o", "s3://bucket/out")
     assert ran.out == "1 capture: 1 ok (0 decoded, 1 there already)\n"
+    folders = find_captures(["s3://bucket/i*"], Store.of("s3://bucket/out")).captures
+    assert [capture.uri for capture in folders] == [there]
     assert not [path for method, path in server.requests if method == "PUT"]
     assert not [path for _, path in server.requests if "a b.log" in path]
+
+
+def test_a_capture_that_is_replaced_while_it_is_copied_is_copied_again(
+    server: ObjectServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    there, file = find_objects("s3://bucket/replaced/a.log"), tmp_path / "next"
+    lengths = iter(range(4, 40))
+
+    def replaced() -> None:
+        file.write_text(log(talk(next(lengths))), encoding="utf-8")
+        send_object(there, file)
+
+    fetch, left = Store.fetch, 0
+
+    def slowly(store: Store, path: str, folder: Path) -> Path:
+        nonlocal left
+        copy = fetch(store, path, folder)
+        if left:
+            left -= 1
+            replaced()
+        return copy
+
+    monkeypatch.setattr(Store, "fetch", slowly)
+    monkeypatch.setattr("sniffer.fleet.task.SENT_AT_ONCE", 0)  # it comes with many requests
+    for left, statuses in ((1, {"ok": 1}), (9, {})):
+        replaced()
+        done = serial("s3://bucket/replaced", tmp_path / f"{left}")
+        assert done.statuses == statuses
+    assert "it is changed again and again while it is copied" in done.reasons[0]
+    (row,) = pq.read_table(tmp_path / "1" / "captures.parquet").to_pylist()
+    assert row["bytes"] == len(log(talk(5)))
 
 
 def nth_write(nth: int) -> Callable[[str, str], bool]:
@@ -133,6 +167,9 @@ def test_a_place_that_is_none_is_told_in_a_line(
     ran = within(capsys, "fleet", good, "-o", "nowhere://bucket/out")
     assert ran.status == 2
     assert ran.complaint.startswith("nowhere://bucket/out: no place for files (")
+    ran = within(capsys, "fleet", good, "-o", "s3://nobody/out")
+    assert ran.status == 2
+    assert ran.complaint.startswith("s3://nobody/out: cannot be written (there is no bucket nobody")
     for nothing in ("s3://nobody/in", "s3://bucket/none"):
         ran = within(capsys, "fleet", nothing, "-o", tmp_path / "data")
         assert ran.status == 2

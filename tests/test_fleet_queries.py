@@ -133,11 +133,35 @@ def test_recipes_around_the_data_set_print_what_the_page_says(fleet: Fleet, titl
     prints(blocks, "".join(fleet.python(b.text) for b in blocks if b.language == "python"))
 
 
+def test_robots_that_are_called_by_numbers_keep_their_names(tmp_path: Path) -> None:
+    for robot, name in (("01", "wck"), ("2", "lss")):
+        (tmp_path / robot).mkdir()
+        log = (
+            (ROOT / f"sample_captures/{name}_damaged.log")
+            .read_text("utf-8")
+            .splitlines(keepends=True)
+        )
+        (tmp_path / robot / "a.log").write_text("".join(log[:400]), "utf-8")
+    make_dataset(tmp_path, tmp_path / "dataset", robot="/([0-9]+)/a")
+    made = Fleet(tmp_path)
+    made.python(sections()[0].blocks[2].text)
+    joined = "SELECT DISTINCT robot FROM anomalies JOIN captures USING (robot, capture)"
+    assert sorted(made.sql(joined).fetchall()) == [("01",), ("2",)]
+    with contextlib.chdir(tmp_path):
+        assert set(made.names["lazy"]["frames"].collect()["robot"]) == {"01", "2"}
+        frame = made.names["pd"].read_parquet(
+            "dataset/frames", partitioning=made.names["by_robot"], filters=[("robot", "==", "01")]
+        )
+    assert set(frame.robot) == {"01"}
+    made.database.close()
+
+
 def test_compacted_tables_hold_the_same_rows(fleet: Fleet) -> None:
     (blocks,) = (s.blocks for s in sections() if s.title == "Fewer, larger files")
     fleet.python(blocks[0].text)
     sql = "SELECT * FROM {} ORDER BY ALL"
-    compacted = "read_parquet('compact/samples/robot=*/date=*/*.parquet', hive_partitioning = true)"
+    types = "{'robot': VARCHAR, 'date': DATE}"
+    compacted = f"read_parquet('compact/samples/robot=*/date=*/*.parquet', hive_types = {types})"
     assert (
         fleet.sql(sql.format(compacted)).fetchall() == fleet.sql(sql.format("samples")).fetchall()
     )

@@ -14,8 +14,9 @@ from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED
 from sniffer.cli.streams import say
 from sniffer.decoding.options import Options
 from sniffer.fleet.engines import ENGINES
+from sniffer.fleet.progress import FleetProgress
 from sniffer.fleet.rows import STATUSES
-from sniffer.fleet.run import ROBOT, FleetProgress, FleetRun, decode_fleet
+from sniffer.fleet.run import ROBOT, FleetRun, decode_fleet
 from sniffer.ground.wording import counted
 from sniffer.jobs.telling import Teller
 from sniffer.selection.selection import Selection
@@ -28,6 +29,9 @@ TERMINAL_S: Final = 0.2
 
 LOG_S: Final = 30.0
 """How often a line says so where there is no terminal, in seconds."""
+
+SLOW: Final = 1e5
+"""Bytes a second below which captures are counted: it is their number that takes the time."""
 
 TOLD: Final = 5
 """Reasons that are told one by one."""
@@ -128,8 +132,8 @@ def fleet(
         click.echo(_told(done))
     if not done.is_whole:
         ended = "interrupted: " if done.is_interrupted else ""
-        left = counted(len(done.undone), "capture")
-        say(f"{ended}{left} not done: what is in {dataset} stays; run it again to go on")
+        left = f"{counted(len(done.undone), 'capture')} not done" if done.undone else "not all done"
+        say(f"{ended}{left}: what is in {dataset} stays; run it again to go on")
         return INTERRUPTED if done.is_interrupted else DAMAGED
     return FAILURES if done.failures else DONE
 
@@ -172,6 +176,8 @@ class Progress:
 
 def _line(so_far: FleetProgress) -> str:
     rate = f"{so_far.bytes_per_second / 1e6:.1f} MB/s"
+    if so_far.bytes_per_second < SLOW:
+        rate = f"{so_far.captures / so_far.seconds:.0f} a second"
     left = so_far.seconds_left
     told = "" if left is None else f", {_duration(left)} left"
     return f"{so_far.captures} of {so_far.of_captures} captures, {rate}{told}"

@@ -80,6 +80,15 @@ def table_path(
     return f"{table}/robot={whose}/date={date}/{capture}-{decoder}{number}.parquet"
 
 
+def hive_folder(root: str) -> str | None:
+    """Return the folder on a path that is called like those of tables, None where there is none.
+
+    >>> hive_folder("/captures/robot=r07/dataset")
+    'robot=r07'
+    """
+    return next((n for n in root.split("/") if n.startswith(("robot=", "date="))), None)
+
+
 def commit_path(fingerprint: str) -> str:
     """Return where a capture's commit lies, below the root."""
     return f"{DONE}/{fingerprint}.json"
@@ -97,11 +106,16 @@ def commit(store: Store, row: CaptureRow, folder: Path | None = None) -> None:
 
 
 class CommittedCapture(NamedTuple):
-    """What a run must know of a capture that is in the data set."""
+    """What a run must know of a capture that is in the data set.
+
+    ``was_read``: to its end, once; one that was not (no permission, it ended whoever decoded it)
+    may be another time.
+    """
 
     path: str
     status: str
     files: tuple[str, ...]
+    was_read: bool
 
 
 class CaptureList:
@@ -125,9 +139,10 @@ class CaptureList:
         listed = (table.column(name).to_pylist() for name in table.column_names)
         for fingerprint, path, status, files in zip(*listed, strict=True):
             if fingerprint in found and status not in (FAILED, CRASHED):
-                self.known[fingerprint] = CommittedCapture(path, status, tuple(files))
+                self.known[fingerprint] = CommittedCapture(path, status, tuple(files), True)
         for row in read_commits(store, found - self.known.keys()):
-            self.known[row.fingerprint] = CommittedCapture(row.path, row.status, row.files)
+            told = (row.path, row.status, row.files, bool(row.sha256))
+            self.known[row.fingerprint] = CommittedCapture(*told)
 
     def _read(self, columns: list[str] | None = None) -> Any:
         """Return the list as it was written last; one that cannot be read is written anew."""

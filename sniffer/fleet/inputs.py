@@ -6,11 +6,14 @@ import glob
 import os
 import posixpath
 import re
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from sniffer.fleet.places import FILE, Grounds, is_remote, place_of
 from sniffer.fleet.store import Store
 from sniffer.ground.model import InputError
+from sniffer.ground.wording import Sentence
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -38,41 +41,98 @@ class FoundCapture(NamedTuple):
 
 
 class FoundCaptures(NamedTuple):
-    """The captures that are meant, each once, in order; how many other files are beside them."""
+    """The captures that are meant, each once, in order, and what is beside them.
+
+    ``left_out`` are files of folders that are not called like captures, ``in_dataset`` are those
+    of the data set itself, ``astray`` are links called like captures that lead nowhere: so many.
+    ``unread`` has a sentence for each folder within others that cannot be looked into.
+    """
 
     captures: list[FoundCapture]
     left_out: int
+    in_dataset: int
+    astray: int
+    unread: list[str]
 
 
 def find_captures(inputs: Iterable[str | Path], dataset: Store) -> FoundCaptures:
     """Return the captures of files, patterns and folders; what lies in the data set is none.
 
     Raises:
-        InputError: there is no such file, or nothing matches a pattern.
-        OSError: a folder cannot be looked into.
+        InputError: there is no such file, nothing matches a pattern, or only what is in the data
+            set does.
+        OSError: a folder that is named cannot be looked into.
     """
     found: dict[str, FoundCapture] = {}
-    left_out = 0
+    left_out = in_dataset = 0
+    itself = ""
+    missed = _Missed()
+    grounds = Grounds(dataset.root)
     for given in map(str, inputs):
+        if not given:
+            told = "'' names no captures: name files, patterns or folders (`.` is this one)"
+            raise InputError(f"{told}; a variable that is empty says nothing")
+        if _is_dataset(given, dataset, grounds):  # as a shell's * has it
+            itself = given
+            continue
+        if _is_in(given if is_remote(given) else place_of(given), dataset, grounds):
+            raise InputError(Sentence(_WITHIN, given=given, root=dataset.uri))
         is_any = False
-        for capture, is_named in _remote(given) if "://" in given else _local(given, dataset.root):
-            if capture.uri.startswith((f"{dataset.root}/", f"{dataset.uri}/")):
-                continue
-            if is_named or _is_called_so(capture.uri):
+        own, unread = 0, len(missed.unread)
+        looked = _remote(given) if is_remote(given) else _local(given, grounds, missed)
+        for capture, is_named in looked:
+            if _is_in(capture.uri, dataset, grounds):
+                own += 1
+            elif is_named or _is_called_so(capture.uri):
                 found[capture.uri] = capture
                 is_any = True
             else:
                 left_out += 1
-        if not is_any:
-            raise InputError(f"{given}: there are no captures: name files, folders or patterns")
-    return FoundCaptures([found[uri] for uri in sorted(found)], left_out)
+        in_dataset += own
+        if not is_any and len(missed.unread) == unread:
+            told = "{given}: there are no captures: name files, folders or patterns"
+            raise InputError(Sentence(_WITHIN if own else told, given=given, root=dataset.uri))
+    if itself and not found:
+        raise InputError(Sentence(_ITSELF, given=itself))
+    captures = [found[uri] for uri in sorted(found)]
+    return FoundCaptures(captures, left_out, in_dataset, missed.astray, missed.unread)
 
 
-def _local(given: str, dataset: str) -> Iterator[tuple[FoundCapture, bool]]:
+@dataclass(slots=True)
+class _Missed:
+    """What a walk through folders could not get at."""
+
+    astray: int = 0
+    unread: list[str] = field(default_factory=list)
+
+    def folder(self, path: str, error: OSError) -> None:
+        """Note a folder that cannot be looked into."""
+        self.unread.append(f"{path}: cannot be looked into ({error.strerror or error})")
+
+
+_ITSELF: Final = "{given}: this is the data set itself: give {dataset} a folder of its own"
+
+_WITHIN: Final = "{given}: this lies in the data set {root}: give {dataset} a folder of its own"
+
+
+def _is_dataset(given: str, dataset: Store, grounds: Grounds) -> bool:
+    if dataset.is_local:
+        return not is_remote(given) and grounds.is_at(place_of(given))
+    return given.rstrip("/") == dataset.uri
+
+
+def _is_in(uri: str, dataset: Store, grounds: Grounds) -> bool:
+    """Tell whether a file lies in the data set."""
+    if dataset.is_local:
+        return not is_remote(uri) and grounds.have(posixpath.dirname(uri))
+    return uri.startswith(f"{dataset.uri}/")
+
+
+def _local(given: str, grounds: Grounds, missed: _Missed) -> Iterator[tuple[FoundCapture, bool]]:
     """Yield files of this machine, and whether each was meant by its name or a pattern."""
-    path = Path(given)
+    path = Path(place_of(given) if given.startswith(FILE) else given)
     if path.is_dir():
-        yield from ((capture, False) for capture in _inside(path.absolute().as_posix(), dataset))
+        yield from _walked(path, grounds, missed)
     elif path.is_file():
         yield _file(path), True
     elif path.exists():
@@ -80,29 +140,59 @@ def _local(given: str, dataset: str) -> Iterator[tuple[FoundCapture, bool]]:
     elif not _PATTERN.search(given):
         raise InputError(f"{given}: there is no such file")
     else:
-        for name in glob.glob(given, recursive=True):  # noqa: PTH207 - absolute ones, too
-            if Path(name).is_file():
-                yield _file(Path(name)), True
+        for name in glob.glob(str(path), recursive=True):  # noqa: PTH207 - absolute ones, too
+            matched = Path(name)
+            if matched.is_file():
+                yield _file(matched), True
+            elif "**" not in given and matched.is_dir() and not grounds.have(place_of(matched)):
+                try:  # files in it are matched by ** themselves
+                    yield from _walked(matched, grounds, missed)
+                except OSError as error:
+                    missed.folder(name, error)
 
 
-def _inside(folder: str, dataset: str) -> Iterator[FoundCapture]:
-    """Yield the files below a folder that are not hidden, nor in the data set."""
+def _walked(path: Path, grounds: Grounds, missed: _Missed) -> Iterator[tuple[FoundCapture, bool]]:
+    """Yield files of a folder, which nobody has named.
+
+    Raises:
+        OSError: it cannot be looked into.
+    """
+    folder = place_of(path)
     with os.scandir(folder) as entries:
-        for entry in entries:
-            if entry.name.startswith("."):
-                continue
-            path = entry.path.replace(os.sep, "/")  # of many files, objects for paths take longest
+        for capture in _inside(entries, grounds.seen_from(folder), missed):
+            yield capture, False
+
+
+def _inside(
+    entries: Iterable[os.DirEntry[str]], dataset: str | None, missed: _Missed
+) -> Iterator[FoundCapture]:
+    """Yield the files of a folder, and of those in it, that are not hidden, nor in the data set."""
+    for entry in entries:
+        if entry.name.startswith("."):
+            continue
+        path = entry.path.replace(os.sep, "/")  # of many files, objects for paths take longest
+        try:
             if entry.is_dir(follow_symlinks=False):
                 if path != dataset:
-                    yield from _inside(path, dataset)
+                    with os.scandir(path) as deeper:
+                        yield from _inside(deeper, dataset, missed)
             elif entry.is_file():
                 told = entry.stat()
                 yield FoundCapture(path, told.st_size, told.st_mtime_ns)
+            elif entry.is_symlink() and not os.path.lexists(os.path.realpath(path)):
+                missed.astray += _is_called_so(path)
+        except FileNotFoundError:
+            continue  # it was there a moment ago
+        except OSError as error:
+            if entry.is_symlink():  # it leads to itself, or where nobody may look
+                missed.astray += _is_called_so(path)
+            else:
+                missed.folder(path, error)
 
 
 def _file(path: Path) -> FoundCapture:
     told = path.stat()
-    return FoundCapture(path.absolute().as_posix(), told.st_size, told.st_mtime_ns)
+    return FoundCapture(place_of(path), told.st_size, told.st_mtime_ns)
 
 
 def _remote(given: str) -> Iterator[tuple[FoundCapture, bool]]:
@@ -113,11 +203,14 @@ def _remote(given: str) -> Iterator[tuple[FoundCapture, bool]]:
     if fixed == given and (alone := store.itself()) is not None:
         yield FoundCapture(given, alone.size, alone.mtime_ns), True
         return
-    matches = re.compile(glob_pattern(given))
+    pattern = glob_pattern(given)
+    matches = re.compile(pattern)
+    lies_in = re.compile(f"{pattern}/.*")  # a folder matches
     for file in store.files(deep=True):
         uri = f"{base.rstrip('/')}/{file.path}"
-        if fixed == given or matches.fullmatch(uri):
-            yield FoundCapture(uri, file.size, file.mtime_ns), fixed != given
+        is_named = fixed != given and matches.fullmatch(uri) is not None
+        if is_named or fixed == given or lies_in.fullmatch(uri):
+            yield FoundCapture(uri, file.size, file.mtime_ns), is_named
 
 
 def glob_pattern(pattern: str) -> str:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import os
 import re
 import time
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 from sniffer.decoding.options import Options
 from sniffer.fleet import rows
 from sniffer.fleet.engines import cores, engine_named
+from sniffer.fleet.progress import FleetProgress
 from sniffer.fleet.rows import (
     CRASHED,
     FAILED,
@@ -54,29 +56,11 @@ SHARES: Final = 4
 BATCH_CAPTURES: Final = 64
 """Captures of a batch at most: small ones take some 10 ms each, however small they are."""
 
-HOPELESS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS})
+FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
+"""There is no room: whoever makes some goes on with the same command."""
+
+HOPELESS: Final = FULL | {errno.EROFS}
 """What no other capture would fare better with: no room, or nothing may be written."""
-
-
-class FleetProgress(NamedTuple):
-    """How far it is: captures and bytes of files, done and in all, and the time it took so far."""
-
-    captures: int
-    of_captures: int
-    bytes: int
-    of_bytes: int
-    seconds: float
-
-    @property
-    def bytes_per_second(self) -> float:
-        """Bytes of files a second, so far."""
-        return self.bytes / self.seconds if self.seconds else 0.0
-
-    @property
-    def seconds_left(self) -> float | None:
-        """How long it will take at that rate, None where that cannot be told yet."""
-        rate = self.bytes_per_second
-        return (self.of_bytes - self.bytes) / rate if rate else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,34 +138,42 @@ def decode_fleet(
     """
     began = time.monotonic()
     need_pyarrow()
-    from sniffer.fleet.dataset import CaptureList, Withdrawal
+    from sniffer.fleet.dataset import CaptureList, Withdrawal, hive_folder
     from sniffer.fleet.store import Store
 
     options = options or Options()
     options.check()
     tell = tell or Teller(lambda line: None, quiet=True)
     chosen = engine_named(engine, workers, scheduler) if isinstance(engine, str) else engine
+    if not str(dataset):
+        raise OutputError(Sentence("'' names no data set: give {dataset} a folder of its own"))
     store = Store.of(dataset)
-    tasks = _tasks(inputs, store, options, selection, input_format, robot, shard, tell)
+    if (within := hive_folder(store.root)) is not None:
+        told = "{root}: readers of tables would take {within} for that of each row: give {dataset} "
+        told += "a folder that does not lie in it"
+        raise OutputError(Sentence(told, root=dataset, within=within))
+    tasks, unread = _tasks(inputs, store, options, selection, input_format, robot, shard, tell)
     try:
         store.probe()
     except OSError as error:
-        if error.errno not in HOPELESS:  # of these the run tells at its end
+        if error.errno not in FULL:  # of these the run tells at its end
+            told = "{root}: cannot be written ({why}): give {dataset} a folder that can be"
             why = error.strerror or error
-            raise OutputError(f"{dataset}: cannot be written ({why})") from None
+            raise OutputError(Sentence(told, root=dataset, why=why)) from None
     try:
         store.sweep()
         listed = CaptureList(store)
         withdrawal = Withdrawal(store, listed.known)
-        again = (FAILED, CRASHED) if retry_failed else (CRASHED,)
         for task in tasks:
             known = listed.known.get(task.fingerprint)
-            if known is not None and known.status in again:
+            if known is None:
+                continue
+            if not known.was_read or (retry_failed and known.status == FAILED):
                 withdrawal.take(task.fingerprint)
     except OSError as error:
         raise InputError(f"{dataset}: cannot be read ({error.strerror or error})") from None
     todo = [task for task in tasks if task.fingerprint not in listed.known]
-    work = _Work(store, todo, withdrawal, progress, began)
+    work = _Work(store, todo, withdrawal, progress, began, reasons=unread)
     work.decode(chosen, batches_of(todo, workers or cores()))
     return work.finished(tasks, listed)
 
@@ -195,8 +187,8 @@ def _tasks(
     robot: str,
     shard: tuple[int, int] | None,
     tell: Teller,
-) -> list[CaptureTask]:
-    """Return the captures that this run sees to, the biggest first."""
+) -> tuple[list[CaptureTask], list[str]]:
+    """Return the captures that this run sees to, the biggest first; what it cannot look into."""
     from sniffer.fleet.inputs import find_captures
     from sniffer.fleet.recipe import decoder_name, write_recipe
 
@@ -214,8 +206,14 @@ def _tasks(
     if found.left_out:
         what = counted(found.left_out, "file")
         tell.talk(f"left out {what} of folders, called like no capture: *.log, *.mcap and so on")
+    if found.in_dataset:
+        what = counted(found.in_dataset, "file")
+        tell.talk(f"left out {what} of the data set itself: what lies in it is no capture")
+    if found.astray:
+        what = counted(found.astray, "link")
+        tell.talk(f"left out {what} called like captures: where they lead nothing can be read")
     tasks = tasks_of(found.captures, store, recipe, decoder, whose)
-    return [task for task in tasks if int(task.fingerprint, 16) % of == nth - 1]
+    return [t for t in tasks if int(t.fingerprint, 16) % of == nth - 1], found.unread
 
 
 def tasks_of(
@@ -333,7 +331,7 @@ class _Work:
 
     def _refused(self, error: OSError | UndoneError) -> str:
         """Return in a line what a data set that cannot be written to means."""
-        why = error.strerror if isinstance(error, OSError) else str(error).rpartition(": ")[2]
+        why = error.strerror if isinstance(error, OSError) else os.strerror(error.errno)
         return f"{self.store.uri}: cannot be written ({why or error})"
 
     def finished(self, tasks: Sequence[CaptureTask], listed: CaptureList) -> FleetRun:

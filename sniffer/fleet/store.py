@@ -8,6 +8,7 @@ killed process leaves beside is swept away by the next run.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import platform
 import shutil
@@ -20,6 +21,7 @@ import pyarrow as pa
 import pyarrow.fs as pafs
 
 from sniffer.fleet.objects import ObjectPlace, find_objects, send_object
+from sniffer.fleet.places import is_remote, place_of
 from sniffer.ground.model import InputError
 
 if TYPE_CHECKING:
@@ -62,9 +64,9 @@ class Store:
             InputError: nobody knows such a URI.
         """
         told = str(uri)
-        if "://" not in told:
-            here = ObjectPlace(pafs.LocalFileSystem(), Path(told).absolute().as_posix(), 0)
-            return cls(told, here)
+        if not is_remote(told):
+            return cls(told, ObjectPlace(pafs.LocalFileSystem(), place_of(told), 0))
+        told = told.rstrip("/")
         try:
             place = find_objects(told)
         except (pa.ArrowInvalid, pa.ArrowNotImplementedError, OSError) as error:
@@ -220,14 +222,22 @@ class Store:
                 continue
 
     def probe(self) -> None:
-        """Learn whether a disk may be written to; of an object store the first PUT tells.
+        """Learn whether a disk may be written to, or a bucket is there.
+
+        Whether it takes objects the first PUT tells.
 
         Raises:
-            OSError: it may not.
+            OSError: it may not, or is not there.
         """
         if self.is_local:
             with self.staging():
                 return
+        bucket = self.root.partition("/")[0]
+        told = None
+        with contextlib.suppress(OSError):  # not all who may write may ask
+            told = self._system.get_file_info(bucket).type
+        if told == pafs.FileType.NotFound:
+            raise FileNotFoundError(errno.ENOENT, f"there is no bucket {bucket}")
 
     def sweep(self) -> None:
         """Remove what processes that are gone have left unfinished."""

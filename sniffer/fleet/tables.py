@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from sniffer.sinks.dictionaries import constant
+from sniffer.sinks.dictionaries import NAME, always, constant
 from sniffer.sinks.relations import RELATIONS
 from sniffer.sinks.tables import MOST, parquet_writer
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 TABLES: Final = ("samples", "frames", "transactions", "anomalies")
 """The tables of a data set, names of ``RELATIONS``."""
 
-CAPTURE: Final = pa.field("capture", pa.dictionary(pa.int32(), pa.string()))
+CAPTURE: Final = always("capture", NAME)
 """The first column of every table: the id of the capture that a row is of."""
 
 

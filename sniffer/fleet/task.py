@@ -7,13 +7,16 @@ is the same each time, and it counts when the commit is there.
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import functools
 import hashlib
 import json
+import shutil
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sniffer.fleet.dataset import commit, table_path
 from sniffer.fleet.recipe import read_recipe
@@ -27,7 +30,7 @@ from sniffer.fleet.rows import (
     UndividedError,
     UndoneError,
 )
-from sniffer.fleet.store import Store
+from sniffer.fleet.store import SENT_AT_ONCE, Store
 from sniffer.fleet.tables import TABLES, CaptureTables
 from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import NS, OutputError, SnifferError
@@ -42,17 +45,20 @@ from sniffer.sources import open_source
 from sniffer.sources.stretches import stretches_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
+    from collections.abc import Callable, Iterator, Sequence
 
     from sniffer.decoding.options import Options
     from sniffer.decoding.summary import Summary
+    from sniffer.fleet.tables import TableFile
 
 DATED_NS: Final = 366 * 86_400 * NS
 """Times before this one, in 1971, count from something else than 1970: they tell no day."""
 
 ID: Final = 16
 """Hexadecimal digits of a capture's id: of a million captures none meets another (1 in 10^7)."""
+
+COPIES: Final = 3
+"""How often a capture is copied that is changed meanwhile."""
 
 _MACHINE: Final = (OSError, MemoryError)
 """What a machine, not a capture, is to blame for."""
@@ -95,7 +101,8 @@ def _committed(tasks: Sequence[CaptureTask], jobs: int = 1) -> list[CaptureRow]:
                 began = time.monotonic()
                 row = _decoded(task, store, folder, jobs)
                 row = replace(row, seconds=round(time.monotonic() - began, 3))
-                commit(store, row, folder)
+                with _putting(task):
+                    commit(store, row, folder)
                 store.empty(folder)
                 out.append(row)
     except _MACHINE as error:
@@ -128,14 +135,83 @@ def _blank(task: CaptureTask) -> CaptureRow:
 
 
 def _decoded(task: CaptureTask, store: Store, folder: Path, jobs: int) -> CaptureRow:
-    row = _blank(task)
+    """Decode a capture and put its tables into the data set.
+
+    One that is changed meanwhile would have tables that are not those of its id. It is copied, and
+    the copy is decoded: of a file that grows what was there then, as a whole. The next run sees
+    that it is another file, and decodes it again.
+    """
     try:
-        source = Store.of(task.uri).fetch("", folder)
-        with source.open("rb") as data:
-            sha256 = hashlib.file_digest(data, "sha256").hexdigest()
+        source = _fetched(task, folder)
+        before = _state(source)
+        content = _content(source)
     except (FileNotFoundError, PermissionError) as error:
-        return replace(row, error=f"{task.path}: cannot be read ({error.strerror})")
-    row = replace(row, sha256=sha256, capture=sha256[:ID])
+        why = f"{task.path}: cannot be read ({error.strerror})"
+        return replace(_blank(task), error=why)
+    row, tables = _tabled(task, content, source, folder, jobs)
+    if _state(source) not in (before, None):  # one that is gone was read to its end
+        store.empty(folder)
+        source = Path(shutil.copy2(source, folder))
+        row, tables = _tabled(task, _content(source), source, folder, 1)
+    files = []
+    for table, stretch, file in tables:
+        path = table_path(table, row.robot, row.date, row.capture, row.decoder, stretch)
+        with _putting(task):
+            store.put(path, file)
+        files.append(path)
+    return replace(row, files=tuple(files))
+
+
+def _fetched(task: CaptureTask, folder: Path) -> Path:
+    """Return a capture as a file of this machine, a copy unless it is here.
+
+    Raises:
+        OSError: it cannot be read.
+        UndoneError: it is changed in its store faster than it can be copied.
+    """
+    store = Store.of(task.uri)
+    if store.is_local:
+        return store.fetch("", folder)
+    if task.size <= SENT_AT_ONCE:
+        source = store.fetch("", folder)
+        if source.stat().st_size <= SENT_AT_ONCE:  # what came with one request is of one time
+            return source
+    for _ in range(COPIES):
+        before = store.itself()
+        source = store.fetch("", folder)
+        if store.itself() == before:
+            return source
+    raise UndoneError(f"{task.path}: it is changed again and again while it is copied")
+
+
+def _state(source: Path) -> tuple[int, ...] | None:
+    """Return what changes when a file does; None: it is not there."""
+    try:
+        told = source.stat()
+    except FileNotFoundError:
+        return None
+    return told.st_dev, told.st_ino, told.st_size, told.st_mtime_ns
+
+
+class _Content(NamedTuple):
+    """What a file holds: its digest, and how many bytes."""
+
+    sha256: str
+    size: int
+
+
+def _content(source: Path) -> _Content:
+    with source.open("rb") as data:
+        return _Content(hashlib.file_digest(data, "sha256").hexdigest(), data.tell())
+
+
+def _tabled(
+    task: CaptureTask, content: _Content, source: Path, folder: Path, jobs: int
+) -> tuple[CaptureRow, Sequence[TableFile]]:
+    """Decode a file; return the row of the capture, and its tables, which are in the folder."""
+    task = replace(task, size=content.size)  # it may have grown since it was found
+    sha256 = content.sha256
+    row = replace(_blank(task), sha256=sha256, capture=sha256[:ID])
     tables = CaptureTables(folder, row.capture, in_stretches=task.is_huge)
     try:
         heard = _heard(task, source, tables, jobs)
@@ -146,20 +222,16 @@ def _decoded(task: CaptureTask, store: Store, folder: Path, jobs: int) -> Captur
             raise error.__cause__ from None
         known = isinstance(error, SnifferError)
         told = worded(error) if known else f"{type(error).__name__}: {error}"
-        return replace(row, error=one_line(told.replace(str(source), task.path)))
+        return replace(row, error=one_line(told.replace(str(source), task.path))), ()
     if heard.is_mistaken:
-        return replace(row, error=one_line(heard.damage))
+        return replace(row, error=one_line(heard.damage)), ()
     row = replace(_totalled(row, heard.summary, task.mtime_ns), status=OK)
     if heard.damage:
         told = one_line(heard.damage.replace(str(source), task.path))
-        row = replace(row, status=DAMAGED, error=told)
-    files = []
-    for table, stretch, file in tables.files:
-        path = table_path(table, row.robot, row.date, row.capture, row.decoder, stretch)
-        store.put(path, file)
-        files.append(path)
+        is_any = heard.summary.as_dict()["frames"] or row.bytes_in_gaps
+        row = replace(row, status=DAMAGED if is_any else FAILED, error=told)
     counts: dict[str, Any] = {table: tables.rows(table) for table in TABLES}
-    return replace(row, files=tuple(files), **counts)
+    return replace(row, **counts), tables.files
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,6 +299,17 @@ def _totalled(row: CaptureRow, summary: Summary, mtime_ns: int) -> CaptureRow:
 def _day(t_ns: int) -> str:
     t_ns = min(max(t_ns, 0), TIME_END_NS)  # a file may be of any time
     return datetime.datetime.fromtimestamp(t_ns // NS, datetime.UTC).date().isoformat()
+
+
+@contextlib.contextmanager
+def _putting(task: CaptureTask) -> Iterator[None]:
+    """Blame the data set, not the capture, for what cannot be put there."""
+    try:
+        yield
+    except OSError as error:
+        why = error.strerror or error
+        told = f"{task.dataset}: cannot be written ({why})"
+        raise UndoneError(told, error.errno or 0) from error
 
 
 def _undone(task: CaptureTask, error: OSError | MemoryError) -> UndoneError:

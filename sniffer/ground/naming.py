@@ -14,6 +14,7 @@ _OPTIONS: Final = {
     "buses": "--bus",
     "channels": "--channel NAME",
     "codes": "--code",
+    "dataset": "-o",
     "every_ns": "--every",
     "faults": "--fault",
     "joints": "--ros2",

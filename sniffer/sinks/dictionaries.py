@@ -44,7 +44,8 @@ def constant(name: str, n: int) -> Any:
     if n > len(_ZEROS[0]):
         _ZEROS[0] = pa.array(np.zeros(2 * n, np.int32))
     _, texts = _laid_out((name,))
-    return pa.DictionaryArray.from_arrays(_ZEROS[0].slice(0, n), texts)
+    # nothing but noughts: that each of them has a name need not be looked up
+    return pa.DictionaryArray.from_arrays(_ZEROS[0].slice(0, n), texts, safe=False)
 
 
 class RegisterNames:
