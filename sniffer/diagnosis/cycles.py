@@ -44,8 +44,8 @@ KEPT_WAITING: Final = 0.5
 """Part of the late cycles that begin right behind another job of the program: it was busy."""
 
 BEGINS: Final = 0.25
-"""Part of the cycles in time that begin behind a rest where a request begins a job: on a line that is
-nearly full the other cycles stand right behind another job, too."""
+"""Part of the cycles in time that begin behind a rest where a request begins a job: on a line that
+is nearly full the other cycles stand right behind another job, too."""
 
 
 def lumps(bins: I64) -> float:
