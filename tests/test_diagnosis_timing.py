@@ -5,11 +5,13 @@ from __future__ import annotations
 import itertools
 import random
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.ground.model import NS, Mark, MarkKind, Severity
+from sniffer.ground.model import NS, Clock, Mark, MarkKind, Severity
 from tests.conversations import (
+    BAUD,
     MS,
     TONGUES,
     Conversation,
@@ -18,7 +20,10 @@ from tests.conversations import (
     through_usb,
     without_clock,
 )
-from tests.diagnosed import codes, verdicts
+from tests.diagnosed import codes, diagnosed, verdicts
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis import Diagnosis
 
 PROTOCOLS = tuple(TONGUES)
 
@@ -93,10 +98,15 @@ def test_a_pause_in_which_the_tap_itself_was_late_is_no_stall() -> None:
     assert "loop-stalls" not in codes(talk.diagnosed(late))
 
 
-def trembling(protocol: str, part: float) -> Conversation:
+def trembling(protocol: str, part: float, baud: int = BAUD) -> Conversation:
     rng = random.Random(5)
     most = part * 50
-    return robot(protocol, 12, rate_hz=20, before=lambda talk, n: talk.rest(rng.uniform(0, most)))
+
+    def late(talk: Conversation, cycle: int) -> None:
+        del cycle
+        talk.rest(rng.uniform(0, most))
+
+    return robot(protocol, 12, rate_hz=20, before=late, baud=baud)
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
@@ -113,10 +123,10 @@ def test_what_trembles_less_than_the_host_is_late_is_not_told() -> None:
     assert "loop-jitters" not in codes(talk.diagnosed(through_usb(talk.chunks)))
 
 
-def test_what_waits_until_the_program_has_done_another_job_makes_no_loop_uneven() -> None:
-    talk = Conversation("lss")
-    due = {"goals": 0.0, "reads": 0.007, "looks": 0.011}
-    every = {"goals": 0.0264, "reads": 0.0611, "looks": 0.0807}
+def timers(baud: int, every: dict[str, float], protocol: str = "lss") -> Conversation:
+    """Let one program do several jobs, each every so many seconds, one at a time."""
+    talk = Conversation(protocol, baud)
+    due = {job: 0.006 * k for k, job in enumerate(every)}
     while talk.now_s < 10:
         job = min(due, key=lambda name: due[name])
         talk.until(due[job])
@@ -126,9 +136,35 @@ def test_what_waits_until_the_program_has_done_another_job_makes_no_loop_uneven(
             else:
                 talk.read(servo, swinging(servo, talk.now_s))
         due[job] = max(due[job] + every[job], talk.now_s)
-    told = talk.diagnosed()
+    return talk
+
+
+def unstated(talk: Conversation) -> Diagnosis:
+    """Return the diagnosis of a log that has times to the millisecond, and no rate."""
+    rows = [replace(c, clock=Clock.FILE, t_ns=(c.t_ns or 0) // MS * MS) for c in talk.chunks]
+    return diagnosed(rows, talk.protocol)
+
+
+def test_what_waits_until_the_program_has_done_another_job_makes_no_loop_uneven() -> None:
+    told = timers(115200, {"goals": 0.0264, "reads": 0.0611, "looks": 0.0807}).diagnosed()
     assert "loop-jitters" not in codes(told)
     assert not told.incidents()
+
+
+@pytest.mark.parametrize(
+    ("protocol", "baud", "goals", "reads", "looks"),
+    [("lss", 9600, 0.112, 0.236, 0.498), ("mightyzap", 19200, 0.172, 0.095, 0.735)],
+)
+def test_a_line_that_may_be_full_at_its_slowest_rate_has_no_uneven_loop(
+    protocol: str, baud: int, goals: float, reads: float, looks: float
+) -> None:
+    talk = timers(baud, {"goals": goals, "reads": reads, "looks": looks}, protocol)
+    assert not unstated(talk).incidents()
+
+
+def test_an_uneven_loop_is_told_at_a_rate_that_nobody_stated() -> None:
+    talk = trembling("lss", 0.7, 38400)
+    assert verdicts(unstated(talk).incidents()) == [("controller-jitter", ())]
 
 
 def test_a_request_that_is_made_twice_in_some_cycles_makes_no_loop_uneven() -> None:

@@ -43,6 +43,10 @@ STEADY: Final = 0.6
 KEPT_WAITING: Final = 0.5
 """Part of the late cycles that begin right behind another job of the program: it was busy."""
 
+BEGINS: Final = 0.25
+"""Part of the cycles in time that begin behind a rest where a request begins a job: on a line that
+is nearly full the other cycles stand right behind another job, too."""
+
 
 def lumps(bins: I64) -> float:
     """Return the part of all cycles that the fullest three periods have, each 3 % to both sides."""
@@ -93,19 +97,32 @@ def is_kept_waiting(case: Case) -> bool:
 
     Who has several timers and one line says the one thing when the other is done: what else begins
     behind a rest has none before it when it is late. A loop that trembles is late behind a rest.
+    Where nobody stated the rate, one at which it is so is enough.
     """
+    slower_ns = case.ledger.exchanges.slower_ns
+    return any(_is_kept_waiting(case, ns) for ns in ((0, slower_ns) if slower_ns else (0,)))
+
+
+def _is_kept_waiting(case: Case, slower_ns: int) -> bool:
+    """Tell it where a byte takes so much longer than at the rate by which the bus is timed."""
     kinds, turns = case.ledger.exchanges.kinds, case.ledger.exchanges.turns
-    took = np.array([len(example) for example in kinds.example]) * case.ledger.byte_ns
-    took += [turn.low if (turn := turns.at(k, EDGE)) else 0 for k in range(len(kinds))]
+    length = np.array([len(example) for example in kinds.example], np.int64)
+    turn = np.array([b.low if (b := turns.at(k, EDGE)) else 0 for k in range(len(kinds))], np.int64)
     for t, kind in case.ledger.exchanges.moments.stretches():
+        # A stamp says when a request ended: it began as much sooner as its bytes took longer.
+        shortest = np.full(len(kinds), length.max(), np.int64)
+        known = np.minimum(kind[:-1], kind[1:]) >= 0
+        np.minimum.at(shortest, kind[:-1][known], length[kind[1:][known]])
+        took = length * case.ledger.byte_ns + np.maximum(turn - shortest * slower_ns, 0)
         for k in np.flatnonzero(kinds.n >= max(CYCLES, kinds.n.max() / 2)).tolist():
             rows = np.flatnonzero(kind == k)[1:]
             if not len(rows):
                 continue
-            period, idle = np.diff(t[kind == k]), t[rows] - t[rows - 1] - took[kind[rows - 1]]
+            idle = t[rows] - t[rows - 1] - took[kind[rows - 1]] - length[k] * slower_ns
+            period = np.diff(t[kind == k])
             late = period > (1 + SPREAD / 2) * np.median(period)
             held = late & (idle - case.latency_ns <= SPREAD_NS)
-            begins = bool(np.median(idle[~late]) > SPREAD_NS)
+            begins = bool(np.quantile(idle[~late], 1 - BEGINS) > SPREAD_NS)
             if begins and held.sum() >= max(KEPT_WAITING * late.sum(), 1):
                 return True
     return False

@@ -112,6 +112,8 @@ class Exchanges:
     def __init__(self, protocol: BusProtocol) -> None:
         self._protocol = protocol
         self._byte_ns = 0
+        self.slower_ns = 0
+        """How much longer a byte may take than at the rate by which the bus is timed."""
         self.kinds = RequestKinds()
         self.moments = RequestMoments()
         self.count = 0
@@ -120,7 +122,10 @@ class Exchanges:
         self.spans = Histograms()
         """Of sound exchanges: from the end of a request to the end of its answer, by kind."""
         self.idle = Histograms()
-        """Of exchanges that did not fail: how long the line was idle behind them; key 0."""
+        """Of exchanges that did not fail: how long the line was idle behind them; key 0.
+
+        At least: a stamp says when a request ended, and at a slower rate it began sooner.
+        """
         self.waits = Buckets(_WAITS)
         """Of exchanges that failed, by servo (+1) and outcome."""
         self.retries = TimedBuckets(_RETRIES)
@@ -152,6 +157,7 @@ class Exchanges:
     def add(self, batch: Batch, byte_ns: int) -> None:
         """Take the requests of a batch, and what became of requests, at a rate of the line."""
         f, self._byte_ns = batch.frames, byte_ns
+        self.slower_ns = batch.slower_ns
         asks = np.flatnonzero((f.kind == REQUEST) & (f.flags & ECHO == 0))
         kind = self.kinds.add(batch, asks)
         self.moments.add(f.t_start[asks], kind)
@@ -234,7 +240,8 @@ class Exchanges:
         rows = np.flatnonzero(ok[:first])
         length = np.minimum(r.answer_length[rows], len(self.answer_lengths) - 1)
         self.answer_lengths += np.bincount(length, minlength=len(self.answer_lengths))
-        self.idle.add(np.zeros(len(rows), np.int64), idle[rows], idle[rows])
+        least = idle[rows] - self.slower_ns * r.lengths(rows + 1)
+        self.idle.add(np.zeros(len(rows), np.int64), least, idle[rows])
         turn = r.t_start[rows + 1] - r.t_end[rows]
         self.turns.add(r.kind[rows], turn, turn)
         span = r.answer_end[rows] - r.t_end[rows]

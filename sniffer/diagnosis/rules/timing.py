@@ -50,7 +50,7 @@ FINDINGS: Final = (
         "lesser of both, less what the stamps leave open; not three periods that hold most of them, nor "
         "lengths with none between, nor cycles that are all about as long as those around them; hardly any "
         "answer is missing; and what comes late does not come right behind something else that the program "
-        "had to say.",
+        "had to say; all that at the slowest rate, too, that the stamps leave open where none was stated.",
     ),
     FindingCode(
         "bus-full",
@@ -134,7 +134,7 @@ def loop_jitters(case: Case) -> Iterator[Finding]:
     rest = exchanges.idle.at(0, 0.99)
     if not case.has_clock or not periods.keys:
         return
-    if rest is None or rest.high < FREE_RUNNING_NS:
+    if rest is None or rest.low < FREE_RUNNING_NS:
         return
     most = max(map(periods.count, periods.keys))
     if _failing(case) > FAILS_MOST * most:
