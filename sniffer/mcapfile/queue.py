@@ -98,9 +98,14 @@ class Queue:
             self._lots.append(_Lot(topic, parts, first, count))
             self.size += sum(int(part.widths.sum()) for part in parts)
 
-    def take(self, until: int | None, floor: int) -> Sorted | None:
-        """Return what is not later than ``until`` (None: all), no log time below ``floor``."""
-        lots, self._lots, self.size = self._lots, [], 0
+    def take(self, until: int | None, floor: int, topic: str | None = None) -> Sorted | None:
+        """Return what is not later than ``until`` (None: all), no log time below ``floor``.
+
+        With a ``topic`` only records of that are meant.
+        """
+        lots = self._lots if topic is None else [x for x in self._lots if x.topic == topic]
+        self._lots = [] if topic is None else [x for x in self._lots if x.topic != topic]
+        self.size -= sum(int(part.widths.sum()) for lot in lots for part in lot.parts)
         if until is not None:
             for lot in lots:
                 masks = [part.heads.log > until for part in lot.parts]

@@ -1,6 +1,6 @@
 """What is wrong with the buses, and why, while they are recorded: beside the recording.
 
-A thread keeps the ledgers and judges them about once a second, or every three or four where nobody
+A thread keeps the ledgers and judges them about once a second, or every six to eight where nobody
 looks; whoever records only hands over what was decoded. Nothing waits for it: what it has no time
 for is left out and counted.
 """
@@ -34,9 +34,8 @@ if TYPE_CHECKING:
 EVERY_S: Final = 0.5
 """How often what was decoded is taken into the ledgers, in seconds: all of that time in one go."""
 
-UNSEEN_S: Final = 2.0
-"""The same where nobody looks at incidents before they are in the file: of eight busy buses that
-takes a fifth less."""
+UNSEEN_S: Final = 4.0
+"""The same where nobody looks at incidents before they are in the file."""
 
 JUDGED: Final = 2
 """How many times as long it is until a bus is judged again, at least."""

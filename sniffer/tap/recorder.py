@@ -39,7 +39,7 @@ TICK_S: Final = 0.05
 DECODE_S: Final = (0.1, 0.5)
 """Time between two decoding passes, at least and at most, in seconds."""
 
-UNSEEN_S: Final = (0.5, 1.0)
+UNSEEN_S: Final = (1.0, 2.0)
 """The same where nobody looks at what is decoded before it is in the file."""
 
 DUTY: Final = 0.05
