@@ -7,7 +7,7 @@ not depend on how many there are.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sniffer.ground.model import I64, Chunk, Mask
+
+
+FEW: Final = 4096
+"""Chunks that are taken one by one as to their lengths: of fewer, many have one of their own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +71,9 @@ class RawEncoder:
         }
         data = b"".join([c.data for c in chunks])
         blob = Blob("data", data, np.cumsum(length) - length, length)
-        return out + self._plain.encode(heads, numbers, {"t_ns": (t, timed)}, blob=blob)
+        times = {"t_ns": (t, timed)}
+        differ = len(chunks) < FEW
+        return out + self._plain.encode(heads, numbers, times, blob=blob, lengths_differ=differ)
 
 
 def _message(chunk: Chunk, offset: int) -> RawChunk:
