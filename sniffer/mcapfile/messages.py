@@ -24,7 +24,7 @@ from sniffer.mcapfile.encoder import Encoder
 from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds
 from sniffer.mcapfile.levels import LEVELS, SEVERITIES, whose
 from sniffer.mcapfile.orders import FRAME_ORDER, TRANSACTION_ORDER
-from sniffer.mcapfile.raw import HeldChunks
+from sniffer.mcapfile.raw import HeldChunks, spoken
 from sniffer.mcapfile.rows import U16, Blob, Heads, Loose
 from sniffer.mcapfile.states import States
 from sniffer.messages import FLAT
@@ -190,6 +190,27 @@ class BusWriter:
             self.oldest = int(log[0])
         heads = self._heads(self._channel("raw", RawChunk), log, np.where(timed, t, log))
         return HeldChunks(chunks, heads, t, timed, end - length, length)
+
+    def spoken(self) -> list[tuple[int, int, bytes]]:
+        """Return log time, channel and record of each chunk that was taken, for a live recording.
+
+        Either this is used or ``heard``.
+        """
+        chunks, self._chunks = self._chunks, []
+        if not chunks:
+            return []
+        self.held = sum(len(b.data) + 1 for b in self._batches)
+        self.held += sum(writer.held for writer in self._beside.values())
+        channel = self._channel("raw", RawChunk)
+        before = self._times.get(channel, (0, 0))
+        told = spoken(chunks, channel, self._offset, self.newest, before)
+        for writer in (self, *self._beside.values()):
+            writer._arrivals.note(told.arrived)
+        self._times[channel] = told.times
+        self._offset, self.newest, _ = told.arrived[-1]
+        if self.oldest is None:
+            self.oldest = told.arrived[0][1]
+        return told.rows
 
     def encode(self, *, final: bool = False) -> None:
         """Queue messages for all that was decoded, in one go; ``final``: nothing will follow.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -28,6 +29,16 @@ class Sorted:
     channel: U16
     start: I64
     end: I64
+
+    @classmethod
+    def of(cls, rows: list[tuple[int, int, bytes]]) -> Sorted:
+        """Return records that come with their log times and channels."""
+        rows.sort(key=operator.itemgetter(0))
+        log, channel, records = zip(*rows, strict=True)
+        widths = np.fromiter(map(len, records), np.int64, len(records))
+        end = np.cumsum(widths)
+        ids = np.array(channel, np.uint16)
+        return cls(memoryview(b"".join(records)), np.array(log, np.int64), ids, end - widths, end)
 
     def only(self, rows: Mask) -> Sorted | None:
         """Return some of the records, None where there are none."""
@@ -98,14 +109,9 @@ class Queue:
             self._lots.append(_Lot(topic, parts, first, count))
             self.size += sum(int(part.widths.sum()) for part in parts)
 
-    def take(self, until: int | None, floor: int, topic: str | None = None) -> Sorted | None:
-        """Return what is not later than ``until`` (None: all), no log time below ``floor``.
-
-        With a ``topic`` only records of that are meant.
-        """
-        lots = self._lots if topic is None else [x for x in self._lots if x.topic == topic]
-        self._lots = [] if topic is None else [x for x in self._lots if x.topic != topic]
-        self.size -= sum(int(part.widths.sum()) for lot in lots for part in lot.parts)
+    def take(self, until: int | None, floor: int) -> Sorted | None:
+        """Return what is not later than ``until`` (None: all), no log time below ``floor``."""
+        lots, self._lots, self.size = self._lots, [], 0
         if until is not None:
             for lot in lots:
                 masks = [part.heads.log > until for part in lot.parts]

@@ -41,7 +41,7 @@ from sniffer.mcapfile.incidents import message_of
 from sniffer.mcapfile.joints import FACT
 from sniffer.mcapfile.layout import ATTACHED, layout
 from sniffer.mcapfile.messages import BusWriter
-from sniffer.mcapfile.queue import Queue
+from sniffer.mcapfile.queue import Queue, Sorted
 from sniffer.mcapfile.raw import RawEncoder
 from sniffer.mcapfile.rows import Heads, Loose
 from sniffer.mcapfile.states import kind_of
@@ -68,7 +68,6 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.model import Batch, Chunk
     from sniffer.mcapfile.joints import RosJoint
-    from sniffer.mcapfile.queue import Sorted
     from sniffer.mcapfile.ros2 import JointPlaces, RosWriter
     from sniffer.protocols.base import BusProtocol
 
@@ -372,8 +371,8 @@ class McapSink:
 
     def _flush_live(self, *, final: bool = False) -> None:
         """Write the raw bytes, in order of time; when it is due, the rest in turns."""
-        self._encode_raw()
-        self._write_all(self._queue.take(None, 0, "raw"), indexed=False)
+        rows = [row for bus in self._buses.values() for row in bus.spoken()]
+        self._write_all(Sorted.of(rows) if rows else None, indexed=False)
         if self._rest is None and not final and self._is_due():
             self._rest = self._decoded()
         if self._rest is not None and next(self._rest, OVER) is OVER:
