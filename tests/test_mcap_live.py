@@ -27,8 +27,9 @@ from sniffer.mcapfile.held import MOST, Arrivals
 from sniffer.mcapfile.index import PIECE, ChunkIndexes, ChunkNote, as_bytes
 from sniffer.mcapfile.raw import HeldChunks, RawEncoder, spoken
 from sniffer.mcapfile.rows import LOG_AT, Heads
-from sniffer.mcapfile.sink import TURN, McapSink
+from sniffer.mcapfile.sink import McapSink
 from sniffer.mcapfile.source import chunks, session
+from sniffer.mcapfile.turns import TURN
 from sniffer.messages import INCIDENTS, SHOWN
 from sniffer.messages.recording_pb2 import RawChunk
 from tests.recordings import START_NS, heads, messages, talk
@@ -66,7 +67,7 @@ def test_raw_bytes_are_in_the_file_with_each_flush_and_the_rest_follows_in_turns
     flush_ns: int, turn: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for limit in ("TURN", "WRITTEN"):
-        monkeypatch.setattr(f"sniffer.mcapfile.sink.{limit}", turn)
+        monkeypatch.setattr(f"sniffer.mcapfile.turns.{limit}", turn)
     path, sent = tmp_path / "run.mcap", talk("mightyzap", 2.0)
     sink = live(path, sent, flush_ns=flush_ns)
     assert so_far(path) == sent

@@ -45,15 +45,14 @@ from sniffer.mcapfile.queue import Queue, Sorted
 from sniffer.mcapfile.raw import RawEncoder
 from sniffer.mcapfile.rows import Heads, Loose
 from sniffer.mcapfile.states import kind_of
+from sniffer.mcapfile.turns import Turns
 from sniffer.messages import (
-    BULK,
     BUS,
     CHOICES,
     END,
     FLAT,
     INCIDENTS,
     OFFSET,
-    PLOTS,
     SESSION,
     SHOWN,
     TOOL,
@@ -85,18 +84,6 @@ FULL: Final = 4 << 20
 
 OVERFULL: Final = 64 << 20
 """Records waiting, in bytes, from which on no bus is waited for."""
-
-TURN: Final = 1 << 18
-"""Bytes of the buses whose records are encoded between two flushes of a live recording, some 30 ms:
-raw bytes wait for no more."""
-
-WRITTEN: Final = 4 << 20
-"""Records that are written between two flushes of a live recording, in bytes."""
-
-OVER: Final = object()
-
-TURNS: Final = 8
-"""The flushes that all of that takes, where there is more of it."""
 
 
 class McapSink:
@@ -157,11 +144,10 @@ class McapSink:
             places = JointPlaces.of(joints, self._session)
             self._session |= places.facts()
             self._ros2 = RosWriter(places, self._queue, self._file.channel)
+        self._turns = Turns(self._queue, self._file, self._ros2, flush_ns)
         self._closed = False
-        self._encoded_at = time.monotonic_ns()
         self._since: int | None = None
         self._round_at = self._round_from = self._told_ns = 0
-        self._rest: Iterator[None] | None = None  # of writing what was decoded
         with self._guard():
             self._file.metadata(SESSION, self._session)
             for proto in sorted(schema_path("messages").glob("*.proto")):
@@ -359,7 +345,6 @@ class McapSink:
 
     def _encode(self, *, final: bool = False) -> None:
         self._encode_raw()
-        self._encoded_at = time.monotonic_ns()
         for bus in self._buses.values():
             bus.encode(final=final)
 
@@ -373,43 +358,8 @@ class McapSink:
         """Write the raw bytes, in order of time; when it is due, the rest in turns."""
         rows = [row for bus in self._buses.values() for row in bus.spoken()]
         self._write_all(Sorted.of(rows) if rows else None, indexed=False)
-        if self._rest is None and not final and self._is_due():
-            self._rest = self._decoded()
-        if self._rest is not None and next(self._rest, OVER) is OVER:
-            self._rest = None
-        if final:
-            for rest in (self._rest or (), self._decoded(final=True)):
-                for _ in rest:
-                    pass
+        self._turns.take(list(self._buses.values()), final=final)
         self._file.sync()
-
-    def _is_due(self) -> bool:
-        """Tell whether what was decoded has waited long enough, or is much."""
-        waited = time.monotonic_ns() - self._encoded_at
-        return waited >= self._flush_ns or sum(b.held for b in self._buses.values()) >= FULL
-
-    def _decoded(self, *, final: bool = False) -> Iterator[None]:
-        """Write what was decoded, kind by kind; pause where raw bytes may be waiting."""
-        self._encoded_at = time.monotonic_ns()
-        buses, done = list(self._buses.values()), 0
-        turn = max(TURN, sum(bus.held for bus in buses) // TURNS)
-        for bus in buses:
-            done += bus.held
-            bus.encode(final=final)
-            if done >= turn:
-                done = 0
-                yield
-        turn = max(WRITTEN, self._queue.size // TURNS)
-        for topics in (*((topic,) for topic in BULK), (*SHOWN, FLAT, PLOTS)):
-            rows = self._queue.lots(topics)
-            for piece in () if rows is None else rows.pieces():
-                self._file.write(piece, indexed=topics[0] not in BULK)
-                done += len(piece.data)
-                if done >= turn:
-                    done = 0
-                    yield
-        if self._ros2 is not None:
-            self._write_all(self._ros2.take(), indexed=True)
 
     def _flush(self, until: int | None) -> None:
         rows = self._queue.take(until, self._file.last)

@@ -17,7 +17,7 @@ from sniffer.decoding.rates import Rate, SearchStep
 from sniffer.decoding.sink import Sink
 from sniffer.ground.model import NS, Chunk, Clock, DamagedInputError, Mark, MarkKind, OutputError
 from sniffer.ground.timing import LATENCY_NS
-from sniffer.tap.events import Read, Retuned
+from sniffer.tap.events import Retuned
 from sniffer.tap.reader import BREATH_NS
 from sniffer.tap.status import BusStatus, Status
 
@@ -260,22 +260,12 @@ class Recorder:
     def _record(self, events: Sequence[Event], heard_ns: int) -> None:
         by_bus: dict[str, list[Chunk]] = {}
         for event in events:
-            tap = self.taps[event.port]
-            if isinstance(event, Read):
-                chunk = tap.heard(event)
-                if chunk is None:
-                    continue
-                if chunk.data and event.t_ns > self._last_ns:
-                    self._last_ns = event.t_ns
-                if chunk.bus in by_bus:
-                    by_bus[chunk.bus].append(chunk)
-                else:
-                    by_bus[chunk.bus] = [chunk]
-                continue
             if isinstance(event, Retuned) and not event.done:
                 self._untunable(event)
-            for chunk in tap.chunks(event):
+            for chunk in self.taps[event.port].chunks(event):
                 by_bus.setdefault(chunk.bus, []).append(chunk)
+                if chunk.data:
+                    self._last_ns = max(self._last_ns, chunk.t_ns or 0)
         for bus, merger in self._mergers.items():
             settled = merger.feed(by_bus.pop(bus, [])) + merger.idle(heard_ns)
             if settled:
