@@ -44,8 +44,9 @@ where nobody does."""
 
 SHARE: Final = 0.2
 QUIET_SHARE: Final = 0.03
+UNSEEN_SHARE: Final = 0.01
 """Share of the time that judging all buses may take: of those on which something was wrong since
-they were judged last, and of the others."""
+they were judged last, of the others, and of these where nobody looks."""
 
 _WORSE: Final = np.array([severity > Severity.NOTE for severity in SEVERITY])
 """Codes that are worse than a note, by their numbers."""
@@ -72,6 +73,7 @@ class Diagnosing:
         """What ended it although it should not have; the recording goes on without it."""
         self._now = now
         self._every_s = EVERY_S if is_followed else UNSEEN_S
+        self._quiet_share = QUIET_SHARE if is_followed else UNSEEN_SHARE
         self._pause_s = ((JUDGED if is_followed else UNSEEN_JUDGED) - 0.5) * self._every_s
         self._diagnosis = Diagnosis()
         self._tracker = Tracker()
@@ -172,6 +174,6 @@ class Diagnosing:
         self._changes += self._tracker.update(name, incidents(case), self._now())
         self._known = tuple(replace(one) for one in self._tracker.now())
         took = (time.monotonic() - began) * max(len(self._due), 1)
-        share = SHARE if key in self._news else QUIET_SHARE
+        share = SHARE if key in self._news else self._quiet_share
         self._news.discard(key)
         self._due[key] = began + max(self._pause_s, took / share)
