@@ -14,11 +14,22 @@ from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
 from sniffer.decoding.decoder import Decoder
-from sniffer.ground.model import Chunk, Clock, DamagedInputError, Mark, MarkKind, OutputError
+from sniffer.ground.model import (
+    Chunk,
+    Clock,
+    DamagedInputError,
+    Direction,
+    Mark,
+    MarkKind,
+    OutputError,
+)
 from sniffer.mcapfile.held import MOST, Arrivals
 from sniffer.mcapfile.index import PIECE, ChunkIndexes, ChunkNote, as_bytes
+from sniffer.mcapfile.raw import HeldChunks, RawEncoder, spoken
+from sniffer.mcapfile.rows import LOG_AT, Heads
 from sniffer.mcapfile.sink import McapSink
 from sniffer.mcapfile.source import chunks, session
+from sniffer.mcapfile.turns import TURN
 from sniffer.messages import INCIDENTS, SHOWN
 from sniffer.messages.recording_pb2 import RawChunk
 from tests.recordings import START_NS, heads, messages, talk
@@ -51,10 +62,12 @@ def so_far(path: Path) -> list[Chunk]:
     raise AssertionError(f"{path} is finished")
 
 
-@pytest.mark.parametrize("flush_ns", [0, 10**12])
-def test_raw_bytes_are_in_the_file_with_each_flush_and_the_rest_follows(
-    flush_ns: int, tmp_path: Path
+@pytest.mark.parametrize(("flush_ns", "turn"), [(0, TURN), (0, 1), (10**12, TURN)])
+def test_raw_bytes_are_in_the_file_with_each_flush_and_the_rest_follows_in_turns(
+    flush_ns: int, turn: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    for limit in ("TURN", "WRITTEN"):
+        monkeypatch.setattr(f"sniffer.mcapfile.turns.{limit}", turn)
     path, sent = tmp_path / "run.mcap", talk("mightyzap", 2.0)
     sink = live(path, sent, flush_ns=flush_ns)
     assert so_far(path) == sent
@@ -71,7 +84,8 @@ def test_raw_bytes_are_in_the_file_with_each_flush_and_the_rest_follows(
     found, wanted = messages(path), messages(tmp_path / "once.mcap")
     for topic in wanted:
         assert len(found[topic]) == len(wanted[topic])
-    assert found["/bus0/frames"] == wanted["/bus0/frames"]
+    for topic in ("raw", "frames", "transactions"):
+        assert found[f"/bus0/{topic}"] == wanted[f"/bus0/{topic}"]
     times = {f.offset: f.t_end_ns for f in found["/bus0/frames"]}
     by_channel: dict[int, list[int]] = {}
     for head in heads(path):
@@ -80,6 +94,31 @@ def test_raw_bytes_are_in_the_file_with_each_flush_and_the_rest_follows(
     assert len(times) > 100
     if RERUN is not None:
         assert "PROBLEM" not in rerun("check", "--full", str(path))
+
+
+def test_a_chunk_is_the_same_record_by_the_short_way_of_live_recordings() -> None:
+    mark = Mark(MarkKind.FRAMING, 0, 1, 2)
+    sent = [
+        Chunk(bytes(size), t_ns, Clock.READ, direction=Direction.RX, marks=marks)
+        for size in (0, 3, 200, 20_000)
+        for t_ns in (START_NS, None)
+        for marks in ((), (mark,))
+    ]
+    n = len(sent)
+    log, rank = np.full(n, START_NS), np.arange(n)
+    length = np.array([len(c.data) for c in sent])
+    timed = np.array([c.t_ns is not None for c in sent])
+    t_ns = np.where(timed, log, 0)
+    around = Heads(np.full(n, 7, np.uint16), np.zeros(n, np.uint32), log, log, rank)
+    held = HeldChunks(sent, around, t_ns, timed, 5 + np.cumsum(length) - length, length)
+    encoded: dict[int, bytes] = {}
+    for part in RawEncoder().encode([held]):
+        encoded.update(zip(part.heads.rank.tolist(), map(bytes, part.data), strict=True))
+    told = spoken(sent, 7, 5, START_NS, (0, 0))
+    assert told.arrived[-1] == (5 + int(length.sum()), START_NS, False)
+    for i, (log_ns, channel, record) in enumerate(told.rows):
+        assert (log_ns, channel) == (START_NS, 7)
+        assert record[:LOG_AT] + bytes(8) + record[LOG_AT + 8 :] == encoded[i]
 
 
 def test_a_live_recording_indexes_what_viewers_look_up_and_readers_find_all_of_it(

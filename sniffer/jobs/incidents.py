@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sniffer.tap.diagnosing import EVERY_S, UNSEEN_S, Diagnosing
+from sniffer.tap.diagnosing import Diagnosing
 
 if TYPE_CHECKING:
     from sniffer.jobs.files import RecordingFiles
@@ -40,7 +40,7 @@ class LiveIncidents:
         watch: Watch | None = None,
         is_followed: bool = True,
     ) -> None:
-        self.sink = Diagnosing(anchor.now, EVERY_S if is_followed else UNSEEN_S)
+        self.sink = Diagnosing(anchor.now, is_followed=is_followed)
         self._file = file
         self._tell = tell
         self._board = board

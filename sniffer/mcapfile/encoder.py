@@ -128,6 +128,24 @@ class _Shape:
             records[name] = column
         return block.view(f"V{self._width}")[:, 0]
 
+    def open_ended(
+        self, values: Mapping[str, Column], alike: Mapping[str, Any], tails: Sequence[bytes]
+    ) -> list[bytes]:
+        """Return a record for each tail: what stands around them in one go."""
+        block = self.many(values, alike, len(tails)).view(np.uint8)
+        filled = [_counted(tail) for tail in tails]
+        length = np.fromiter(map(len, filled), np.int64, len(filled))
+        size = np.ndarray((len(tails),), "<u8", block, 1, (self._width,))  # behind the opcode
+        size[:] = self._width - HEAD.size + length
+        data, width, at = block.tobytes(), self._width, self._open
+        begins = range(0, len(data), width)
+        if at is None or at == width:
+            return [data[a : a + width] + tail for a, tail in zip(begins, filled, strict=True)]
+        return [
+            b"".join((data[a : a + at], tail, data[a + at : a + width]))
+            for a, tail in zip(begins, filled, strict=True)
+        ]
+
     def one(self, values: Iterable[Any], tail: bytes) -> bytes:
         """Return one record; ``values`` are those of ``names``, ``tail`` fills what is open."""
         arguments = self._arguments.copy()
@@ -136,9 +154,16 @@ class _Shape:
         record = self._pack(*arguments)
         if self._open is None:
             return record
-        filled = b"".join((record[HEAD.size : self._open], varint(len(tail)), tail))
+        filled = record[HEAD.size : self._open] + _counted(tail)
         rest = record[self._open :]
         return b"".join((HEAD.pack(Opcode.MESSAGE, len(filled) + len(rest)), filled, rest))
+
+
+def _counted(tail: bytes) -> bytes:
+    return _length(len(tail)) + tail
+
+
+_length: Final = functools.lru_cache(maxsize=1 << 12)(varint)
 
 
 def _width(pieces: Iterable[bytes | tuple[str, str, str]]) -> int:
@@ -178,6 +203,8 @@ class Encoder:
         optional: Mapping[str, tuple[Column, Mask]],
         text: tuple[str, I64] | None = None,
         blob: Blob | None = None,
+        *,
+        lengths_differ: bool = False,
     ) -> list[MessageRows | Loose]:
         """Return a record for each row.
 
@@ -187,10 +214,11 @@ class Encoder:
             optional: fields that some rows have: the values, and where there are any.
             text: the text field and each row's code, if the message has one.
             blob: the bytes field, if the message has one.
+            lengths_differ: hardly two rows have as many bytes in it.
         """
         wide = wide_rows(self._fields, numbers, optional, len(heads.log))
         if not len(wide):
-            return self._encode(heads, numbers, optional, text, blob)
+            return self._encode(heads, numbers, optional, text, blob, lengths_differ)
         told = (self._text, *text) if text is not None else None
         bodies = spelled(self._message, wide, numbers, optional, told, blob)
         rest = np.delete(np.arange(len(heads.log)), wide)
@@ -202,6 +230,7 @@ class Encoder:
                 {name: (column[rest], where[rest]) for name, (column, where) in optional.items()},
                 text and (text[0], text[1][rest]),
                 blob and Blob(blob.name, blob.data, blob.start[rest], blob.length[rest]),
+                lengths_differ,
             ),
         ]
 
@@ -212,6 +241,7 @@ class Encoder:
         optional: Mapping[str, tuple[Column, Mask]],
         text: tuple[str, I64] | None,
         blob: Blob | None,
+        lengths_differ: bool,
     ) -> list[MessageRows | Loose]:
         n = len(heads.log)
         if not n:
@@ -222,7 +252,8 @@ class Encoder:
         for name, (_, where) in optional.items():
             have |= where.astype(np.int64) << self._bits[name]
         code = np.zeros(n, np.int64) if text is None else text[1]
-        length = np.zeros(n, np.int64) if blob is None else blob.length
+        is_open = lengths_differ and blob is not None
+        length = np.zeros(n, np.int64) if blob is None or is_open else blob.length
 
         # of small numbers it is quickly told, and worth it: they need not be fetched shape by shape
         small = {name: c for name, c in columns.items() if c.itemsize <= 4}
@@ -238,9 +269,13 @@ class Encoder:
                 few.append(rows)
                 continue
             i = int(rows[0])
-            size = int(length[i])
+            size = -1 if is_open else int(length[i])
             shape = self._shape((int(have[i]), int(code[i]), size), text, blob)
             values = {name: columns[name][rows] for name in shape.names if name in varied}
+            if blob is not None and is_open:
+                records = shape.open_ended(values, alike, blob.each(rows))
+                out.append(Loose(records, heads.take(rows)))
+                continue
             if blob is not None and size:
                 values[blob.name] = blob.take(rows, size)
             data = shape.many(values, alike, len(rows))

@@ -11,6 +11,8 @@ from sniffer.ground.model import NS
 from sniffer.messages.recording_pb2 import Stats
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy.typing as npt
 
     from sniffer.ground.model import I64, Mask
@@ -21,6 +23,10 @@ _NAMES: Final = ("bytes", "frames", "gaps", "anomalies")
 
 MOST: Final = 1 << 17
 """Chunks whose arrival is remembered: nobody may ever decode what a bus says."""
+
+
+LATE: Final = 1 << 12
+"""Chunks that may wait to become columns."""
 
 
 class Arrivals:
@@ -35,9 +41,25 @@ class Arrivals:
         self._end = np.empty(0, np.int64)
         self._log = np.empty(0, np.int64)
         self._timed = np.empty(0, bool)
+        self._late: list[tuple[int, int, bool]] = []  # not among these yet
 
     def add(self, end: I64, log: I64, timed: npt.NDArray[np.bool_]) -> None:
         """Take chunks: the offset behind each, its log time, and whether it came with a clock."""
+        self._add_late()
+        self._put(end, log, timed)
+
+    def note(self, chunks: Sequence[tuple[int, int, bool]]) -> None:
+        """Take the same of a few chunks at a time: they become columns when somebody asks."""
+        self._late += chunks
+        if len(self._late) > LATE:
+            self._add_late()
+
+    def _add_late(self) -> None:
+        if self._late:
+            rows, self._late = np.array(self._late, np.int64), []
+            self._put(rows[:, 0], rows[:, 1], rows[:, 2] != 0)
+
+    def _put(self, end: I64, log: I64, timed: npt.NDArray[np.bool_]) -> None:
         self._end = np.concatenate([self._end, end])
         self._log = np.concatenate([self._log, log])
         self._timed = np.concatenate([self._timed, timed])
@@ -46,6 +68,7 @@ class Arrivals:
 
     def of(self, end: I64, otherwise: I64) -> I64:
         """Return when the byte before each offset arrived, ``otherwise`` where nothing tells."""
+        self._add_late()
         if not len(self._end):
             return otherwise
         k, known = self._chunk(end)
@@ -56,6 +79,7 @@ class Arrivals:
 
         -1 where nobody knows, or it came without a clock.
         """
+        self._add_late()
         if not len(self._end):
             return np.full(len(end), -1)
         k, known = self._chunk(end)
@@ -68,6 +92,7 @@ class Arrivals:
 
     def forget(self, offset: int) -> None:
         """Drop what lies before ``offset``."""
+        self._add_late()
         keep = int(np.searchsorted(self._end, offset, "right"))
         if keep:
             self._start = int(self._end[keep - 1])

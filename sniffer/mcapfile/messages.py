@@ -8,12 +8,10 @@ were on the wire by the best estimate.
 from __future__ import annotations
 
 import copy
-import json
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from google.protobuf.timestamp_pb2 import Timestamp
 
 from sniffer.decoding.joining import joined, runs
 from sniffer.decoding.sink import bus_of
@@ -22,9 +20,9 @@ from sniffer.ground.model import I64, NS, Clock
 from sniffer.ground.timing import byte_time_ns
 from sniffer.mcapfile.encoder import Encoder
 from sniffer.mcapfile.held import ANOMALIES, FRAMES, GAPS, Arrivals, Seconds
-from sniffer.mcapfile.levels import LEVELS, SEVERITIES, whose
 from sniffer.mcapfile.orders import FRAME_ORDER, TRANSACTION_ORDER
-from sniffer.mcapfile.raw import HeldChunks
+from sniffer.mcapfile.rare import anomaly_messages, gap_messages, log_messages
+from sniffer.mcapfile.raw import HeldChunks, spoken
 from sniffer.mcapfile.rows import U16, Blob, Heads, Loose
 from sniffer.mcapfile.states import States
 from sniffer.messages import FLAT
@@ -56,8 +54,6 @@ DERIVED: Final[Mapping[str, Any]] = {
     FLAT: Quantity,
 }
 """The message of each topic that is made of the raw bytes, by its kind."""
-
-_NUMBERS: Final = json.JSONEncoder(default=repr).encode
 
 
 class BusWriter:
@@ -191,6 +187,27 @@ class BusWriter:
         heads = self._heads(self._channel("raw", RawChunk), log, np.where(timed, t, log))
         return HeldChunks(chunks, heads, t, timed, end - length, length)
 
+    def spoken(self) -> list[tuple[int, int, bytes]]:
+        """Return log time, channel and record of each chunk that was taken, for a live recording.
+
+        Either this is used or ``heard``.
+        """
+        chunks, self._chunks = self._chunks, []
+        if not chunks:
+            return []
+        self.held = sum(len(b.data) + 1 for b in self._batches)
+        self.held += sum(writer.held for writer in self._beside.values())
+        channel = self._channel("raw", RawChunk)
+        before = self._times.get(channel, (0, 0))
+        told = spoken(chunks, channel, self._offset, self.newest, before)
+        for writer in (self, *self._beside.values()):
+            writer._arrivals.note(told.arrived)
+        self._times[channel] = told.times
+        self._offset, self.newest, _ = told.arrived[-1]
+        if self.oldest is None:
+            self.oldest = told.arrived[0][1]
+        return told.rows
+
     def encode(self, *, final: bool = False) -> None:
         """Queue messages for all that was decoded, in one go; ``final``: nothing will follow.
 
@@ -302,17 +319,7 @@ class BusWriter:
     def _write_gaps(self, batch: Batch) -> None:
         gaps = Gaps.of(batch.gaps)
         start, length, times = gaps.start, gaps.length, gaps.t_ns
-        messages = [
-            Gap(
-                t_ns=g.t_ns,
-                offset=batch.base + g.start,
-                length=g.length,
-                reason=g.reason,
-                detail=_NUMBERS(dict(g.detail)),
-                data=batch.data[g.start : g.start + g.length],
-            )
-            for g in gaps
-        ]
+        messages = gap_messages(batch)
         self._seconds.count(GAPS, times, length)
         self._rare("gaps", messages, self._arrivals.of(batch.base + start + length, times), times)
 
@@ -320,31 +327,11 @@ class BusWriter:
         found = sorted(batch.anomalies, key=lambda a: a.t_ns)
         times = np.array([a.t_ns for a in found], np.int64)
         self._seconds.count(ANOMALIES, times)
-        messages = [
-            Anomaly(
-                t_ns=a.t_ns,
-                severity=SEVERITIES[a.severity],
-                group=a.group,
-                code=a.code,
-                servo_id=a.servo_id,
-                detail=a.detail,
-                evidence=[Anomaly.Evidence(offset=at, length=n) for at, n in a.evidence],
-            )
-            for a in found
-        ]
+        messages = anomaly_messages(found)
         self._rare("anomalies", messages, times, times)
         if self._ros2 is not None:
             self._ros2.anomalies(self._root, found, times)
-        logs = [
-            Log(
-                timestamp=Timestamp(seconds=a.t_ns // NS, nanos=a.t_ns % NS),
-                level=LEVELS[a.severity],
-                message=f"{whose(a)}{a.detail} [{a.code}]",
-                name=self.name,
-            )
-            for a in found
-        ]
-        self._rare("log", logs, times, times)
+        self._rare("log", log_messages(found, self.name), times, times)
 
     def _write_stats(self, *, final: bool) -> None:
         rows = self._seconds.over(final=final)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -28,6 +29,16 @@ class Sorted:
     channel: U16
     start: I64
     end: I64
+
+    @classmethod
+    def of(cls, rows: list[tuple[int, int, bytes]]) -> Sorted:
+        """Return records that come with their log times and channels."""
+        rows.sort(key=operator.itemgetter(0))
+        log, channel, records = zip(*rows, strict=True)
+        widths = np.fromiter(map(len, records), np.int64, len(records))
+        end = np.cumsum(widths)
+        ids = np.array(channel, np.uint16)
+        return cls(memoryview(b"".join(records)), np.array(log, np.int64), ids, end - widths, end)
 
     def only(self, rows: Mask) -> Sorted | None:
         """Return some of the records, None where there are none."""

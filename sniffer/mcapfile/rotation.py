@@ -48,7 +48,8 @@ if TYPE_CHECKING:
 
 FLUSH_NS: Final = 1_000_000_000
 """How long decoded records wait to be written: a killed recorder loses so many, and `recover` makes
-them again. What they cost beside many others is less, and twice as long saves little more."""
+them again. Half as long or twice as long costs the same: what is
+saved by fewer turns is lost to the memory that more of them walk through."""
 
 STEP_NS: Final = 10_000_000
 """How long a file is ended in one go: the index of an hour takes some tenths of a second, in which

@@ -41,19 +41,18 @@ from sniffer.mcapfile.incidents import message_of
 from sniffer.mcapfile.joints import FACT
 from sniffer.mcapfile.layout import ATTACHED, layout
 from sniffer.mcapfile.messages import BusWriter
-from sniffer.mcapfile.queue import Queue
+from sniffer.mcapfile.queue import Queue, Sorted
 from sniffer.mcapfile.raw import RawEncoder
 from sniffer.mcapfile.rows import Heads, Loose
 from sniffer.mcapfile.states import kind_of
+from sniffer.mcapfile.turns import Turns
 from sniffer.messages import (
-    BULK,
     BUS,
     CHOICES,
     END,
     FLAT,
     INCIDENTS,
     OFFSET,
-    PLOTS,
     SESSION,
     SHOWN,
     TOOL,
@@ -68,7 +67,6 @@ if TYPE_CHECKING:
     from sniffer.diagnosis.tracking import IncidentChange
     from sniffer.ground.model import Batch, Chunk
     from sniffer.mcapfile.joints import RosJoint
-    from sniffer.mcapfile.queue import Sorted
     from sniffer.mcapfile.ros2 import JointPlaces, RosWriter
     from sniffer.protocols.base import BusProtocol
 
@@ -146,8 +144,8 @@ class McapSink:
             places = JointPlaces.of(joints, self._session)
             self._session |= places.facts()
             self._ros2 = RosWriter(places, self._queue, self._file.channel)
+        self._turns = Turns(self._queue, self._file, self._ros2, flush_ns)
         self._closed = False
-        self._encoded_at = time.monotonic_ns()
         self._since: int | None = None
         self._round_at = self._round_from = self._told_ns = 0
         with self._guard():
@@ -347,7 +345,6 @@ class McapSink:
 
     def _encode(self, *, final: bool = False) -> None:
         self._encode_raw()
-        self._encoded_at = time.monotonic_ns()
         for bus in self._buses.values():
             bus.encode(final=final)
 
@@ -358,15 +355,10 @@ class McapSink:
         return max((b.newest for b in self._buses.values()), default=0)
 
     def _flush_live(self, *, final: bool = False) -> None:
-        """Write the raw bytes, in order of time; when it is due, the rest kind by kind."""
-        self._encode_raw()
-        self._write_all(self._queue.take(None, 0), indexed=False)
-        if final or time.monotonic_ns() - self._encoded_at >= self._flush_ns:
-            self._encode(final=final)
-            self._write_all(self._queue.lots(BULK), indexed=False)
-            self._write_all(self._queue.lots((*SHOWN, FLAT, PLOTS)), indexed=True)
-            if self._ros2 is not None:
-                self._write_all(self._ros2.take(), indexed=True)
+        """Write the raw bytes, in order of time; when it is due, the rest in turns."""
+        rows = [row for bus in self._buses.values() for row in bus.spoken()]
+        self._write_all(Sorted.of(rows) if rows else None, indexed=False)
+        self._turns.take(list(self._buses.values()), final=final)
         self._file.sync()
 
     def _flush(self, until: int | None) -> None:

@@ -12,14 +12,13 @@ import numpy as np
 
 from sniffer.decoding.fields import value_ranges
 from sniffer.decoding.rows import (
+    OF_ANOMALIES,
     OF_FRAMES,
     OF_SAMPLES,
     OF_TRANSACTIONS,
     TransactionRow,
-    as_dict,
     beside,
     frame_row,
-    rare_rows,
     shown,
 )
 from sniffer.protocols.base import telling_bytes
@@ -54,11 +53,10 @@ def _found(bus: str, pieces: LineTexts, batch: Batch) -> Iterator[Placed]:
     yield _frames(bus, pieces, batch, [value.field for value in told])
     yield _samples(bus, pieces, batch, [value.sample for value in told])
     yield _transactions(bus, pieces, batch)
-    rare = list(rare_rows(batch, pieces.protocol, bus))
-    for kind in {kind for _, kind, _ in rare}:
-        mine = [(at, row) for at, of, row in rare if of == kind]
-        at = np.array([at for at, _ in mine], np.int64)
-        yield kind, at, [encode(as_dict(row)) + "\n" for _, row in mine]
+    if len(batch.gaps):
+        yield _gaps(bus, pieces, batch)
+    if len(batch.anomalies):
+        yield _anomalies(bus, pieces, batch)
 
 
 def _frames(bus: str, pieces: LineTexts, batch: Batch, values: Sequence[str]) -> Placed:
@@ -121,6 +119,38 @@ def _samples(bus: str, pieces: LineTexts, batch: Batch, values: list[str]) -> Pl
         else:
             out.append(begin + (behind + begin).join(values[a:b]) + behind)
     return OF_SAMPLES, places, out
+
+
+def _gaps(bus: str, pieces: LineTexts, batch: Batch) -> Placed:
+    base, hexed, named = batch.base, batch.data.hex(), beside(pieces.protocol, batch)
+    places: list[int] = []
+    out: list[str] = []
+    for gap in (batch.gaps[i] for i in shown(batch, "gaps", len(batch.gaps))):
+        start, length, reason, detail, t_ns = gap
+        around = pieces.gap(bus, reason, batch.clock, named)
+        first, of_offset, of_length, of_hex, of_detail, end = around
+        places.append(base + start)
+        told, raw = encode(dict(detail)), hexed[2 * start : 2 * (start + length)]
+        out.append(
+            f"{first}{t_ns}{of_offset}{base + start}{of_length}{length}"
+            f'{of_hex}"{raw}"{of_detail}{told}{end}'
+        )
+    return OF_FRAMES, np.array(places, np.int64), out
+
+
+def _anomalies(bus: str, pieces: LineTexts, batch: Batch) -> Placed:
+    found, named = batch.anomalies, beside(pieces.protocol, batch)
+    places: list[int] = []
+    out: list[str] = []
+    for a in (found[i] for i in shown(batch, "anomalies", len(found))):
+        first, of_servo, of_detail, of_evidence, end = pieces.anomaly(bus, a, named)
+        evidence = ",".join([f"[{at},{length}]" for at, length in a.evidence])
+        places.append(a.known_at)
+        out.append(
+            f"{first}{a.t_ns}{of_servo}{'null' if a.servo_id is None else a.servo_id}"
+            f"{of_detail}{encode(a.detail)}{of_evidence}[{evidence}]{end}"
+        )
+    return OF_ANOMALIES, np.array(places, np.int64), out
 
 
 def _transactions(bus: str, pieces: LineTexts, batch: Batch) -> Placed:

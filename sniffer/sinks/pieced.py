@@ -13,8 +13,16 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from sniffer.decoding.fields import frame_fields, tidy, value_entry, value_name, value_width
-from sniffer.decoding.rows import SampleRow, TransactionRow, as_dict, frame_row
+from sniffer.decoding.rows import (
+    GapRow,
+    SampleRow,
+    TransactionRow,
+    anomaly_row,
+    as_dict,
+    frame_row,
+)
 from sniffer.ground.codes import OUTCOMES, PARTS, PROVENANCES, ROLES, WHOLE
+from sniffer.ground.model import Clock
 from sniffer.protocols.base import view
 from sniffer.sinks.kept import Kept, OfProtocol
 
@@ -22,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Hashable, Sequence
 
     from sniffer.decoding.rows import Row
-    from sniffer.ground.model import Batch, Samples
+    from sniffer.ground.model import Anomaly, Batch, Samples
     from sniffer.ground.registers import Register
     from sniffer.protocols.base import BusProtocol
 
@@ -36,6 +44,9 @@ TRANSACTION: Final = (
     *("response_time_ns", "uncertainty_ns"),
 )
 """Keys of what differs from one line of a kind to the next, in order."""
+
+GAP: Final = ("t_ns", "offset", "length", "hex", "detail")
+ANOMALY: Final = ("t_ns", "servo_id", "detail", "evidence")
 
 JOINED, BARE, LEFTOVER, OTHERS, SLOWLY = range(5)
 """How register values join the fields that the protocol tells: behind them; there are none of the
@@ -102,6 +113,7 @@ class LineTexts(OfProtocol):
         self._kinds: dict[int, _ValueKind] = {}
         self._shapes: dict[tuple[Hashable, ...], list[str]] = {}
         self._transactions: dict[tuple[int, int, int], list[str]] = {}
+        self._rare: dict[tuple[Hashable, ...], list[str]] = {}
 
     def values(self, v: Samples) -> list[ValueText]:
         """Return how each value reads."""
@@ -163,6 +175,29 @@ class LineTexts(OfProtocol):
             who, name = servo if servo >= 0 else None, self.protocol.op_name(op)
             row = TransactionRow("", None, None, who, name, OUTCOMES[outcome], None, None)
             found = self._transactions[key] = cut(row, TRANSACTION)
+        return found
+
+    def gap(self, bus: str, reason: str, clock: int, beside: str | None) -> list[str]:
+        """Return the pieces of a gap's line."""
+        key = bus, reason, clock, beside
+        found = self._rare.get(key)
+        if found is None:
+            named = Clock(clock).name.lower()
+            found = self._keep(key, GapRow(bus, 0, 0, 0, "", reason, {}, named, beside), GAP)
+        return found
+
+    def anomaly(self, bus: str, a: Anomaly, beside: str | None) -> list[str]:
+        """Return the pieces of an anomaly's line; most of it is what the catalogue says."""
+        key = bus, a.code, a.severity, a.group, a.remedy, beside
+        found = self._rare.get(key)
+        if found is None:
+            found = self._keep(key, anomaly_row(a, bus, beside), ANOMALY)
+        return found
+
+    def _keep(self, key: tuple[Hashable, ...], row: Row, holes: Sequence[str]) -> list[str]:
+        if len(self._rare) >= SHAPES_MOST:
+            self._rare.clear()
+        found = self._rare[key] = cut(row, holes)
         return found
 
     def head(self, key: Hashable, batch: Batch, i: int, values: range) -> Head:

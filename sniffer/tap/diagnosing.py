@@ -1,6 +1,6 @@
 """What is wrong with the buses, and why, while they are recorded: beside the recording.
 
-A thread keeps the ledgers and judges them about once a second, or every three or four where nobody
+A thread keeps the ledgers and judges them about once a second, or every seven where nobody
 looks; whoever records only hands over what was decoded. Nothing waits for it: what it has no time
 for is left out and counted.
 """
@@ -35,16 +35,18 @@ EVERY_S: Final = 0.5
 """How often what was decoded is taken into the ledgers, in seconds: all of that time in one go."""
 
 UNSEEN_S: Final = 2.0
-"""The same where nobody looks at incidents before they are in the file: of eight busy buses that
-takes a fifth less."""
+"""The same where nobody looks at incidents before they are in the file."""
 
 JUDGED: Final = 2
-"""How many times as long it is until a bus is judged again, at least."""
+UNSEEN_JUDGED: Final = 4
+"""How many times as long it is until a bus is judged again, at least: where somebody looks, and
+where nobody does."""
 
 SHARE: Final = 0.2
 QUIET_SHARE: Final = 0.03
+UNSEEN_SHARE: Final = 0.01
 """Share of the time that judging all buses may take: of those on which something was wrong since
-they were judged last, and of the others."""
+they were judged last, of the others, and of these where nobody looks."""
 
 _WORSE: Final = np.array([severity > Severity.NOTE for severity in SEVERITY])
 """Codes that are worse than a note, by their numbers."""
@@ -61,16 +63,18 @@ class Diagnosing:
 
     Args:
         now: the time, on the clock of the buses, in ns.
-        every_s: how often what was decoded is taken in, in seconds.
+        is_followed: whether somebody looks at incidents before they are in the file.
     """
 
-    def __init__(self, now: Callable[[], int], every_s: float = EVERY_S) -> None:
+    def __init__(self, now: Callable[[], int], *, is_followed: bool = True) -> None:
         self.left_out = 0
         """Bytes whose records were left out: there was no time for them."""
         self.failure: Exception | None = None
         """What ended it although it should not have; the recording goes on without it."""
         self._now = now
-        self._every_s = every_s
+        self._every_s = EVERY_S if is_followed else UNSEEN_S
+        self._quiet_share = QUIET_SHARE if is_followed else UNSEEN_SHARE
+        self._pause_s = ((JUDGED if is_followed else UNSEEN_JUDGED) - 0.5) * self._every_s
         self._diagnosis = Diagnosis()
         self._tracker = Tracker()
         self._waiting: deque[tuple[str, BusProtocol, Batch]] = deque()
@@ -170,6 +174,6 @@ class Diagnosing:
         self._changes += self._tracker.update(name, incidents(case), self._now())
         self._known = tuple(replace(one) for one in self._tracker.now())
         took = (time.monotonic() - began) * max(len(self._due), 1)
-        share = SHARE if key in self._news else QUIET_SHARE
+        share = SHARE if key in self._news else self._quiet_share
         self._news.discard(key)
-        self._due[key] = began + max((JUDGED - 0.5) * self._every_s, took / share)
+        self._due[key] = began + max(self._pause_s, took / share)

@@ -72,21 +72,26 @@ class Tap:
             return "silent"
         return "listening"
 
+    def heard(self, read: Read) -> Chunk | None:
+        """Return what a read adds to the stream; of busy lines there are thousands a second."""
+        _, t_ns, raw, held_ns = read
+        data, marks = self.port.unmark(raw)
+        self.bytes += len(data)
+        self._since += len(data)
+        self.last_ns = t_ns
+        if marks:
+            self._marked += sum(mark.count for mark in marks)
+            self._add_up()
+        if held_ns and data:
+            marks = (Mark(MarkKind.HELD, 0, len(data), held_ns), *marks)
+        return self._chunk(data, t_ns, marks) if data or marks else None
+
     def chunks(self, event: Event) -> Iterator[Chunk]:
         """Yield what an event of the listener adds to the stream."""
         match event:
-            case Read(t_ns=t_ns, data=raw, held_ns=held_ns):
-                data, marks = self.port.unmark(raw)
-                self.bytes += len(data)
-                self._since += len(data)
-                self.last_ns = t_ns
-                for mark in marks:
-                    self._marked += mark.count
-                self._add_up()
-                if held_ns and data:
-                    marks = (Mark(MarkKind.HELD, 0, len(data), held_ns), *marks)
-                if data or marks:
-                    yield self._chunk(data, t_ns, marks)
+            case Read():
+                if (chunk := self.heard(event)) is not None:
+                    yield chunk
             case Lost(t_ns=t_ns):
                 self.away_ns = t_ns
                 self.lost += 1
