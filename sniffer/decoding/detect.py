@@ -132,10 +132,10 @@ class UndecidedError(InputError):
 
 def _hint(head: bytes) -> tuple[str, str]:
     """Return whose frames are meant though none holds, and what is to be done, as a template."""
-    altered = translated(head)
+    altered = translated(head, None)
     if altered is not None:
         return "", f"they are not as they were on a wire: {altered.what} ({altered.shown})"
-    failed = wrong_sums(head)
+    failed = wrong_sums(head, None)
     if failed is not None:
         return failed.protocol, f"name it with {{protocol}}; {sums.in_words(failed)}"
     begun = most_begun(head)

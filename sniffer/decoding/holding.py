@@ -2,16 +2,44 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import functools
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 
 from sniffer.ground.framing import Block
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from sniffer.protocols.base import BusProtocol
+
+
+REMEMBERED: Final = 64
+"""Beginnings of captures for which an answer is kept."""
+
+T = TypeVar("T")
+
+
+def kept(
+    find: Callable[[bytes, BusProtocol | None], T],
+) -> Callable[[bytes, BusProtocol | None], T]:
+    """Keep what is found in the beginning of a capture, by a protocol or by all.
+
+    A live bus is judged again and again, and begins with the same bytes.
+    """
+    known: dict[tuple[str, bytes], T] = {}
+
+    @functools.wraps(find)
+    def found(head: bytes, protocol: BusProtocol | None) -> T:
+        key = "" if protocol is None else protocol.name, head
+        if key not in known:
+            if len(known) >= REMEMBERED:
+                known.clear()
+            known[key] = find(head, protocol)
+        return known[key]
+
+    return found
 
 
 def spans_in(protocol: BusProtocol, data: bytes) -> list[tuple[int, int]]:

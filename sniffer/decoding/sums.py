@@ -12,7 +12,7 @@ import operator
 from collections import Counter
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from sniffer.decoding.holding import between
+from sniffer.decoding.holding import between, kept
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -93,7 +93,8 @@ def _ranges(one: _Packet) -> tuple[tuple[str, bytes], ...]:
     )
 
 
-def wrong_sums(head: bytes, protocol: BusProtocol | None = None) -> WrongSums | None:
+@kept
+def wrong_sums(head: bytes, protocol: BusProtocol | None) -> WrongSums | None:
     """Return how the packets of a capture fail their checksums, if all that fail do so alike.
 
     Args:

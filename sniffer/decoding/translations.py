@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from sniffer.decoding.holding import between, held, spans_in
+from sniffer.decoding.holding import between, held, kept, spans_in
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -194,28 +194,15 @@ SWALLOWED: Final = (
 """What is left out, the narrower first. Source: termios(3), ``stty -a``."""
 
 
-_FOUND: Final[dict[tuple[str, bytes], Translated | None]] = {}
-"""What was found: a live bus is judged again and again, and begins with the same bytes."""
-
-REMEMBERED: Final = 64
-
-
-def translated(head: bytes, protocol: BusProtocol | None = None) -> Translated | None:
+@kept
+def translated(head: bytes, protocol: BusProtocol | None) -> Translated | None:
     """Return how the beginning of a capture was altered, None where it does not look so.
 
     Args:
         head: the first bytes, some thousand.
-        protocol: by which it is decoded; where it does not hold, others are tried, too.
+        protocol: by which it is decoded, None: nobody knows. Where it does not hold, others are
+            tried, too.
     """
-    key = "" if protocol is None else protocol.name, head
-    if key not in _FOUND:
-        if len(_FOUND) >= REMEMBERED:
-            _FOUND.clear()
-        _FOUND[key] = _looked_for(head, protocol)
-    return _FOUND[key]
-
-
-def _looked_for(head: bytes, protocol: BusProtocol | None) -> Translated | None:
     if len(head) < LEAST_BYTES:
         return None
     own = [] if protocol is None else [protocol]
