@@ -334,3 +334,14 @@ def test_a_file_of_bytes_has_them_all(
     assert ran.status == 2
     assert ran.complaint == f"a {suffix} has every byte: `sniffer cut` makes one of a part"
     assert not list(tmp_path.iterdir())
+
+
+def test_an_output_may_be_named_as_other_commands_have_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one, two = tmp_path / "one.hex", tmp_path / "two.bin"
+    assert within(capsys, "convert", LOG, one, "-o", two).status == 0
+    assert two.read_bytes() == bytes.fromhex(one.read_text())
+    none = within(capsys, "convert", LOG)
+    assert (none.status, none.out) == (2, "")
+    assert "name OUT, a file whose suffix says what to make" in none.err

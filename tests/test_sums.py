@@ -36,6 +36,11 @@ def xor(data: bytes) -> int:
     return functools.reduce(operator.xor, data, 0)
 
 
+def named(value: object) -> str:
+    """Return what a case is called: its words, and nothing of its functions."""
+    return value if isinstance(value, str) else ""
+
+
 DRIVERS: list[tuple[str, str, Driver]] = [
     ("mightyzap", "the sum of the bytes", sealed(lambda p: sum(p[3:]))),
     ("mightyzap", "the sum of the bytes, negated", sealed(lambda p: -sum(p[3:]))),
@@ -69,7 +74,7 @@ def alone(protocol: str, driver: Driver, cycles: int = 120) -> Conversation:
     return talk
 
 
-@pytest.mark.parametrize(("protocol", "told", "driver"), DRIVERS, ids=lambda v: str(v)[:40])
+@pytest.mark.parametrize(("protocol", "told", "driver"), DRIVERS, ids=named)
 def test_what_a_driver_makes_of_a_checksum_is_named(
     protocol: str, told: str, driver: Driver
 ) -> None:

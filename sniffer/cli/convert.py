@@ -38,9 +38,11 @@ from sniffer.sinks import RECORDING
     ),
 )
 @click.argument("file", shell_complete=files_here)
-@click.argument(
-    "outputs", metavar="OUT...", nargs=-1, required=True, type=click.Path(path_type=Path)
-)
+@click.argument("outputs", metavar="OUT...", nargs=-1, type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", "also", metavar="OUT", multiple=True, type=click.Path(path_type=Path),
+    help="The same as OUT, as other commands have it.",
+)  # fmt: skip
 @with_part
 @with_rows
 @decoding
@@ -65,6 +67,7 @@ from sniffer.sinks import RECORDING
 def convert(
     file: str,
     outputs: tuple[Path, ...],
+    also: tuple[Path, ...],
     options: Options,
     input_format: str,
     wide: bool,
@@ -87,6 +90,9 @@ def convert(
     Exit status: 0 done; 2 a mistake of yours; 3 the input breaks off (what could be read is
     written).
     """
+    outputs = (*outputs, *also)
+    if not outputs:
+        raise click.UsageError("name OUT, a file whose suffix says what to make: run.mcap, run.csv")
     if hold and not wide:
         raise click.UsageError("--hold goes with --wide")
     if wide and not any(out.suffix.lower() in (".csv", ".parquet") for out in outputs):
