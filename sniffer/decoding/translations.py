@@ -47,10 +47,11 @@ six does by chance: a sum of eight bits, fifteen values, up to three of one."""
 LEAST_MENDED: Final = 5
 
 MOST_MISSING: Final = 3
-"""Bytes of one value that are put back into one frame; into a long one fewer."""
+"""Bytes of one value that are put back into one frame at most; one fewer where the frame is long,
+and where several values may be meant: tries would be too many, and hold by chance."""
 
 SHORT: Final = 14
-"""Bytes of a frame into which so many are put back."""
+"""Bytes of a frame that is not long."""
 
 READABLE: Final = 0x80
 """Bytes below are text in ASCII."""
@@ -302,8 +303,8 @@ def _swaps(got: bytes, swap: _Swapped) -> list[bytes]:
 
 
 def _filled(got: bytes, values: Sequence[int]) -> list[bytes]:
-    """Return a frame with one to three bytes of one value put in, behind its first byte."""
-    most = MOST_MISSING if len(got) <= SHORT and len(values) == 1 else 1 + (len(got) <= LONGEST)
+    """Return a frame with some bytes of one value put in, behind its first byte."""
+    most = MOST_MISSING - (len(got) > SHORT) - (len(values) > 1)
     out = []
     for value, n in itertools.product(values, range(1, most + 1)):
         for some in itertools.combinations_with_replacement(range(1, len(got) + 1), n):
