@@ -157,8 +157,17 @@ def test_requests_keep_the_times_that_they_had() -> None:
     assert asked_at([100, 110, 150, 151], [2, 2, 1, 1]) == [0, 10, 50, 51]
 
 
-def test_an_answer_that_comes_late_is_waited_for_and_makes_the_rest_late() -> None:
-    assert asked_at([0, 10, 20, 30], [2, 15, 2, 2]) == [0, 10, 25, 35]
+def test_an_answer_that_comes_late_is_waited_for_and_caught_up_with_in_the_pauses() -> None:
+    at, delays = [*range(0, 200, 20)], [2, 25, *[2] * 8]
+    late = [is_at - was_at for is_at, was_at in zip(asked_at(at, delays), at, strict=True)]
+    assert late == [0, 0, 5, 3, 2, 0, 0, 0, 0, 0]
+
+
+def test_servos_that_are_always_slower_are_asked_as_slowly_and_nothing_piles_up() -> None:
+    assert asked_at([0, 10, 20, 30], [15, 15, 15, 2]) == [0, 15, 30, 45]
+    stalled = asked_at([*range(0, 400, 20)], [2, 99, 99, 99, *[2] * 16])
+    assert max(t - 20 * nth for nth, t in enumerate(stalled)) > 200
+    assert stalled[-1] - 20 * 19 > 60  # 100 ms are caught up with, what is beyond is not
 
 
 def test_a_servo_that_does_not_answer_is_told_with_how_often_it_did(

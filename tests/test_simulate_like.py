@@ -10,6 +10,7 @@ import pytest
 
 from sniffer.ground.model import NS
 from sniffer.jobs.like import scenario_like
+from sniffer.jobs.telling import Teller
 from sniffer.protocols import PROTOCOLS
 from sniffer.simulation.respond import Responder
 from tests.commands import within
@@ -72,7 +73,9 @@ def last_reads(name: str) -> dict[bytes, RecordedExchange]:
 
 @EVERY_PROTOCOL
 def test_ids_rate_models_and_losses_are_those_of_the_recording(name: str) -> None:
-    scenario = scenario_like(DAMAGED[name])
+    told: list[str] = []
+    scenario = scenario_like(DAMAGED[name], tell=Teller(told.append))
+    assert not [line for line in told if "left out" in line]  # ids of everybody are no servos
     assert scenario.servo_ids == SEEN[name]
     assert scenario.baud == PROTOCOLS[name].baud
     assert {fault.servo_id for fault in scenario.faults} <= {*SEEN[name]}

@@ -49,6 +49,11 @@ def named(value: object) -> str:
     return value if isinstance(value, str) else ""
 
 
+def with_parity(odd: int) -> Alter:
+    """Set the eighth bit as a line of seven bits and a parity bit does."""
+    return lambda data: bytes(v | (v.bit_count() + odd) % 2 << 7 for v in data)
+
+
 WHOLE: dict[str, tuple[tuple[str, ...], Alter]] = {
     "written as text in UTF-8": (BINARY, lambda data: data.decode("latin-1").encode()),
     "every FF stands there twice": (BINARY, lambda data: data.replace(b"\xff", b"\xff\xff")),
@@ -58,6 +63,9 @@ WHOLE: dict[str, tuple[tuple[str, ...], Alter]] = {
     "the two bytes of each pair": (tuple(TONGUES), pairs),
     "the bits of each byte stand in the other order": (tuple(TONGUES), turned),
     "all bits of each byte are inverted": (tuple(TONGUES), lambda d: bytes(255 - v for v in d)),
+    "is its even parity: the line is 7E1": (("lss",), with_parity(0)),
+    "is its odd parity: the line is 7O1": (("lss",), with_parity(1)),
+    "is set: the line is 7M1 or 7N2": (("lss",), lambda data: bytes(v | 128 for v in data)),
     "EF BF BD stands for each": (BINARY, lambda data: data.decode(errors="replace").encode()),
     "the eighth bit of each byte is lost": (BINARY, lambda data: bytes(v & 127 for v in data)),
     "bytes from 80 on are left out": (BINARY, lambda data: data.decode("ascii", "ignore").encode()),

@@ -132,6 +132,30 @@ def _mirrored(data: bytes) -> bytes:
     return np.packbits(bits, bitorder="big").tobytes()
 
 
+_ODD_ONES: Final = np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1).sum(1) % 2
+"""By byte: 1 where an odd number of its eight bits is set."""
+
+
+def _is_parity(odd: int) -> Callable[[bytes], bool]:
+    """Return what tells whether the eighth bit is a parity bit in nearly all bytes."""
+
+    def may_be(data: bytes) -> bool:
+        right = int((_ODD_ONES[np.frombuffer(data, np.uint8)] == odd).sum())
+        return right >= HOLDS * len(data)
+
+    return may_be
+
+
+def _is_mark(data: bytes) -> bool:
+    return sum(value >= READABLE for value in data) >= HOLDS * len(data)
+
+
+def _seven_bits(data: bytes) -> bytes:
+    return bytes(value & 0x7F for value in data)
+
+
+_CLEARED: Final = r"and was read as 8N1 (`tr '\200-\377' '\000-\177'` clears the bit)"
+
 WHOLE: Final = (
     _Whole(
         "bytes were written as text in UTF-8, two for each from 80 on",
@@ -172,6 +196,21 @@ WHOLE: Final = (
         "all bits of each byte are inverted",
         lambda data: True,
         lambda data: bytes(255 - value for value in data),
+    ),
+    _Whole(
+        f"the eighth bit of each byte is its even parity: the line is 7E1 {_CLEARED}",
+        _is_parity(0),
+        _seven_bits,
+    ),
+    _Whole(
+        f"the eighth bit of each byte is its odd parity: the line is 7O1 {_CLEARED}",
+        _is_parity(1),
+        _seven_bits,
+    ),
+    _Whole(
+        f"the eighth bit of each byte is set: the line is 7M1 or 7N2 {_CLEARED}",
+        _is_mark,
+        _seven_bits,
     ),
 )
 """What can be undone. Sources: RFC 854 (telnet: IAC doubled), termios(3), PEP 278."""

@@ -58,7 +58,7 @@ def scenario_like(
     like = {who: one for who, one in every.items() if known is None or who in known.ids}
     if not like:
         raise InputError(f"{source}: no servo answers in it: there is nobody to be like")
-    if lost := [str(who) for who in every if who not in like]:
+    if lost := [str(w) for w in every if w not in like and seen.spoke(w)]:
         tell.warn(f"left out, for no {name} servo can have such an id: {', '.join(lost)}")
     models: dict[int | None, str] = {**options.models}
     models.update((who, model) for who, model in seen.models.items() if who in like)

@@ -86,8 +86,8 @@ class PlayedBack:
     """What was played, and how the reading of the recording ended.
 
     ``ports`` says what became of the bytes for each port, by bus, or for ``bus`` and ``tap``.
-    ``pacing`` is there for a line, ``answers`` for servos; for a controller ``hearing``, and
-    ``slower``, where response times differ from those of the recording.
+    ``pacing`` is there for a line and a controller, ``answers`` for servos; for a controller
+    ``hearing``, and ``slower``, where response times differ from those of the recording.
     """
 
     ports: Mapping[str, Written]
@@ -360,7 +360,8 @@ def _controller(
         copies.finish(tell)
     found, _ = differences(then, now)
     slower = tuple(one for one in found if one.about == "response_time")
-    return PlayedBack(_written(outlets), ending, hearing=player.hearing, slower=slower)
+    written = _written(outlets)
+    return PlayedBack(written, ending, pacing=player.pacing, hearing=player.hearing, slower=slower)
 
 
 class _OneBus:

@@ -10,6 +10,7 @@ import numpy as np
 
 from sniffer.ground.framing import Block
 from sniffer.ground.model import Chunk, Clock
+from sniffer.playback.line import Lateness
 from sniffer.playback.outlets import said
 from sniffer.simulation.hearing import NO_BARRIERS
 from sniffer.simulation.play.player import LOOK_NS
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from sniffer.playback.exchanges import RecordedExchange
+    from sniffer.playback.line import Pacing
     from sniffer.protocols.base import BusProtocol
     from sniffer.simulation.play.outlet import FrameWriter
     from sniffer.simulation.play.player import Stop
@@ -25,6 +27,13 @@ if TYPE_CHECKING:
 PATIENCE_NS: Final = 100_000_000
 """How much longer than in the recording an answer is waited for: adapters hold bytes for up to
 16 ms, and a host may be busy."""
+
+CATCH_UP: Final = 8
+"""Of a pause before a request an eighth is left out while requests are late: a loop whose answers
+take 0.4 ms longer each keeps its period so, and servos follow their goals as fast as they did."""
+
+BEHIND_NS: Final = 100_000_000
+"""By no more than this requests are late; what is beyond is not caught up with."""
 
 GROUP: Final = 2048
 """Chunks of the talk that are handed on together."""
@@ -72,9 +81,10 @@ class ServosHeard:
 class ControllerPlayer:
     """Says requests at their recorded times, and waits for answers where there were some.
 
-    A request never comes sooner behind the one before than in the recording; where an answer comes
-    later than it did, everything behind it comes later, too. ``heard`` takes the talk in chunks,
-    the requests among them, with the times of a tap.
+    Moments are absolute, counted from the first request. Where an answer comes later than it did,
+    what is behind it comes later, too, and catches up in the pauses; a request that is not late
+    never comes sooner behind the one before than in the recording. ``heard`` takes the talk in
+    chunks, the requests among them, with the times of a tap.
     """
 
     def __init__(
@@ -98,30 +108,55 @@ class ControllerPlayer:
         self._talk: list[Chunk] = []
         self._asked = b""
         self._since = b""  # the last request, and what has come since
-        self._said_ns = 0
+        self._said_at = 0  # when the last request was handed to the port
+        self._said_ns = 0  # and when its last byte was out
         self._now = now
+        self._late = Lateness()
         self._base_ns = time.time_ns() - now()
 
     def play(self, exchanges: Iterable[RecordedExchange], speed: float = 1.0) -> None:
         """Play exchanges, in order; ``speed`` 0: each as soon as the one before is answered."""
-        carries = self._outlet.port.carries
         shift: int | None = None
         before: RecordedExchange | None = None
+        soonest = 0
         for one in exchanges:
-            at = one.start_ns if carries else one.end_ns
-            at = int(at / speed) if speed else 0
+            at = self._moment(one, speed)
             if shift is None:
                 shift = self._now() - at
-            if before is not None and self._await_answer(before, at + shift):
-                shift = self._now() - at
-            self._listen(at + shift)
+            if before is not None:
+                gap = at - self._moment(before, speed)
+                soonest = self._said_at + gap - self._pause(before, gap) // CATCH_UP
+                shift = max(shift, soonest - at - BEHIND_NS)
+                self._await_answer(before, max(at + shift, soonest))
+            self._listen(max(at + shift, soonest))
             if self._stop.asked:
                 break
+            self._said_at = self._now()
+            if speed:
+                self._late.note(max(self._said_at - at - shift, 0))
             self._say(one.raw)
             before = one
         if before is not None and not self._stop.asked:
             self._await_answer(before, 0)
         self._hand_on()
+
+    @property
+    def pacing(self) -> Pacing:
+        """How well the moments of the requests were met."""
+        return self._late.pacing
+
+    def _moment(self, one: RecordedExchange, speed: float) -> int:
+        """Return when a request is handed to the port, on the recording's clock."""
+        at = one.start_ns if self._outlet.port.carries else one.end_ns
+        return int(at / speed) if speed else 0
+
+    def _pause(self, before: RecordedExchange, gap: int) -> int:
+        """Return what of a gap between two requests is left behind the answer to the first."""
+        busy = before.end_ns - before.start_ns if self._outlet.port.carries else 0
+        if before.replies:
+            size = sum(len(reply.data) for reply in before.replies)
+            busy += before.replies[-1].delay_ns + size * self._byte_ns
+        return max(gap - busy, 0)
 
     def _say(self, raw: bytes) -> None:
         self._outlet.say([said(raw)])
@@ -135,13 +170,13 @@ class ControllerPlayer:
         self._asked = self._since = raw
         self._said_ns = now
 
-    def _await_answer(self, before: RecordedExchange, due: int) -> bool:
-        """Wait for an answer, if there was one then; tell whether it came too late for what is due.
+    def _await_answer(self, before: RecordedExchange, due: int) -> None:
+        """Wait for an answer, if there was one then.
 
         Without one in the recording it is waited until the next request is due, and no longer.
         """
         if not before.waits and not before.replies:
-            return False
+            return
         size = sum(len(reply.data) for reply in before.replies)
         took = before.replies[-1].delay_ns if before.replies else 0
         until = self._said_ns + took + size * self._byte_ns + PATIENCE_NS
@@ -152,7 +187,6 @@ class ControllerPlayer:
                 break
             self._listen(until, once=True)
         self.hearing.add(before, answered=self._answered())
-        return bool(before.replies) and self._now() > due
 
     def _answered(self) -> bool:
         """Tell whether a frame stands behind the last request, as the protocol frames both.

@@ -29,6 +29,25 @@ class Pacing(NamedTuple):
     last_ns: int
 
 
+class Lateness:
+    """Counts by how much moments were missed."""
+
+    def __init__(self) -> None:
+        self._pieces = self._total = self._worst = self._last = 0
+
+    @property
+    def pacing(self) -> Pacing:
+        """How well the moments were met so far."""
+        mean = self._total // max(self._pieces, 1)
+        return Pacing(self._pieces, mean, self._worst, self._last)
+
+    def note(self, late_ns: int) -> None:
+        """Count a moment."""
+        self._pieces += 1
+        self._total += late_ns
+        self._worst, self._last = max(self._worst, late_ns), late_ns
+
+
 class LinePlayer:
     """Writes the chunks of a recording to ports, in the recording's time.
 
@@ -45,13 +64,12 @@ class LinePlayer:
         self._outlets = outlets
         self._stop = stop
         self._now = now
-        self._late: list[int] = [0, 0, 0, 0]  # pieces, sum, worst, last
+        self._late = Lateness()
 
     @property
     def pacing(self) -> Pacing:
         """How well the moments were met so far."""
-        pieces, total, worst, last = self._late
-        return Pacing(pieces, total // max(pieces, 1), worst, last)
+        return self._late.pacing
 
     def play(self, chunks: Iterable[Chunk], speed: float = 1.0) -> None:
         """Play chunks that all have times; ``speed`` 0: as fast as they are read."""
@@ -69,7 +87,7 @@ class LinePlayer:
             if speed > 0:
                 due = began + int((t - first) / speed)
                 self._rest(due)
-                self._note(max(self._now() - due, 0))
+                self._late.note(max(self._now() - due, 0))
             for one in self._outlets.values():
                 one.port.read()  # nobody's business here, but it must not pile up
             if not self._stop.asked:
@@ -89,7 +107,3 @@ class LinePlayer:
             for one in waiting:
                 one.flush()
             self._stop.sleep(min(left, LOOK_NS) if waiting else left)
-
-    def _note(self, late_ns: int) -> None:
-        pieces, total, worst, _ = self._late
-        self._late = [pieces + 1, total + late_ns, max(worst, late_ns), late_ns]

@@ -82,6 +82,10 @@ class SeenServos:
                 name = self.protocol.op_name(op)
                 self._delays.setdefault((servo, name), []).append(took)
 
+    def spoke(self, servo: int) -> bool:
+        """Tell whether this servo answered; an id that was only told something may be everybody."""
+        return servo in self._spoke
+
     def likenesses(self) -> dict[int, ServoLikeness]:
         """Return what each servo was like; who was asked and never answered was not there."""
         out = {}
