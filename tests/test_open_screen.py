@@ -166,7 +166,7 @@ def test_keys_go_through_a_capture_and_take_it_apart(tmp_path: Path) -> None:
     async def again(glass: Glass) -> None:
         await glass.press("apostrophe")
         assert "line 81 of" in glass.text(glass.app.top)
-        assert glass.text(glass.app.status) == "◆ knee"
+        await glass.until(lambda: glass.text(glass.app.status) == "◆ knee")
         await glass.press("m")
         assert not glass.current.startswith("◆")
 
