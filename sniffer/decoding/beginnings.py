@@ -31,6 +31,14 @@ class Begun(NamedTuple):
     size: int
     first: Counter[bytes]
 
+    def __str__(self) -> str:
+        ((common, n),) = self.first.most_common(1)
+        shown = f"{common.hex(' ').upper()} ({n} times)"
+        return (
+            f"{self.n} times a frame of {self.protocol} begins as it should, such as {shown}, and "
+            "does not end so"
+        )
+
 
 def most_begun(head: bytes) -> Begun | None:
     """Return what begins like frames of the protocol that most of them are of; None: nothing."""
@@ -48,13 +56,3 @@ def _begun(protocol: BusProtocol, head: bytes) -> Begun:
                 first[head[gap.start : gap.start + HEADED]] += 1
                 size += gap.length
     return Begun(protocol.name, first.total(), size, first)
-
-
-def in_words(begun: Begun) -> str:
-    """Return it as a sentence without its end."""
-    ((common, n),) = begun.first.most_common(1)
-    shown = f"{common.hex(' ').upper()} ({n} times)"
-    return (
-        f"{begun.n} times a frame of {begun.protocol} begins as it should, such as {shown}, and "
-        "does not end so"
-    )

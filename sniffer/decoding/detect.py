@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.decoding import beginnings, sums
 from sniffer.decoding.beginnings import most_begun
 from sniffer.decoding.names import AND
 from sniffer.decoding.sums import wrong_sums
@@ -137,10 +136,10 @@ def _hint(head: bytes) -> tuple[str, str]:
         return "", f"they are not as they were on a wire: {altered.what} ({altered.shown})"
     failed = wrong_sums(head, None)
     if failed is not None:
-        return failed.protocol, f"name it with {{protocol}}; {sums.in_words(failed)}"
+        return failed.protocol, f"name it with {{protocol}}; {failed}"
     begun = most_begun(head)
     if begun is not None:
-        return begun.protocol, f"name it with {{protocol}}; {beginnings.in_words(begun)}"
+        return begun.protocol, f"name it with {{protocol}}; {begun}"
     return "", "name it with {protocol}, or check that this is a bus capture"
 
 

@@ -53,9 +53,10 @@ def bins_of(ns: I64) -> I64:
     return (np.log2(np.maximum(ns, 1)) * PER_OCTAVE).astype(np.int64)
 
 
-def edge_of(row: int, side: int) -> int:
-    """Return the lower (0) or the upper (1) edge of a bin, in ns."""
-    return int(2 ** ((row + side) / PER_OCTAVE)) if row or side else 0
+def edge_of(row: int, side: int, least: int, most: int) -> int:
+    """Return the lower (0) or the upper (1) edge of a bin, in ns, within the ends of all."""
+    edge = int(2 ** ((row + side) / PER_OCTAVE)) if row or side else 0
+    return min(max(edge, least), most)
 
 
 class Quantiles:
@@ -117,5 +118,5 @@ class Quantiles:
         out = []
         for k, bins in enumerate(self._bins):
             row = int(np.searchsorted(np.cumsum(bins), share * self.count))
-            out.append(min(max(edge_of(row, k), self._least[k]), self._most[k]))
+            out.append(edge_of(row, k, self._least[k], self._most[k]))
         return Bounds(*out)

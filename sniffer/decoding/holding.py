@@ -42,9 +42,12 @@ def kept(
     return found
 
 
-def spans_in(protocol: BusProtocol, data: bytes) -> list[tuple[int, int]]:
-    """Return the frames of a protocol in some bytes, in order: from, and up to which byte."""
-    block = Block(np.frombuffer(data, np.uint8), np.empty(0, np.int64), True)
+def spans_in(protocol: BusProtocol, data: bytes, cuts: Sequence[int] = ()) -> list[tuple[int, int]]:
+    """Return the frames of a protocol in some bytes, in order: from, and up to which byte.
+
+    None goes across one of ``cuts``.
+    """
+    block = Block(np.frombuffer(data, np.uint8), np.array(cuts, np.int64), True)
     spans, _ = protocol.frame(block)
     return list(zip(spans.start.tolist(), spans.end.tolist(), strict=True))
 

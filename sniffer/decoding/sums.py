@@ -7,12 +7,11 @@ were XORed that should be added. Damage fails each packet in another way.
 
 from __future__ import annotations
 
-import functools
-import operator
 from collections import Counter
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.decoding.holding import between, kept
+from sniffer.ground.checksums import SUM8, XOR8
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
@@ -49,6 +48,13 @@ class WrongSums(NamedTuple):
     formula: str
     at: tuple[tuple[int, int], ...]
 
+    def __str__(self) -> str:
+        share = "all" if self.packets == self.of else f"{self.packets} of"
+        return (
+            f"{share} {self.of} packets of {self.protocol} that fail their checksum do so alike: "
+            f"it should be {self.formula}, and there is {self.what}"
+        )
+
 
 class _Packet(NamedTuple):
     """A packet whose checksum fails: its bytes before that, those that count, both sums."""
@@ -60,17 +66,9 @@ class _Packet(NamedTuple):
     sent: int
 
 
-def _sum(data: bytes) -> int:
-    return sum(data) & 0xFF
-
-
-def _xor(data: bytes) -> int:
-    return functools.reduce(operator.xor, data, 0)
-
-
 _FOLDS: Final[tuple[tuple[str, Callable[[bytes], int]], ...]] = (
-    ("sum of the bytes", _sum),
-    ("XOR of the bytes", _xor),
+    ("sum of the bytes", SUM8),
+    ("XOR of the bytes", XOR8),
 )
 
 _SEALS: Final[tuple[tuple[str, Callable[[int], int]], ...]] = (
@@ -176,12 +174,3 @@ def _by_difference(failed: Sequence[_Packet]) -> tuple[str, list[_Packet]] | Non
         return None
     more = f"{off} too much" if off < 128 else f"{256 - off} too little"
     return more, [one for one in failed if (one.sent - one.right) & 0xFF == off]
-
-
-def in_words(found: WrongSums) -> str:
-    """Return it as a sentence without its end."""
-    share = "all" if found.packets == found.of else f"{found.packets} of"
-    return (
-        f"{share} {found.of} packets of {found.protocol} that fail their checksum do so alike: it "
-        f"should be {found.formula}, and there is {found.what}"
-    )

@@ -132,15 +132,12 @@ def _mirrored(data: bytes) -> bytes:
     return np.packbits(bits, bitorder="big").tobytes()
 
 
-_ODD_ONES: Final = np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1).sum(1) % 2
-"""By byte: 1 where an odd number of its eight bits is set."""
-
-
 def _is_parity(odd: int) -> Callable[[bytes], bool]:
     """Return what tells whether the eighth bit is a parity bit in nearly all bytes."""
 
     def may_be(data: bytes) -> bool:
-        right = int((_ODD_ONES[np.frombuffer(data, np.uint8)] == odd).sum())
+        ones = np.bitwise_count(np.frombuffer(data, np.uint8))
+        right = int((ones % 2 == odd).sum())
         return right >= HOLDS * len(data)
 
     return may_be

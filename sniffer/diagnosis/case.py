@@ -152,6 +152,14 @@ class Case:
         return self.ledger.line.table()
 
     @functools.cached_property
+    def lost_ns(self) -> tuple[int, int] | None:
+        """From when to when bytes were in no frame; None: never, or they may be another one's."""
+        torn = self.line["gap_bytes"] > 0
+        if self.ledger.is_shared or not torn.any():
+            return None
+        return int(self.line["t_first"][torn].min()), int(self.line["t_last"][torn].max())
+
+    @functools.cached_property
     def alarms(self) -> Table:
         """Anomalies by bucket, code and servo."""
         return self.ledger.alarms.table()

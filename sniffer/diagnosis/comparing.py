@@ -14,6 +14,9 @@ ALTERED: Final = 0.5
 SEQUENCE: Final = 6
 """Bytes of which a sequence is that comes again in a conversation, and not in noise."""
 
+REPEATS: Final = 0.15
+"""Part of such sequences that come again in a conversation; in noise there is none."""
+
 
 def alike(a: bytes, b: bytes) -> int:
     """Return how many first bytes are the same."""

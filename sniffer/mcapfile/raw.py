@@ -111,14 +111,10 @@ def spoken(
         last_publish = max(last_publish, newest if t_ns is None else t_ns)
         if c.marks:
             body = _message(c, offset).SerializeToString()
-        elif t_ns is None:
-            begin, between = _around(c.clock, c.direction)
-            body = b"".join((begin, between, _U64(offset), _data_of(len(data)), data))
         else:
             begin, between = _around(c.clock, c.direction)
-            body = b"".join(
-                (begin, _T, _I64(t_ns), between, _U64(offset), _data_of(len(data)), data)
-            )
+            when = b"" if t_ns is None else _T + _I64(t_ns)
+            body = b"".join((begin, when, between, _U64(offset), _data_of(len(data)), data))
         size = RECORD.size - HEAD.size + len(body)
         head = RECORD.pack(Opcode.MESSAGE, size, channel, 0, last_log, last_publish)
         offset += len(data)

@@ -135,7 +135,7 @@ class ReplyBook:
                     a, b = edges[2 * i + side], edges[2 * i + side + 1]
                     before = int(below[a - 1]) if a else 0
                     at = a + int(np.searchsorted(below[a:b], before + share * n))
-                    edge = edge_of(int(bins[at] % BINS), side)
-                    bounds.append(min(max(edge, int(ends[least][i])), int(ends[most][i])))
+                    within = int(ends[least][i]), int(ends[most][i])
+                    bounds.append(edge_of(int(bins[at] % BINS), side, *within))
                 out[name][int(key[i]) - first] = Bounds(*bounds)
         return answers, out

@@ -7,20 +7,19 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.decoding.beginnings import in_words, most_begun
+from sniffer.decoding.beginnings import most_begun
+from sniffer.decoding.holding import spans_in
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.comparing import SEQUENCE, repeated
+from sniffer.diagnosis.comparing import REPEATS, SEQUENCE, repeated
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.unclaimed import first_low
-from sniffer.ground.framing import Block
 from sniffer.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.rules import Rule
-    from sniffer.diagnosis.unclaimed import UnclaimedRun
     from sniffer.protocols.base import BusProtocol
 
 FINDINGS: Final = (
@@ -73,9 +72,6 @@ HELD: Final = 0.2
 VALUES: Final = 4
 """Different values: a line that is stuck gives one or two."""
 
-REPEATS: Final = 0.15
-"""Part of sequences of so many bytes that come again; in noise there is none."""
-
 NONE: Final = 0.01
 PLENTY: Final = 500
 """Part of so many bytes that hold: noise that takes all frames from the first one on is no noise."""
@@ -113,11 +109,13 @@ def foreign_frames(case: Case) -> Iterator[Finding]:
     if size < 3 * FRAMES:
         return
     best: tuple[float, BusProtocol, list[tuple[int, int]]] | None = None
+    data = b"".join(run.data for run in runs)
+    cuts = np.cumsum([len(run.data) for run in runs])[:-1].tolist()
     for name in PROTOCOLS.built_in:
         protocol = PROTOCOLS[name]
         if protocol.name == case.protocol.name:
             continue
-        spans = _frames_in(protocol, runs)
+        spans = spans_in(protocol, data, cuts)
         covered = sum(b - a for a, b in spans) / size
         mean = covered * size / max(len(spans), 1)
         enough = EXPLAINED_WEAK if mean < WEAK else EXPLAINED
@@ -144,14 +142,6 @@ def foreign_frames(case: Case) -> Iterator[Finding]:
         strength=min(0.6 + len(spans) / 50, 1.0),
         brief=f"frames of {protocol.name} between those of {case.protocol.name}",
     )
-
-
-def _frames_in(protocol: BusProtocol, runs: Sequence[UnclaimedRun]) -> list[tuple[int, int]]:
-    """Return the frames of a protocol in the runs joined, none across two of them."""
-    ends = np.cumsum([len(run.data) for run in runs])
-    data = np.frombuffer(b"".join(run.data for run in runs), np.uint8)
-    spans, _ = protocol.frame(Block(data, ends[:-1], True))
-    return list(zip(spans.start.tolist(), spans.end.tolist(), strict=True))
 
 
 def nothing_holds(case: Case) -> Iterator[Finding]:
@@ -191,7 +181,7 @@ def nothing_holds(case: Case) -> Iterator[Finding]:
             int(t[0]),
             int(t[1]),
             begun.n,
-            in_words(begun),
+            str(begun),
             (place,),
             brief="frames begin well, and do not end so",
         )

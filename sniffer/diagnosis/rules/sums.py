@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sniffer.decoding.sums import in_words, wrong_sums
+from sniffer.decoding.sums import wrong_sums
 from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.model import Finding, Place
 
@@ -27,22 +27,20 @@ FINDINGS: Final = (
 
 def sums_wrong(case: Case) -> Iterator[Finding]:
     """Look whether the checksums that fail were computed in another way."""
-    lost = case.line["gap_bytes"]
-    if case.ledger.is_shared or not lost.any():
+    if case.lost_ns is None:
         return
     holds = case.ledger.frames > 0
     found = wrong_sums(case.ledger.head, case.protocol if holds else None)
     if found is None:
         return
-    torn = lost > 0
-    first_ns, last_ns = int(case.line["t_first"][torn].min()), int(case.line["t_last"][torn].max())
+    first_ns, last_ns = case.lost_ns
     yield Finding(
         "sums-wrong",
         None,
         first_ns,
         last_ns,
         found.packets,
-        in_words(found),
+        str(found),
         tuple(Place(at, length, first_ns, "its checksum is wrong") for at, length in found.at),
         brief="checksums are computed wrongly",
     )

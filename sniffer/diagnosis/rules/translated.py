@@ -9,7 +9,7 @@ import numpy as np
 from sniffer.decoding.decoder import Decoder
 from sniffer.decoding.translations import READABLE, Translated, translated
 from sniffer.diagnosis.catalogue import FindingCode
-from sniffer.diagnosis.comparing import SEQUENCE, repeated
+from sniffer.diagnosis.comparing import REPEATS, SEQUENCE, repeated
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.ground.codes import NEVER, REQUEST
 
@@ -49,20 +49,15 @@ WITHOUT_ANY: Final = 2000
 CHANCE: Final = 0.1
 """Part of the bytes that holds by chance, at most."""
 
-AGAIN: Final = 0.15
-"""Part of sequences of six bytes that come again in a conversation."""
-
 
 def bytes_translated(case: Case) -> Iterator[Finding]:
     """Look whether a translation explains what no frame claims."""
-    lost = case.line["gap_bytes"]
-    if case.ledger.is_shared or not lost.any():
+    if case.lost_ns is None:
         return
     found = translated(case.ledger.head, case.protocol) or _without_eighth_bit(case)
     if found is None:
         return
-    torn = lost > 0
-    first_ns, last_ns = int(case.line["t_first"][torn].min()), int(case.line["t_last"][torn].max())
+    first_ns, last_ns = case.lost_ns
     code, brief, told = "bytes-translated", "bytes are not as they were on the wire", ""
     asked, answered = _exchanges(case, found)
     if asked >= ASKED and not answered:
@@ -101,7 +96,7 @@ def _without_eighth_bit(case: Case) -> Translated | None:
     if len(head) < PLENTY or max(head) >= READABLE or lost < (1 - CHANCE) * total:
         return None
     again = repeated(head)
-    if again < AGAIN and len(head) < WITHOUT_ANY:
+    if again < REPEATS and len(head) < WITHOUT_ANY:
         return None
     return Translated(
         "the eighth bit of each byte is lost, or bytes from 80 on are left out or replaced",
