@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import itertools
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import sniffer
+from sniffer.decoding.rows import FrameRow, TransactionRow
 from sniffer.ground.limits import TIME_END_NS
-from sniffer.ground.model import Chunk, Clock, Direction
+from sniffer.ground.model import MS, NS, Chunk, Clock, Direction
+from sniffer.ground.timing import byte_time_ns
 from sniffer.sources import open_source
 from sniffer.sources.candump import CandumpLog
+from sniffer.sources.coarse import coarse
 from sniffer.sources.text import LineBlock
 from tests.inputs import chunks, read, refusal, until_damage
+from tests.streams.mightyzap import packet as zap
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def test_log_lines_keep_time_direction_and_bus_and_not_the_id() -> None:
@@ -25,9 +34,39 @@ def test_log_lines_keep_time_direction_and_bus_and_not_the_id() -> None:
     assert chunks(text) == [
         Chunk(b"\xfa\xaf", 1795215306_000100000, Clock.FILE, "bus0", Direction.RX),
         Chunk(b"\x01", 1795215306_123456789, Clock.FILE, "bus1", Direction.TX),
-        Chunk(b"\x02", 1795215307_000000000, Clock.FILE, "can0"),
-        Chunk(b"\xaa\xbb", 1795215307_500000000, Clock.FILE, "can0", Direction.TX),
+        Chunk(b"\x02", 1795215307_000000000, Clock.FILE, "can0", marks=coarse(1, 0)),
+        Chunk(b"\xaa\xbb", 1795215307_500000000, Clock.FILE, "can0", Direction.TX, coarse(2, 1)),
         Chunk(b"\xfd"),
+    ]
+
+
+@pytest.mark.parametrize(("places", "unsure_ns"), [(0, NS), (1, NS // 10), (3, MS), (6, 0), (9, 0)])
+def test_a_time_is_as_uncertain_as_its_last_digit_in_the_shortest_file(
+    places: int, unsure_ns: int, tmp_path: Path
+) -> None:
+    """A request, its answer 3 ms later, and another one 2 s later that nobody answers."""
+    said = ((0, zap(1, 0xF1)), (3 * MS, zap(1, 0)), (2 * NS, zap(1, 0xF1)))
+    log = tmp_path / "short.log"
+    true = [1795215306_987654321 + t for t, _ in said]
+    stamps = [f"{t // NS}.{t % NS:09}"[: 11 + places].rstrip(".") for t in true]
+    rows = zip(stamps, said, strict=True)
+    log.write_text("".join(f"({t}) bus0 #{data.hex()}\n" for t, (_, data) in rows))
+    decoded = [*sniffer.decode(log, "mightyzap")]
+    frames = [row for row in decoded if isinstance(row, FrameRow)]
+    first, last = (row for row in decoded if isinstance(row, TransactionRow))
+    for row, was_ns in zip(frames, true, strict=True):
+        assert row.uncertainty_ns is not None
+        assert abs(row.t_ns - was_ns) <= row.uncertainty_ns <= unsure_ns + MS
+    assert (first.outcome, last.outcome) == ("ok", "no_response")
+    assert first.response_time_ns is not None
+    assert first.uncertainty_ns is not None
+    took = true[1] - true[0] - 7 * byte_time_ns(57600)
+    assert abs(first.response_time_ns - took) <= first.uncertainty_ns
+    again = tmp_path / "again.log"
+    sniffer.convert(log, [again])
+    written = again.read_text().splitlines()
+    assert [line.split()[0] for line in written] == [
+        f"({t})" if places < 6 else f"({t.ljust(20, '0')})" for t in stamps
     ]
 
 

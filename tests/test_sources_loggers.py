@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from sniffer.ground.model import NS, Direction, MarkKind
+from sniffer.ground.model import NS, Direction, Mark, MarkKind
 from sniffer.sources import open_source
 from tests.inputs import SAMPLES, chunks, notes, read, refusal, until_damage
 
@@ -62,6 +62,16 @@ def test_a_line_of_docklight_with_a_time_of_another_kind_is_no_comment() -> None
     odd = b"Fr 1 Mrz 14:09:28.633 [TX] - FF FF \n"
     assert "no line of a Docklight log" in refusal(log + odd)
     assert until_damage(log + (LINE % b"01.03.2019") * 9 + odd)[0] == b"\xff\xff" * 9
+
+
+@pytest.mark.parametrize(("stamp", "unsure_ns"), [(b"", NS), (b".248", NS // 1000)])
+def test_a_time_of_docklight_is_as_uncertain_as_its_last_digit(
+    stamp: bytes, unsure_ns: int
+) -> None:
+    log = b"01.03.2019 14:09:26%b [TX] - FA AF\n" % stamp
+    first, rest = chunks(log, "docklight")
+    assert first.marks == (Mark(MarkKind.COARSE, 0, 1, unsure_ns),)
+    assert rest.marks == ()
 
 
 def test_a_log_of_docklight_may_call_its_channels_anything_but_has_two() -> None:

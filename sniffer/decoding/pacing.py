@@ -148,7 +148,8 @@ def pace(
         if held > LATENCY_NS[Clock.FILE]:
             known = replace(known, latency_ns=held, latency=ESTIMATED)
     spare = known.latency_ns if known.latency_ns is not None else LATENCY_NS[max(clocks)]
-    spare = max(spare, 3 * MS)  # a busy host is not called a wrong rate
+    # a busy host is not called a wrong rate, nor are stamps of whole seconds
+    spare = max(spare, 3 * MS) + looked.coarse
     if baud:
         return replace(known, faster=looked.faster(byte_time_ns(baud), BEYOND_NS + spare))
     rates = sorted({*protocol.bauds, protocol.baud})
@@ -229,6 +230,8 @@ class _Look:
 
     def held_ns(self, byte_ns: int) -> int:
         """Return how long the host may have held bytes, by how deliveries and answers lie."""
+        if self.coarse >= PROMPT_NS:  # by such stamps no timer can be seen
+            return 0
         gap = np.diff(self.t)
         apart = (gap < 0) | (gap > np.maximum(self.n[1:] * byte_ns // 2, ONE_READ_NS))
         number = np.concatenate([[0], np.cumsum(apart)])

@@ -10,7 +10,7 @@ import re
 from typing import TYPE_CHECKING, Final, Protocol
 
 from sniffer.ground.files import open_binary, writing
-from sniffer.ground.model import NS, Chunk, Clock, Direction, OutputError
+from sniffer.ground.model import NS, Chunk, Clock, Direction, MarkKind, OutputError
 from sniffer.ground.wording import Sentence, and_, counted
 
 if TYPE_CHECKING:
@@ -26,6 +26,25 @@ ROW: Final = 16
 _UNFIT: Final = re.compile(r"[\s#()]")
 _HEXLIKE: Final = re.compile(r"[0-9A-Fa-f]+")
 _LABELS: Final = {Direction.TX: "TX", Direction.RX: "RX", Direction.UNKNOWN: ""}
+
+
+_NANO: Final = 9
+"""Decimal places of a time that is known to the nanosecond."""
+
+_PLACES: Final = {NS // 10**places: places for places in range(6)}
+
+
+def _places(chunk: Chunk) -> int:
+    """Return to how many decimal places a chunk's time is known, as far as digits can say it."""
+    for mark in chunk.marks:
+        if mark.kind == MarkKind.COARSE and chunk.t_ns is not None and not chunk.t_ns % mark.count:
+            return _PLACES.get(mark.count, _NANO)
+    return _NANO
+
+
+def _besides(chunk: Chunk, *, is_coarse_said: bool) -> int:
+    """Return how many marks are left out: how coarse a time is may be said by its digits."""
+    return sum(mark.kind != MarkKind.COARSE or not is_coarse_said for mark in chunk.marks)
 
 
 class RawFile(Protocol):
@@ -64,7 +83,8 @@ class _Left:
 class LogFile:
     """Lines as ``candump -L`` writes them: ``(1732142106.123456789) bus0 RX#FAAF``.
 
-    Read back they are the same chunks: times to the nanosecond, buses, wires, bytes.
+    Read back they are the same chunks: times to the nanosecond, buses, wires, bytes. A time that is
+    known to few decimal places is written with these.
     """
 
     def __init__(self, path: Path) -> None:
@@ -81,8 +101,8 @@ class LogFile:
         """
         lines: list[str] = []
         for chunk in chunks:
-            if chunk.marks:
-                self._left.count("tap mark", len(chunk.marks))
+            if chunk.marks and (lost := _besides(chunk, is_coarse_said=_places(chunk) < _NANO)):
+                self._left.count("tap mark", lost)
             if chunk.clock in (Clock.READ, Clock.SAMPLE):
                 self._left.count("who stamped the times (they are read as a log's)", 0)
             lines += (
@@ -99,7 +119,9 @@ class LogFile:
             if t_ns < 0:
                 told = "{file}: log lines have no times before 1970: say {anonymise:True}"
                 raise OutputError(Sentence(told, file=self._path))
-            time = f"({t_ns // NS}.{t_ns % NS:09}) "
+            places = _places(chunk) if chunk.marks else _NANO
+            fraction = f".{t_ns % NS:09}"[: places + 1] if places else ""
+            time = f"({t_ns // NS}{fraction}) "
         name = self._name(chunk.bus, timed=bool(time))
         return f"{time}{name} {_LABELS[chunk.direction]}#{data.hex().upper()}\n"
 
@@ -143,8 +165,8 @@ class _Bytes:
         """
         parts = []
         for chunk in chunks:
-            if chunk.marks:
-                self._left.count("tap mark", len(chunk.marks))
+            if chunk.marks and (lost := _besides(chunk, is_coarse_said=True)):
+                self._left.count("tap mark", lost)
             if not chunk.data:
                 continue
             if self._bus is None:

@@ -10,6 +10,7 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING
 
 from sniffer.ground.model import Chunk, Clock, Direction
+from sniffer.sources.coarse import FINE, coarse
 from sniffer.sources.text import PIECE, LineBlock, TextLog
 
 if TYPE_CHECKING:
@@ -28,19 +29,24 @@ class StampedBlock:
         self.direction = Direction.UNKNOWN
         self.t_ns: int | None = None
         """The time of the byte to come; None behind it."""
+        self._places = FINE
         self._held = bytearray()
 
     def begin(
-        self, t_ns: int, bus: str, direction: Direction = Direction.UNKNOWN
+        self, t_ns: int, bus: str, direction: Direction = Direction.UNKNOWN, places: int = FINE
     ) -> Iterator[Chunk]:
-        """Yield what is held of the block before, and begin one at ``t_ns``."""
+        """Yield what is held of the block before, and begin one at ``t_ns``.
+
+        ``places``: decimal places of a second that are written of the time.
+        """
         yield from self.rest()
-        self.t_ns, self.bus, self.direction = t_ns, bus, direction
+        self.t_ns, self.bus, self.direction, self._places = t_ns, bus, direction, places
 
     def add(self, data: bytes) -> Iterator[Chunk]:
         """Yield what is complete when ``data`` has come."""
         if data and self.t_ns is not None:
-            yield Chunk(data[:1], self.t_ns, Clock.FILE, self.bus, self.direction)
+            marks = coarse(1, self._places)
+            yield Chunk(data[:1], self.t_ns, Clock.FILE, self.bus, self.direction, marks)
             self.t_ns, data = None, data[1:]
         self._held += data
         if len(self._held) >= PIECE:

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.ground.limits import TIME_END_NS
-from sniffer.ground.model import NS, Chunk, Clock, Direction
+from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark
 from sniffer.ground.patterns import later
 from sniffer.ground.runs import ChunkRun
+from sniffer.sources.coarse import FINE, coarse
 from sniffer.sources.text import (
     CUT_OFF,
     DamagedLine,
@@ -96,7 +97,10 @@ class CandumpLog(TextLog):
         ways = np.array([_WIRES[label] for label in labels], np.uint8)
         data = bytes.fromhex(b"".join(digits).decode("ascii"))
         name = buses[0].decode("utf-8", "replace")
-        return ChunkRun(data, ends, t_ns, ways, Clock.FILE, name)
+        marks: dict[int, tuple[Mark, ...]] = {}
+        if places < FINE:
+            marks = {n: coarse(len(told) // 2, places) for n, told in enumerate(digits)}
+        return ChunkRun(data, ends, t_ns, ways, Clock.FILE, name, marks)
 
     def _chunks(self, rows: list[_Row], block: LineBlock) -> Iterator[Chunk]:
         # one match a line, or the lines need a closer look
@@ -155,7 +159,7 @@ class CandumpLog(TextLog):
         t_ns = int(seconds) * NS + int(fraction[:9].ljust(9, b"0"))
         if t_ns >= TIME_END_NS:
             raise DamagedLine(number, f"{quoted(seconds)} seconds are beyond the year 2257")
-        return Chunk(data, t_ns, Clock.FILE, name, direction)
+        return Chunk(data, t_ns, Clock.FILE, name, direction, coarse(len(data), len(fraction)))
 
     def notes(self) -> Iterator[str]:
         """Yield what was left out."""

@@ -94,9 +94,8 @@ class _Turns(StampedLog):
             found = _HALF.match(line)
             self.cut_off = found is not None or _TORN.match(line) is not None
         if found:
-            yield from self._block.begin(
-                self._time(found.groups(), number), self._bus, self._side(found[8], number)
-            )
+            t_ns, side = self._time(found.groups(), number), self._side(found[8], number)
+            yield from self._block.begin(t_ns, self._bus, side, len(found[6] or b""))
             yield from self._block.add(bytes.fromhex(found[9].decode("ascii")))
         elif _FURTHER.fullmatch(line) and self._block.direction != Direction.UNKNOWN:
             yield from self._block.add(bytes.fromhex(line.partition(b"  ")[0].decode("ascii")))
