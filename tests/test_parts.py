@@ -143,18 +143,20 @@ def test_logs_in_parts_give_the_lines_of_the_whole(
     name: str, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     p = PROTOCOLS[name]
+    places = data.draw(st.sampled_from([9, 6, 3, 1, 0]), "decimal places of a second")
     lines = []
     for bus in ("bus0", "bus1"):
         raw = b"".join(data.draw(st.lists(stream(name), min_size=2, max_size=4))) + b"\0\1"
         for chunk in data.draw(chunked(raw, byte_time_ns(p.baud), p.tail_ns)):
             assert chunk.t_ns is not None
             second, rest = divmod(chunk.t_ns, 1_000_000_000)
-            lines.append(f"({second}.{rest:09d}) {bus} #{chunk.data.hex().upper()}")
-    lines.sort(key=lambda line: line[:22])
+            time = f"{second}.{rest:09d}"[: places - 9 or None].rstrip(".")
+            lines.append((chunk.t_ns, f"({time}) {bus} #{chunk.data.hex().upper()}"))
+    lines.sort(key=lambda line: line[0])
     path = tmp_path_factory.mktemp("logged") / "x.log"
     path.write_text(
         "# a comment\n" * 9
-        + "\n".join(lines)
+        + "\n".join(line for _, line in lines)
         + data.draw(st.sampled_from(["", "\n", "\nnonsense"]))
     )
     sizes = Sizes(head=60, least=20, most=40, warm=data.draw(st.sampled_from([0, 30])), first=0)
