@@ -97,6 +97,7 @@ class LookingGlass(App[None]):
         self._search: Search | None = None
         self._found_last, self._filter_text = "", wanted
         self._start = start
+        self._topped = "", ""
         self._is_due = False
 
     def compose(self) -> ComposeResult:
@@ -173,8 +174,11 @@ class LookingGlass(App[None]):
             told.append("filtering …")
         if self.view.held is not None:
             told.append("PAUSED")
-        self.top.update("  ".join(told))
-        self.head.update(self.list.heading(self.list.size.width or 80))
+        drawn = "  ".join(told), self.list.heading(self.list.size.width or 80)
+        if drawn != self._topped:  # each is laid out anew: for nothing where nothing has come
+            self._topped = drawn
+            self.top.update(drawn[0])
+            self.head.update(drawn[1])
 
     def _status(self) -> None:
         wrong = self.reading.problem or ""
@@ -286,6 +290,7 @@ class LookingGlass(App[None]):
         kept = max(self.list.line, 0)
         if text is not None:
             self._filter_text = plain(text.strip())
+        self._search = None  # it was one of other lines
         self.view.choose(chosen, exchanges=self.view.exchanges if exchanges is None else exchanges)
         self.status.say("")
         self._wanted, self.list.cursor = kept, 0

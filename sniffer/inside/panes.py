@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from rich.cells import cell_len, set_cell_size
 from rich.table import Table
 from rich.text import Text
 from textual.containers import VerticalScroll
@@ -165,16 +166,20 @@ def figures_text(figures: ShownFigures) -> Text:
     """Return what was counted."""
     out = Text()
     out.append(
-        f"{figures.frames} frames, {figures.gaps} gaps in {figures.span_s:.3f} s; "
-        f"{figures.bytes} bytes, {figures.bytes_in_gaps} of them in no frame\n"
+        f"{figures.frames} frames, {figures.gaps} gaps, {figures.span_s:.3f} s; "
+        f"{figures.bytes} bytes, {figures.bytes_in_gaps} in no frame\n"
     )
-    out.append("servo  asked    answers  missing  median    worst\n", "bold")
+    buses = list(dict.fromkeys(plain(s.bus) for s in figures.servos))
+    several = max(map(cell_len, buses), default=0) if len(buses) > 1 else 0
+    title = f"{set_cell_size('bus', max(several, 3))}  " if several else ""
+    out.append(f"{title}servo  asked    answers  missing  median    worst\n", "bold")
     for s in figures.servos:
-        who = str(s.servo) if s.servo >= 0 else "-"
+        who = f"{s.servo if s.servo >= 0 else '-':>5}"
+        if several:
+            who = f"{set_cell_size(plain(s.bus), max(several, 3))}  {who}"
         style = "red" if s.missing else ""
         out.append(
-            f"{who:>5}  {s.requests:<7}  {s.answers:<7}  {s.missing:<7}  "
-            f"{s.median:<8}  {s.worst}\n",
+            f"{who}  {s.requests:<7}  {s.answers:<7}  {s.missing:<7}  {s.median:<8}  {s.worst}\n",
             style,
         )
     if figures.codes:
