@@ -97,8 +97,7 @@ class LookingGlass(App[None]):
         self._search: Search | None = None
         self._found_last, self._filter_text = "", wanted
         self._start = start
-        self._topped = "", ""
-        self._is_due = False
+        self._topped, self._is_due = ("", ""), False
 
     def compose(self) -> ComposeResult:
         """Lay out the screen."""
@@ -158,6 +157,7 @@ class LookingGlass(App[None]):
         if self.reading.failure is not None and not count:
             self.exit()
             return
+        self.figures.keep_up(self.view)
         self._top()
         self._status()
 
@@ -371,8 +371,6 @@ class LookingGlass(App[None]):
         """Show a pane, or the fields again."""
         below = self.below
         below.current = "detail" if below.current == name else name
-        if below.current == "figures":
-            self.figures.count(self.index, self.view.shown())
         self._show()
 
     def action_follow(self) -> None:

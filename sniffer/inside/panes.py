@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from typing import TYPE_CHECKING, Final
 
 from rich.cells import cell_len, set_cell_size
@@ -17,15 +19,18 @@ from sniffer.inside.moment import SHOWN, TITLES
 from sniffer.inside.table import SEVERITIES
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import I64
     from sniffer.inside.detail import Detail, DetailField, DetailPart
     from sniffer.inside.figures import ShownFigures
-    from sniffer.inside.index import CaptureIndex
     from sniffer.inside.moment import MomentRow
+    from sniffer.inside.view import LineView
 
 LIT: Final = "reverse bold"
 CHANGED: Final = "magenta bold underline"
 """How the bytes of the selected field look, and those that the last like frame had not."""
+
+AGAIN_S: Final = 1.0
+AGAIN: Final = 10.0
+"""Lines that come are counted anew after so long at the soonest, or so many times what it took."""
 
 ROWS_MOST: Final = 400
 """Lines of bytes that are drawn of one frame: no frame has more."""
@@ -72,14 +77,33 @@ class TextPane(VerticalScroll):
 class FiguresPane(TextPane):
     """What is counted of the lines that are shown, by a thread of its own."""
 
-    def count(self, index: CaptureIndex, numbers: I64) -> None:
-        """Count lines, and show what comes of it; what was begun before is given up."""
-        self.show("counting …")
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._counted: object = None
+        self._rests_until = 0.0
+
+    def keep_up(self, view: LineView) -> None:
+        """If it is looked at, count the lines shown where others were counted last."""
+        of = view.filter, view.exchanges, view.count
+        if not self.display or of == self._counted or time.monotonic() < self._rests_until:
+            return
+        if self._counted is None:
+            self.show("counting …")
+        self._counted = of
+        index, numbers = view.index, view.shown().copy()
+        self._rests_until = math.inf
 
         def counted() -> None:
-            self.app.call_from_thread(self.show, figures_text(figures_of(index, numbers)))
+            began = time.monotonic()
+            text = figures_text(figures_of(index, numbers))
+            took = time.monotonic() - began
+            self.app.call_from_thread(self._told, text, max(AGAIN_S, AGAIN * took))
 
         self.run_worker(counted, thread=True, exclusive=True, group="figures")
+
+    def _told(self, text: Text, rest_s: float) -> None:
+        self.show(text)
+        self._rests_until = time.monotonic() + rest_s
 
 
 def bytes_text(detail: Detail | None, chosen: DetailField | None, width: int) -> Text:
