@@ -27,7 +27,7 @@ from sniffer.inside.panes import FieldPane, FiguresPane, TextPane, bytes_text, m
 from sniffer.inside.places import line_of
 from sniffer.inside.search import Search
 from sniffer.inside.table import FrameList
-from sniffer.inside.view import LineView
+from sniffer.inside.view import FOLLOWS_S, SETTLES_S, LineView
 from sniffer.inside.words import TIMES
 from sniffer.selection.selection import complaint
 
@@ -39,9 +39,6 @@ if TYPE_CHECKING:
 
 TICK_S: Final = 0.05
 """How often it is looked for what has come, in seconds."""
-
-SETTLES_S: Final = 0.03
-"""The panes follow the cursor so late: a key that is held down is not slowed by them."""
 
 
 class LookingGlass(App[None]):
@@ -177,8 +174,8 @@ class LookingGlass(App[None]):
         drawn = "  ".join(told), self.list.heading(self.list.size.width or 80)
         if drawn != self._topped:  # each is laid out anew: for nothing where nothing has come
             self._topped = drawn
-            self.top.update(drawn[0])
-            self.head.update(drawn[1])
+            self.top.update(drawn[0], layout=False)
+            self.head.update(drawn[1], layout=False)
 
     def _status(self) -> None:
         wrong = self.reading.problem or ""
@@ -194,7 +191,7 @@ class LookingGlass(App[None]):
             self._follow = self._follow and self.list.cursor >= self.view.count - 1
         if not self._is_due:
             self._is_due = True
-            self.set_timer(SETTLES_S, self._show)
+            self.set_timer(FOLLOWS_S if self._follow else SETTLES_S, self._show)
 
     def _show(self) -> None:
         """Show what is under the cursor in the pane that is open."""

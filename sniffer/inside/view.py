@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 STEP: Final = 1 << 14
 """Lines that are judged at a time."""
 
+SETTLES_S: Final = 0.03
+"""The panes follow the cursor so late: a key that is held down is not slowed by them."""
+
+FOLLOWS_S: Final = 0.2
+"""They do so while it stays at the last line: nobody reads quicker."""
+
 SLICE_S: Final = 0.03
 """How long steps may take before the screen has its turn."""
 
