@@ -290,6 +290,7 @@ def test_bytes_that_the_last_like_frame_had_not_are_known(index: CaptureIndex) -
         pass
     assert at is not None
     (part,) = detail_of(index, at).parts
+    assert "present_speed: raw 202 = -202" in [f.text for f in detail_of(index, at).fields]
     like = index.lines[part.like]
     for name in ("servo", "op", "kind", "length"):
         assert like[name] == index.lines[at][name]
