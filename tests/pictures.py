@@ -1,7 +1,8 @@
-"""Pictures in the documentation: ``python -m tests.pictures report board live`` takes them anew."""
+"""Pictures in the documentation: ``python -m tests.pictures report board open`` takes them anew."""
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import io
 import subprocess
@@ -14,10 +15,15 @@ from typing import TYPE_CHECKING, Final
 from rich.console import Console
 from rich.terminal_theme import TerminalTheme
 
+from sniffer.decoding.options import Options
 from sniffer.diagnosis import Diagnosis
 from sniffer.diagnosis.tracking import Tracked
+from sniffer.inside.app import LookingGlass
+from sniffer.inside.index import CaptureIndex
+from sniffer.inside.reading import Reading
 from sniffer.jobs.report import report
 from sniffer.protocols import PROTOCOLS
+from sniffer.sources import open_source
 from sniffer.viewers.board.controls import Controls
 from tests.browser import Browser
 from tests.commands import COMMAND
@@ -50,6 +56,9 @@ LIVE: Final = (
     ("leg", "rs30x", ("--fault", "brownout:1@10s+3s")),
 )
 """Of the live plots: name, protocol, what goes wrong."""
+
+LOOKED_AT: Final = 74
+"""The line of the capture that its picture shows: a response."""
 
 LIVE_S: Final = 24
 """How long it has gone on when the picture is taken, in seconds."""
@@ -116,6 +125,37 @@ def of_live_plots() -> None:
         viewer.client.save_screenshot(str(IMAGES / "live.png"))
 
 
+def of_the_looking_glass() -> None:
+    """Take the picture of a capture on the terminal, a value of a frame chosen."""
+    with (
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,  # it ends a moment later
+        Browser(Path(folder) / "profile") as browser,
+    ):
+        drawn = Path(folder) / "open.svg"
+        drawn.write_text(asyncio.run(_looked_at()), encoding="utf-8")
+        browser.open(drawn, width=1240, height=782)
+        browser.picture(IMAGES / "open.png", whole=True)
+
+
+async def _looked_at() -> str:
+    reading = Reading(open_source(ROOT / CAPTURE), Options(), CaptureIndex())
+    reading.start()
+    reading.wait()
+    app = LookingGlass(reading, name=Path(CAPTURE).name)
+    try:
+        async with app.run_test(size=(100, 30)) as pilot:
+            app.list.go(LOOKED_AT)
+            await pilot.press("tab")
+            while not app.fields.detail:
+                await pilot.pause(0.05)
+            await pilot.press("down")
+            await pilot.pause(0.2)
+            return app.export_screenshot()
+    finally:
+        reading.stop()
+        reading.index.discard()
+
+
 @contextlib.contextmanager
 def _running(*arguments: str) -> Iterator[None]:
     with subprocess.Popen((*COMMAND, *arguments), stdout=subprocess.DEVNULL) as process:
@@ -129,6 +169,7 @@ PICTURES: Final[Mapping[str, Callable[[], None]]] = {
     "report": of_a_report,
     "board": of_the_board,
     "live": of_live_plots,
+    "open": of_the_looking_glass,
 }
 
 

@@ -19,11 +19,13 @@ from sniffer.inside.filters import completed, completions, filter_of
 from sniffer.inside.index import CaptureIndex
 from sniffer.inside.keys import KEYS, help_text
 from sniffer.inside.moment import moment_of
+from sniffer.inside.panes import figures_text
 from sniffer.inside.places import line_of
 from sniffer.inside.reading import Reading
 from sniffer.inside.search import Search
 from sniffer.inside.view import LineView
 from sniffer.inside.words import line_words
+from sniffer.sinks.words import took_in_words
 from sniffer.sources import open_source
 from tests.commands import sniffer as command
 from tests.commands import two_buses
@@ -207,6 +209,9 @@ def test_a_byte_of_several_buses_is_of_the_one_that_is_looked_at_or_named(tmp_pa
         assert line == line_of("@18", index, index.buses.index(bus))
         assert index.buses[index.lines["bus"][line]] == bus
     assert line_of("@byte:12175", index) == line_of("@byte:arm:12175", index)
+    told = figures_text(figures_of(index, np.arange(len(index.lines)))).plain.splitlines()
+    assert told[1].startswith("bus  servo")
+    assert {row.split()[0] for row in told[2 : 2 + len(index.buses)]} <= {"arm", "leg"}
     index.discard()
 
 
@@ -229,6 +234,11 @@ def test_a_search_goes_on_and_round_for_bytes_and_words(index: CaptureIndex) -> 
     assert again is not None
     assert again > first
     assert found("nowhere at all") == -1
+    assert found("F9 06 25 06 FF FF FF FF") == -1, "bytes of two lines are in none"
+    answer = bytes(raw_of(index, 1)).hex(" ")
+    assert found(answer) == 1
+    view.choose(None, exchanges=True)
+    assert found(answer, judged(view).count) == 0, "an exchange has the bytes of its answer"
 
 
 def test_the_next_error_is_found_in_both_directions(index: CaptureIndex) -> None:
@@ -270,6 +280,7 @@ def test_a_line_is_taken_apart_with_what_was_found_in_it(index: CaptureIndex) ->
     assert (fields["present_temperature"].offset, fields["present_temperature"].length) == (13, 1)
     assert any(f.text.startswith("error no-response: servo 1 did not") for f in detail.fields)
     assert any(f.text.startswith("  try: ") for f in detail.fields)
+    assert detail.fields[1].text.startswith("error no-response: "), "what is wrong comes first"
 
 
 def test_bytes_that_the_last_like_frame_had_not_are_known(index: CaptureIndex) -> None:
@@ -279,6 +290,7 @@ def test_bytes_that_the_last_like_frame_had_not_are_known(index: CaptureIndex) -
         pass
     assert at is not None
     (part,) = detail_of(index, at).parts
+    assert "present_speed: raw 202 = -202" in [f.text for f in detail_of(index, at).fields]
     like = index.lines[part.like]
     for name in ("servo", "op", "kind", "length"):
         assert like[name] == index.lines[at][name]
@@ -305,6 +317,14 @@ def test_figures_count_what_is_shown(index: CaptureIndex) -> None:
     assert (every.frames, every.gaps, every.bytes) == (1448, 30, 18442)
     assert sum(c.count for c in every.codes) == len(index.found)
     missing = {s.servo: s.missing for s in every.servos}
+    for s in every.servos:
+        mine = index.lines[index.lines["servo"] == s.servo]
+        asked = int((mine["kind"] == 0).sum())
+        timed = mine[(mine["kind"] == 1) & (mine["took"] >= 0)]
+        worst = max(timed, key=lambda one: one["took"] + max(one["spread"], 0), default=None)
+        assert s.requests == asked
+        if worst is not None:
+            assert s.worst == took_in_words(int(worst["took"]), int(worst["spread"]), "")
     one = figures_of(index, np.flatnonzero(index.lines["servo"] == 1))
     assert {s.servo: s.missing for s in one.servos} == {1: missing[1]}
 
@@ -313,6 +333,9 @@ def test_the_help_has_every_key() -> None:
     text = help_text()
     for key in KEYS:
         assert f" {key.shown}  {key.told}" in text
+    lines = text.splitlines()
+    assert len(lines) + 2 <= 24, "with its frame it is on a small terminal as a whole"
+    assert max(map(len, lines)) + 4 <= 80
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import signal
 import subprocess
 import termios
 import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -157,9 +158,13 @@ def test_keys_go_through_a_capture_and_take_it_apart(tmp_path: Path) -> None:
         assert app.board.display
         assert not app.fields.is_on_screen
         await glass.press("s")
-        await glass.until(
-            lambda: "1448 frames, 30 gaps" in glass.text(app.figures.query_one(Static))
-        )
+        counted = partial(glass.text, app.figures.query_one(Static))
+        await glass.until(lambda: "1448 frames, 30 gaps" in counted())
+        await glass.ask("f", "servo=3 kind=request")
+        await glass.until(lambda: "1448 frames" not in counted())
+        (told,) = [row for row in counted().splitlines() if row.split()[0] == "3"][:1]
+        assert told.split()[1:3] == [str(app.view.count), "0"], "as many requests, no answers"
+        await glass.ask("f", "")
         await glass.press("escape", "apostrophe", "x")
         assert "of 871 of 1478" in glass.text(app.top)
 

@@ -55,8 +55,8 @@ class Bus:
         self.say(packet(servo, status, reply))
 
 
-def talk(servos: Sequence[int] = (1, 2), ticks: int = 60) -> list[Chunk]:
-    """Sines with goals sent to all at once, some overload, one damaged reply."""
+def talk(servos: Sequence[int] = (1, 2), ticks: int = 60, limp: int = -1) -> list[Chunk]:
+    """Sines with goals sent to all at once, some overload, one damaged reply; one may hang limp."""
     bus = Bus()
     bus.say(packet(servos[0], STORE, b"\x80\x01"))
     bus.say(packet(servos[0], 0))
@@ -67,7 +67,8 @@ def talk(servos: Sequence[int] = (1, 2), ticks: int = 60) -> list[Chunk]:
         bus.say(packet(254, SYMMETRIC_STORE, b"\x86\x02" + goals))
         for servo, x in zip(servos, at, strict=True):
             overload = OVERLOAD if servo == servos[-1] and 20 <= tick < 40 else 0
-            motion = struct.pack("<HHHBB", int(x) - 90, 1100, 300, 118 + servo % 3, 30 + servo % 9)
+            place = 300 if servo == limp else int(x) - 90
+            motion = struct.pack("<HHHBB", place, 1100, 300, 118 + servo % 3, 30 + servo % 9)
             bus.ask(servo, 0x8C, motion, overload)
             bus.ask(servo, 0x96, bytes([tick // 10 % 2]), overload)
         if tick == 30:
@@ -235,11 +236,15 @@ def test_the_viewer_opens_at_the_first_error_without_complaint(
 def test_many_servos_have_a_tab_for_all_and_tabs_for_a_few(
     tmp_path: Path, headless_viewer: HeadlessViewer
 ) -> None:
-    write(tmp_path / "many.rrd", talk(range(1, 9), ticks=12))
+    write(tmp_path / "many.rrd", talk(range(1, 9), ticks=16, limp=5))
     state = headless_viewer.show(tmp_path / "many.rrd")
     assert headless_viewer.complaints() == []
     names = [view.name for view in state.views]
     assert [names.count(name) for name in ("Position [mm]", "Speed [raw]")] == [1, 2]
+    # the curves of so many cannot be told apart: who hangs limp is named, and of times the largest
+    assert names.count("Largest following error in each second [mm], most: servo 5") == 1
+    assert names.count("Largest response time in each second [ms]") == 1
+    assert names.count("Response time [ms]") == 2
     for servo in range(1, 9):
         assert names.count(f"servo {servo}: following error [mm]") == 1
 

@@ -154,8 +154,8 @@ def _values(batch: Batch, protocol: BusProtocol, i: int) -> Iterator[str]:
         r = protocol.registers[int(v.register[k])]
         raw, value = int(v.raw[k]), float(v.value[k])
         text = f"raw {raw}"
-        if not math.isnan(value) and r.unit:
-            text += f" = {value:.6g} {r.unit}"
+        if not math.isnan(value) and (r.unit or value != raw):
+            text += f" = {value:.6g} {r.unit}".rstrip()
         names = r.names(raw) if int(v.part[k]) == WHOLE else "part of the register"
         if names:
             text += f" ({', '.join(names) if isinstance(names, list) else names})"

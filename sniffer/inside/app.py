@@ -27,7 +27,7 @@ from sniffer.inside.panes import FieldPane, FiguresPane, TextPane, bytes_text, m
 from sniffer.inside.places import line_of
 from sniffer.inside.search import Search
 from sniffer.inside.table import FrameList
-from sniffer.inside.view import LineView
+from sniffer.inside.view import FOLLOWS_S, SETTLES_S, LineView
 from sniffer.inside.words import TIMES
 from sniffer.selection.selection import complaint
 
@@ -39,9 +39,6 @@ if TYPE_CHECKING:
 
 TICK_S: Final = 0.05
 """How often it is looked for what has come, in seconds."""
-
-SETTLES_S: Final = 0.03
-"""The panes follow the cursor so late: a key that is held down is not slowed by them."""
 
 
 class LookingGlass(App[None]):
@@ -97,7 +94,7 @@ class LookingGlass(App[None]):
         self._search: Search | None = None
         self._found_last, self._filter_text = "", wanted
         self._start = start
-        self._is_due = False
+        self._topped, self._is_due = ("", ""), False
 
     def compose(self) -> ComposeResult:
         """Lay out the screen."""
@@ -157,6 +154,7 @@ class LookingGlass(App[None]):
         if self.reading.failure is not None and not count:
             self.exit()
             return
+        self.figures.keep_up(self.view)
         self._top()
         self._status()
 
@@ -173,8 +171,11 @@ class LookingGlass(App[None]):
             told.append("filtering …")
         if self.view.held is not None:
             told.append("PAUSED")
-        self.top.update("  ".join(told))
-        self.head.update(self.list.heading(self.list.size.width or 80))
+        drawn = "  ".join(told), self.list.heading(self.list.size.width or 80)
+        if drawn != self._topped:  # each is laid out anew: for nothing where nothing has come
+            self._topped = drawn
+            self.top.update(drawn[0], layout=False)
+            self.head.update(drawn[1], layout=False)
 
     def _status(self) -> None:
         wrong = self.reading.problem or ""
@@ -190,7 +191,7 @@ class LookingGlass(App[None]):
             self._follow = self._follow and self.list.cursor >= self.view.count - 1
         if not self._is_due:
             self._is_due = True
-            self.set_timer(SETTLES_S, self._show)
+            self.set_timer(FOLLOWS_S if self._follow else SETTLES_S, self._show)
 
     def _show(self) -> None:
         """Show what is under the cursor in the pane that is open."""
@@ -286,6 +287,7 @@ class LookingGlass(App[None]):
         kept = max(self.list.line, 0)
         if text is not None:
             self._filter_text = plain(text.strip())
+        self._search = None  # it was one of other lines
         self.view.choose(chosen, exchanges=self.view.exchanges if exchanges is None else exchanges)
         self.status.say("")
         self._wanted, self.list.cursor = kept, 0
@@ -366,8 +368,6 @@ class LookingGlass(App[None]):
         """Show a pane, or the fields again."""
         below = self.below
         below.current = "detail" if below.current == name else name
-        if below.current == "figures":
-            self.figures.count(self.index, self.view.shown())
         self._show()
 
     def action_follow(self) -> None:

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 CSS: Final = """
 #top, #head, #status { height: 1; width: 100%; }
-#top { background: $primary-darken-2; color: $text; text-style: bold; }
+#top { background: $primary-darken-2; color: $text; text-style: bold;
+       text-wrap: nowrap; text-overflow: ellipsis; }
 #head { color: $text-muted; }
 #list { height: 1fr; min-height: 3; overflow-x: hidden; scrollbar-size-vertical: 1; }
 #below { height: 40%; min-height: 6; border-top: solid $primary; }
@@ -33,7 +34,7 @@ CSS: Final = """
 .wide #bytes { width: 74; }
 #prompt { height: 1; border: none; padding: 0; display: none; }
 #status { color: $text-muted; }
-#status.bad { color: $error; text-style: bold; }
+#status.bad { color: $error; text-style: bold; height: auto; max-height: 3; }
 HelpPage { align: center middle; }
 #help { width: auto; max-width: 100%; height: auto; max-height: 100%; padding: 0 1;
         background: $surface; border: round $primary; overflow-y: auto; }
@@ -83,6 +84,7 @@ class StatusLine(Static):
     def __init__(self) -> None:
         super().__init__(id="status", markup=False)
         self.said, self._is_bad = "", False
+        self._drawn = "", False
 
     def say(self, text: str, *, bad: bool = False) -> None:
         """Say something until something else is said; empty: nothing any more."""
@@ -91,8 +93,11 @@ class StatusLine(Static):
     def show(self, wrong: str) -> None:
         """Draw it; ``wrong`` is what is wrong meanwhile, if anything is."""
         told, bad = (self.said, self._is_bad) if self.said else (wrong, bool(wrong))
-        self.set_class(bad, "bad")
-        self.update(plain(told) or "  ".join(f"{k.shown} {k.word}" for k in KEYS if k.word))
+        now = plain(told) or "  ".join(f"{k.shown} {k.word}" for k in KEYS if k.word), bad
+        if now != self._drawn:
+            self._drawn = now
+            self.set_class(bad, "bad")
+            self.update(now[0])
 
 
 class HelpPage(ModalScreen[None]):

@@ -90,17 +90,20 @@ def _part(index: CaptureIndex, number: int) -> DetailPart:
 
 
 def _fields(index: CaptureIndex, i: int, part: DetailPart) -> list[DetailField]:
+    """Return what a pane of few lines has room for first: what was found, and the values."""
     drawn = part.drawn
     out = [DetailField(i, 0, len(drawn.raw), drawn.title, is_title=True)]
+    found = _findings(index, i, part)
+    out += [told for told, _ in found]
+    spans = _value_spans(index, part)
+    for text, (at, length) in zip(drawn.values, spans, strict=False):
+        out.append(DetailField(i, at, length, text))
     width = max((len(s.name) for s in drawn.spans), default=8)
     for s in drawn.spans:
         note = f"  {s.note}" if s.note else ""
         wrong = 3 if s.name == drawn.wrong else 0
         text = f"{s.name:{width}}  {s.value}{note}"
         out.append(DetailField(i, s.offset, s.length, text, severity=wrong))
-    spans = _value_spans(index, part)
-    for text, (at, length) in zip(drawn.values, spans, strict=False):
-        out.append(DetailField(i, at, length, text))
     told = []
     if drawn.checksum:
         told.append(f"checksum: {drawn.checksum}")
@@ -109,7 +112,7 @@ def _fields(index: CaptureIndex, i: int, part: DetailPart) -> list[DetailField]:
     if not drawn.holds:
         told += [text.strip() for text in drawn.lines[2:]]
     out += [DetailField(i, 0, 0, text) for text in told]
-    return out + _findings(index, i, part)
+    return out + [field for _, advice in found for field in advice]
 
 
 def _value_spans(index: CaptureIndex, part: DetailPart) -> Iterator[tuple[int, int]]:
@@ -137,8 +140,10 @@ def _value_spans(index: CaptureIndex, part: DetailPart) -> Iterator[tuple[int, i
         yield (at, register.width) if held else (0, 0)
 
 
-def _findings(index: CaptureIndex, i: int, part: DetailPart) -> list[DetailField]:
-    """Return what was found in a line, with what it means and what to try."""
+def _findings(
+    index: CaptureIndex, i: int, part: DetailPart
+) -> list[tuple[DetailField, list[DetailField]]]:
+    """Return what was found in a line, each with what it means and what to try."""
     found = index.found
     out = []
     for row in np.flatnonzero(found["line"] == part.line).tolist():
@@ -149,9 +154,9 @@ def _findings(index: CaptureIndex, i: int, part: DetailPart) -> list[DetailField
         at, length = _within(index, part, anomaly.evidence[0])
         word = anomaly.severity.name.lower()
         told = f"{word} {anomaly.code}: {anomaly.detail}"
-        out.append(DetailField(i, at, length, told, severity=severity))
-        out.append(DetailField(i, at, length, f"  means: {known.means}"))
-        out.append(DetailField(i, at, length, f"  try: {anomaly.remedy or known.remedy}"))
+        advice = (f"{anomaly.code} means: {known.means}", f"try: {anomaly.remedy or known.remedy}")
+        fields = [DetailField(i, at, length, f"  {text}") for text in advice]
+        out.append((DetailField(i, at, length, told, severity=severity), fields))
     return out
 
 

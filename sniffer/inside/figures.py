@@ -58,7 +58,10 @@ class ShownFigures:
 
 def figures_of(index: CaptureIndex, numbers: I64) -> ShownFigures:
     """Count lines."""
-    lines = index.lines[numbers]
+    every = index.lines
+    # where nothing is left out, nothing is copied
+    is_run = len(numbers) > 0 and int(numbers[-1]) == len(numbers) - 1
+    lines = every[: len(numbers)] if is_run else every[numbers]
     gaps = lines["kind"] == GAP
     length = lines["length"].astype(np.int64)
     span = int(lines["t"].max() - lines["t"].min()) / NS if len(lines) else 0.0
@@ -74,32 +77,37 @@ def figures_of(index: CaptureIndex, numbers: I64) -> ShownFigures:
 
 
 def _servos(index: CaptureIndex, lines: Table) -> list[ShownServo]:
-    frames = lines[lines["kind"] != GAP]
-    key = frames["bus"].astype(np.int64) << 16 | (frames["servo"].astype(np.int64) + 1)
-    out = []
-    for k in np.unique(key).tolist():
-        mine = frames[key == k]
-        timed = mine[(mine["kind"] == RESPONSE) & (mine["took"] >= 0)]
-        timed = timed[np.argsort(timed["took"] + np.maximum(timed["spread"], 0))]
-        out.append(
-            ShownServo(
-                index.buses[k >> 16],
-                (k & 0xFFFF) - 1,
-                int((mine["kind"] == REQUEST).sum()),
-                int((mine["kind"] == RESPONSE).sum()),
-                int(((mine["kind"] == REQUEST) & (mine["outcome"] == NO_RESPONSE)).sum()),
-                _took(timed, len(timed) // 2),
-                _took(timed, len(timed) - 1),
-            )
+    kind, servo = lines["kind"].copy(), lines["servo"].astype(np.int64) + 1
+    width = int(servo.max(initial=0)) + 1
+    key = lines["bus"].astype(np.int64) * width + servo
+    timed = np.flatnonzero((kind == RESPONSE) & (lines["took"] >= 0))
+    took, spread, whose = lines["took"][timed], lines["spread"][timed], key[timed]
+    at_most = took + np.maximum(spread, 0)
+    least = int(key.max(initial=-1)) + 1
+    frames, asked, said, missing = (
+        np.bincount(key[some], minlength=least)
+        for some in (
+            kind != GAP,
+            kind == REQUEST,
+            kind == RESPONSE,
+            (kind == REQUEST) & (lines["outcome"] == NO_RESPONSE),
         )
+    )
+    out = []
+    for k in np.flatnonzero(frames).tolist():
+        mine = np.flatnonzero(whose == k)
+        middle = worst = "-"
+        if n := len(mine):
+            order = mine[np.argpartition(at_most[mine], (n // 2, n - 1))]
+            middle, worst = (_took(took, spread, int(order[i])) for i in (n // 2, n - 1))
+        counts = int(asked[k]), int(said[k]), int(missing[k])
+        out.append(ShownServo(index.buses[k // width], k % width - 1, *counts, middle, worst))
     return sorted(out, key=lambda s: -s.missing)
 
 
-def _took(timed: Table, row: int) -> str:
+def _took(took: I64, spread: I64, row: int) -> str:
     """Return a response time as the list has it: what the stamps cannot tell is a bound."""
-    if not len(timed):
-        return "-"
-    return took_in_words(int(timed["took"][row]), int(timed["spread"][row]), "")
+    return took_in_words(int(took[row]), int(spread[row]), "")
 
 
 def _codes(index: CaptureIndex, numbers: I64) -> list[ShownCode]:

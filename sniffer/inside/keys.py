@@ -43,7 +43,7 @@ KEYS: Final = (
 MOVING: Final = (
     ("↑ ↓ PgUp PgDn", "move; Home and End: the first and the last line"),
     ("← →", "the rest of long values"),
-    ("Tab", "to the fields, which light their bytes; the mouse does all this, too"),
+    ("Tab", "to the fields, which light their bytes; the mouse works, too"),
 )
 """Keys of the list itself."""
 
@@ -53,5 +53,5 @@ def help_text() -> str:
     width = max(len(shown) for shown, _ in MOVING)
     lines = [f"{shown:>{width}}  {told}" for shown, told in MOVING]
     lines += [f"{key.shown:>{width}}  {key.told}" for key in KEYS]
-    colours = "red error   yellow warning   cyan note   green answer   magenta bytes: changed"
-    return "\n".join([*lines, "", colours])
+    colours = "red error  yellow warning  cyan note  green answer  magenta changed byte"
+    return "\n".join([*lines, colours])  # no more than 24 lines with their frame

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import time
 from typing import TYPE_CHECKING, Final
 
+from rich.cells import cell_len, set_cell_size
 from rich.table import Table
 from rich.text import Text
 from textual.containers import VerticalScroll
@@ -16,15 +19,18 @@ from sniffer.inside.moment import SHOWN, TITLES
 from sniffer.inside.table import SEVERITIES
 
 if TYPE_CHECKING:
-    from sniffer.ground.model import I64
     from sniffer.inside.detail import Detail, DetailField, DetailPart
     from sniffer.inside.figures import ShownFigures
-    from sniffer.inside.index import CaptureIndex
     from sniffer.inside.moment import MomentRow
+    from sniffer.inside.view import LineView
 
 LIT: Final = "reverse bold"
 CHANGED: Final = "magenta bold underline"
 """How the bytes of the selected field look, and those that the last like frame had not."""
+
+AGAIN_S: Final = 1.0
+AGAIN: Final = 10.0
+"""Lines that come are counted anew after so long at the soonest, or so many times what it took."""
 
 ROWS_MOST: Final = 400
 """Lines of bytes that are drawn of one frame: no frame has more."""
@@ -71,14 +77,33 @@ class TextPane(VerticalScroll):
 class FiguresPane(TextPane):
     """What is counted of the lines that are shown, by a thread of its own."""
 
-    def count(self, index: CaptureIndex, numbers: I64) -> None:
-        """Count lines, and show what comes of it; what was begun before is given up."""
-        self.show("counting …")
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._counted: object = None
+        self._rests_until = 0.0
+
+    def keep_up(self, view: LineView) -> None:
+        """If it is looked at, count the lines shown where others were counted last."""
+        of = view.filter, view.exchanges, view.count
+        if not self.display or of == self._counted or time.monotonic() < self._rests_until:
+            return
+        if self._counted is None:
+            self.show("counting …")
+        self._counted = of
+        index, numbers = view.index, view.shown().copy()
+        self._rests_until = math.inf
 
         def counted() -> None:
-            self.app.call_from_thread(self.show, figures_text(figures_of(index, numbers)))
+            began = time.monotonic()
+            text = figures_text(figures_of(index, numbers))
+            took = time.monotonic() - began
+            self.app.call_from_thread(self._told, text, max(AGAIN_S, AGAIN * took))
 
         self.run_worker(counted, thread=True, exclusive=True, group="figures")
+
+    def _told(self, text: Text, rest_s: float) -> None:
+        self.show(text)
+        self._rests_until = time.monotonic() + rest_s
 
 
 def bytes_text(detail: Detail | None, chosen: DetailField | None, width: int) -> Text:
@@ -165,16 +190,20 @@ def figures_text(figures: ShownFigures) -> Text:
     """Return what was counted."""
     out = Text()
     out.append(
-        f"{figures.frames} frames, {figures.gaps} gaps in {figures.span_s:.3f} s; "
-        f"{figures.bytes} bytes, {figures.bytes_in_gaps} of them in no frame\n"
+        f"{figures.frames} frames, {figures.gaps} gaps, {figures.span_s:.3f} s; "
+        f"{figures.bytes} bytes, {figures.bytes_in_gaps} in no frame\n"
     )
-    out.append("servo  asked    answers  missing  median    worst\n", "bold")
+    buses = list(dict.fromkeys(plain(s.bus) for s in figures.servos))
+    several = max(map(cell_len, buses), default=0) if len(buses) > 1 else 0
+    title = f"{set_cell_size('bus', max(several, 3))}  " if several else ""
+    out.append(f"{title}servo  asked    answers  missing  median    worst\n", "bold")
     for s in figures.servos:
-        who = str(s.servo) if s.servo >= 0 else "-"
+        who = f"{s.servo if s.servo >= 0 else '-':>5}"
+        if several:
+            who = f"{set_cell_size(plain(s.bus), max(several, 3))}  {who}"
         style = "red" if s.missing else ""
         out.append(
-            f"{who:>5}  {s.requests:<7}  {s.answers:<7}  {s.missing:<7}  "
-            f"{s.median:<8}  {s.worst}\n",
+            f"{who}  {s.requests:<7}  {s.answers:<7}  {s.missing:<7}  {s.median:<8}  {s.worst}\n",
             style,
         )
     if figures.codes:

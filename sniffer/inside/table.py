@@ -76,7 +76,7 @@ class FrameList(ScrollView, can_focus=True):
 
     def heading(self, width: int) -> str:
         """Return the titles of the columns."""
-        titles = ("", "bus", "id", " ", "command", "values", "verdict", "offset")
+        titles = (" ", "bus", "id", " ", "command", "values", "verdict", "offset")
         return self._laid(titles, TIMES[self.times], width, shift=0)
 
     def grown(self) -> None:

@@ -22,7 +22,13 @@ if TYPE_CHECKING:
 STEP: Final = 1 << 14
 """Lines that are judged at a time."""
 
-SLICE_S: Final = 0.012
+SETTLES_S: Final = 0.03
+"""The panes follow the cursor so late: a key that is held down is not slowed by them."""
+
+FOLLOWS_S: Final = 0.2
+"""They do so while it stays at the last line: nobody reads quicker."""
+
+SLICE_S: Final = 0.03
 """How long steps may take before the screen has its turn."""
 
 
@@ -75,6 +81,12 @@ class LineView:
     def line(self, position: int) -> int:
         """Return the number of the line at a position."""
         return position if self.is_whole else int(self._shown[position])
+
+    def numbers(self, positions: range) -> I64:
+        """Return the numbers of the lines at positions that follow each other."""
+        if self.is_whole:
+            return np.arange(positions.start, positions.stop)
+        return self._shown[positions.start : positions.stop]
 
     def shown(self) -> I64:
         """Return the numbers of all lines that are shown."""
@@ -146,7 +158,9 @@ class LineView:
             at += -STEP if back else STEP
         return -1
 
-    def after(self, position: int) -> Iterator[int]:
-        """Yield the positions behind one, then those before it: for a search that goes round."""
-        yield from range(position + 1, self.count)
-        yield from range(min(position + 1, self.count))
+    def after(self, position: int, most: int) -> Iterator[range]:
+        """Yield the positions behind one, then those up to it, some at a time: round it goes."""
+        first = min(position + 1, self.count)
+        for begin, end in ((first, self.count), (0, first)):
+            for at in range(begin, end, most):
+                yield range(at, min(at + most, end))

@@ -24,7 +24,7 @@ Rows = tuple["I64", "F64"]
 """Times in ns, and values."""
 
 HELD: Final = 4096
-"""SecondFold whose last position is kept, for marks that are set afterwards: an hour."""
+"""Seconds whose last position is kept, for marks that are set afterwards: an hour."""
 
 
 class Following:

@@ -98,6 +98,11 @@ class Curve(Entity):
         self._styled: tuple[bool, bool] | None = None
 
     @property
+    def name(self) -> str:
+        """What legends call it."""
+        return self._name
+
+    @property
     def is_goal(self) -> bool:
         """Tell whether a value holds until the next one."""
         return self.track.quantity.startswith("goal_")

@@ -19,6 +19,7 @@ from sniffer.sinks.rerun.plots import (
     FOLLOWING_ERROR,
     MISSING,
     PEAK_ERROR,
+    PEAK_TIME,
     Track,
 )
 
@@ -40,6 +41,11 @@ MARKS: Final[Mapping[str, tuple[Rgb, Shape, float]]] = {
 }
 """Colour, shape and size of what stands on the curves, by its name in the legend."""
 
+STANDS_OUT: Final = 2.0
+FEW_NAMED: Final = 3
+"""Who is off the goal by more than so many times what the next one is, is named; so many at most.
+"""
+
 GREY: Final[Rgb] = (160, 170, 190)
 
 
@@ -54,6 +60,9 @@ class Gauges:
         self._curves: dict[tuple[str, int, str], Curve] = {}
         self._seconds: dict[tuple[str, int, str], SecondFold] = {}
         self._following: dict[tuple[str, int], tuple[str, Following]] = {}
+        self._astray: dict[str, dict[str, float]] = {}
+        self.loads: dict[str, float] = {}
+        """The largest load by bus, in percent."""
 
     def curves(self) -> Iterator[Curve]:
         """Yield all curves."""
@@ -97,6 +106,24 @@ class Gauges:
                 self._curves[key] = Curve(track, name, colour)
             self._curves[key].add(times, errors)
             self._count(bus, protocol, servo, PEAK_ERROR, (times, np.abs(errors)), unit)
+
+    def time(self, bus: str, protocol: BusProtocol, servo: int, rows: Rows) -> None:
+        """Take how long the answers of a servo took, in ms."""
+        self._count(bus, protocol, servo, PEAK_TIME, rows, "ms")
+
+    def astray(self) -> dict[str, str]:
+        """Return by bus the few who were off the goal by far the most, summed over the seconds.
+
+        What a step costs everybody for a moment counts little so; a joint that hangs limp, much.
+        """
+        out = {}
+        for bus, sums in self._astray.items():
+            names = sorted(sums, key=lambda name: -sums[name])
+            for n in range(min(FEW_NAMED, len(names) // 2), 0, -1):
+                if sums[names[n - 1]] > STANDS_OUT * sums[names[n]]:
+                    out[bus] = ", ".join(names[:n])
+                    break
+        return out
 
     def mark(self, bus: str, servo: int | None, t_ns: int, name: str) -> None:
         """Mark on a servo's curves that something happened; on the bus's where it has none."""
@@ -143,9 +170,16 @@ class Gauges:
             who, name, colour = (EVERYONE, "bus", GREY) if servo < 0 else self._who(protocol, servo)
             track = Track(self._entity(*key), bus, who, quantity, unit)
             self._curves[key] = PerSecond(track, name, colour)
-            fold = np.maximum if quantity == PEAK_ERROR else np.add
+            fold = np.maximum if quantity in (PEAK_ERROR, PEAK_TIME) else np.add
             self._seconds[key] = SecondFold(fold, 0.0 if quantity == BUS_LOAD else np.nan)
             if quantity == BUS_LOAD:  # before the first byte there was none: the axis shows its 0
                 start = int(rows[0].min()) // NS * NS
                 self._curves[key].add(np.array([start - 1], np.int64), np.zeros(1))
-        self._curves[key].add(*self._seconds[key].add(*rows))
+        over = self._seconds[key].add(*rows)
+        self._curves[key].add(*over)
+        if quantity == BUS_LOAD:
+            self.loads[bus] = max(self.loads.get(bus, 0.0), float(over[1].max(initial=0.0)))
+        if quantity == PEAK_ERROR:
+            sums = self._astray.setdefault(bus, {})
+            name = self._curves[key].name
+            sums[name] = sums.get(name, 0.0) + float(np.nansum(over[1]))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import uuid
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.sinks.rerun.plots import (
@@ -16,9 +17,11 @@ from sniffer.sinks.rerun.plots import (
     FOLLOWING_ERROR,
     MISSING,
     PEAK_ERROR,
+    PEAK_TIME,
     POSITION,
     RESPONSE_TIME,
     TOGETHER,
+    BusFigures,
     Plots,
     TimeRange,
     Track,
@@ -66,7 +69,7 @@ def blueprint(
     logs: Mapping[str, Sequence[str]],
     times: TimeRange,
     *,
-    doubt_ns: Mapping[str, int] | None = None,
+    figures: Mapping[str, BusFigures] = MappingProxyType({}),
 ) -> rrb.Blueprint | None:
     """Lay out what really occurs, one tab a bus, on time axes that move together.
 
@@ -76,7 +79,7 @@ def blueprint(
         tracks: all plotted entities.
         logs: bus -> paths of its logs of incidents and anomalies, for buses that have some.
         times: which times are shown.
-        doubt_ns: bus -> how far its response times may be off, 99 of 100 of them.
+        figures: bus -> what titles and axes tell of it.
     """
     import rerun.blueprint as rrb
 
@@ -84,7 +87,7 @@ def blueprint(
     tabs = []
     for bus in buses:
         own = [t for t in tracks if t.bus == bus]
-        tabs += _bus(bus, Plots(own, times, (doubt_ns or {}).get(bus, 0)), logs.get(bus, ()))
+        tabs += _bus(bus, Plots(own, times, figures.get(bus, BusFigures())), logs.get(bus, ()))
     if not tabs:
         return None
     view_range = times.window()
@@ -122,7 +125,8 @@ def _bus(bus: str, plots: Plots, log: Sequence[str]) -> list[rrb.Container]:
         own = plots.of(ids)
         name = "motion and supply" if len(servos) <= TOGETHER else f"servos {ids[0]} to {ids[-1]}"
         columns = [] if rows_beside or len(ids) == 1 else _rows(own, ids)
-        columns += _columns(own.views(_MOTION), own.views(_SUPPLY))
+        times = (RESPONSE_TIME,) if plots.crowded else ()
+        columns += _columns(own.views(_MOTION), own.views((*_SUPPLY, *times)))
         tabs.append(rrb.Horizontal(contents=columns, name=name))
     rest = plots.others((*_FIRST, *_MOTION, *_SUPPLY))
     if rest:
@@ -160,7 +164,8 @@ def _overview(plots: Plots, log: Sequence[str]) -> rrb.Container:
         left.append((min(max(0.4 * len(lanes), 1.0), 3.0), view))
     right = [(1.6, v) for v in plots.views((PEAK_ERROR,) if plots.times.is_long else ())]
     right += [(1.3, v) for v in plots.views((MISSING, BUS_LOAD))]
-    right += [(1.6, v) for v in plots.views((RESPONSE_TIME,))]
+    # of many servos the single times are ink; they stand with their servos
+    right += [(1.6, v) for v in plots.views((PEAK_TIME if crowded else RESPONSE_TIME,))]
     if log:
         right.append((2.2, _log(log)))
     columns, shares = [], []

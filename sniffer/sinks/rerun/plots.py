@@ -6,8 +6,9 @@ does.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sniffer.ground.model import NS
 
@@ -20,6 +21,7 @@ POSITION: Final = "position"
 RESPONSE_TIME: Final = "response_time"
 FOLLOWING_ERROR: Final = "following_error"
 PEAK_ERROR: Final = "largest_following_error"
+PEAK_TIME: Final = "largest_response_time"
 BUS_LOAD: Final = "bus_load"
 MISSING: Final = "missing_answers"
 ALARMS: Final = "alarms"
@@ -38,10 +40,15 @@ WHOLE: Final = 1.5
 PAST_S: Final = 120.0
 """How much of the past the curves by the second show live."""
 
-BY_SECOND: Final = (PEAK_ERROR, MISSING, BUS_LOAD)
-_SMALL: Final = (PEAK_ERROR, RESPONSE_TIME)
+PERCENT: Final = (-8.0, 116.0)
+"""An axis of percents: a small plot has room for two numbers, which are 0 and 100, off the edge."""
+
+BY_SECOND: Final = (PEAK_ERROR, PEAK_TIME, MISSING, BUS_LOAD)
+_SMALL: Final = (PEAK_ERROR, PEAK_TIME)
+_TIMES: Final = (RESPONSE_TIME, PEAK_TIME)
 _TITLES: Final = {
     PEAK_ERROR: "Largest following error in each second",
+    PEAK_TIME: "Largest response time in each second",
     MISSING: "Missing answers",
     BUS_LOAD: "Bus load",
 }
@@ -124,12 +131,25 @@ def _between(first: int, last: int) -> Any:
     )
 
 
+class BusFigures(NamedTuple):
+    """What titles and axes tell of a bus.
+
+    ``doubt_ns`` is how far its response times may be off, 99 of 100 of them; ``astray`` names the
+    servos that are much further off their goals than the others; ``load`` is the largest in
+    percent.
+    """
+
+    doubt_ns: int = 0
+    astray: str = ""
+    load: float = math.inf
+
+
 class Plots:
     """Makes the plots of some servos of a bus."""
 
-    def __init__(self, tracks: Sequence[Track], times: TimeRange, doubt_ns: int) -> None:
+    def __init__(self, tracks: Sequence[Track], times: TimeRange, figures: BusFigures) -> None:
         self.times = times
-        self._tracks, self._doubt_ns = tracks, doubt_ns
+        self._tracks, self._figures = tracks, figures
 
     @property
     def servos(self) -> list[int]:
@@ -144,7 +164,7 @@ class Plots:
     def of(self, ids: Sequence[int]) -> Plots:
         """Return what is of some servos, or of all at once."""
         own = [t for t in self._tracks if t.servo_id in (*ids, EVERYONE)]
-        return Plots(own, self.times, self._doubt_ns)
+        return Plots(own, self.times, self._figures)
 
     def lanes(self, *, alarms_only: bool) -> list[Track]:
         """Return the states."""
@@ -181,8 +201,13 @@ class Plots:
         if title:
             words = f"{tracks[0].who}: {words.lower()}"
         name = f"{words} [{_UNITS.get(unit, unit)}]"
-        if quantity == RESPONSE_TIME and self._doubt_ns >= 100_000:
-            name += f", 99 % known to ±{self._doubt_ns / 1e6:.1f}"
+        figures = self._figures
+        if quantity in _TIMES and figures.doubt_ns >= 100_000:
+            name += f", 99 % known to ±{figures.doubt_ns / 1e6:.1f}"
+        if quantity == PEAK_ERROR and figures.astray:
+            name += f", most: {figures.astray}"
+        # of a wrong rate there may be more than all
+        is_share = quantity == BUS_LOAD and figures.load <= PERCENT[1]
         apart = quantity in BY_SECOND and self.times.is_long
         axis = (
             rrb.TimeAxis(link="Independent", view_range=self.times.whole())
@@ -194,6 +219,7 @@ class Plots:
             origin="/",
             contents=[t.path for t in tracks],
             axis_x=axis,
+            axis_y=rrb.ScalarAxis(range=PERCENT) if is_share else None,
             # a small plot of many would cut the legend off; the large one beside it has the colours
             plot_legend=rrb.PlotLegend(
                 corner="LeftTop", visible=not title and (quantity not in _SMALL or not self.crowded)

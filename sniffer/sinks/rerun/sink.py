@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -26,7 +27,15 @@ from sniffer.sinks.rerun.entities import ALARM, DATED_NS, WHITE, Curve, Entity, 
 from sniffer.sinks.rerun.gauges import Gauges
 from sniffer.sinks.rerun.labels import ALL, entity_path, named, words
 from sniffer.sinks.rerun.layout import TIMELINE, application_id, blueprint
-from sniffer.sinks.rerun.plots import ALARMS, EVERYONE, POSITION, RESPONSE_TIME, TimeRange, Track
+from sniffer.sinks.rerun.plots import (
+    ALARMS,
+    EVERYONE,
+    POSITION,
+    RESPONSE_TIME,
+    BusFigures,
+    TimeRange,
+    Track,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -239,7 +248,9 @@ class RerunSink:
             self._doubt.setdefault(bus, Quantiles()).add(spread, np.zeros_like(spread))
         for key, rows in groups(servo):
             took = t.response_time_ns[timed[rows]] / 1e6
-            self._line(bus, protocol, key, -1).add(f.t_end[response[rows]], took)
+            times = f.t_end[response[rows]]
+            self._line(bus, protocol, key, -1).add(times, took)
+            self._gauges.time(bus, protocol, key, (times, took))
 
     def _line(self, bus: str, protocol: BusProtocol, servo: int, number: int) -> Curve:
         """Return the line of a register, or of the response times (-1)."""
@@ -342,14 +353,17 @@ class RerunSink:
             tracks,
             logs,
             TimeRange(self._span, self._window_s, self._first_error, is_live=self._live),
-            doubt_ns={
-                bus: bounds.high
-                for bus, q in self._doubt.items()
-                if (bounds := q.at(FIGURES["p99"])) is not None
-            },
+            figures={bus: self._figures(bus) for bus in {t.bus for t in tracks}},
         )
         if plan is not None:
             self._rec.send_blueprint(plan)
+
+    def _figures(self, bus: str) -> BusFigures:
+        doubt = self._doubt[bus].at(FIGURES["p99"]) if bus in self._doubt else None
+        # live, who is far off may be another one a moment later
+        astray = "" if self._live else self._gauges.astray().get(bus, "")
+        doubt_ns = 0 if doubt is None else doubt.high
+        return BusFigures(doubt_ns, astray, self._gauges.loads.get(bus, math.inf))
 
     def _rank(self) -> None:
         """Tell first registers from second ones, and draw each goal on to the end.
