@@ -35,6 +35,11 @@ _MAGICS: Final = (
     (b"%PDF-", "a PDF document", _CAPTURE),
     (b"\x7fELF", "a program", _CAPTURE),
     (b"RRF", "a Rerun recording (.rrd)", "decode the .mcap or the capture it was made from"),
+    (
+        b"=~=~=~=~=~=~=~=~=~=~=~= PuTTY log",
+        "a log of PuTTY, which has a line of its own before the bytes,",
+        "remove that line: `tail -n +2 FILE > bus.bin`",
+    ),
     (b"PAR1", "a Parquet table", "decode the .mcap or the capture it was made from"),
     (
         b"\x1f\x8b\x08",
@@ -64,6 +69,8 @@ _WAY: Final = (
 _TRACED: Final = (
     rb"(?:\[pid +\d+\] |\d+ +)?(?:\d[\d:.]* )?(?:open(?:at)?|read|write|ioctl|poll|p?select6?)\("
 )
+_LITERAL: Final = rb"(?:(?:bytearray)?\()?b(?:'.*'|\".*\")\)?[\]\s,;)]*$"
+_PRINTED: Final = "print `f'({time.time():.6f}) bus0 #{data.hex()}'`"
 _DATE: Final = rb"\d{4}[-/]\d\d[-/]\d\d[ T]\d\d:\d\d:\d\d"
 _LOGS: Final = tuple(
     _Kind(later(pattern), what, instead)
@@ -82,6 +89,11 @@ _LOGS: Final = tuple(
         (rb"; ?Rate: ?\d+", "a capture of the OLS client", "export it from there as VCD"),
         (rb"\(-?\d[\d.,]*\)[ \t]+\S+[ \t]+[^\s#]*#", "a log line of another form", _FORM),
         (_TRACED, "a trace of system calls", "log with `socat -x` between program and port"),
+        (
+            rb"[\[(]?(?!b[\"'])(?:(?=bytearray)|[A-Za-z\d](?:.*[:= ,])?)" + _LITERAL,
+            "a log of bytes as Python shows them",
+            _PRINTED,
+        ),
         (_STAMPED + _SOME, "a log whose times are of an unknown kind", _LINES),
         (_WAY + _SOME, "a log whose directions are of an unknown kind", _LINES),
         (rb"timestamp,arbitration_id,", "a python-can CSV log", "log to a .log file instead"),
