@@ -96,3 +96,38 @@ def test_the_line_that_putty_writes_first_is_no_traffic() -> None:
     log = b"=~=~=~=~=~=~=~=~=~=~=~= PuTTY log 2026.11.20 22:55:06 =~=~=~=~=~=~=~=~=~=~=~=\r\n"
     assert "`tail -n +2 FILE" in refusal(log + b"".join(FRAMES))
     assert open_source(FRAMES[0]).format == "bin"
+
+
+@pytest.mark.parametrize(
+    ("line", "instead"),
+    [
+        (":0700000001020304050607DD", "objcopy -I ihex"),
+        ("S1070000FFA00020B9", "objcopy -I srec"),
+        ("Id,Time[ns],1:UART: RX/TX\n1,173600.00,FF", "open the capture (.dsl)"),
+        ("Time [s],Decoded Protocol Result\n0.000173600,0xFF", "(seconds.fraction)"),
+        ("Index,Time (s),Type,Data\n0,0.001216000,UART,hFF", "(seconds.fraction)"),
+        ("0.001216,FF\n0.001390,A0", "(seconds.fraction)"),
+        ("1216-1355 UART: RX data: FF\n1390-1529 UART: RX data: A0", "sigrok-cli"),
+        ("0\t0.00121600\tservo.exe\tIRP_MJ_WRITE\tSerial0\tSUCCESS\tLength 2: FF A0", "HEX"),
+        ("Offset(h) 00 01 02\n\n00000000  FF A0 00  ...", "dump with `xxd`"),
+        ("Sent: FF A0 00 20", "(seconds.fraction)"),
+        ("TX: ffa00020", "(seconds.fraction)"),
+        ("[    0.001216] FF A0 00 20", "(seconds.fraction)"),
+    ],
+)
+def test_what_other_programs_write_is_refused_with_the_way_out(line: str, instead: str) -> None:
+    assert instead in refusal(line.encode() + b"\n")
+
+
+@pytest.mark.parametrize("after_offset", [2, 3])
+def test_what_wireshark_copies_as_hex_and_ascii_is_a_dump(after_offset: int) -> None:
+    data = LSS + b"".join(FRAMES)
+    rows = [(at, data[at : at + 16]) for at in range(0, len(data), 16)]
+    text = "".join(
+        f"{at:04x}{'':{after_offset}}{row.hex(' '):<47}   "
+        + "".join(chr(c) if 32 <= c < 127 else "." for c in row)
+        + "\n"
+        for at, row in rows
+    ).encode()
+    assert open_source(text).format == "hexdump"
+    assert read(text) == data

@@ -168,7 +168,11 @@ def _is_dump(dialect: Dialect, lines: list[bytes]) -> bool:
         return len(parts.offset) == 7 or (_spaces(first, parts) != 2 and _counts(OD, lines))
     if b"|" in first:
         return True
-    return _spaces(first, parts) == 2 and (not parts.offset.strip(b"0") or _counts(HEXDUMP, lines))
+    # Wireshark's window copies with three, od -td1 writes single numbers so
+    spaces = 2 if len(data) < 2 else _spaces(first, parts)
+    if _spaces(first, parts) != spaces or spaces not in (2, 3):
+        return False
+    return not parts.offset.strip(b"0") or _counts(HEXDUMP, lines)
 
 
 def _spaces(line: bytes, parts: DumpLine) -> int:

@@ -66,6 +66,8 @@ _STAMPED: Final = (
 _WAY: Final = (
     rb"(?:[\[(]?\b(?:[TtRr][Xx]|READ|WRITE|[Ii][Nn]|[Oo][Uu][Tt]|[RW])\b|<?-+>?|<+|>+)[\]):]* "
 )
+_TABLE: Final = "a table of times and bytes of another tool"
+_SPOKEN: Final = "a log whose directions are of an unknown kind"
 _TRACED: Final = (
     rb"(?:\[pid +\d+\] |\d+ +)?(?:\d[\d:.]* )?(?:open(?:at)?|read|write|ioctl|poll|p?select6?)\("
 )
@@ -81,6 +83,25 @@ _LOGS: Final = tuple(
             "set the analyzer's mode to Normal and export again with the radix Hexadecimal",
         ),
         (rb"(?:\d+-\d+ )?uart-\d+: ", "a sigrok annotation log", _SIGROK),
+        (
+            rb"\d+-\d+ [^:]+: (?:[^:]+: )?[0-9A-Fa-f]{2}$",
+            "a list of annotations of PulseView",
+            _SIGROK,
+        ),
+        (rb":[0-9A-Fa-f]{10,}$", "an Intel hex file", "`objcopy -I ihex -O binary FILE bus.bin`"),
+        (rb"S[0-3][0-9A-F]{8,}$", "an S-record file", "`objcopy -I srec -O binary FILE bus.bin`"),
+        (
+            rb"Id,Time\[ns\],",
+            "a table of DSView's decoder",
+            "open the capture (.dsl), or export it as CSV",
+        ),
+        (rb" *Offset(?:\(h\))? ", "a dump with a heading", "dump with `xxd` or `hexdump -C`"),
+        (rb"\d+ .* IRP_MJ_|#,Date/Time,Function", "a log of a port monitor", _LINES),
+        (rb"(?i)[\"']?(?:\w+,)?(?:time|t)\b[^,]*,.*(?:byte|data|result|value)", _TABLE, _LINES),
+        (rb"\[ *\d+\.\d+\]" + _SOME, "a log whose times are of an unknown kind", _LINES),
+        (rb"(?:Sent|Received|Host|Device|Written|Read)\b.*\W[0-9A-Fa-f]{2}\b", _SPOKEN, _LINES),
+        (rb"(?:TX|RX|tx|rx):? (?:[0-9A-Fa-f]{2}){2,}$", _SPOKEN, _LINES),
+        (rb"\d+\.\d{3,9},(?:0x)?[0-9A-Fa-f]{2}$", _TABLE, _LINES),
         (rb'\{"traceEvents"', "a sigrok JSON trace", _SIGROK),
         (_DATE + rb"\.\d+ \| [A-Z] \|", "a port sniffer log", _LINES),
         (rb"[IO] " + _DATE, "text2pcap input", _LINES),
