@@ -6,6 +6,7 @@ lines are looked at one by one, and tokens only to say where the mistake is.
 
 from __future__ import annotations
 
+import ast
 import re
 from typing import TYPE_CHECKING, Final
 
@@ -36,6 +37,8 @@ _PAIRED: Final = later(
     re.MULTILINE,
 )
 _BETWEEN: Final = bytes.maketrans(b":-<>", b"    ")
+_LITERAL: Final = later(rb"""\bb(["'])((?:\\.|(?!\1)[^\\])*)\1""")
+_UNENDED: Final = later(rb"""\bb(["'])(?=[^"']*\\[^"']*$)""")
 _ASIDE: Final = later(
     rb"(?:^|(?<=\s))(?:#|//).*$"
     rb"|/\*.{,200}?\*/"
@@ -85,18 +88,32 @@ def _spaced(text: bytes) -> bytes:
 
 def hex_block(text: bytes) -> bytes:
     """Return the bytes that lines of hex state; ValueError where they need a closer look."""
-    if b"#" in text or b"/" in text:
+    if b"#" in text or b"/" in text or b"b'" in text or b'b"' in text:
         raise ValueError
     return bytes.fromhex(_spaced(text).decode("ascii"))
 
 
 def hex_line(line: bytes) -> bytes:
     """Return the bytes that one line of hex states; raises :class:`Mistake`."""
-    text = bare(line)
+    text = _LITERAL.sub(_said, line)
+    if unended := _UNENDED.search(text):
+        raise BadLineError(unended.start(), "bytes in quotes that do not end on this line")
+    text = bare(text)
     try:
         return bytes.fromhex(_spaced(_SINGLE.sub(rb" 0\1", text)).decode("ascii"))
     except ValueError:
         raise _hex_mistake(text) from None
+
+
+def _said(literal: re.Match[bytes]) -> bytes:
+    """Return bytes as Python shows them in hex: what is printable stands there as it is."""
+    if literal[2].strip(_DIGITS) == b"":  # as hexlify gives it
+        return literal[0]
+    try:
+        data = ast.literal_eval(literal[0].decode("ascii"))
+    except (ValueError, SyntaxError):
+        return literal[0]
+    return b" " + bytes(data).hex().encode() + b" "
 
 
 def share_of_hex(line: bytes) -> float:

@@ -17,6 +17,7 @@ from sniffer.pcapfile.layout import BYTE_ORDERS, PCAP_MAGICS, PCAPNG_MAGIC
 from sniffer.sources import candump, jsonl
 from sniffer.sources.hexdump import HEXDUMP, OD, XXD, Dialect, DumpLine, bytes_in, counted, tidy
 from sniffer.sources.logic_forms import logic_form
+from sniffer.sources.misreads import refuse_decimal_dump, refuse_misread
 from sniffer.sources.plain import BadLineError, bare, decimal_line, hex_line, share_of_hex
 from sniffer.sources.refusals import (
     refuse_binary,
@@ -82,6 +83,7 @@ def recognise(head: bytes, suffix: str = "", *, decimal: bool = False) -> str:
     if decimal or (suffix not in RAW_SUFFIXES and _is_decimal_only(lines)):
         return "decimal"
     if _is_plain_hex(lines, suffix in RAW_SUFFIXES):
+        refuse_misread(lines)
         return "hex"
     return _raw_or_refused(text, suffix, _why_not(lines))
 
@@ -144,6 +146,7 @@ def _strong(lines: list[bytes]) -> str:
         _refuse_xxd_variants(lines)
         return "xxd" if bytes_in(XXD, parts) else ""
     if _is_dump(OD, lines):
+        refuse_decimal_dump(lines)
         return "od"
     return "hexdump" if _is_dump(HEXDUMP, lines) else ""
 
@@ -165,7 +168,11 @@ def _is_dump(dialect: Dialect, lines: list[bytes]) -> bool:
         return len(parts.offset) == 7 or (_spaces(first, parts) != 2 and _counts(OD, lines))
     if b"|" in first:
         return True
-    return _spaces(first, parts) == 2 and (not parts.offset.strip(b"0") or _counts(HEXDUMP, lines))
+    # Wireshark's window copies with three, od -td1 writes single numbers so
+    spaces = 2 if len(data) < 2 else _spaces(first, parts)
+    if _spaces(first, parts) != spaces or spaces not in (2, 3):
+        return False
+    return not parts.offset.strip(b"0") or _counts(HEXDUMP, lines)
 
 
 def _spaces(line: bytes, parts: DumpLine) -> int:

@@ -35,6 +35,11 @@ _MAGICS: Final = (
     (b"%PDF-", "a PDF document", _CAPTURE),
     (b"\x7fELF", "a program", _CAPTURE),
     (b"RRF", "a Rerun recording (.rrd)", "decode the .mcap or the capture it was made from"),
+    (
+        b"=~=~=~=~=~=~=~=~=~=~=~= PuTTY log",
+        "a log of PuTTY, which has a line of its own before the bytes,",
+        "remove that line: `tail -n +2 FILE > bus.bin`",
+    ),
     (b"PAR1", "a Parquet table", "decode the .mcap or the capture it was made from"),
     (
         b"\x1f\x8b\x08",
@@ -61,9 +66,13 @@ _STAMPED: Final = (
 _WAY: Final = (
     rb"(?:[\[(]?\b(?:[TtRr][Xx]|READ|WRITE|[Ii][Nn]|[Oo][Uu][Tt]|[RW])\b|<?-+>?|<+|>+)[\]):]* "
 )
+_TABLE: Final = "a table of times and bytes of another tool"
+_SPOKEN: Final = "a log whose directions are of an unknown kind"
 _TRACED: Final = (
     rb"(?:\[pid +\d+\] |\d+ +)?(?:\d[\d:.]* )?(?:open(?:at)?|read|write|ioctl|poll|p?select6?)\("
 )
+_LITERAL: Final = rb"(?:(?:bytearray)?\()?b(?:'.*'|\".*\")\)?[\]\s,;)]*$"
+_PRINTED: Final = "print `f'({time.time():.6f}) bus0 #{data.hex()}'`"
 _DATE: Final = rb"\d{4}[-/]\d\d[-/]\d\d[ T]\d\d:\d\d:\d\d"
 _LOGS: Final = tuple(
     _Kind(later(pattern), what, instead)
@@ -74,6 +83,25 @@ _LOGS: Final = tuple(
             "set the analyzer's mode to Normal and export again with the radix Hexadecimal",
         ),
         (rb"(?:\d+-\d+ )?uart-\d+: ", "a sigrok annotation log", _SIGROK),
+        (
+            rb"\d+-\d+ [^:]+: (?:[^:]+: )?[0-9A-Fa-f]{2}$",
+            "a list of annotations of PulseView",
+            _SIGROK,
+        ),
+        (rb":[0-9A-Fa-f]{10,}$", "an Intel hex file", "`objcopy -I ihex -O binary FILE bus.bin`"),
+        (rb"S[0-3][0-9A-F]{8,}$", "an S-record file", "`objcopy -I srec -O binary FILE bus.bin`"),
+        (
+            rb"Id,Time\[ns\],",
+            "a table of DSView's decoder",
+            "open the capture (.dsl), or export it as CSV",
+        ),
+        (rb" *Offset(?:\(h\))? ", "a dump with a heading", "dump with `xxd` or `hexdump -C`"),
+        (rb"\d+ .* IRP_MJ_|#,Date/Time,Function", "a log of a port monitor", _LINES),
+        (rb"(?i)[\"']?(?:\w+,)?(?:time|t)\b[^,]*,.*(?:byte|data|result|value)", _TABLE, _LINES),
+        (rb"\[ *\d+\.\d+\]" + _SOME, "a log whose times are of an unknown kind", _LINES),
+        (rb"(?:Sent|Received|Host|Device|Written|Read)\b.*\W[0-9A-Fa-f]{2}\b", _SPOKEN, _LINES),
+        (rb"(?:TX|RX|tx|rx):? (?:[0-9A-Fa-f]{2}){2,}$", _SPOKEN, _LINES),
+        (rb"\d+\.\d{3,9},(?:0x)?[0-9A-Fa-f]{2}$", _TABLE, _LINES),
         (rb'\{"traceEvents"', "a sigrok JSON trace", _SIGROK),
         (_DATE + rb"\.\d+ \| [A-Z] \|", "a port sniffer log", _LINES),
         (rb"[IO] " + _DATE, "text2pcap input", _LINES),
@@ -82,6 +110,11 @@ _LOGS: Final = tuple(
         (rb"; ?Rate: ?\d+", "a capture of the OLS client", "export it from there as VCD"),
         (rb"\(-?\d[\d.,]*\)[ \t]+\S+[ \t]+[^\s#]*#", "a log line of another form", _FORM),
         (_TRACED, "a trace of system calls", "log with `socat -x` between program and port"),
+        (
+            rb"[\[(]?(?!b[\"'])(?:(?=bytearray)|[A-Za-z\d](?:.*[:= ,])?)" + _LITERAL,
+            "a log of bytes as Python shows them",
+            _PRINTED,
+        ),
         (_STAMPED + _SOME, "a log whose times are of an unknown kind", _LINES),
         (_WAY + _SOME, "a log whose directions are of an unknown kind", _LINES),
         (rb"timestamp,arbitration_id,", "a python-can CSV log", "log to a .log file instead"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from sniffer.ground.patterns import later
 from sniffer.sources import (
     docklight,
     grabserial,
@@ -16,6 +17,8 @@ from sniffer.sources import (
 from sniffer.sources.locales import with_points
 from sniffer.sources.refusals import refused
 from sniffer.sources.text import FIRST_LINES
+
+_LITERAL: Final = later(rb"(?:bytearray\(|bytes\()?b[\"']")
 
 
 def tool_log(lines: list[bytes]) -> str:
@@ -44,8 +47,9 @@ def tool_log(lines: list[bytes]) -> str:
 
 def _is_jpnevulator(lines: list[bytes]) -> bool:
     for line in lines:
-        if jpnevulator.STAMP.fullmatch(line):
-            return True
+        if stamp := jpnevulator.STAMP.fullmatch(line):
+            # a program of one's own may write bytes where this tool writes the port
+            return not _LITERAL.match(stamp[4] or b"")
         if not jpnevulator.is_row(line):  # of a block whose begin was cut away
             return False
     return False

@@ -1,0 +1,87 @@
+"""Text that would be read as hex without complaint, and is something else.
+
+Each of these has hex digits throughout, so nothing in it stops a reader: only the shape of many
+lines tells that a column is no bytes, or that the digits are of another radix.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from typing import Final
+
+from sniffer.ground.model import InputError
+from sniffer.ground.patterns import later
+from sniffer.ground.wording import Sentence
+from sniffer.sources.refusals import refused
+from sniffer.sources.text import FIRST_LINES
+
+_WORD: Final = later(rb"[0-9A-Fa-fxX]+")
+_BITS: Final = later(rb"0[bB][01]{1,8}")
+_SEVERAL: Final = 4
+"""So many lines have the same column before it is taken for one."""
+
+_MANY: Final = 48
+"""So many bytes of a servo bus are never written in hex without a letter, nor a leading zero."""
+
+_LOOKED_AT: Final = 256
+"""Lines of which that is told."""
+
+_SECONDS: Final = 10  # digits of a time since 1970
+
+_ALONE: Final = "keep only the hex bytes, or write lines `(seconds.fraction) bus0 #HEX`"
+
+
+def refuse_misread(lines: list[bytes]) -> None:
+    """Raise InputError where lines that could be hex are seen to be something else."""
+    rows = [words for line in lines[:_LOOKED_AT] if (words := _WORD.findall(line))]
+    words = list(itertools.chain.from_iterable(rows))
+    if words and all(_BITS.fullmatch(word) for word in words):
+        raise refused("a list of bits", "write the bytes in hex")
+    if _are_small_decimals(words):
+        raise InputError(
+            Sentence("this looks like decimal numbers: say {input_format:decimal} (or hex)")
+        )
+    column = _column(rows[:FIRST_LINES])
+    if column:
+        raise refused(f"hex behind a column of {column}", _ALONE)
+
+
+def refuse_decimal_dump(lines: list[bytes]) -> None:
+    """Raise InputError for a dump with offsets whose columns are as wide as decimal numbers.
+
+    Hex stands one blank apart, so two digits behind two blanks each are numbers of up to three.
+    """
+    bodies = [line.lstrip(b" ").partition(b" ")[2].strip() for line in lines[:FIRST_LINES]]
+    words = b" ".join(bodies).split()
+    gaps = [gap for body in bodies for gap in re.findall(rb" +", body)]
+    if len(words) > 1 and b"".join(words).isdigit() and gaps and min(map(len, gaps)) > 1:
+        raise refused("a dump in decimal (od -tu1)", "dump it again with `od -v -tx1`")
+
+
+def _are_small_decimals(words: list[bytes]) -> bool:
+    """Tell whether so many numbers are written as decimal ones are, and as hex never is.
+
+    Every protocol has a byte in each frame that is a letter in hex (FF, FA, 0D).
+    """
+    return len(words) >= _MANY and all(
+        len(word) <= 2 and word.isdigit() and (word == b"0" or word[:1] != b"0") for word in words
+    )
+
+
+def _column(rows: list[list[bytes]]) -> str:
+    """Return what the first word of each row is, where it is none of the bytes."""
+    if len(rows) < _SEVERAL or any(
+        len(row) < 2 or not row[0].isdigit() or any(len(word) != 2 for word in row[1:])
+        for row in rows
+    ):
+        return ""
+    firsts = [int(row[0]) for row in rows]
+    steps = {after - before for before, after in itertools.pairwise(firsts)}
+    if steps == {1}:
+        return "line numbers"
+    if all(first == len(row) - 1 for first, row in zip(firsts, rows, strict=True)):
+        return "lengths"
+    is_growing = min(steps) >= 0 and firsts[0] < firsts[-1]
+    digits = min(len(row[0]) for row in rows)
+    return "times" if digits >= _SECONDS or (digits > 2 and is_growing) else ""

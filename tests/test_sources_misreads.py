@@ -1,0 +1,133 @@
+"""Text whose every digit is one of hex, and that is no hex: never read wrong, always told.
+
+Written as the programs named here write it: coreutils' od and cat, Arduino's Serial.print,
+CPython's repr, PuTTY's log.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from sniffer.sources import open_source
+from tests.inputs import read, refusal
+
+FRAMES = [
+    bytes.fromhex(frame)
+    for frame in ("FFFFFF0102F10B", "FFFFFF010200FC", "FFA00020", "0069", "FAAF010300000103")
+]
+LSS = b"#1QMS\r*1QMSLSS-ST1\r#1QN\r*1QN12345671\r#1QF\r*1QF368\r#2QMS\r"
+
+
+def lines_of(form: str) -> bytes:
+    """Return a line for each frame; ``n``, ``ms``, ``size`` and ``s`` may stand beside its hex."""
+    return "".join(
+        form.format(n=n, ms=1000 + 7 * n, size=len(data), s=1795215306, hex=data.hex(" ")) + "\n"
+        for n, data in enumerate(FRAMES)
+    ).encode()
+
+
+@pytest.mark.parametrize(
+    ("form", "column"),
+    [
+        ("{n:02d}  {hex}", "line numbers"),
+        ("{n:6d}\t{hex}", "line numbers"),  # cat -n
+        ("{n}:{hex}", "line numbers"),  # grep -n
+        ("{size:02d} {hex}", "lengths"),
+        ("[{size}] {hex}", "lengths"),
+        ("{ms} {hex}", "times"),  # millis()
+        ("{ms},{hex}", "times"),
+        ("{s} {hex}", "times"),  # time(NULL)
+    ],
+)
+def test_a_column_before_the_bytes_is_never_read_as_bytes(form: str, column: str) -> None:
+    assert f"behind a column of {column} is not read: keep only" in refusal(lines_of(form))
+
+
+@pytest.mark.parametrize("form", ["{hex}", "0{n}", "FFFFFF {hex}", "12 {hex}", "0102 {hex}"])
+def test_bytes_that_stand_first_in_each_line_are_no_column(form: str) -> None:
+    text = lines_of(form)
+    assert read(text) == bytes.fromhex(text.decode())
+
+
+def test_decimal_numbers_of_two_digits_are_asked_about_where_no_bus_speaks_so_in_hex() -> None:
+    for between in (" ", ",", "\n", "  "):
+        text = between.join(map(str, LSS)).encode()
+        assert "looks like decimal numbers: say" in refusal(text)
+        assert read(text, "decimal") == LSS
+
+
+def test_a_dump_in_decimal_is_told_by_its_wide_columns() -> None:
+    rows = [LSS[at : at + 16] for at in range(0, len(LSS), 16)]
+    text = "".join(
+        f"{16 * n:07o}" + "".join(f" {value:3d}" for value in row) + "\n"
+        for n, row in enumerate(rows)
+    )
+    assert "a dump in decimal (od -tu1) is not read: dump it again with" in refusal(text.encode())
+
+
+def test_numbers_in_binary_are_no_hex() -> None:
+    text = " ".join(f"0b{value:08b}" for value in FRAMES[0])
+    assert "a list of bits is not read" in refusal(text.encode())
+
+
+@pytest.mark.parametrize("data", [LSS, b"\xff\xa0\x00 ", b"\x0012\\'", b"\"\x01ab'", b"\xff\t\n"])
+def test_bytes_as_python_shows_them_are_read_with_what_is_printable(data: bytes) -> None:
+    assert read(f"{data!r}\n".encode()) == data
+    assert read(f"{[data, FRAMES[0]]!r}\n".encode()) == data + FRAMES[0]
+
+
+def test_bytes_of_python_that_break_off_are_damage() -> None:
+    text = b"b'\\xff\\x00'\nb'\\xff\\xa0\\x00 \n"
+    assert "line 2, column 1: bytes in quotes that do not end on this line" in refusal(text)
+
+
+@pytest.mark.parametrize(
+    "before", ["2026-11-20 22:55:06.001216: ", "TX: ", "rx = ", "1795215306.01 ", "got "]
+)
+def test_bytes_of_python_behind_a_time_or_a_direction_are_told_how_to_be_logged(
+    before: str,
+) -> None:
+    log = "".join(f"{before}{data!r}\n" for data in FRAMES).encode()
+    assert "bytes as Python shows them is not read: print `f'({time.time()" in refusal(log)
+    assert "as Python shows them" in refusal(f"{bytearray(LSS)!r}\n".encode())
+
+
+def test_the_line_that_putty_writes_first_is_no_traffic() -> None:
+    log = b"=~=~=~=~=~=~=~=~=~=~=~= PuTTY log 2026.11.20 22:55:06 =~=~=~=~=~=~=~=~=~=~=~=\r\n"
+    assert "`tail -n +2 FILE" in refusal(log + b"".join(FRAMES))
+    assert open_source(FRAMES[0]).format == "bin"
+
+
+@pytest.mark.parametrize(
+    ("line", "instead"),
+    [
+        (":0700000001020304050607DD", "objcopy -I ihex"),
+        ("S1070000FFA00020B9", "objcopy -I srec"),
+        ("Id,Time[ns],1:UART: RX/TX\n1,173600.00,FF", "open the capture (.dsl)"),
+        ("Time [s],Decoded Protocol Result\n0.000173600,0xFF", "(seconds.fraction)"),
+        ("Index,Time (s),Type,Data\n0,0.001216000,UART,hFF", "(seconds.fraction)"),
+        ("0.001216,FF\n0.001390,A0", "(seconds.fraction)"),
+        ("1216-1355 UART: RX data: FF\n1390-1529 UART: RX data: A0", "sigrok-cli"),
+        ("0\t0.00121600\tservo.exe\tIRP_MJ_WRITE\tSerial0\tSUCCESS\tLength 2: FF A0", "HEX"),
+        ("Offset(h) 00 01 02\n\n00000000  FF A0 00  ...", "dump with `xxd`"),
+        ("Sent: FF A0 00 20", "(seconds.fraction)"),
+        ("TX: ffa00020", "(seconds.fraction)"),
+        ("[    0.001216] FF A0 00 20", "(seconds.fraction)"),
+    ],
+)
+def test_what_other_programs_write_is_refused_with_the_way_out(line: str, instead: str) -> None:
+    assert instead in refusal(line.encode() + b"\n")
+
+
+@pytest.mark.parametrize("after_offset", [2, 3])
+def test_what_wireshark_copies_as_hex_and_ascii_is_a_dump(after_offset: int) -> None:
+    data = LSS + b"".join(FRAMES)
+    rows = [(at, data[at : at + 16]) for at in range(0, len(data), 16)]
+    text = "".join(
+        f"{at:04x}{'':{after_offset}}{row.hex(' '):<47}   "
+        + "".join(chr(c) if 32 <= c < 127 else "." for c in row)
+        + "\n"
+        for at, row in rows
+    ).encode()
+    assert open_source(text).format == "hexdump"
+    assert read(text) == data
