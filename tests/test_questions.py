@@ -30,7 +30,7 @@ def rows_of(capsys: Capsys, *options: str) -> Rows:
 
 
 def longest_period_ns(rows: Rows) -> float:
-    asked = [
+    asked: list[int] = [
         r["t_ns"]
         for r in rows
         if (r["type"], r.get("kind")) == ("frame", "request")
@@ -40,12 +40,13 @@ def longest_period_ns(rows: Rows) -> float:
 
 
 def longest_reply_ns(rows: Rows) -> float:
-    return max(
+    took: list[int] = [
         r["response_time_ns"]
         for r in rows
         if (r["type"], r.get("servo_id"), r.get("op")) == ("transaction", 0, "status_read")
         and r["response_time_ns"] is not None
-    )
+    ]
+    return max(took)
 
 
 @pytest.mark.parametrize(
