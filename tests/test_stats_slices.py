@@ -143,6 +143,7 @@ def test_response_times_of_a_slice_lie_within_what_a_sort_of_them_tells(
                     continue
                 for side, bound in enumerate(one):
                     true = sorted(m[side] for m in mine)[math.ceil(share * n) - 1]
+                    assert name != "max" or bound == true, "of the longest there is no bin"
                     assert bound == pytest.approx(true, rel=0.023), "a bin is 2 % wide"
                     assert (bound <= true) if side == 0 else (bound >= true)
         shown = [
@@ -165,7 +166,7 @@ def test_the_text_has_a_line_for_each_slice_within_the_terminal(
     said = ["4713", "367"] if columns == 140 else []  # there is no room for what load tells as well
     row = ["40.9", "%", *said, "209", "1", "5", "13", "<1.00", "<1.27"]
     assert words[0][1 : 1 + len(row)] == row
-    assert ("16.82" in words[0]) == (columns == 140)
+    assert ("16.91" in words[0]) == (columns == 140)
     assert lines[begin + 7] == ""
 
 

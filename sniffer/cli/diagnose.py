@@ -74,10 +74,11 @@ def diagnose(
         if output_format == "json":
             click.echo(json.dumps(done.as_dict()))
             continue
-        from sniffer.sinks.consoles import console_for, unpadded
+        from sniffer.sinks.consoles import console_for, unfold, unpadded
         from sniffer.sinks.story import print_incidents, print_weighing
 
         console = console_for(color=color)
+        unfold(console)
         if len(captures) > 1:
             click.echo(f"{name_of(capture)}:")
         with unpadded(console):

@@ -31,7 +31,7 @@ from sniffer.doctor.records import Level, Observation
 from sniffer.ground.limits import BAUDS
 from sniffer.ground.model import NS
 from sniffer.ground.naming import worded
-from sniffer.sinks.consoles import console_for
+from sniffer.sinks.consoles import console_for, unfold
 
 _STYLES: Final = {Level.OK: "green", Level.NOTE: "cyan", Level.WARN: "yellow", Level.BAD: "red"}
 _ABOUT: Final = 6
@@ -129,6 +129,7 @@ def doctor(
             click.echo(json.dumps(record, ensure_ascii=False))
     else:
         console = console_for(color=color)
+        unfold(console)
         for line in lines(told, console.width):
             console.print(line, soft_wrap=True)
     return 1 if told.level == Level.BAD else 0

@@ -12,7 +12,7 @@ import click
 
 from sniffer.ground.naming import worded
 from sniffer.ground.streams import silence
-from sniffer.ground.wording import and_, one_line
+from sniffer.ground.wording import UNFOLDED, and_, one_line
 
 
 def silence_stdout() -> None:
@@ -32,12 +32,15 @@ def wrote(files: Sequence[Path]) -> str:
 
 
 def width_of_terminal() -> int:
-    """Return how many columns there are; 80 where nobody can tell."""
+    """Return how many columns a line may have: those of ``COLUMNS``, or of the terminal.
+
+    Into a pipe or a file sentences are not folded; 80 where a terminal does not tell its width.
+    """
     told = os.environ.get("COLUMNS", "")
     if told.isdecimal() and int(told[:6]):
         return int(told[:6])
-    for fd in range(3):
-        with contextlib.suppress(OSError):
-            if columns := os.get_terminal_size(fd).columns:
-                return columns
+    if not sys.stdout.isatty():
+        return UNFOLDED
+    with contextlib.suppress(OSError):
+        return os.get_terminal_size(sys.stdout.fileno()).columns or 80
     return 80

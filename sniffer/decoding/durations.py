@@ -106,6 +106,10 @@ class Quantiles:
         least, most = self._bins.reshape(2, -1, PER_OCTAVE // BINS_SHOWN).sum(axis=2)
         return least, most
 
+    def longest(self) -> Bounds | None:
+        """Return the longest duration, as exact as the stamps are and not to 2 %; None: no one."""
+        return Bounds(*self._most) if self.count else None
+
     def at(self, share: float) -> Bounds | None:
         """Return the duration that ``share`` of all stay below; None: no one.
 

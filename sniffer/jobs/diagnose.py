@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from sniffer.decoding.detect import UndecidedError
 from sniffer.decoding.options import Options
 from sniffer.diagnosis import Diagnosis
+from sniffer.ground.wording import Sentence
 from sniffer.jobs.through import hear_part
 from sniffer.protocols import PROTOCOLS
 from sniffer.sources.several import name_of
@@ -21,6 +22,11 @@ if TYPE_CHECKING:
     from sniffer.jobs.session import Ending, Patience
     from sniffer.jobs.telling import Teller
     from sniffer.selection.places import Window
+
+_ONCE: Final = (
+    "{told}; why nothing explains them takes a second reading, and standard input has one: "
+    "diagnose a file of them"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +80,7 @@ def diagnose(
         done = hear(diagnosis, options)
     except UndecidedError as error:
         if name_of(source) == name_of("-"):
-            raise  # standard input can be read only once
+            raise UndecidedError(Sentence(_ONCE, told=error.args[0])) from error
         # What nothing explains may have been read at a wrong rate. Whose frames it is not is the
         # same then: unless any begin well, it is judged as the first protocol's.
         diagnosis = Diagnosis()

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
 
+from sniffer.ground.wording import UNFOLDED
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from typing import TextIO
@@ -63,3 +65,9 @@ def room_in(console: Console) -> int | None:
     stated = os.environ.get("COLUMNS", "")
     is_stated = stated.isdecimal() and int(stated[:6]) > 0
     return console.width if is_stated or console.file.isatty() else None
+
+
+def unfold(console: Console) -> None:
+    """Let sentences be lines where no screen is: what reads a pipe finds a sentence in one line."""
+    if room_in(console) is None:
+        console.width = UNFOLDED

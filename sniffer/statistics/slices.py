@@ -130,6 +130,11 @@ class ReplyBook:
         sides = ("least", "most_of_least"), ("least_of_most", "most")
         for i, n in enumerate(ends["n"].tolist()):
             for name, share in QUANTILES.items():
+                if share >= 1:
+                    out[name][int(key[i]) - first] = Bounds(
+                        int(ends["most_of_least"][i]), int(ends["most"][i])
+                    )
+                    continue
                 bounds = []
                 for side, (least, most) in enumerate(sides):
                     a, b = edges[2 * i + side], edges[2 * i + side + 1]

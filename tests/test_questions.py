@@ -1,0 +1,91 @@
+"""What an engineer asks of a capture, each answered by one command and by counting its rows."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final
+
+import pytest
+
+from tests.commands import within
+from tests.golden import CAPTURES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+Capsys = pytest.CaptureFixture[str]
+Rows = list[dict[str, Any]]
+
+WCK: Final = CAPTURES / "wck_damaged.log"
+LSS: Final = CAPTURES / "lss_damaged.log"
+
+
+def rows_of(capsys: Capsys, *options: str) -> Rows:
+    ran = within(capsys, "decode", *options, "--format", "jsonl")
+    assert ran.status == 0, ran.err
+    return [json.loads(line) for line in ran.out.splitlines()]
+
+
+def longest_period_ns(rows: Rows) -> float:
+    asked: list[int] = [
+        r["t_ns"]
+        for r in rows
+        if (r["type"], r.get("kind")) == ("frame", "request")
+        and (r["servo_id"], r["op"]) == (0, "status_read")
+    ]
+    return max(b - a for a, b in pairwise(asked))
+
+
+def longest_reply_ns(rows: Rows) -> float:
+    took: list[int] = [
+        r["response_time_ns"]
+        for r in rows
+        if (r["type"], r.get("servo_id"), r.get("op")) == ("transaction", 0, "status_read")
+        and r["response_time_ns"] is not None
+    ]
+    return max(took)
+
+
+@pytest.mark.parametrize(
+    ("figure", "longest"),
+    [("period_ns", longest_period_ns), ("response_time_ns", longest_reply_ns)],
+)
+def test_the_longest_that_stats_tells_is_the_longest_of_the_rows(
+    figure: str, longest: Callable[[Rows], float], capsys: Capsys
+) -> None:
+    told = json.loads(within(capsys, "stats", WCK, "--format", "json").out)
+    (mine,) = (
+        c for c in told["buses"][0]["commands"] if (c["servo_id"], c["op"]) == (0, "status_read")
+    )
+    low, high = mine[figure]["max"]
+    true = longest(rows_of(capsys, str(WCK)))
+    assert low <= true <= high
+    assert (low + high) / 2 == pytest.approx(true, abs=1), "no bin is between them"
+
+
+@pytest.mark.parametrize("asked", [(), ("--why", "1")])
+def test_a_sentence_of_the_diagnosis_is_one_line_in_a_pipe(
+    asked: tuple[str, ...], capsys: Capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    told = json.loads(within(capsys, "diagnose", LSS, "--format", "json").out)
+    lines = within(capsys, "diagnose", LSS, *asked).out.splitlines()
+    first = told["incidents"][0]
+    assert any(line.endswith(first["story"]) for line in lines)
+    if not asked:
+        assert f"   {first['against']}" in lines
+    monkeypatch.setenv("COLUMNS", "80")
+    assert max(map(len, within(capsys, "diagnose", LSS).out.splitlines())) <= 80
+
+
+def test_what_nothing_explains_is_not_judged_from_standard_input_and_that_is_said(
+    capsys: Capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noise = bytes(i * i * 7 % 251 for i in range(600))
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(noise)))
+    ran = within(capsys, "diagnose", "-", "--input-format", "bin")
+    assert ran.status == 2
+    assert ran.err.endswith("standard input has one: diagnose a file of them\n")
