@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import random
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import pytest
 
-from sniffer.ground.model import Direction
 from tests.conversations import (
     BAUD,
     MS,
@@ -137,37 +136,6 @@ def test_a_request_that_is_repeated_without_end_is_a_storm_of_retries(protocol: 
     assert verdicts(robot(protocol, 10, instead=stubborn).diagnosed().incidents()) == [
         ("retry-storm", (2,))
     ]
-
-
-ELSE: Final = {
-    "mightyzap": mightyzap.packet(2, 0xF2, bytes([0, 2])),
-    "rs30x": rs30x.packet(2, 0x0F, 0x00, 2, 0),
-}
-"""A question that the control loop does not ask."""
-
-
-@pytest.mark.parametrize("protocol", tuple(ELSE))
-def test_who_leaves_one_question_unanswered_is_neither_away_nor_behind_a_bad_contact(
-    protocol: str,
-) -> None:
-    def insists(talk: Conversation, cycle: int) -> None:
-        for _ in range(10 if cycle % 40 == 20 else 0):
-            talk.say(ELSE[protocol], Direction.TX)
-            talk.rest(12)
-
-    told = robot(protocol, 8, behind=insists).diagnosed()
-    assert "one-question-unanswered" in codes(told)
-    assert verdicts(told.incidents()) == [("retry-storm", (2,))]
-
-
-@pytest.mark.parametrize("protocol", tuple(ELSE))
-def test_who_misses_what_it_is_asked_most_chooses_no_question(protocol: str) -> None:
-    def away(talk: Conversation, cycle: int, servo: int) -> bool:
-        for _ in range(10 if servo == 2 and cycle % 40 == 20 else 0):
-            talk.ask_in_vain(2, 12)
-        return False
-
-    assert "one-question-unanswered" not in codes(robot(protocol, 8, instead=away).diagnosed())
 
 
 def test_two_retries_are_no_storm() -> None:

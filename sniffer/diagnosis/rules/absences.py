@@ -38,7 +38,7 @@ FINDINGS: Final = (
         "others-away-too",
         "pairing",
         "When a servo is away, another one is away as well.",
-        "At least two of its silences, and half of them, overlap with silences of one other servo; or that one has a third as many. Others miss nothing.",
+        "At least two of its silences, and half of them, overlap with silences of one other servo; or that one has a third as many, two at least each. Others miss nothing.",
     ),
     FindingCode(
         "torque-survives",
@@ -131,7 +131,8 @@ def together(case: Case) -> Iterator[Finding]:
             continue
         other = max(others, key=lambda o: len(others[o]))
         lost = len(others[other]) + case.total("damaged", other)
-        if lost > 1 and lost >= ALSO * len(mine):
+        # one silence while the other one answers is no habit that the two could share
+        if min(lost, len(mine)) > 1 and lost >= ALSO * len(mine):
             what = f"servo {servo} was away {len(mine)} times, and servo {other} {lost} times"
             yield _told("others-away-too", servo, mine, what, LESS)
 
