@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import random
 from dataclasses import replace
+from typing import Final
 
 import pytest
 
 from sniffer.diagnosis.clocks import clock_of
 from sniffer.diagnosis.uart import heard as as_heard
 from sniffer.diagnosis.uart import sent
+from sniffer.ground.model import Direction
 from tests.conversations import Conversation, robot, swinging
-from tests.diagnosed import codes, verdicts
+from tests.diagnosed import codes, found, verdicts
 from tests.servos import BEGAN_NS, heard
 from tests.streams import mightyzap, rs30x
 from tests.test_diagnosis_findings import volts
@@ -195,3 +197,55 @@ def rs30x_state(t: float, place: int) -> list[tuple[float, bytes]]:
         (t, rs30x.packet(1, 0x0F, 0x2A, len(data), 0)),
         (t + 0.003, rs30x.returned(1, 0x2A, data)),
     ]
+
+
+# ------------------------------------------------------------------- who is away, and who is not
+
+ELSE: Final = {
+    "mightyzap": mightyzap.packet(2, 0xF2, bytes([0, 2])),
+    "rs30x": rs30x.packet(2, 0x0F, 0x00, 2, 0),
+}
+"""A question that the control loop does not ask."""
+
+
+@pytest.mark.parametrize("protocol", tuple(ELSE))
+def test_who_leaves_one_question_unanswered_is_neither_away_nor_behind_a_bad_contact(
+    protocol: str,
+) -> None:
+    def insists(talk: Conversation, cycle: int) -> None:
+        for _ in range(10 if cycle % 40 == 20 else 0):
+            talk.say(ELSE[protocol], Direction.TX)
+            talk.rest(12)
+
+    told = robot(protocol, 8, behind=insists).diagnosed()
+    assert "one-question-unanswered" in codes(told)
+    assert verdicts(told.incidents()) == [("retry-storm", (2,))]
+
+
+@pytest.mark.parametrize("protocol", tuple(ELSE))
+def test_who_misses_what_it_is_asked_most_chooses_no_question(protocol: str) -> None:
+    def away(talk: Conversation, cycle: int, servo: int) -> bool:
+        for _ in range(10 if servo == 2 and cycle % 40 == 20 else 0):
+            talk.ask_in_vain(2, 12)
+        return False
+
+    assert "one-question-unanswered" not in codes(robot(protocol, 8, instead=away).diagnosed())
+
+
+def beside(times: int) -> set[int | None]:
+    """Return who is said to be away with others: servo 3 was four times, servo 2 at other times."""
+
+    def away(talk: Conversation, cycle: int, servo: int) -> bool:
+        count, since = divmod(cycle - (80 if servo == 3 else 60), 60)
+        gone = since in range(3) and 0 <= count < {2: times, 3: 4}.get(servo, 0)
+        if gone:
+            talk.ask_in_vain(servo)
+        return gone
+
+    told = found(robot("mightyzap", 8, instead=away).diagnosed())
+    return {f.servo_id for f in told if f.code == "others-away-too"}
+
+
+def test_one_silence_beside_anothers_many_is_no_habit_that_they_share() -> None:
+    assert beside(1) == set()
+    assert beside(3) == {2, 3}

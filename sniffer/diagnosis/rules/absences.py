@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sniffer.diagnosis.catalogue import FindingCode
+from sniffer.diagnosis.chances import at_least, sureness
+from sniffer.diagnosis.exchanges import FIRST
 from sniffer.diagnosis.model import Finding
 from sniffer.diagnosis.tracks import track
 from sniffer.ground.model import NS
@@ -36,13 +38,19 @@ FINDINGS: Final = (
         "others-away-too",
         "pairing",
         "When a servo is away, another one is away as well.",
-        "At least two of its silences, and half of them, overlap with silences of one other servo; or that one has a third as many. Others miss nothing.",
+        "At least two of its silences, and half of them, overlap with silences of one other servo; or that one has a third as many, two at least each. Others miss nothing.",
     ),
     FindingCode(
         "torque-survives",
         "pairing",
         "A servo follows its goals when it is back, and nobody switched its torque on: it was never without power.",
         "Its torque is off after power-on by the manual's default and was switched on less often than it was away; its joint follows behind the silences.",
+    ),
+    FindingCode(
+        "one-question-unanswered",
+        "pairing",
+        "A servo leaves one question unanswered time and again, and answers all others meanwhile.",
+        "More than three silences, of which all but one in ten at most begin with one and the same request, that is a third at most of what it answers; with sound answers between, so that chance does not choose it.",
     ),
 )
 
@@ -60,6 +68,14 @@ LESS: Final = 0.7
 
 FEW: Final = 0.05
 """Part of the time for which a servo speaks, where no clock tells it."""
+
+SAME_QUESTION: Final = 0.9
+"""Part of the silences that must begin with one request: of many, another one may get lost, too."""
+
+SELDOM: Final = 1 / 3
+"""Who is asked mostly one thing loses mostly that, whatever the reason."""
+
+CHANCE: Final = 1e-3
 
 NEAR_NS: Final = NS // 10
 """Servos are asked one after the other: silences so close to each other are of one moment."""
@@ -115,7 +131,8 @@ def together(case: Case) -> Iterator[Finding]:
             continue
         other = max(others, key=lambda o: len(others[o]))
         lost = len(others[other]) + case.total("damaged", other)
-        if lost > 1 and lost >= ALSO * len(mine):
+        # one silence while the other one answers is no habit that the two could share
+        if min(lost, len(mine)) > 1 and lost >= ALSO * len(mine):
             what = f"servo {servo} was away {len(mine)} times, and servo {other} {lost} times"
             yield _told("others-away-too", servo, mine, what, LESS)
 
@@ -160,11 +177,44 @@ def torque_kept(case: Case) -> Iterator[Finding]:
         )
 
 
+def one_question(case: Case) -> Iterator[Finding]:
+    """Tell which servos leave one question unanswered: who is away loses whatever is asked then.
+
+    What counts is the request that a silence begins with; who repeats it loses it again.
+    """
+    exchanges = case.ledger.exchanges
+    kind_at = {f.at: f.kind for f in exchanges.failed if f.kind >= 0}
+    owner = np.array(exchanges.kinds.servo_id, np.int64)
+    for servo in case.answering:
+        runs = [run for run in case.ledger.silences.runs(servo) if run.at in kind_at]
+        if len(runs) <= OFTEN:
+            continue
+        begins = np.bincount([kind_at[run.at] for run in runs])
+        kind, times = int(begins.argmax()), int(begins.max())
+        mine = np.flatnonzero(owner == servo)
+        answered = {k: exchanges.spans.count(k) for k in mine.tolist()}
+        share = (answered.get(kind, 0) + 1) / (sum(answered.values()) + 2)
+        if exchanges.count > FIRST:  # the first ones tell what is usual: it may have come later
+            said = exchanges.kinds.n
+            share = max(share, float(said[kind] / max(said[mine].sum(), 1)))
+        chance = at_least(times, len(runs), share)
+        if times < SAME_QUESTION * len(runs) or share > SELDOM or chance > CHANCE:
+            continue
+        yield _told(
+            "one-question-unanswered",
+            servo,
+            runs,
+            f"{times} of {len(runs)} silences of servo {servo} begin with one and the same request, "
+            f"which is {share:.0%} of what it answers",
+            sureness(chance),
+        )
+
+
 def _told(code: str, servo: int, runs: Sequence[Silence], what: str, strength: float) -> Finding:
     return Finding(
         code, servo, runs[0].first_ns, runs[-1].back_ns or 0, len(runs), what, strength=strength
     )
 
 
-RULES: Final[tuple[Rule, ...]] = (tears, together, torque_kept)
+RULES: Final[tuple[Rule, ...]] = (tears, together, torque_kept, one_question)
 """The rules of this file."""

@@ -279,6 +279,7 @@ WEIGHTS: Final = (
         ),
         ("torque-survives", 0.1, "it did not restart"),
         ("away-without-a-tear", 0.1, "it answers nothing of this"),
+        ("one-question-unanswered", 1.0, "the servo answers all but what is asked again"),
         ("supply-steady", 0.1, "its supply is in order"),
     ),
     *for_(

@@ -89,6 +89,7 @@ WEIGHTS: Final = (
         ("damage-one-servo", -1.5, "its answers are damaged, not only missing"),
         ("torn-when-away", -2.0, "it leaves within answers, as a contact has it"),
         ("others-away-too", -3.0, "another servo is away with it"),
+        ("one-question-unanswered", -3.0, "who restarts answers no question meanwhile"),
         ("outages-evenly", 1.2, "it goes away at even times, as restarts come"),
         ("outages-anytime", -0.8, "it goes away at any time, as a contact opens"),
         ("torque-survives", -3.0, "its torque is on when it is back: it was not without power"),
@@ -326,6 +327,7 @@ WEIGHTS: Final = (
     *for_(
         "bad-cable",
         ("away-without-a-tear", -1.5, "a contact opens within answers, too"),
+        ("one-question-unanswered", -3.0, "a contact does not choose a question"),
         ("outages-evenly", -1.2, "a contact opens at any time"),
         ("outages-anytime", 0.5, "a contact opens at any time"),
         ("torn-when-away", 0.8, "it opens within answers"),
