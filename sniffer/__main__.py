@@ -27,8 +27,9 @@ AGAIN_S: Final = 0.01
 class Interruptions:
     """While the program runs, Ctrl-C raises KeyboardInterrupt once, and then lets it tidy up.
 
-    The second one, ``SAME_S`` later, ends it at once, whatever is being tidied up. Commands that take interruptions otherwise take the signal
-    over for as long. Who has the signal ignored, as shells do for what runs behind, keeps that.
+    The second one, ``SAME_S`` later, ends it at once, whatever is being tidied up. Commands that
+    take interruptions otherwise take the signal over for as long. Who has the signal ignored, as
+    shells do for what runs behind, keeps that.
 
     Use it with ``with``, in the main thread, for all of a program: once ``end`` was called nothing
     of it is raised any more until the process is gone.
