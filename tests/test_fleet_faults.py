@@ -12,6 +12,7 @@ import threading
 import time
 from types import ModuleType
 from typing import TYPE_CHECKING
+from unittest.mock import Mock
 
 import pytest
 
@@ -109,6 +110,24 @@ def test_a_capture_that_always_ends_its_process_has_a_row_and_every_run_tries_it
     assert {name for name in content(data) if "_done" not in name} == {
         name for name in expected(inputs, peril, tmp_path / "serial") if "_done" not in name
     }
+
+
+def test_a_damaged_list_of_captures_is_written_anew_of_the_commits(tmp_path: Path) -> None:
+    (tmp_path / "a.bin").write_bytes(talk(2))
+    data = tmp_path / "data"
+    assert serial(tmp_path / "a.bin", data).is_whole
+    whole = (data / "captures.parquet").read_bytes()
+    mark = whole.index(b"fingerprint")  # in what stands at its end of its columns
+    for damaged in (whole[:-40], b"", whole[: mark - 400] + b"\xff" * 420 + whole[mark + 20 :]):
+        (data / "captures.parquet").write_bytes(damaged)
+        done = serial(tmp_path / "a.bin", data)
+        assert (done.skipped, done.is_whole) == (1, True)
+        assert (data / "captures.parquet").read_bytes() == whole
+    with pytest.MonkeyPatch.context() as patch:
+        refused = OSError(errno.EIO, os.strerror(errno.EIO))
+        patch.setattr("pyarrow.parquet.read_table", Mock(side_effect=refused))
+        with pytest.raises(sniffer.InputError, match="Input/output error"):
+            serial(tmp_path / "a.bin", data)
 
 
 def test_of_two_runs_one_is_killed_and_one_interrupted_and_the_next_one_goes_on(
