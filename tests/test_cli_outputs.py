@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import pytest
 
@@ -289,6 +289,49 @@ program.main()
         [sys.executable, "-c", loads], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "sniffer: interrupted\n")
+
+
+PRESSED: Final = """
+import signal, sys, time
+from sniffer.__main__ import SAME_S, Interruptions
+
+def press(times=1):
+    for _ in range(times):
+        signal.raise_signal(signal.SIGINT)
+
+class Lost:
+    def __del__(self):
+        press()
+
+with Interruptions() as interruptions:
+    {0}
+    status = interruptions.end(7)
+{1}
+sys.exit(status)
+"""
+
+HURRIES: Final = {
+    "tidied up": ("try: press()\n    except KeyboardInterrupt: press(5)", "", 7),
+    "nobody looks out for it": ("press()", "", 130),
+    "tidying up takes too long": (
+        "try: press()\n    except KeyboardInterrupt: time.sleep(SAME_S + 0.01); press()", "", 130,
+    ),
+    "raised where Python lets none out": (
+        "try: Lost(); time.sleep(9)\n    except KeyboardInterrupt: press()", "", 7,
+    ),
+    "it is over": ("pass", "press(3)", 7),
+}  # fmt: skip
+
+
+@posix
+@pytest.mark.parametrize("when", HURRIES)
+def test_ctrl_c_is_raised_once_however_often_it_is_pressed_in_a_hurry(when: str) -> None:
+    *code, status = HURRIES[when]
+    done = subprocess.run(
+        [sys.executable, "-c", PRESSED.format(*code)], capture_output=True, text=True, check=False
+    )
+    said = "sniffer: interrupted\n" if status == 130 else ""
+    assert (done.returncode, done.stdout, done.stderr) == (status, "", said)
 
 
 def test_the_program_begins_without_loading_what_takes_long() -> None:

@@ -9,8 +9,10 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from types import ModuleType
 from typing import TYPE_CHECKING
+from unittest.mock import Mock
 
 import pytest
 
@@ -110,6 +112,24 @@ def test_a_capture_that_always_ends_its_process_has_a_row_and_every_run_tries_it
     }
 
 
+def test_a_damaged_list_of_captures_is_written_anew_of_the_commits(tmp_path: Path) -> None:
+    (tmp_path / "a.bin").write_bytes(talk(2))
+    data = tmp_path / "data"
+    assert serial(tmp_path / "a.bin", data).is_whole
+    whole = (data / "captures.parquet").read_bytes()
+    mark = whole.index(b"fingerprint")  # in what stands at its end of its columns
+    for damaged in (whole[:-40], b"", whole[: mark - 400] + b"\xff" * 420 + whole[mark + 20 :]):
+        (data / "captures.parquet").write_bytes(damaged)
+        done = serial(tmp_path / "a.bin", data)
+        assert (done.skipped, done.is_whole) == (1, True)
+        assert (data / "captures.parquet").read_bytes() == whole
+    with pytest.MonkeyPatch.context() as patch:
+        refused = OSError(errno.EIO, os.strerror(errno.EIO))
+        patch.setattr("pyarrow.parquet.read_table", Mock(side_effect=refused))
+        with pytest.raises(sniffer.InputError, match="Input/output error"):
+            serial(tmp_path / "a.bin", data)
+
+
 def test_of_two_runs_one_is_killed_and_one_interrupted_and_the_next_one_goes_on(
     peril: Peril, tmp_path: Path
 ) -> None:
@@ -123,7 +143,9 @@ def test_of_two_runs_one_is_killed_and_one_interrupted_and_the_next_one_goes_on(
     end(killed.pid)
     killed.communicate()
     eventually(lambda: None if any(map(is_running, families[0])) else 0)
-    os.killpg(interrupted.pid, signal.SIGINT)
+    for _ in range(3):  # a hand that trembles
+        os.killpg(interrupted.pid, signal.SIGINT)
+        time.sleep(0.005)
     out, err = interrupted.communicate()
     assert interrupted.returncode == 130
     assert out.startswith(b"2 captures: 1 ok (1 decoded, ")

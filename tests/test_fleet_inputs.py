@@ -88,6 +88,33 @@ def test_a_data_set_is_never_read_as_captures(
         assert "lies in the data set" in done.complaint
 
 
+def test_of_another_data_set_nothing_is_a_capture_but_what_lies_beside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capsys
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.bin").write_bytes(talk(2))
+    assert serial("a.bin", "old").is_whole
+    Path("old/_staging/left").mkdir(parents=True)
+    Path("old/_staging/left/bytes").touch()
+    Path("old/b.bin").write_bytes(talk(3))
+    made = sum(f.is_file() for f in Path("old").rglob("*")) - 1
+    for inputs in (["**/*"], ["old/**/*", "a.bin"]):
+        done = within(capsys, "fleet", *inputs, "-o", "new", "--workers", "1")
+        assert done.out.startswith("2 captures: 2 ok")
+        told = (
+            f"sniffer: left out {made} files of another data set, {tmp_path}/old: what it is made"
+        )
+        assert told in done.err
+        assert done.err.count("of another data set") == 1
+    Path("old/b.bin").unlink()
+    done = within(capsys, "fleet", "old/**/*", "-o", "none")
+    assert (done.status, done.complaint) == (
+        2,
+        "old/**/*: there are no captures, only what a data set is made of",
+    )
+    assert within(capsys, "fleet", "old/*/*/*/*.parquet", "-o", "none").status == 2
+
+
 def test_what_nobody_may_look_into_stops_nobody_and_is_told(
     tmp_path: Path, capsys: Capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:

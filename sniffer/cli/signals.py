@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 from sniffer.jobs.session import Patience
 
 if TYPE_CHECKING:
+    from types import FrameType
+
     from sniffer.tap.recorder import Wishes
 
 
@@ -70,10 +72,19 @@ def ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
 def patient() -> Iterator[Patience]:
     """Take Ctrl-C over for what decodes a source; in other threads it does not arrive anyway."""
     patience = Patience()
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        try:
+            patience.interrupt()
+        except KeyboardInterrupt:
+            if not callable(before):
+                raise
+            before(number, frame)  # raises it once, however often the key is pressed
+
     if threading.current_thread() is not threading.main_thread():
         yield patience
         return
-    before = signal.signal(signal.SIGINT, lambda *_: patience.interrupt())
+    before = signal.signal(signal.SIGINT, interrupt)
     try:
         yield patience
     finally:

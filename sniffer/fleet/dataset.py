@@ -145,10 +145,19 @@ class CaptureList:
             self.known[row.fingerprint] = CommittedCapture(*told)
 
     def _read(self, columns: list[str] | None = None) -> Any:
-        """Return the list as it was written last; one that cannot be read is written anew."""
-        unread = contextlib.suppress(FileNotFoundError, pa.ArrowInvalid, KeyError)
-        with unread, self._store.open(CAPTURES_FILE) as file:
-            return pq.read_table(file, columns=columns).select(columns or CAPTURES.names)
+        """Return the list as it was written last; one that is damaged is written anew.
+
+        Raises:
+            OSError: the disk or the store does not give it.
+        """
+        unread = contextlib.suppress(FileNotFoundError, pa.ArrowInvalid, KeyError, UnicodeError)
+        try:
+            with unread, self._store.open(CAPTURES_FILE) as file:
+                return pq.read_table(file, columns=columns).select(columns or CAPTURES.names)
+        except OSError as error:
+            # arrow says of what a file holds what it says of disks, but without a number
+            if error.errno is not None or not self._store.is_local:
+                raise
         told = [CAPTURES.field(name) for name in columns or CAPTURES.names]
         return pa.schema(told).empty_table()
 

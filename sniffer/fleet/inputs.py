@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sniffer.fleet.places import FILE, Grounds, is_remote, place_of
-from sniffer.fleet.store import Store
+from sniffer.fleet.store import STAGING, Store
+from sniffer.fleet.tables import TABLES
 from sniffer.ground.model import InputError
 from sniffer.ground.wording import Sentence
 
@@ -45,6 +46,7 @@ class FoundCaptures(NamedTuple):
 
     ``left_out`` are files of folders that are not called like captures, ``in_dataset`` are those
     of the data set itself, ``astray`` are links called like captures that lead nowhere: so many.
+    ``in_others`` are those of other data sets, whose folders are ``others``.
     ``unread`` has a sentence for each folder within others that cannot be looked into.
     """
 
@@ -53,6 +55,8 @@ class FoundCaptures(NamedTuple):
     in_dataset: int
     astray: int
     unread: list[str]
+    in_others: int = 0
+    others: tuple[str, ...] = ()
 
 
 def find_captures(inputs: Iterable[str | Path], dataset: Store) -> FoundCaptures:
@@ -63,10 +67,12 @@ def find_captures(inputs: Iterable[str | Path], dataset: Store) -> FoundCaptures
             set does.
         OSError: a folder that is named cannot be looked into.
     """
+    inputs = list(inputs)
     found: dict[str, FoundCapture] = {}
     left_out = in_dataset = 0
     itself = ""
     missed = _Missed()
+    others = _Others()
     grounds = Grounds(dataset.root)
     for given in map(str, inputs):
         if not given:
@@ -78,11 +84,13 @@ def find_captures(inputs: Iterable[str | Path], dataset: Store) -> FoundCaptures
         if _is_in(given if is_remote(given) else place_of(given), dataset, grounds):
             raise InputError(Sentence(_WITHIN, given=given, root=dataset.uri))
         is_any = False
-        own, unread = 0, len(missed.unread)
+        own, unread, in_others = 0, len(missed.unread), others.files
         looked = _remote(given) if is_remote(given) else _local(given, grounds, missed)
         for capture, is_named in looked:
             if _is_in(capture.uri, dataset, grounds):
                 own += 1
+            elif others.have(capture.uri):
+                continue
             elif is_named or _is_called_so(capture.uri):
                 found[capture.uri] = capture
                 is_any = True
@@ -90,12 +98,52 @@ def find_captures(inputs: Iterable[str | Path], dataset: Store) -> FoundCaptures
                 left_out += 1
         in_dataset += own
         if not is_any and len(missed.unread) == unread:
-            told = "{given}: there are no captures: name files, folders or patterns"
+            told = _OTHERS if others.files > in_others else _NONE
             raise InputError(Sentence(_WITHIN if own else told, given=given, root=dataset.uri))
     if itself and not found:
         raise InputError(Sentence(_ITSELF, given=itself))
-    captures = [found[uri] for uri in sorted(found)]
-    return FoundCaptures(captures, left_out, in_dataset, missed.astray, missed.unread)
+    captures = [found[uri] for uri in sorted(found) if not others.have_beside(uri)]
+    if found and not captures:
+        raise InputError(Sentence(_OTHERS, given=", ".join(map(str, inputs))))
+    beside = (left_out, in_dataset, missed.astray, missed.unread)
+    return FoundCaptures(captures, *beside, others.files, tuple(sorted(others.roots)))
+
+
+_PARTS: Final = "|".join(TABLES)
+
+_OF_DATASET: Final = re.compile(
+    rf"(.*)/(?:(?:{_PARTS})/robot=[^/]*/date=[^/]*/[0-9a-f]{{16}}-[0-9a-f]{{8}}(?:-[0-9]{{5,}})?\.parquet"
+    r"|_done/[0-9a-f]{24}\.json)",
+    re.DOTALL,
+)
+"""Files that only a data set has (``dataset.table_path``, ``dataset.commit_path``), and where."""
+
+_BESIDE: Final = re.compile(rf"/(?:(?:{_PARTS}|_done|{STAGING})/.*|captures\.parquet)", re.DOTALL)
+"""What else lies in one; also captures may."""
+
+
+@dataclass(slots=True)
+class _Others:
+    """Data sets among the inputs: of what they are made nothing is a capture."""
+
+    files: int = 0
+    roots: set[str] = field(default_factory=set)
+
+    def have(self, uri: str) -> bool:
+        """Tell whether a file shows by its path that it is of a data set."""
+        match = _OF_DATASET.fullmatch(uri)
+        if match is None:
+            return False
+        self.files += 1
+        self.roots.add(match[1])
+        return True
+
+    def have_beside(self, uri: str) -> bool:
+        """Tell whether a file is of a data set that another file has shown."""
+        roots = (root for root in self.roots if uri.startswith(f"{root}/"))
+        is_of = any(_BESIDE.fullmatch(uri, len(root)) for root in roots)
+        self.files += is_of
+        return is_of
 
 
 @dataclass(slots=True)
@@ -109,6 +157,10 @@ class _Missed:
         """Note a folder that cannot be looked into."""
         self.unread.append(f"{path}: cannot be looked into ({error.strerror or error})")
 
+
+_NONE: Final = "{given}: there are no captures: name files, folders or patterns"
+
+_OTHERS: Final = "{given}: there are no captures, only what a data set is made of"
 
 _ITSELF: Final = "{given}: this is the data set itself: give {dataset} a folder of its own"
 

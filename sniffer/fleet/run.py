@@ -209,6 +209,10 @@ def _tasks(
     if found.in_dataset:
         what = counted(found.in_dataset, "file")
         tell.talk(f"left out {what} of the data set itself: what lies in it is no capture")
+    if found.others:
+        what = counted(found.in_others, "file")
+        where = found.others[0] if len(found.others) == 1 else f"{len(found.others)} of them"
+        tell.talk(f"left out {what} of another data set, {where}: what it is made of is no capture")
     if found.astray:
         what = counted(found.astray, "link")
         tell.talk(f"left out {what} called like captures: where they lead nothing can be read")

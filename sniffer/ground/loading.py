@@ -26,7 +26,7 @@ class Loading:
 
     def __enter__(self) -> None:
         try:
-            self._before = _signal.signal(_signal.SIGINT, _leave)
+            self._before = _signal.signal(_signal.SIGINT, _heard)
         except ValueError:
             self._before = None
 
@@ -35,7 +35,11 @@ class Loading:
             _signal.signal(_signal.SIGINT, self._before)
 
 
-def _leave(number: int, frame: object) -> NoReturn:
+def _heard(number: int, frame: object) -> NoReturn:
+    leave()
+
+
+def leave() -> NoReturn:
     """End at once, with one line."""
     try:
         os.write(2, b"sniffer: interrupted\n")

@@ -13,6 +13,7 @@ import pickle
 import signal
 import sys
 import threading
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
@@ -50,7 +51,7 @@ class _CrewMember:
         self.line, theirs = context.Pipe()
         given = do, theirs, dict(os.environ)
         self.process = context.Process(target=_work, args=given, name="crew")
-        with _without_main():
+        with _without_main(), unheard():
             self.process.start()
         theirs.close()  # so that the line ends where the process does
         self.has_begun = False
@@ -150,6 +151,23 @@ class Crew:
         for member in self._members:
             member.end()
         self._members = []
+
+
+@contextlib.contextmanager
+def unheard() -> Iterator[None]:
+    """Have Ctrl-C not come to the processes that are begun meanwhile, nor to those that they begin.
+
+    A terminal sends it to all of them, also before they could say that they ignore it.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # beginning it would let the signal through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager

@@ -11,6 +11,7 @@ from sniffer.fleet.engines.spread import decode_there, spread
 from sniffer.fleet.rows import WorkerDiedError
 from sniffer.ground.model import InputError
 from sniffer.ground.needs import need_dask
+from sniffer.jobs.crew import unheard
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -64,12 +65,13 @@ class DaskEngine:
             if at is None:
                 tries = {"distributed.scheduler.allowed-failures": ATTEMPTS - 1}
                 held.enter_context(dask.config.set(tries))
-                cluster = LocalCluster(
-                    n_workers=self._workers,
-                    threads_per_worker=1,  # decoding holds Python's lock
-                    dashboard_address="127.0.0.1:0",  # None takes port 8787, ":0" serves the world
-                    silence_logs=SILENT,
-                )
+                with unheard():  # who runs it here decides what an interruption ends
+                    cluster = LocalCluster(
+                        n_workers=self._workers,
+                        threads_per_worker=1,  # decoding holds Python's lock
+                        dashboard_address="127.0.0.1:0",  # None takes 8787, ":0" serves the world
+                        silence_logs=SILENT,
+                    )
                 at = held.enter_context(cluster)
             try:
                 client = Client(at, timeout=ANSWERS_S, set_as_default=False)
