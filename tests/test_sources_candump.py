@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 import sniffer
 from sniffer.decoding.rows import FrameRow, TransactionRow
+from sniffer.ground.coarse import coarse
 from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import MS, NS, Chunk, Clock, Direction
 from sniffer.ground.timing import byte_time_ns
 from sniffer.sources import open_source
 from sniffer.sources.candump import CandumpLog
-from sniffer.sources.coarse import coarse
 from sniffer.sources.text import LineBlock
 from tests.inputs import chunks, read, refusal, until_damage
 from tests.streams.mightyzap import packet as zap

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final, Protocol
 
+from sniffer.ground.coarse import FINE
 from sniffer.ground.files import open_binary, writing
 from sniffer.ground.model import NS, Chunk, Clock, Direction, MarkKind, OutputError
 from sniffer.ground.wording import Sentence, and_, counted
@@ -27,11 +28,10 @@ _UNFIT: Final = re.compile(r"[\s#()]")
 _HEXLIKE: Final = re.compile(r"[0-9A-Fa-f]+")
 _LABELS: Final = {Direction.TX: "TX", Direction.RX: "RX", Direction.UNKNOWN: ""}
 
-
 _NANO: Final = 9
 """Decimal places of a time that is known to the nanosecond."""
 
-_PLACES: Final = {NS // 10**places: places for places in range(6)}
+_PLACES: Final = {NS // 10**places: places for places in range(FINE)}
 
 
 def _places(chunk: Chunk) -> int:

@@ -9,8 +9,8 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING
 
+from sniffer.ground.coarse import FINE, coarse
 from sniffer.ground.model import Chunk, Clock, Direction
-from sniffer.sources.coarse import FINE, coarse
 from sniffer.sources.text import PIECE, LineBlock, TextLog
 
 if TYPE_CHECKING:

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from sniffer.ground.coarse import FINE, coarse
 from sniffer.ground.limits import TIME_END_NS
 from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark
 from sniffer.ground.patterns import later
 from sniffer.ground.runs import ChunkRun
-from sniffer.sources.coarse import FINE, coarse
 from sniffer.sources.text import (
     CUT_OFF,
     DamagedLine,

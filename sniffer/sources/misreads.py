@@ -10,10 +10,8 @@ import itertools
 import re
 from typing import Final
 
-from sniffer.ground.model import InputError
 from sniffer.ground.patterns import later
-from sniffer.ground.wording import Sentence
-from sniffer.sources.refusals import refused
+from sniffer.sources.refusals import decimal_or_hex, refused
 from sniffer.sources.text import FIRST_LINES
 
 _WORD: Final = later(rb"[0-9A-Fa-fxX]+")
@@ -39,9 +37,7 @@ def refuse_misread(lines: list[bytes]) -> None:
     if words and all(_BITS.fullmatch(word) for word in words):
         raise refused("a list of bits", "write the bytes in hex")
     if _are_small_decimals(words):
-        raise InputError(
-            Sentence("this looks like decimal numbers: say {input_format:decimal} (or hex)")
-        )
+        raise decimal_or_hex()
     column = _column(rows[:FIRST_LINES])
     if column:
         raise refused(f"hex behind a column of {column}", _ALONE)

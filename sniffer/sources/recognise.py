@@ -20,6 +20,7 @@ from sniffer.sources.logic_forms import logic_form
 from sniffer.sources.misreads import refuse_decimal_dump, refuse_misread
 from sniffer.sources.plain import BadLineError, bare, decimal_line, hex_line, share_of_hex
 from sniffer.sources.refusals import (
+    decimal_or_hex,
     refuse_binary,
     refuse_log,
     refuse_utf16,
@@ -283,9 +284,7 @@ def _refuse_decimal(lines: list[bytes]) -> None:
     except BadLineError:
         return
     if stated:
-        raise InputError(
-            Sentence("this looks like decimal numbers: say {input_format:decimal} (or hex)")
-        )
+        raise decimal_or_hex()
 
 
 def _why_not(lines: list[bytes]) -> str:

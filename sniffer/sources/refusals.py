@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 from sniffer.ground.model import InputError
 from sniffer.ground.patterns import later
+from sniffer.ground.wording import Sentence
 from sniffer.sources.logic_forms import ZIP_MAGIC
 
 
@@ -66,6 +67,7 @@ _STAMPED: Final = (
 _WAY: Final = (
     rb"(?:[\[(]?\b(?:[TtRr][Xx]|READ|WRITE|[Ii][Nn]|[Oo][Uu][Tt]|[RW])\b|<?-+>?|<+|>+)[\]):]* "
 )
+_TIMED: Final = "a log whose times are of an unknown kind"
 _TABLE: Final = "a table of times and bytes of another tool"
 _SPOKEN: Final = "a log whose directions are of an unknown kind"
 _TRACED: Final = (
@@ -98,7 +100,7 @@ _LOGS: Final = tuple(
         (rb" *Offset(?:\(h\))? ", "a dump with a heading", "dump with `xxd` or `hexdump -C`"),
         (rb"\d+ .* IRP_MJ_|#,Date/Time,Function", "a log of a port monitor", _LINES),
         (rb"(?i)[\"']?(?:\w+,)?(?:time|t)\b[^,]*,.*(?:byte|data|result|value)", _TABLE, _LINES),
-        (rb"\[ *\d+\.\d+\]" + _SOME, "a log whose times are of an unknown kind", _LINES),
+        (rb"\[ *\d+\.\d+\]" + _SOME, _TIMED, _LINES),
         (rb"(?:Sent|Received|Host|Device|Written|Read)\b.*\W[0-9A-Fa-f]{2}\b", _SPOKEN, _LINES),
         (rb"(?:TX|RX|tx|rx):? (?:[0-9A-Fa-f]{2}){2,}$", _SPOKEN, _LINES),
         (rb"\d+\.\d{3,9},(?:0x)?[0-9A-Fa-f]{2}$", _TABLE, _LINES),
@@ -115,8 +117,8 @@ _LOGS: Final = tuple(
             "a log of bytes as Python shows them",
             _PRINTED,
         ),
-        (_STAMPED + _SOME, "a log whose times are of an unknown kind", _LINES),
-        (_WAY + _SOME, "a log whose directions are of an unknown kind", _LINES),
+        (_STAMPED + _SOME, _TIMED, _LINES),
+        (_WAY + _SOME, _SPOKEN, _LINES),
         (rb"timestamp,arbitration_id,", "a python-can CSV log", "log to a .log file instead"),
         (
             rb" *(?:\([\d.]+\) +)?\S+ +(?:[TR]X [-BE ]{3} +)?[0-9A-F]{3,8} +\[\d+\]",
@@ -136,6 +138,13 @@ _SEVEN: Final = later(rb"[0-9A-Fa-f]{7} ")
 def refused(what: str, instead: str) -> InputError:
     """Return the error that says what the input is and what to do instead."""
     return InputError(f"{what} is not read: {instead}")
+
+
+def decimal_or_hex() -> InputError:
+    """Return the error that asks of what radix numbers are."""
+    return InputError(
+        Sentence("this looks like decimal numbers: say {input_format:decimal} (or hex)")
+    )
 
 
 def refuse_binary(head: bytes) -> None:

@@ -10,12 +10,12 @@ rounded to milliseconds, before a write and behind a read; the offset counts the
 
 from __future__ import annotations
 
-import functools
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
+from sniffer.ground.coarse import coarse
 from sniffer.ground.limits import is_time
-from sniffer.ground.model import NS, Chunk, Clock, Direction, Mark, MarkKind
+from sniffer.ground.model import MS, NS, Chunk, Clock, Direction, Mark, MarkKind
 from sniffer.ground.patterns import later
 from sniffer.sources.sides import handed_over, oriented
 from sniffer.sources.text import (
@@ -56,7 +56,9 @@ _EMPTY: Final = b"<empty>"
 _HALF: Final = later(rb"-?\d*(?:\.\d{0,3}(?: (?:[A-Z-]{0,4}(?: +[0-9A-F]*)?)?)?)?$")
 _STAMPED: Final = later(rb"-?\d{5,}")
 _DIRECTIONS: Final = {b"TX": Direction.TX, b"RX": Direction.RX}
-_MS: Final = NS // 1000
+_PLACES: Final = 3
+"""Decimal places of the seconds that it writes."""
+
 _BREAKS: Final = (b"send_break", b"active")
 
 
@@ -64,12 +66,6 @@ def is_log(lines: list[bytes]) -> bool:
     """Tell whether a log begins in these lines: what the program says may stand before it."""
     plain = [COLOURS.sub(b"", line) for line in lines]
     return bool(SPY_LINE.fullmatch(plain[0])) or any(_SURE.match(line) for line in plain)
-
-
-@functools.cache
-def _coarse(size: int) -> tuple[Mark, ...]:
-    """Return what is said of the times of ``size`` bytes."""
-    return (Mark(MarkKind.COARSE, 0, size, _MS),)
 
 
 class _Calls(TextLog):
@@ -106,7 +102,7 @@ class _Calls(TextLog):
             return None
         data, direction, held = bytes.fromhex(row.decode("ascii")), _DIRECTIONS[label], self._held
         if offset == b"0000":
-            t_ns = (int(seconds) * 1000 + int(thousandths)) * _MS + _MS // 2
+            t_ns = (int(seconds) * 1000 + int(thousandths)) * MS + MS // 2
             self._due[direction] = len(data)
             self._begin(direction, t_ns, data)
             return () if held is None else (held,)
@@ -135,10 +131,10 @@ class _Calls(TextLog):
             self.talk += bool(line.strip()) and not self.cut_off
             return
         seconds, thousandths, label, rest = found.groups()
-        t_ns = abs(int(seconds)) * NS + int(thousandths) * _MS
+        t_ns = abs(int(seconds)) * NS + int(thousandths) * MS
         t_ns = -t_ns if seconds.startswith(b"-") else t_ns
         # rounded, so it may have been half a millisecond later
-        t_ns += _MS // 2
+        t_ns += MS // 2
         if not is_time(t_ns):
             raise DamagedLine(number, f"{quoted(seconds)} seconds are too many")
         direction = _DIRECTIONS.get(label)
@@ -188,8 +184,8 @@ class _Calls(TextLog):
 
     def _begin(self, direction: Direction, t_ns: int, data: bytes) -> None:
         """Hold the first line of a call."""
-        coarse = _coarse(len(data))
-        marks = (*self._marks, *coarse) if self._marks else coarse
+        unsure = coarse(len(data), _PLACES)
+        marks = (*self._marks, *unsure) if self._marks else unsure
         self._marks = ()
         self._held = Chunk(data, t_ns, Clock.FILE, self._bus, direction, marks)
 
