@@ -11,8 +11,8 @@ from pathlib import Path
 import click
 
 from sniffer.ground.naming import worded
-from sniffer.ground.streams import silence
-from sniffer.ground.wording import UNFOLDED, and_, one_line
+from sniffer.ground.streams import UNFOLDED, silence, stated_columns
+from sniffer.ground.wording import and_, one_line
 
 
 def silence_stdout() -> None:
@@ -36,9 +36,8 @@ def width_of_terminal() -> int:
 
     Into a pipe or a file sentences are not folded; 80 where a terminal does not tell its width.
     """
-    told = os.environ.get("COLUMNS", "")
-    if told.isdecimal() and int(told[:6]):
-        return int(told[:6])
+    if stated := stated_columns():
+        return stated
     if not sys.stdout.isatty():
         return UNFOLDED
     with contextlib.suppress(OSError):

@@ -58,10 +58,6 @@ def nearly(word: str, known: Iterable[str]) -> str:
     return f": did you mean {near[0]}?" if near else ""
 
 
-UNFOLDED: Final = 1 << 14
-"""Columns where no window is: more than any sentence has."""
-
-
 class Sentence(str):
     """A sentence that names arguments of a call, written once for all faces.
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import re
 from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
 
-from sniffer.ground.wording import UNFOLDED
+from sniffer.ground.streams import UNFOLDED, stated_columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -62,9 +61,7 @@ def room_in(console: Console) -> int | None:
 
     What ``COLUMNS`` states holds for pipes, too.
     """
-    stated = os.environ.get("COLUMNS", "")
-    is_stated = stated.isdecimal() and int(stated[:6]) > 0
-    return console.width if is_stated or console.file.isatty() else None
+    return console.width if stated_columns() or console.file.isatty() else None
 
 
 def unfold(console: Console) -> None:
