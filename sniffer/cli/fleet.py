@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import importlib
 import re
 import sys
 from typing import Final
@@ -15,7 +13,7 @@ from sniffer.cli.selecting import with_rows
 from sniffer.cli.statuses import DAMAGED, DONE, INTERRUPTED
 from sniffer.cli.streams import say
 from sniffer.decoding.options import Options
-from sniffer.fleet.engines import ENGINES
+from sniffer.fleet.engines import ENGINES, load_for
 from sniffer.fleet.progress import FleetProgress
 from sniffer.fleet.rows import STATUSES
 from sniffer.fleet.run import ROBOT, FleetRun, decode_fleet
@@ -35,9 +33,6 @@ LOG_S: Final = 30.0
 
 SLOW: Final = 1e5
 """Bytes a second below which captures are counted: it is their number that takes the time."""
-
-LIBRARIES: Final = {"dask": ("dask", "distributed"), "ray": ("ray",)}
-"""What engines are made of, loaded before anything is begun."""
 
 TOLD: Final = 5
 """Reasons that are told one by one."""
@@ -111,7 +106,8 @@ def fleet(
     Exit status: 0 all captures are in it; 1 some failed: they hold nothing that can be read; 2 a
     mistake of yours; 3 some were not done: run it again.
     """
-    _load(engine)
+    with Loading():
+        load_for(engine)
     shown = Progress(quiet=quiet)
     done = decode_fleet(
         inputs,
@@ -143,18 +139,6 @@ def fleet(
         say(f"{ended}{left}: what is in {dataset} stays; run it again to go on")
         return INTERRUPTED if done.is_interrupted else DAMAGED
     return FAILURES if done.failures else DONE
-
-
-def _load(engine: str) -> None:
-    """Load what a run takes while Ctrl-C still ends it at once: libraries may make anything of it.
-
-    What is missing the run tells itself.
-    """
-    with Loading(), contextlib.suppress(ImportError):
-        importlib.import_module("pyarrow.parquet")
-        importlib.import_module("sniffer.fleet.task")
-        for library in LIBRARIES.get(engine, ()):
-            importlib.import_module(library)
 
 
 def _told(done: FleetRun) -> str:

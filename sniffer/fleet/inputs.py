@@ -89,7 +89,7 @@ def find_captures(inputs: Iterable[str | Path], dataset: Store) -> FoundCaptures
         for capture, is_named in looked:
             if _is_in(capture.uri, dataset, grounds):
                 own += 1
-            elif others.have(capture.uri):
+            elif others.takes(capture.uri):
                 continue
             elif is_named or _is_called_so(capture.uri):
                 found[capture.uri] = capture
@@ -102,7 +102,7 @@ def find_captures(inputs: Iterable[str | Path], dataset: Store) -> FoundCaptures
             raise InputError(Sentence(_WITHIN if own else told, given=given, root=dataset.uri))
     if itself and not found:
         raise InputError(Sentence(_ITSELF, given=itself))
-    captures = [found[uri] for uri in sorted(found) if not others.have_beside(uri)]
+    captures = [found[uri] for uri in sorted(found) if not others.takes_beside(uri)]
     if found and not captures:
         raise InputError(Sentence(_OTHERS, given=", ".join(map(str, inputs))))
     beside = (left_out, in_dataset, missed.astray, missed.unread)
@@ -129,8 +129,8 @@ class _Others:
     files: int = 0
     roots: set[str] = field(default_factory=set)
 
-    def have(self, uri: str) -> bool:
-        """Tell whether a file shows by its path that it is of a data set."""
+    def takes(self, uri: str) -> bool:
+        """Tell whether a file shows by its path that it is of a data set, and count it."""
         match = _OF_DATASET.fullmatch(uri)
         if match is None:
             return False
@@ -138,8 +138,8 @@ class _Others:
         self.roots.add(match[1])
         return True
 
-    def have_beside(self, uri: str) -> bool:
-        """Tell whether a file is of a data set that another file has shown."""
+    def takes_beside(self, uri: str) -> bool:
+        """Tell whether a file is of a data set that another file has shown, and count it."""
         roots = (root for root in self.roots if uri.startswith(f"{root}/"))
         is_of = any(_BESIDE.fullmatch(uri, len(root)) for root in roots)
         self.files += is_of

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
@@ -74,6 +76,21 @@ ENGINES: Final[Mapping[str, Callable[[int | None, str | None], Engine]]] = Mappi
     {"local": _local, "dask": _dask, "ray": _ray}
 )
 """Makers of engines by name; they take the number of workers and the address of a scheduler."""
+
+_LOADED: Final[Mapping[str, Sequence[str]]] = MappingProxyType(
+    {"dask": ("dask", "distributed"), "ray": ("ray",)}
+)
+"""What engines are made of, beside what each run takes."""
+
+
+def load_for(name: str) -> None:
+    """Load what a run takes, before it begins: what is missing the run tells itself.
+
+    Libraries that are being loaded make of an interruption whatever they like.
+    """
+    with contextlib.suppress(ImportError):
+        for library in ("pyarrow.parquet", "sniffer.fleet.task", *_LOADED.get(name, ())):
+            importlib.import_module(library)
 
 
 def engine_named(name: str, workers: int | None, scheduler: str | None) -> Engine:
