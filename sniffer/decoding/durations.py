@@ -107,7 +107,10 @@ class Quantiles:
         return least, most
 
     def longest(self) -> Bounds | None:
-        """Return the longest duration, as exact as the stamps are and not to 2 %; None: no one."""
+        """Return the longest duration, as exact as the stamps are; None: no one.
+
+        ``at(1)`` is the edge of its bin, which the summary of ``decode`` tells beside the others.
+        """
         return Bounds(*self._most) if self.count else None
 
     def at(self, share: float) -> Bounds | None:
