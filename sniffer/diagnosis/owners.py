@@ -113,7 +113,7 @@ class Owner(NamedTuple):
     @property
     def is_proof(self) -> bool:
         """Whether nothing but a second answer comes so: its request was answered, and then this."""
-        n = len(self.elsewhere)
+        n = sum(not t.is_little for t in self.elsewhere)
         sure = self.lead >= SURE * len(self.traces) and len(self.traces) >= PART * self.tried
         return sure and n >= max(SOME, NEARLY * len(self.traces))
 
