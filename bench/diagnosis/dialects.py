@@ -26,7 +26,8 @@ def _u16(value: float, most: int) -> bytes:
 
 
 def _i16(value: float) -> bytes:
-    return round(value).to_bytes(2, "little", signed=True)
+    """Return a register of two bytes, which stops at its ends."""
+    return min(max(round(value), -0x8000), 0x7FFF).to_bytes(2, "little", signed=True)
 
 
 class MightyZap(Dialect):

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from sniffer.diagnosis.buckets import TimedBuckets
-from sniffer.diagnosis.likes import Likes
+from sniffer.diagnosis.likes import Likes, RequestBefore
+from sniffer.diagnosis.torn import TornRuns, is_held, only_value
 from sniffer.ground.codes import MANY, NEVER, NOT_EXPECTED, OK, REQUEST, RESPONSE
-from sniffer.ground.columnar import Columns
 from sniffer.ground.gaps import BLANK, CHECKSUM, IDLE_TAIL, NOISE, Gaps
 from sniffer.ground.model import ECHO, Clock, Frames
 
@@ -37,9 +37,6 @@ BYTES: Final = 80
 
 STRAY: Final = 4
 """Fewer bytes of no frame are stray: no frame with a header is so short."""
-
-STEADY: Final = 6
-"""So many bytes of one value are of no frame: the line is held. Headers have three at most."""
 
 NEAR_BYTES: Final = 2
 """What comes within so many byte times behind a frame comes with its end."""
@@ -72,9 +69,9 @@ class Damage:
     not long before: the servo's answers to the same request, or requests of that length, the
     likeliest first. ``since_ns`` is how long the frame before was over, ``until_ns`` how long it
     took until the next frame began; -1 where nobody knows. ``is_answered``: a sound answer to the
-    same request follows, ``behind`` the kind of the frame before (-1: none). ``asked_id`` is whom
-    the last request before it asked, ``earlier_id`` whom the last one that asked somebody else;
-    ``asked_ns`` and ``earlier_ns`` are how long these requests were over.
+    same request follows, ``behind`` the kind of the frame before (-1: none). ``begins_ns`` is when
+    its first byte began (-1: nobody knows), ``asked_before`` are the last requests before it, the
+    latest first.
     """
 
     at: int
@@ -90,28 +87,40 @@ class Damage:
     until_ns: int = -1
     is_answered: bool = False
     behind: int = -1
-    asked_id: int = -1
-    earlier_id: int = -1
-    asked_ns: int = -1
-    earlier_ns: int = -1
+    begins_ns: int = -1
+    asked_before: tuple[RequestBefore, ...] = ()
 
     @property
     def expected(self) -> bytes:
         """What should have stood there, empty where nothing is known."""
         return self.alike[0] if self.alike else b""
 
+    @property
+    def asked_id(self) -> int:
+        """Whom the last request before it asked; -1: nobody."""
+        return self.asked_before[0].servo_id if self.asked_before else -1
 
-@dataclass(frozen=True, slots=True)
-class TornRuns(Columns):
-    """Runs of unclaimed bytes; places are absolute, ``value`` is their only one or -1."""
+    @property
+    def earlier_id(self) -> int:
+        """Whom the last request before it asked that asked somebody else; -1: nobody."""
+        return -1 if (asked := self._earlier) is None else asked.servo_id
 
-    start: I64
-    length: I64
-    begins_ns: I64
-    t_ns: I64
-    kind: I64
-    servo_id: I64
-    value: I64
+    @property
+    def asked_ns(self) -> int:
+        """How long the last request was over when it began; -1: nobody knows."""
+        return self._since(self.asked_before[0] if self.asked_before else None)
+
+    @property
+    def earlier_ns(self) -> int:
+        """How long the last request to somebody else was over; -1: nobody knows."""
+        return self._since(self._earlier)
+
+    @property
+    def _earlier(self) -> RequestBefore | None:
+        return next((a for a in self.asked_before if a.servo_id != self.asked_id), None)
+
+    def _since(self, asked: RequestBefore | None) -> int:
+        return -1 if asked is None or self.since_ns < 0 else self.begins_ns - asked.t_ns
 
 
 class _Edge(NamedTuple):
@@ -227,7 +236,7 @@ class Damages:
             t_ns,
             gaps.kind[rows].astype(np.int64),
             gaps.servo_id[rows],
-            _only_value(batch.data, start, length),
+            only_value(batch.data, start, length),
         )
         if len(self._open):
             pieces = TornRuns.concat([self._open, pieces])
@@ -238,7 +247,7 @@ class Damages:
         if batch.clock != Clock.NONE:
             pause = p.begins_ns[1:] - p.t_ns[:-1]
             apart |= pause > APART_BYTES * self._byte_ns + PAUSE_NS
-        held = _is_held(p)
+        held = is_held(p)
         # two frames that are whole but for their checksums are two
         apart |= (p.kind[1:] == CHECKSUM) & (p.kind[:-1] == CHECKSUM)
         # what is held for long is not what was torn beside it
@@ -298,7 +307,7 @@ class Damages:
         near = next_to & (doubt >= 0) & (doubt <= self._byte_ns)
         near &= since <= NEAR_BYTES * self._byte_ns + PAUSE_NS
         turn = np.where(
-            _is_held(runs),
+            is_held(runs),
             HELD,
             np.where(
                 stray & ((asks & follows) | (near & ~asks)),
@@ -348,8 +357,6 @@ class Damages:
                 alike = self.likes.answers(batch, row, asked)
             elif turn == IN_REQUEST and size <= BYTES:
                 alike = self.likes.requests(batch, row, got)
-            (last, last_ns), (before, before_ns) = self.likes.asked_before(batch, row)
-            is_timed = told.since_ns[i] >= 0
             yield Damage(
                 at,
                 size,
@@ -364,26 +371,9 @@ class Damages:
                 int(told.until_ns[i]),
                 bool(told.asks[i] and told.follows[i]),
                 int(told.behind[i]),
-                last,
-                before,
-                int(runs.begins_ns[i]) - last_ns if is_timed and last_ns >= 0 else -1,
-                int(runs.begins_ns[i]) - before_ns if is_timed and before_ns >= 0 else -1,
+                int(runs.begins_ns[i]) if told.since_ns[i] != -1 else -1,
+                self.likes.asked_before(batch, row),
             )
-
-
-def _only_value(data: bytes, start: I64, length: I64) -> I64:
-    """Return the value that each run of bytes consists of, -1 where there are several."""
-    if not len(start):
-        return np.empty(0, np.int64)
-    edges = np.stack([start, start + length], 1).reshape(-1)
-    whole = np.append(np.frombuffer(data, np.uint8), 0)
-    low = np.minimum.reduceat(whole, edges)[::2].astype(np.int64)
-    high = np.maximum.reduceat(whole, edges)[::2]
-    return np.where(low == high, low, -1)
-
-
-def _is_held(runs: TornRuns) -> Mask:
-    return (runs.value >= 0) & (runs.length >= STEADY)
 
 
 def _outcomes(batch: Batch) -> I64:

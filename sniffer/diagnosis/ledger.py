@@ -21,6 +21,7 @@ from sniffer.diagnosis.lineerrors import LineErrors
 from sniffer.diagnosis.lowest import Lowest
 from sniffer.diagnosis.orders import Orders
 from sniffer.diagnosis.refusals import Refusals
+from sniffer.diagnosis.seconds import SecondAnswers
 from sniffer.diagnosis.settings import Settings
 from sniffer.diagnosis.silences import Silences
 from sniffer.diagnosis.steps import Steps
@@ -94,6 +95,7 @@ class Ledger:
         """Times between the beginnings of two requests of the bus; key 0."""
         self.settings = Settings(protocol)
         self.damages = Damages(protocol)
+        self.second_answers = SecondAnswers()
         self.line_errors = LineErrors()
         self.silences = Silences()
         self.orders = Orders(protocol)
@@ -127,7 +129,7 @@ class Ledger:
         self.models.update(batch.models)
         self._remarks(batch)
         if len(batch.anomalies):
-            self._alarms(batch.base, Anomalies.of(batch.anomalies))
+            self._alarms(batch, Anomalies.of(batch.anomalies))
         f = batch.frames
         self._line(batch)
         if len(batch.transactions):
@@ -329,7 +331,7 @@ class Ledger:
                 t_last=gaps.t_ns,
             )
 
-    def _alarms(self, base: int, found: Anomalies) -> None:
+    def _alarms(self, batch: Batch, found: Anomalies) -> None:
         code, servo = found.code.astype(np.int64), found.servo_id.astype(np.int64)
         self.alarms.add(
             found.t_ns,
@@ -342,6 +344,7 @@ class Ledger:
             t_last=found.t_ns,
         )
         self.events.add(happened(ANOMALY, code, servo, found.t_ns, found.at, found.length))
+        self.second_answers.add(batch, found, self.damages.likes)
 
     def _remarks(self, batch: Batch) -> None:
         if not batch.remarks:

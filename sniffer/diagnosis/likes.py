@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import operator
 from collections import deque
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 BEFORE: Final = 256
 """Frames before a place in which its like is looked for: some cycles of a bus."""
 
-NEAR: Final = 12
+NEAR: Final = 20
 """Frames before a place among which whoever was asked before is looked for."""
 
-NOBODY: Final = (-1, -1)
-"""Who asked nobody, at no time."""
+ASKED: Final = 8
+"""Requests before a place that are remembered with it."""
 
 MOST: Final = 4
 """Sound frames that are returned for one place."""
@@ -38,6 +38,14 @@ AT_ONCE: Final = 256
 
 KNOWN: Final = 512
 """Requests whose answers are remembered."""
+
+
+class RequestBefore(NamedTuple):
+    """A request: whom it asked, when it was over (ns), and whether a sound answer followed."""
+
+    servo_id: int
+    t_ns: int
+    is_answered: bool
 
 
 class Likes:
@@ -99,28 +107,35 @@ class Likes:
 
     def last(self, batch: Batch | None, row: int) -> bytes:
         """Return the bytes of a row; of the last frame known where there is no batch, or row -1."""
-        held = batch if batch is not None and row >= 0 else self._recent[-1]
-        k = row if held is batch else -1
+        held, k = self._at(batch, row)
         at = int(held.frames.start[k])
         return held.data[at : at + int(held.frames.length[k])]
 
-    def asked_before(
-        self, batch: Batch | None, row: int
-    ) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Return whom the last request up to a row asked, and whom the last one that asked another.
+    def times(self, batch: Batch | None, row: int) -> tuple[int, int]:
+        """Return when the frame of such a row began and ended, in ns."""
+        held, k = self._at(batch, row)
+        return int(held.frames.t_start[k]), int(held.frames.t_end[k])
 
-        Each with when it was over, in ns; -1 where there is none.
-        """
-        first = NOBODY
+    def _at(self, batch: Batch | None, row: int) -> tuple[Batch, int]:
+        if batch is not None and row >= 0:
+            return batch, row
+        return self._recent[-1], -1
+
+    def asked_before(self, batch: Batch | None, row: int) -> tuple[RequestBefore, ...]:
+        """Return the last few requests up to a row, the latest first."""
+        out: list[RequestBefore] = []
+        behind = -1
         for held, rows in self._backwards(batch, row, NEAR):
             f = held.frames
-            for k in rows[f.kind[rows] == REQUEST][::-1].tolist():
-                who = int(f.servo_id[k]), int(f.t_end[k])
-                if first == NOBODY:
-                    first = who
-                elif who[0] != first[0]:
-                    return first, who
-        return first, NOBODY
+            for k, kind in zip(rows[::-1].tolist(), f.kind[rows][::-1].tolist(), strict=True):
+                if kind == REQUEST:
+                    out.append(
+                        RequestBefore(int(f.servo_id[k]), int(f.t_end[k]), behind == RESPONSE)
+                    )
+                    if len(out) == ASKED:
+                        return tuple(out)
+                behind = kind
+        return tuple(out)
 
     def answers(self, batch: Batch | None, row: int, asked: bytes) -> tuple[bytes, ...]:
         """Return answers to the same request before a row of a batch, the latest first.

@@ -18,13 +18,15 @@ from sniffer.diagnosis.damage import AT_TURN, IN_IDLE, IN_REPLY, IN_REQUEST
 from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.mixing import LEAST as SURE_BYTES
 from sniffer.diagnosis.mixing import Mix, beginning, mix_of
+from sniffer.diagnosis.owners import owner
 from sniffer.ground.codes import RESPONSE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping, Sequence, Set
 
     from sniffer.diagnosis.case import Case
     from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.owners import Owner, TornPlace
 
 LEAST: Final = 3
 
@@ -59,6 +61,9 @@ USUAL: Final = 0.55
 
 CHANCE: Final = 1e-6
 
+LEFT: Final = 0.5
+"""Part of one servo's traces that another must have of its own to answer twice as well."""
+
 SOME: Final = 10
 """Delays from which on one knows how they vary."""
 
@@ -70,8 +75,9 @@ class Twin:
     ``whole``: second answers that are whole; ``torn``: torn answers before a whole one; ``stray``:
     stray bytes behind its exchanges and nobody else's; ``foreign``: torn bytes that begin like its
     answers where the next servo's is due; ``crossed``: torn requests behind its exchanges and
-    hardly any others; ``mixed``: torn answers that are two of its own, with how; ``before``: servos
-    before whose answers its second ones come, so that theirs look like second ones.
+    hardly any others; ``behind``: whatever else comes a steady time behind its requests; ``mixed``:
+    torn answers that are two of its own, with how; ``before``: servos before whose answers its
+    second ones come, so that theirs look like second ones.
     """
 
     servo_id: int
@@ -81,6 +87,7 @@ class Twin:
     stray: list[Damage] = field(default_factory=list)
     foreign: list[Damage] = field(default_factory=list)
     crossed: list[Damage] = field(default_factory=list)
+    behind: list[TornPlace] = field(default_factory=list)
     mixed: list[tuple[Damage, Mix]] = field(default_factory=list)
     tried: int = 0
     before: set[int] = field(default_factory=set)
@@ -88,7 +95,8 @@ class Twin:
     @property
     def twice(self) -> int:
         """How many second answers there are."""
-        return self.whole + sum(map(len, (self.torn, self.stray, self.foreign, self.crossed)))
+        torn = (self.torn, self.stray, self.foreign, self.crossed)
+        return self.whole + sum(map(len, torn)) + len(self.behind)
 
 
 def twins(case: Case) -> Mapping[int, Twin]:
@@ -145,12 +153,40 @@ def _twins(case: Case) -> Mapping[int, Twin]:
         tried = [(d, b) for d in answers if len(b := beginning(alike_of(d, known))) >= SURE_BYTES]
         twin.tried = len(tried)
         twin.mixed = [(d, mix) for d, b in tried if (mix := mix_of(d.got, b)) is not None]
+    steady = owner(case)
+    if steady is not None and (steady.is_proof or any(_is_twin(case, t) for t in found.values())):
+        _hand_over(case, found, steady)
     surest = max(found.values(), key=lambda t: t.twice + len(t.mixed), default=None)
     for twin in found.values():
         if twin is not surest:  # what stands at others' places is one twin's, not several's
             twin.stray, twin.foreign, twin.crossed = [], [], []
     out = {s: t for s, t in found.items() if _is_twin(case, t)}
     return {s: t for s, t in out.items() if not _is_neighbour(t, surest)}
+
+
+def _hand_over(case: Case, found: dict[int, Twin], one: Owner) -> None:
+    """Give what comes a steady time behind one servo's requests to that one, wherever it stands."""
+    whose = found[one.servo_id]
+    places = {t.at for t in one.traces}
+    told = {d.at for d in (*whose.torn, *whose.stray, *whose.foreign, *whose.crossed)}
+    for servo, twin in list(found.items()):
+        if twin is whose:
+            continue
+        events = case.anomalies("duplicate-response", servo_id=servo)
+        # the second stands behind the first
+        its = int((~np.isin(events.at + events.length, list(places))).sum())
+        if 2 * its < len(events):
+            twin.whole, twin.times = 0, []
+        twin.torn, twin.stray, twin.foreign, twin.crossed = (
+            [d for d in some if d.at not in places]
+            for some in (twin.torn, twin.stray, twin.foreign, twin.crossed)
+        )
+        twin.mixed = [(d, mix) for d, mix in twin.mixed if d.at not in places]
+        if twin.twice + len(twin.mixed) < LEFT * len(places):  # what it did to those behind it
+            found[servo] = Twin(servo)
+        if not found[servo].whole:
+            whose.before.add(servo)
+    whose.behind = [t for t in one.elsewhere if t.at not in told]
 
 
 def late_answers(case: Case) -> Sequence[Damage]:
@@ -216,7 +252,20 @@ def of_twins(case: Case, d: Damage) -> bool:
     """Tell whether a torn place is a twin's, or in the exchange behind a twin's."""
     found = twins(case)
     behind = d.behind == RESPONSE and d.asked_id in found
+    behind |= d.at in torn_by_twins(case)
     return behind or d.servo_id in found or d.earlier_id in found
+
+
+def torn_by_twins(case: Case) -> Set[int]:
+    """Return where torn places stand that are second answers to requests before their own."""
+    return case.once(_torn_by_twins)
+
+
+def _torn_by_twins(case: Case) -> Set[int]:
+    found = twins(case).values()
+    return {t.at for twin in found for t in twin.behind} | {
+        d.at for twin in found for d in twin.foreign
+    }
 
 
 def _behind_whom(d: Damage) -> int:

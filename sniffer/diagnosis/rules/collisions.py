@@ -9,7 +9,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.misread import BITS_FEW, FRONT
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.rules.interruptions import torn_requests
-from sniffer.diagnosis.twins import LEAST, PART, torn_answers, twins
+from sniffer.diagnosis.twins import LEAST, PART, torn_answers, torn_by_twins, twins
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,8 +21,11 @@ FINDINGS: Final = (
     FindingCode(
         "answers-twice",
         "pairing",
-        "A servo answers twice: one answer torn and one whole behind the same request, or two whole ones.",
-        "Three such requests or more, and one in fifty of its answers.",
+        "A servo answers twice: one answer torn and one whole behind the same request, or two whole ones, "
+        "or torn bytes at others' turn that come a steady time behind its requests.",
+        "Three such requests or more, and one in fifty of its answers. Torn bytes are whose requests they "
+        "follow most steadily (stamps of a millisecond or better); where nothing else shows a second answer, "
+        "ten of them or more, and far more steadily than behind any other's.",
     ),
     FindingCode(
         "answers-mixed",
@@ -62,11 +65,14 @@ def answers_twice(case: Case) -> Iterator[Finding]:
                 (len(twin.stray), "stray bytes behind its exchanges and nobody else's"),
                 (len(twin.crossed), "a torn request behind its exchanges"),
                 (len(twin.foreign), "the beginning of its answer where another's is due"),
+                (len(twin.behind), "torn bytes a steady time behind its requests, at others' turn"),
             )
             if n
         ]
-        traces = [*twin.torn, *twin.stray, *twin.foreign, *twin.crossed]
-        times = [d.t_ns for d in traces] + twin.times
+        torn = [*twin.torn, *twin.stray, *twin.foreign, *twin.crossed]
+        traces = [(d.at, d.length, d.t_ns) for d in torn]
+        traces += [(t.at, t.length, t.t_ns) for t in twin.behind]
+        times = [t_ns for _, _, t_ns in traces] + twin.times
         events = case.anomalies("duplicate-response", servo_id=servo)
         yield Finding(
             "answers-twice",
@@ -76,7 +82,7 @@ def answers_twice(case: Case) -> Iterator[Finding]:
             twin.twice,
             f"servo {servo} answers twice in {case.total('ok', servo)} exchanges: "
             + ", ".join(told),
-            tuple(Place(d.at, d.length, d.t_ns, "a trace of a second answer") for d in traces[:2])
+            tuple(Place(*trace, "a trace of a second answer") for trace in traces[:2])
             + case.places(events, "a second answer", 2),
             strength=min(0.5 + twin.twice / 20, 1.0),
             brief=f"servo {servo} answers {twin.twice} requests twice",
@@ -110,6 +116,8 @@ def answers_mixed(case: Case) -> Iterator[Finding]:
 def always_torn(case: Case) -> Iterator[Finding]:
     """Find servos of which hardly an answer is whole, and none is missing."""
     for servo, torn in torn_answers(case).items():
+        if sum(d.at in torn_by_twins(case) for d in torn) > PLAIN * len(torn):
+            continue  # another's second answers lie over them
         # from the first torn one on: a twin may come later
         since = torn[0].t_ns
         a = case.answers

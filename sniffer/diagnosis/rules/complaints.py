@@ -188,7 +188,9 @@ def chatty(case: Case) -> Iterator[Finding]:
         ok = int(answers["ok"][within & (answers["servo_id"] == servo)].sum())
         twin = twins(case).get(servo)
         # a second answer may come so late that another one is being asked by then
-        late = {d.at for d in twin.stray} if twin is not None else set()
+        late = set()
+        if twin is not None:
+            late = {d.at for d in twin.stray} | {t.at for t in twin.behind}
         more = n + sum(
             since <= d.t_ns <= until and (d.at in late or _is_behind(d, servo))
             for d in case.damages

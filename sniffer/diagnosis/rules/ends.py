@@ -8,6 +8,7 @@ from sniffer.diagnosis.catalogue import FindingCode
 from sniffer.diagnosis.damage import IN_IDLE, IN_REPLY
 from sniffer.diagnosis.misread import BACK, BITS_FEW, FRONT
 from sniffer.diagnosis.rules.bits import bits_finding
+from sniffer.diagnosis.twins import torn_by_twins
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -58,6 +59,7 @@ def ends(case: Case) -> Iterator[Finding]:
     first = [
         m
         for m in answers
+        if m.damage.at not in torn_by_twins(case)  # what tears these tears any byte
         if m.shape == FRONT or (_hit(m) and max(m.bytes_hit) <= 1) or m.damage.at in late
     ]
     if _mostly(first, answers):

@@ -14,6 +14,7 @@ from sniffer.diagnosis.misread import alike_of
 from sniffer.diagnosis.model import Finding, Place
 from sniffer.diagnosis.placed import finding_of
 from sniffer.diagnosis.rules.order import Order
+from sniffer.diagnosis.twins import torn_by_twins
 from sniffer.ground.codes import DAMAGED, RESPONSE
 from sniffer.ground.model import MS, Clock
 from sniffer.ground.timing import byte_time_ns
@@ -127,6 +128,7 @@ def request_in_answer(case: Case) -> Iterator[Finding]:
         return  # of an echo it is what comes back; of a host that holds bytes, two pieces
     asked = {f.at + f.length: f.t_ns for f in case.ledger.exchanges.failed}
     replies = [d for d in case.damages if d.turn == IN_REPLY and d.asked]
+    replies = [d for d in replies if d.at not in torn_by_twins(case)]
     places = [d for d in replies if d.at in asked and _is_in_one_go(case, d, asked[d.at])]
     seldom_whole = torn_requests(case, replies)
     places += [d for d in seldom_whole if d not in places]
@@ -285,7 +287,8 @@ def spoken_into(case: Case) -> Iterator[Finding]:
     known = case.ledger.damages.likes.known
     judged, shown = 0, []
     for d in case.damages:
-        some = alike_of(d, known) if d.turn == IN_REPLY else ()
+        is_one = d.turn == IN_REPLY and d.at not in torn_by_twins(case)
+        some = alike_of(d, known) if is_one else ()
         if not some:
             continue
         judged += 1

@@ -1,0 +1,253 @@
+"""Whose second answers torn places are, by how steadily they come behind a servo's requests.
+
+A servo takes as long to answer as it always does. Its second answer lies over whatever comes next:
+the torn bytes belong to the request behind, to the next servo's answer, to nobody. Read in their
+places they blame that one. But they begin, or end, a steady time behind the request that they
+answer, and less steadily behind every other one, between which the controller and another servo
+took their time as well::
+
+    request to 3 ends  + 2.1 ms  torn        request to 4 ends  + 0.3 ms  torn
+    request to 3 ends  + 2.1 ms  torn        request to 4 ends  + 0.6 ms  torn
+    request to 3 ends  + 2.1 ms  torn        request to 4 ends  + 0.4 ms  torn
+
+Of every servo the span of time is looked for that holds more places than chance would put there:
+``n * ln(n / expected)``, the log of how much likelier so many are if they are its own. It needs no
+bound of its own for noise, which lies anywhere.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from sniffer.diagnosis.damage import AT_TURN, HELD, IN_IDLE, IN_REPLY, IN_REQUEST, REST
+from sniffer.diagnosis.seconds import SecondAnswer
+from sniffer.ground.codes import RESPONSE
+from sniffer.ground.model import Clock
+from sniffer.ground.timing import LATENCY_NS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from sniffer.diagnosis.case import Case
+    from sniffer.diagnosis.damage import Damage
+    from sniffer.diagnosis.likes import RequestBefore
+
+STRAYS: Final = (AT_TURN, IN_IDLE)
+
+LATEST_NS: Final = 20_000_000
+"""What begins later behind a request is no answer to it, whosever."""
+
+SPANS_NS: Final = (*(round(5_000 * 2 ** (k / 2)) for k in range(12)), 300_000)
+"""Spans of time that are tried, each wider by the root of two. A servo's time to answer varies by
+300 us at most, between nine tenths of its answers."""
+
+LEAST: Final = 3
+
+STEADIER: Final = 2.0
+CLOCK_NS: Final = 20_000
+"""An answer is steadier than another if its time varies so many times less, and by so much."""
+
+LEAD: Final = 5.0
+"""By how much (natural logarithm) the best must be ahead of the next to be told: 150 times."""
+
+SURE: Final = 1.5
+"""By how much it must be ahead for each of its places to prove that a servo answers twice."""
+
+PART: Final = 0.3
+NEARLY: Final = 0.8
+SOME: Final = 10
+"""Part of all places that must be one servo's, and which part of these at others' turn, for proof.
+
+Of 746 captures with other faults (two draws of all scenarios) none has that.
+"""
+
+
+class TornPlace(NamedTuple):
+    """Torn bytes, or a second answer.
+
+    ``servo_id`` is in whose exchange it stands, ``own_id`` whose torn answer it may simply be (-1);
+    ``is_little``: a stray byte, or a request some bits of which are wrong, is no second answer.
+    ``asked`` is how long the request is in whose answer it stands.
+    """
+
+    at: int
+    length: int
+    servo_id: int
+    begins_ns: int
+    t_ns: int
+    own_id: int
+    is_little: bool
+    asked: int
+    asked_before: tuple[RequestBefore, ...]
+
+    def is_elsewhere(self, servo_id: int) -> bool:
+        """Tell whether it is no part of a servo's exchange, nor a few bytes at the end of it."""
+        asked = self.asked_before[0].servo_id if self.asked_before else -1
+        return asked != servo_id or (self.own_id != servo_id and not self.is_little)
+
+
+class Owner(NamedTuple):
+    """A servo behind whose requests places come steadily: which, and how they do.
+
+    ``first_ns`` and ``last_ns`` are the earliest and the latest of them behind its request;
+    ``lead`` is by how much it is ahead of the next servo (natural logarithm), ``tried`` how many
+    places there are.
+    """
+
+    servo_id: int
+    traces: tuple[TornPlace, ...]
+    first_ns: int
+    last_ns: int
+    is_by_end: bool
+    score: float
+    lead: float
+    tried: int
+
+    @property
+    def elsewhere(self) -> tuple[TornPlace, ...]:
+        """Those that stand in exchanges of others, or are more than a part of its own."""
+        return tuple(t for t in self.traces if t.is_elsewhere(self.servo_id))
+
+    @property
+    def is_proof(self) -> bool:
+        """Whether nothing but a second answer comes so: its request was answered, and then this."""
+        n = sum(not t.is_little for t in self.elsewhere)
+        sure = self.lead >= SURE * len(self.traces) and len(self.traces) >= PART * self.tried
+        return sure and n >= max(SOME, NEARLY * len(self.traces))
+
+
+def owner(case: Case) -> Owner | None:
+    """Return the servo whose second answers most places are; None where it cannot be told."""
+    return case.once(_owner)
+
+
+def _owner(case: Case) -> Owner | None:
+    if case.latency_ns > LATENCY_NS[Clock.FILE]:
+        return None  # a host that holds bytes back moves them by more than they vary
+    traces = _traces(case)
+    found = []
+    for servo in case.servos:
+        by_begin, by_end = (_steadiest(servo, traces, is_by_end=e) for e in (False, True))
+        better = max(by_begin, by_end, key=lambda o: o.score)
+        own = sum(t.own_id == servo for t in better.traces)
+        if 2 * own > len(better.traces):
+            # its own answer, over which another's lies, begins or ends as steadily: both must
+            better = better._replace(score=(by_begin.score + by_end.score) / 2)
+        found.append(better)
+    found.sort(key=lambda o: -o.score)
+    if not found or len(found[0].traces) < LEAST:
+        return None
+    lead = found[0].score - (found[1].score if len(found) > 1 else 0.0)
+    return found[0]._replace(lead=lead) if lead >= LEAD else None
+
+
+def _traces(case: Case) -> Sequence[TornPlace]:
+    """Return places whose time is known: torn ones, and second answers."""
+    places = [d for d in case.damages if d.turn != HELD and d.begins_ns >= 0]
+    behind = [d for d in places if _is_behind(d)]
+    torn = [
+        TornPlace(
+            d.at,
+            d.length,
+            d.servo_id,
+            d.begins_ns,
+            d.t_ns,
+            d.servo_id if d.turn in (IN_REPLY, REST) and not d.is_answered else -1,
+            d.turn in STRAYS or (d.turn == IN_REQUEST and bool(d.alike)),
+            len(d.asked),
+            d.asked_before,
+        )
+        for d in places
+        if not _is_behind(d)
+    ]
+    whole = case.ledger.second_answers.kept
+    return [*torn, *_less_steady([*whole, *(_second(d, case.ledger.byte_ns) for d in behind)])]
+
+
+def _is_behind(d: Damage) -> bool:
+    """Tell whether bytes of no frame stand behind an answer, where they may be a second one."""
+    asked = d.asked_before[:1]
+    return d.turn in STRAYS and d.behind == RESPONSE and bool(asked) and asked[0].is_answered
+
+
+def _second(d: Damage, byte_ns: int) -> SecondAnswer:
+    """Return such bytes as a second answer: a bare one has no header that would tell it."""
+    ended = d.begins_ns - d.since_ns
+    times = (ended - d.length * byte_ns, ended), (d.begins_ns, d.t_ns)
+    return SecondAnswer(d.at, d.length, d.asked_id, times, d.asked_before)
+
+
+def _less_steady(pairs: Sequence[SecondAnswer]) -> Iterator[TornPlace]:
+    """Yield of every two answers to a request the one that comes less steadily behind it.
+
+    Where that is the first, a servo's own answer comes second: the first is another's.
+    """
+    by_servo: dict[int, list[SecondAnswer]] = {}
+    for s in pairs:
+        by_servo.setdefault(s.servo_id, []).append(s)
+    for servo, some in by_servo.items():
+        since = np.array([[t[1] - s.asked_before[0].t_ns for t in s.times] for s in some])
+        varies = np.subtract(*np.quantile(since, (0.75, 0.25), axis=0))
+        is_own = bool(varies[0] > STEADIER * varies[1] + CLOCK_NS)
+        for s in some:
+            begins, ends = s.times[0 if is_own else 1]
+            own = servo if is_own else -1
+            yield TornPlace(s.at, s.length, servo, begins, ends, own, True, 0, s.asked_before)
+
+
+def _steadiest(servo: int, traces: Sequence[TornPlace], *, is_by_end: bool) -> Owner:
+    """Return the span of time behind a servo's requests in which places are that chance puts not.
+
+    Its own torn answers differ in length by what they answer: each length of request has its span.
+    """
+    pairs: dict[int, list[tuple[int, int]]] = {}
+    for k, t in enumerate(traces):
+        moment, is_own = t.t_ns if is_by_end else t.begins_ns, t.own_id == servo
+        for asked in t.asked_before:
+            if asked.servo_id == servo and (asked.is_answered or is_own):
+                since = moment - asked.t_ns
+                if 0 < since <= LATEST_NS:
+                    pairs.setdefault(t.asked if is_own else 0, []).append((since, k))
+    spans = [_thickest(some) for some in pairs.values() if len(some) >= LEAST]
+    mine = sorted({k for span in spans for k in span.rows})
+    return Owner(
+        servo,
+        tuple(traces[k] for k in mine),
+        min((span.first_ns for span in spans), default=0),
+        max((span.last_ns for span in spans), default=0),
+        is_by_end,
+        sum(span.score for span in spans),
+        0.0,
+        len(traces),
+    )
+
+
+class _Span(NamedTuple):
+    """A span of time with the rows that are in it."""
+
+    first_ns: int
+    last_ns: int
+    rows: tuple[int, ...]
+    score: float
+
+
+def _thickest(pairs: Sequence[tuple[int, int]]) -> _Span:
+    """Return where times (with their rows) are thickest, with all that a servo's time may vary."""
+    since, which = np.array(sorted(pairs), np.int64).T
+    begins, ends, score = 0, 0, 0.0
+    for span in SPANS_NS:
+        last = np.searchsorted(since, since + span, "right")
+        first = int(np.argmax(last - np.arange(len(since))))
+        n = len(np.unique(which[first : last[first]]))
+        told = n * float(np.log(n * LATEST_NS / (len(since) * span)))
+        if told > score:
+            begins, ends, score = int(since[first]), int(since[last[first] - 1]), told
+    last = np.searchsorted(since, since + SPANS_NS[-1], "right")
+    around = np.flatnonzero((since <= begins) & (since + SPANS_NS[-1] >= ends))
+    if not len(around):
+        return _Span(0, 0, (), 0.0)
+    first = int(around[np.argmax((last - np.arange(len(since)))[around])])
+    rows = np.unique(which[first : last[first]])
+    return _Span(int(since[first]), int(since[last[first] - 1]), tuple(rows.tolist()), score)

@@ -1,0 +1,89 @@
+"""Whose second answers torn places are: by how steadily they come behind a servo's requests."""
+
+from __future__ import annotations
+
+import random
+from typing import TYPE_CHECKING
+
+import pytest
+
+from sniffer.diagnosis.owners import owner
+from tests.conversations import Conversation, robot, swinging, through_usb
+from tests.diagnosed import codes, verdicts
+
+if TYPE_CHECKING:
+    from sniffer.diagnosis.owners import Owner
+
+SERVOS = (1, 2, 3, 4, 5)
+LATE_MS = 4.0
+
+
+def late_answers(protocol: str, whose: int) -> Conversation:
+    """In every second cycle bytes lie over the answer of servo 3: two answers, ANDed.
+
+    They end a steady time behind the request to ``whose``, 2 or 3: the controller waits between
+    the two as long as it happens to.
+    """
+    rng = random.Random(5)
+    asked_s = {}
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        place = swinging(servo, talk.now_s)
+        talk.say(talk.tongue.ask(servo))
+        asked_s[servo] = talk.now_s
+        late = cycle % 2 and servo == 3
+        if late:
+            one, other = talk.tongue.answer(3, place), talk.tongue.answer(2, 0.3)
+            talk.until(asked_s[whose] + (LATE_MS if whose == 2 else 0.5) / 1e3)
+            talk.rest(rng.uniform(0, 0.02))
+            talk.say(
+                bytes(a & b for a, b in zip(one, other[1:] + other, strict=False)) + other[-1:]
+            )
+        else:
+            talk.rest(0.3)
+            talk.say(talk.tongue.answer(servo, place))
+        talk.rest(rng.uniform(0.2, 1.2))
+        return True
+
+    return robot(protocol, 12, servos=SERVOS, instead=instead, goals=False)
+
+
+def owner_of(talk: Conversation, *, by_usb: bool = False) -> Owner | None:
+    chunks = through_usb(talk.chunks) if by_usb else talk.chunks
+    (case,) = talk.diagnosed(chunks).cases()
+    return owner(case)
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_torn_answers_that_end_a_steady_time_behind_another_servos_request_are_that_ones(
+    protocol: str,
+) -> None:
+    told = late_answers(protocol, 2).diagnosed().incidents()
+    assert verdicts(told) == [("duplicate-id", (2,))]
+
+
+@pytest.mark.parametrize("protocol", ["mightyzap", "rs30x"])
+def test_torn_answers_that_come_when_they_are_due_are_their_servos(protocol: str) -> None:
+    talk = late_answers(protocol, 3)
+    one = owner_of(talk)
+    assert one is None or (one.servo_id, one.is_proof) == (3, False)
+    assert "answers-twice" not in codes(talk.diagnosed())
+
+
+def test_two_servos_that_answer_twice_are_two() -> None:
+    rng = random.Random(5)
+
+    def instead(talk: Conversation, cycle: int, servo: int) -> bool:
+        talk.read(servo, 0.4)
+        if servo in (2, 4):
+            talk.say(talk.tongue.answer(servo, 0.5 + 0.01 * (cycle % 7)))
+        talk.rest(rng.uniform(0.2, 1.2))
+        return True
+
+    told = robot("rs30x", 8, servos=SERVOS, instead=instead, goals=False).diagnosed().incidents()
+    assert verdicts(told) == [("duplicate-id", (2, 4))]
+
+
+def test_stamps_of_a_host_that_holds_bytes_tell_no_owner() -> None:
+    assert owner_of(late_answers("mightyzap", 2)) is not None
+    assert owner_of(late_answers("mightyzap", 2), by_usb=True) is None
