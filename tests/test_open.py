@@ -23,7 +23,7 @@ from sniffer.inside.panes import figures_text
 from sniffer.inside.places import line_of
 from sniffer.inside.reading import Reading
 from sniffer.inside.search import Search
-from sniffer.inside.texts import LineTexts
+from sniffer.inside.texts import SearchedTexts
 from sniffer.inside.view import LineView
 from sniffer.inside.words import line_words
 from sniffer.sinks.words import took_in_words
@@ -250,7 +250,7 @@ def test_a_search_looks_at_what_the_lines_show(path: Path, exchanges: bool) -> N
     view.choose(None, exchanges=exchanges)
     shown = judged(view).shown()
     words = [line_words(index, number, exchange=exchanges) for number in shown.tolist()]
-    texts = LineTexts(index, exchanges=exchanges)
+    texts = SearchedTexts(index, exchanges=exchanges)
     told = [text for at in range(0, len(shown), 300) for text in texts.of(shown[at : at + 300])]
     assert told == [f"{w.op} {w.values} {w.verdict}" for w in words]
     index.discard()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sniffer.inside.texts import LineTexts
+from sniffer.inside.texts import SearchedTexts
 from sniffer.inside.view import SLICE_S
 
 if TYPE_CHECKING:
@@ -39,9 +39,9 @@ class Search:
         self._looked = 0
         is_hex = _HEX.fullmatch(self.text) is not None
         self._bytes = bytes.fromhex(re.sub("[ ,]", "", self.text)) if is_hex else b""
-        self._texts: LineTexts | None = None
+        self._texts: SearchedTexts | None = None
         if len(self._bytes) < 2:  # one byte may be a word: ad
-            self._texts = LineTexts(view.index, exchanges=view.exchanges)
+            self._texts = SearchedTexts(view.index, exchanges=view.exchanges)
         self._word = self.text.lower()
         self._stretches = view.after(position, WORDS if self._texts else STRETCH)
 

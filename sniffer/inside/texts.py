@@ -25,7 +25,7 @@ OPEN: Final = 8
 """Pages whose texts are kept: lines of as many buses take turns, and exchanges go over an edge."""
 
 
-class LineTexts:
+class SearchedTexts:
     """The cells of lines as ``line_words`` has them, in one text a line.
 
     Args:

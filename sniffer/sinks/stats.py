@@ -10,6 +10,7 @@ from rich.text import Text
 
 from sniffer.decoding.durations import Bounds
 from sniffer.ground.model import NS
+from sniffer.ground.units import word_of
 from sniffer.ground.wording import counted, plain, short
 from sniffer.sinks.bars import BARS, PLAIN_BARS, bars, halved, print_histograms
 from sniffer.sinks.consoles import NARROWEST, console_for, room_in
@@ -208,7 +209,7 @@ def _errors(bus: Mapping[str, Any], first: int) -> Tabulated | None:
         half = [_middle(size[name]) for name in ("p50", "p95")]
         place = _seconds(worst["t_ns"], first, bus), str(worst["offset"])
         values = str(size["count"]), *half, number(worst["value"])
-        table.add_row(_who(s), e["unit"], *values, *place)
+        table.add_row(_who(s), word_of(e["unit"]), *values, *place)
     return table
 
 
@@ -253,7 +254,7 @@ def _values(bus: Mapping[str, Any], first: int) -> Tabulated | None:
         ends = (v["min"], v["max"])
         cells = [x for e in ends for x in (number(e["value"]), _seconds(e["t_ns"], first, bus))]
         name = quantity if quantity != told else ""
-        table.add_row(name, _who(s), str(v["count"]), *cells, v["unit"])
+        table.add_row(name, _who(s), str(v["count"]), *cells, word_of(v["unit"]))
         told = quantity
     return table
 
@@ -265,7 +266,7 @@ def _alarms(bus: Mapping[str, Any]) -> Tabulated | None:
     for e in bus["alarms"]:
         low, high = e["met_ns"]
         lasted = f"{low / NS:.3f}" if low == high else f"{low / NS:.3f}-{high / NS:.3f}"
-        worst = "" if e["worst"] is None else f"{number(e['worst']['value'])} {e['unit']}"
+        worst = "" if e["worst"] is None else f"{number(e['worst']['value'])} {word_of(e['unit'])}"
         heard = f"{e['heard_ns'] / NS:.3f}"
         table.add_row(e["rule"], _who(e), str(e["times"]), lasted, heard, worst)
     return table
