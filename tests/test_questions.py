@@ -15,6 +15,7 @@ from tests.golden import CAPTURES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
 Capsys = pytest.CaptureFixture[str]
 Rows = list[dict[str, Any]]
@@ -123,3 +124,28 @@ def test_a_value_that_is_called_like_its_register_is_said_once(
     lines = [line for line in told.splitlines() if "moving" in line]
     assert any(", moving" in line for line in lines)
     assert not any("moving moving" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        ("diff", "WCK", "NOISE"),
+        ("diff", "NOISE", "WCK"),
+        ("cut", "NOISE", "--from", "@byte:3", "--to", "@byte:100", "-o", "OUT"),
+        ("cut", "NOISE", "--from", "0", "--to", "10", "-o", "OUT"),
+        ("stats", "WCK", "NOISE"),
+        ("query", "SELECT count(*) FROM frames", "WCK", "NOISE"),
+        ("discover", "NOISE"),
+    ],
+)
+def test_a_file_whose_protocol_cannot_be_told_is_named(
+    asked: tuple[str, ...], tmp_path: Path, capsys: Capsys
+) -> None:
+    noise = tmp_path / "noise.bin"
+    noise.write_bytes(bytes(i * i * 7 % 251 for i in range(600)))
+    stands = {"WCK": WCK, "NOISE": noise, "OUT": tmp_path / "out.bin"}
+    ran = within(capsys, *(stands.get(word, word) for word in asked))
+    assert ran.status == 2
+    assert ran.complaint.startswith(f"{noise}: cannot tell the protocol of these 600 bytes")
+    assert "--protocol" in ran.complaint
+    assert not stands["OUT"].exists()
