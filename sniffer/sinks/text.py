@@ -15,7 +15,7 @@ from sniffer.diagnosis import Diagnosis
 from sniffer.ground.codes import NOT_EXPECTED, OK, OUTCOMES, RESPONSE
 from sniffer.ground.model import NS, Anomaly, Batch, Chunk, Clock, Severity
 from sniffer.ground.wording import plain, short
-from sniffer.sinks.consoles import console_for, room_in
+from sniffer.sinks.consoles import console_for, room_in, unfold
 from sniffer.sinks.report import print_summary, selected
 from sniffer.sinks.words import FrameWords, fit, selected_in_words, took_in_words
 
@@ -180,6 +180,8 @@ class TextSink:
             self._stream.write("\n")
         narrowed = self._summary.narrowed if self._summary.buses else {}
         if "where" not in narrowed:
+            if not self._is_cut:
+                unfold(self._console)
             print_summary(self._summary, self._console, self._diagnosis.incidents())
             if narrowed:
                 self._stream.write("\n")
